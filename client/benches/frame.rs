@@ -1,0 +1,109 @@
+//! What playing costs: the upload of a clip of 40,000 moving Gaussians, the CPU's part of a frame,
+//! and whole frames on the adapter there is.
+
+use std::f32::consts::TAU;
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Duration;
+
+use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::view::View;
+use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
+use criterion::{Criterion, criterion_group, criterion_main};
+
+const GAUSSIANS: usize = 40_000;
+
+/// Side of the image where only the CPU's part is measured.
+const SMALL: u32 = 16;
+
+/// A ball of Gaussians that drift outwards while they fade in and out, most of them faint.
+fn clip() -> Clip {
+    let mut field = Field::default();
+    let mut temporal = Temporal { motion_order: 3, ..Temporal::default() };
+    let mut state = 1u32;
+    let mut random = || {
+        state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    for _ in 0..GAUSSIANS {
+        let (z, angle) = (2.0 * random() - 1.0, TAU * random());
+        let around = (1.0 - z * z).sqrt();
+        let outwards = [around * angle.cos(), around * angle.sin(), z];
+        let radius = random().cbrt();
+        field.centers.push(outwards.map(|x| radius * x));
+        let q = [random(), random(), random(), random() + 0.1];
+        let norm = q.iter().map(|x| x * x).sum::<f32>().sqrt();
+        field.rotations.push(q.map(|x| x / norm));
+        field.log_scales.push([0; 3].map(|_| -5.0 + 1.5 * random()));
+        field.opacities.push(random() * random());
+        field.sh.push([0; 3].map(|_| 3.0 * random() - 1.5));
+        temporal.tau.push(random());
+        temporal.s.push(0.05 + 0.2 * random());
+        let speeds = [0.3, 0.2, -0.4].map(|speed| speed * random());
+        temporal.motion.extend(speeds.map(|speed| outwards.map(|x| speed * x)));
+    }
+    field.temporal = Some(temporal);
+    let front = Viewpoint { name: "front".into(), position: [0.0, 0.0, 2.5], target: [0.0; 3], fov_y: 0.9 };
+    let info = ClipInfo {
+        duration_s: 2.0,
+        fps: 30.0,
+        up: [0.0, 1.0, 0.0],
+        metres_per_unit: 1.0,
+        viewpoints: vec![front],
+    };
+    let source = Source { info: &info, field: &field, plate: None };
+    let bytes = codec::encode(&source, &EncodeOptions::default()).expect("a valid field");
+    codec::decode(&bytes, &Limits::default()).expect("what was encoded")
+}
+
+fn frame(c: &mut Criterion) {
+    let gpu = match Gpu::new_headless() {
+        Ok(gpu) => gpu,
+        Err(fault) => return eprintln!("skipped: {fault}"),
+    };
+    eprintln!("adapter: {}, {}", gpu.adapter_name, gpu.driver);
+    let clip = clip();
+    let mut group = c.benchmark_group("frame");
+    group.sample_size(10);
+
+    group.bench_function("upload", |b| {
+        b.iter(|| {
+            let on_gpu = GpuClip::upload(&gpu, black_box(&clip)).expect("room for the clip");
+            gpu.submit(gpu.encoder());
+            gpu.wait().expect("the device stays");
+            on_gpu
+        })
+    });
+
+    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip).expect("room for the clip"));
+    for side in [SMALL, 512, 1024] {
+        let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
+        let views = [View::from_camera(&camera)];
+        let image = Offscreen::new(&gpu, views[0].size, 1, Depth::Eight).expect("room for the image");
+        let mut renderer =
+            Renderer::new(&gpu, on_gpu.clone(), Depth::Eight.format(), 1).expect("room for the renderer");
+        let mut render = || {
+            let rendered = image.render(&gpu, &mut renderer, 0.5, &views, &Settings::default());
+            rendered.expect("the device stays")
+        };
+        if side == SMALL {
+            group.bench_function("alive and sort", |b| {
+                b.iter_custom(|iterations| {
+                    let ms: f64 = (0..iterations)
+                        .map(|_| {
+                            let counts = render();
+                            counts.alive_ms + counts.sort_ms
+                        })
+                        .sum();
+                    Duration::from_secs_f64(ms * 1e-3)
+                })
+            });
+        } else {
+            group.bench_function(format!("{side}x{side}"), |b| b.iter(&mut render));
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, frame);
+criterion_main!(benches);

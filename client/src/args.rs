@@ -1,0 +1,167 @@
+//! The command line.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use clap::Parser;
+use glam::UVec2;
+
+use crate::gpu::{Cutoff, Depth, Settings, SortOrder};
+
+/// Plays a clip of 4D Gaussians in a window, or renders images of it.
+///
+/// Exit codes: 0 done, 2 usage, 3 bad data, 4 network, 5 no device or display.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "client", version)]
+pub struct Args {
+    /// The clip: an .aarc file [default: the built-in demo].
+    pub clip: Option<String>,
+
+    /// Render to images instead of opening a window.
+    #[arg(long, requires = "out")]
+    pub headless: bool,
+
+    /// Image to write, or folder for several (frame_0000.png, ...).
+    #[arg(long, value_name = "PATH", requires = "headless")]
+    pub out: Option<PathBuf>,
+
+    /// Times to render, in seconds from the start of the clip [default: 0].
+    #[arg(long, value_name = "S[,S..]", value_delimiter = ',', value_parser = finite, requires = "headless")]
+    #[arg(allow_negative_numbers = true)]
+    pub time: Vec<f64>,
+
+    /// Frames to render: A to B - 1, frame i at i / fps seconds.
+    #[arg(long, value_name = "A..B", value_parser = frames, requires = "headless", conflicts_with = "time")]
+    pub frames: Option<Range<u32>>,
+
+    /// Frames per second for --frames [default: as captured].
+    #[arg(long, value_name = "F", value_parser = rate, requires = "frames")]
+    pub fps: Option<f64>,
+
+    /// Size of the image, of one eye with --stereo [default: the camera's, else 1280x720].
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: Option<UVec2>,
+
+    /// Render a left and a right eye side by side, 63 mm apart.
+    #[arg(long, requires = "headless")]
+    pub stereo: bool,
+
+    /// Viewpoint of the clip, by name or number [default: the first].
+    #[arg(long, value_name = "NAME|INDEX", conflicts_with = "camera")]
+    pub view: Option<String>,
+
+    /// Camera file: {"width", "height", "K": 3x3, "world_to_camera": 4x4}, OpenCV axes.
+    #[arg(long, value_name = "FILE.json", requires = "headless")]
+    pub camera: Option<PathBuf>,
+
+    /// Draw only the first N layers, the most important ones [default: all].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub layer: Option<u32>,
+
+    /// What Gaussians are sorted by: distance along the view axis, or from the eye.
+    #[arg(long, value_enum, default_value_t)]
+    pub sort: SortOrder,
+
+    /// How far Gaussians reach: to where alpha falls to 1/255, or at most sqrt(8) or sqrt(5) sigma.
+    #[arg(long, value_enum, default_value_t)]
+    pub cutoff: Cutoff,
+
+    /// Bits per channel while drawing: 8 as on a display, or 16, which loses nothing faint. Images
+    /// have 8.
+    #[arg(long, value_enum, default_value = "16", requires = "headless")]
+    pub target: Depth,
+
+    /// Write counts and timings.
+    #[arg(long, value_name = "FILE.json", requires = "headless")]
+    pub stats: Option<PathBuf>,
+}
+
+impl Args {
+    /// The settings of the renderer.
+    pub fn settings(&self) -> Settings {
+        Settings { sort: self.sort, cutoff: self.cutoff, layers: self.layer.map(|layers| layers as usize) }
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err("not a finite number of seconds".into()),
+    }
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("not a positive number of frames per second".into()),
+    }
+}
+
+fn frames(text: &str) -> Result<Range<u32>, String> {
+    let range = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    range.filter(|range| !range.is_empty()).ok_or("not a range A..B with A below B".into())
+}
+
+fn size(text: &str) -> Result<UVec2, String> {
+    let size = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
+    size.filter(|size| size.min_element() > 0).ok_or("not a size WxH of at least 1x1 pixels".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn parse(line: &str) -> Result<Args, clap::Error> {
+        Args::try_parse_from(line.split(' '))
+    }
+
+    #[test]
+    fn definition_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn a_full_line() {
+        let args = parse(
+            "client a.aarc --headless --out o --time 0,0.5,1 --size 64x32 --stereo --view front --layer 2 \
+             --sort radial --cutoff 5 --target 16 --stats s.json",
+        )
+        .unwrap();
+        assert_eq!(args.time, [0.0, 0.5, 1.0]);
+        assert_eq!(args.size, Some(UVec2::new(64, 32)));
+        assert_eq!(args.target, Depth::Sixteen);
+        let settings = Settings { sort: SortOrder::Radial, cutoff: Cutoff::Sqrt5, layers: Some(2) };
+        assert_eq!(args.settings(), settings);
+        let frames = parse("client a --headless --out o --frames 2..5 --fps 12.5").unwrap();
+        assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for tail in [
+            "--time nan",
+            "--time inf",
+            "--time 0,x",
+            "--size 0x0",
+            "--size 10",
+            "--size -1x5",
+            "--frames 3..3",
+            "--frames 5..2",
+            "--frames 1..2 --time 0",
+            "--frames 0..2 --fps 0",
+            "--frames 0..2 --fps nan",
+            "--fps 5",
+            "--layer 0",
+            "--cutoff 9",
+            "--target 32",
+            "--sort none",
+            "--view a --camera b",
+        ] {
+            assert!(parse(&format!("client a --headless --out o {tail}")).is_err(), "{tail}");
+        }
+        assert!(parse("client a --headless").is_err(), "headless needs somewhere to write to");
+        assert!(parse("client a --out o").is_err(), "a window writes no images");
+    }
+}

@@ -1,0 +1,69 @@
+//! [`GpuClip`]: a clip in GPU memory, and what the CPU keeps of it for sorting.
+
+use codec::{Clip, Field, LayerEnd, TimeIndex};
+
+use super::device::Gpu;
+use super::pack::pack;
+use super::stages::alive::Rows;
+use super::stages::evaluate::Buffers;
+use crate::fault::Fault;
+
+/// A clip in GPU memory. What the clip does not have takes none.
+pub struct GpuClip {
+    pub(super) clip: Part,
+    pub(super) plate: Option<Part>,
+}
+
+/// Gaussians that are sorted together.
+pub(super) struct Part {
+    pub(super) rows: Rows,
+    pub(super) buffers: Buffers,
+}
+
+impl GpuClip {
+    /// Packs and uploads `clip`.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if it does not fit the device.
+    pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<GpuClip, Fault> {
+        let layers = clip.layers.clone();
+        let time_index = clip.time_index.clone();
+        let plate = match &clip.plate {
+            Some(plate) if !plate.is_empty() => {
+                let all = LayerEnd { still: plate.len(), moving: 0 };
+                Some(Part::upload(gpu, plate, &Field::default(), vec![all], TimeIndex::default())?)
+            }
+            _ => None,
+        };
+        Ok(GpuClip { clip: Part::upload(gpu, &clip.still, &clip.moving, layers, time_index)?, plate })
+    }
+
+    /// Bytes of GPU memory that the clip takes.
+    pub fn bytes(&self) -> u64 {
+        self.parts().map(|part| part.buffers.bytes()).sum()
+    }
+
+    /// Number of layers.
+    pub fn layers(&self) -> usize {
+        self.clip.rows.layers()
+    }
+
+    /// What is drawn, back to front: the plate if there is one, the clip.
+    pub(super) fn parts(&self) -> impl Iterator<Item = &Part> {
+        self.plate.iter().chain([&self.clip])
+    }
+}
+
+impl Part {
+    fn upload(
+        gpu: &Gpu,
+        still: &Field,
+        moving: &Field,
+        layers: Vec<LayerEnd>,
+        time_index: TimeIndex,
+    ) -> Result<Part, Fault> {
+        Buffers::check_size(gpu, still, moving)?;
+        let buffers = Buffers::upload(gpu, &pack(still, moving))?;
+        Ok(Part { rows: Rows::new(still, moving, layers, time_index), buffers })
+    }
+}

@@ -1,0 +1,32 @@
+//! The renderer: the only part that knows the graphics API.
+//!
+//! Once per clip: [`GpuClip::upload`] packs it into buffers, [`Renderer::new`] builds the
+//! pipelines it needs. Per frame: [`Renderer::draw`] runs the stages `alive` and `sort` on the
+//! CPU, `evaluate` and `splat` on the GPU.
+
+mod clip;
+mod device;
+mod pack;
+#[cfg(feature = "window")]
+mod picture;
+mod renderer;
+mod settings;
+mod stages;
+#[cfg(feature = "window")]
+mod surface;
+mod target;
+mod timing;
+#[cfg(feature = "window")]
+mod ui;
+
+pub use clip::GpuClip;
+pub use device::{Caps, Gpu, LOG_FILTER};
+pub use renderer::{Coverage, FrameCounts, Renderer};
+pub use settings::{Cutoff, Settings, SortOrder};
+pub use target::{Depth, Offscreen, Pixels};
+#[cfg(feature = "window")]
+pub(crate) use {
+    picture::Picture,
+    surface::{Format, WindowSurface},
+    ui::UiPainter,
+};

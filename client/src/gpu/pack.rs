@@ -1,0 +1,168 @@
+//! Packs the Gaussians of a clip into the records that the stage `evaluate` reads.
+//!
+//! Every quantity has the precision at which its error stays below a tenth of an 8-bit step on
+//! screen; the tests of this file hold the bounds.
+
+use codec::{Field, Temporal};
+use half::f16;
+use shaders::layout::{Gaussian, Ranges};
+use shaders::{Features, Motion, sh_words};
+
+/// Log-scales are cut to this on both sides: 2e-9 to 5e8 units.
+const LOG_SCALE_LIMIT: f32 = 20.0;
+
+/// The records of the two regions of a clip, still rows first.
+pub(crate) struct Packed {
+    pub(crate) features: Features,
+    pub(crate) ranges: Ranges,
+    pub(crate) gaussians: Vec<Gaussian>,
+    /// [`Motion::words`] for every moving row.
+    pub(crate) motion: Vec<u32>,
+    /// [`sh_words`] for every row.
+    pub(crate) sh: Vec<u32>,
+}
+
+/// Packs `still`, whose temporal columns are ignored, followed by `moving`.
+pub(crate) fn pack(still: &Field, moving: &Field) -> Packed {
+    let temporal = moving.temporal.as_ref().filter(|_| !moving.is_empty());
+    let motion = temporal
+        .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
+    let sh_degree =
+        [still, moving].into_iter().filter(|field| !field.is_empty()).map(|field| field.sh_degree);
+    let features = Features { sh_degree: sh_degree.max().unwrap_or(0), motion };
+    let ranges = ranges(still, moving, temporal);
+
+    let mut packed = Packed {
+        features,
+        ranges,
+        gaussians: Vec::with_capacity(still.len() + moving.len()),
+        motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * moving.len())),
+        sh: Vec::with_capacity(sh_words(features.sh_degree) * (still.len() + moving.len())),
+    };
+    for field in [still, moving] {
+        for row in 0..field.len() {
+            packed.gaussians.push(pack_gaussian(field, row, &ranges));
+            if features.sh_degree > 0 {
+                pack_sh(&field.sh_of(row)[1..], features.sh_degree, &mut packed.sh);
+            }
+        }
+    }
+    if let Some(temporal) = temporal {
+        for row in 0..moving.len() {
+            pack_motion(moving, temporal, row, &ranges, &mut packed.motion);
+        }
+    }
+    packed
+}
+
+fn ranges(still: &Field, moving: &Field, temporal: Option<&Temporal>) -> Ranges {
+    let scales = || still.log_scales.iter().chain(&moving.log_scales).flatten().copied().map(cut_log_scale);
+    let (low, high) = scales().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
+    let mut ranges = Ranges {
+        log_scale_min: low,
+        log_scale_step: (high - low) / 65535.0,
+        first_moving: u32::try_from(still.len()).expect("buffer limits are checked before"),
+        rate_unit: 1.0,
+        motion_units: [1.0; 3],
+        _pad0: 0.0,
+    };
+    if let Some(temporal) = temporal {
+        for power in 1..=usize::from(temporal.motion_order) {
+            let of_power = temporal.motion.iter().skip(power - 1).step_by(temporal.motion_order.into());
+            ranges.motion_units[power - 1] = unit(of_power.flatten());
+        }
+        ranges.rate_unit = unit(temporal.rotation_rates.iter().flatten().flatten());
+    }
+    ranges
+}
+
+fn cut_log_scale(log_scale: f32) -> f32 {
+    log_scale.clamp(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT)
+}
+
+/// A power of two in which the largest of `values` is near the top of the range of an f16. Being
+/// a power of two it costs no precision, and none is lost to small numbers.
+fn unit<'a>(values: impl Iterator<Item = &'a f32>) -> f32 {
+    let largest = values.fold(0f32, |largest, x| largest.max(x.abs()));
+    if largest == 0.0 { 1.0 } else { 2f32.powi((largest.log2().ceil() as i32 - 15).max(-100)) }
+}
+
+fn pack_gaussian(field: &Field, row: usize, ranges: &Ranges) -> Gaussian {
+    let scale = |axis: usize| {
+        let above = cut_log_scale(field.log_scales[row][axis]) - ranges.log_scale_min;
+        if ranges.log_scale_step > 0.0 { (above / ranges.log_scale_step).round() as u32 } else { 0 }
+    };
+    let [a, b, c, largest] = pack_rotation(field.rotations[row]);
+    let base = base_color(field, row).map(half_bits);
+    let opacity = (field.opacities[row] * 65535.0).round() as u32;
+    Gaussian {
+        center: field.centers[row].map(f32::to_bits),
+        rotation: a & 0x7fff | (b & 0x7fff) << 15 | largest << 30,
+        rotation_scale: c & 0xffff | scale(0) << 16,
+        scales: scale(1) | scale(2) << 16,
+        opacity_red: opacity | base[0] << 16,
+        green_blue: base[1] | base[2] << 16,
+    }
+}
+
+/// Colour without what depends on the view: `0.5 + Y_0 c_0`.
+fn base_color(field: &Field, row: usize) -> [f32; 3] {
+    let y0 = 0.5 / std::f32::consts::PI.sqrt();
+    field.sh_of(row)[0].map(|c| 0.5 + y0 * c)
+}
+
+/// Position of the largest component of `q`, the first where there are several, and its sign: the
+/// packed quaternion is `q` times that sign.
+fn largest_component(q: [f32; 4]) -> (usize, f32) {
+    let largest = (1..4).fold(0, |best, k| if q[k].abs() > q[best].abs() { k } else { best });
+    (largest, 1f32.copysign(q[largest]))
+}
+
+/// The three smaller components as signed numbers of 15, 15 and 16 bits, and the position of the
+/// missing one.
+fn pack_rotation(q: [f32; 4]) -> [u32; 4] {
+    let (largest, sign) = largest_component(q);
+    let mut small = (0..4).filter(|&k| k != largest).map(|k| q[k] * sign * std::f32::consts::SQRT_2);
+    let mut next = |steps: f32| (small.next().unwrap_or(0.0).clamp(-1.0, 1.0) * steps).round() as i32 as u32;
+    [next(16383.0), next(16383.0), next(32767.0), largest as u32]
+}
+
+fn half_bits(value: f32) -> u32 {
+    let largest = f16::MAX.to_f32();
+    u32::from(f16::from_f32(value.clamp(-largest, largest)).to_bits())
+}
+
+fn pack_motion(field: &Field, temporal: &Temporal, row: usize, ranges: &Ranges, words: &mut Vec<u32>) {
+    words.push(temporal.tau[row].to_bits());
+    let mut halves = [0u32; 14];
+    halves[0] = half_bits(1.0 / temporal.s[row]);
+    let mut count = 1;
+    let mut push = |value: f32| {
+        halves[count] = half_bits(value);
+        count += 1;
+    };
+    for (v, unit) in temporal.motion_of(row).iter().zip(ranges.motion_units) {
+        v.iter().for_each(|x| push(x / unit));
+    }
+    if let Some(rates) = &temporal.rotation_rates {
+        let (_, sign) = largest_component(field.rotations[row]);
+        rates[row].iter().for_each(|rate| push(rate * sign / ranges.rate_unit));
+    }
+    words.extend(halves[..count].chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
+}
+
+/// Appends the coefficients above degree 0, zeros where the field has fewer than `degree`.
+fn pack_sh(coefficients: &[[f32; 3]], degree: u8, words: &mut Vec<u32>) {
+    let largest = coefficients.iter().flatten().fold(0f32, |largest, c| largest.max(c.abs()));
+    words.push(largest.to_bits());
+    for k in 0..sh_words(degree) - 1 {
+        let [r, g, b] = coefficients.get(k).copied().unwrap_or_default();
+        let part =
+            |c: f32, steps: f32| if largest > 0.0 { (c / largest * steps).round() as i32 as u32 } else { 0 };
+        words.push(part(r, 1023.0) & 0x7ff | (part(g, 1023.0) & 0x7ff) << 11 | part(b, 511.0) << 22);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,43 @@
+//! [`Picture`]: what lies below the interface, kept so that it is drawn only when it changes.
+
+use super::device::Gpu;
+use super::surface::{Format, SurfaceFrame};
+use crate::fault::Fault;
+
+/// An image of the size of a window.
+pub(crate) struct Picture {
+    texture: wgpu::Texture,
+    /// What to draw into.
+    pub(crate) view: wgpu::TextureView,
+    /// Width and height in pixels.
+    pub(crate) size: [u32; 2],
+}
+
+impl Picture {
+    /// An image of `size` for windows of `format`.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub(crate) fn new(gpu: &Gpu, format: Format, size: [u32; 2]) -> Result<Picture, Fault> {
+        let [width, height] = size;
+        let texture = gpu.allocate("the picture", || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("picture"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            })
+        })?;
+        Ok(Picture { view: texture.create_view(&Default::default()), texture, size })
+    }
+
+    /// Records the copying of the image to `frame`, which has the same size.
+    pub(crate) fn show(&self, encoder: &mut wgpu::CommandEncoder, frame: &SurfaceFrame) {
+        let (from, to) = (self.texture.as_image_copy(), frame.texture().as_image_copy());
+        encoder.copy_texture_to_texture(from, to, self.texture.size());
+    }
+}

@@ -1,0 +1,261 @@
+//! [`Renderer`]: draws frames of a clip, independent of what they are drawn into.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use shaders::Features;
+
+use super::clip::{GpuClip, Part};
+use super::device::Gpu;
+use super::stages::alive::EYES_MAX;
+use super::stages::count::Counter;
+use super::stages::sort::{Item, Sorter};
+use super::stages::splat::{self, CORNERS, PassUniforms, multiview_mask};
+use super::timing::GpuTimer;
+use crate::fault::Fault;
+use crate::gpu::settings::Settings;
+use crate::view::View;
+
+/// What a frame took. Plate included.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameCounts {
+    /// Gaussians whose opacity at the instant reaches 1/255.
+    pub alive: u32,
+    /// Those that can reach into an image: sorted and handed to the GPU.
+    pub sorted: u32,
+    /// Milliseconds for finding them.
+    pub alive_ms: f64,
+    /// Milliseconds for sorting them.
+    pub sort_ms: f64,
+}
+
+/// What the drawn rectangles cover, see [`Renderer::count`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Coverage {
+    /// Gaussians whose rectangle holds a pixel centre.
+    pub drawn: u32,
+    /// Pixel centres in the rectangles, over all Gaussians and eyes.
+    pub fragments: u64,
+}
+
+/// The pipelines that a clip needs, and the memory of a frame.
+pub struct Renderer {
+    clip: Arc<GpuClip>,
+    eyes: usize,
+    eyes_per_pass: u32,
+    passes: Vec<PassUniforms>,
+    parts: Vec<DrawnPart>,
+    items: Vec<Item>,
+    sorter: Sorter,
+    timer: Option<GpuTimer>,
+    counter: Option<Counter>,
+}
+
+/// A part of the clip as the renderer draws it.
+pub(super) struct DrawnPart {
+    pub(super) features: Features,
+    pub(super) layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::RenderPipeline,
+    /// The rows to draw, back to front.
+    pub(super) order: Vec<u32>,
+    pub(super) order_buffer: wgpu::Buffer,
+    pub(super) group: wgpu::BindGroup,
+}
+
+impl Renderer {
+    /// Builds what drawing `clip` for `eyes` eyes, 1 or 2, into targets of `format` needs. Both
+    /// eyes are drawn in one pass where [`Caps::multiview`](super::Caps::multiview) is set.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    ///
+    /// # Panics
+    /// If `eyes` is neither 1 nor 2.
+    pub fn new(
+        gpu: &Gpu,
+        clip: Arc<GpuClip>,
+        format: wgpu::TextureFormat,
+        eyes: usize,
+    ) -> Result<Renderer, Fault> {
+        assert!((1..=EYES_MAX).contains(&eyes), "one eye or two");
+        let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
+        let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
+        let rows = clip.parts().map(|part| part.rows.len()).max().unwrap_or(0);
+        let parts = gpu.allocate("the renderer", || {
+            clip.parts().map(|part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass)).collect()
+        })?;
+        Ok(Renderer {
+            eyes,
+            eyes_per_pass,
+            passes: (0..eyes)
+                .step_by(eyes_per_pass as usize)
+                .map(|_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass))
+                .collect(),
+            parts,
+            items: Vec::with_capacity(rows),
+            sorter: Sorter::new(rows),
+            timer: GpuTimer::new(gpu),
+            counter: None,
+            clip,
+        })
+    }
+
+    /// The clip being drawn.
+    pub fn clip(&self) -> &Arc<GpuClip> {
+        &self.clip
+    }
+
+    /// Number of eyes that one pass draws: the layers of each of its targets.
+    pub fn eyes_per_pass(&self) -> u32 {
+        self.eyes_per_pass
+    }
+
+    /// Number of pipelines built for drawing.
+    pub fn pipelines(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Records a frame at clip time `t` into `encoder`: the targets are cleared to transparent
+    /// black and the clip is drawn over. `targets` has a target for each pass, of the views' size
+    /// and with [`Renderer::eyes_per_pass`] layers.
+    ///
+    /// Submit `encoder` before the next call.
+    ///
+    /// # Panics
+    /// If the number of views or targets is not what the renderer was built for.
+    pub fn draw(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        t: f64,
+        views: &[View],
+        settings: &Settings,
+        targets: &[wgpu::TextureView],
+    ) -> FrameCounts {
+        assert_eq!(views.len(), self.eyes, "one view per eye");
+        assert_eq!(targets.len(), self.passes.len(), "one target per pass");
+        let counts = self.sort(gpu, t, views, settings);
+        for (pass, views) in self.passes.iter().zip(views.chunks(self.eyes_per_pass as usize)) {
+            pass.write(gpu, t, settings.cutoff, views);
+        }
+        let slot = self.timer.as_mut().and_then(|timer| {
+            timer.latest_ms();
+            timer.free_slot()
+        });
+        for (i, target) in targets.iter().enumerate() {
+            let timer = self.timer.as_ref().zip(slot);
+            self.record_pass(
+                encoder,
+                i,
+                target,
+                timer.map(|(timer, slot)| timer.writes(slot, i, targets.len())),
+            );
+        }
+        if let Some((timer, slot)) = self.timer.as_mut().zip(slot) {
+            timer.fetch(encoder, slot);
+        }
+        counts
+    }
+
+    /// Milliseconds that the GPU took for the latest frame of which it is known; `None` where the
+    /// GPU cannot tell or no frame is done. Does not wait.
+    pub fn gpu_ms(&mut self) -> Option<f64> {
+        self.timer.as_mut().and_then(GpuTimer::latest_ms)
+    }
+
+    /// Counts, exactly, what the frame drawn last covers; its arguments must be given again.
+    /// Takes a separate drawing and waits for it: for measuring, not for playing.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost or has not enough memory.
+    pub fn count(
+        &mut self,
+        gpu: &Gpu,
+        t: f64,
+        views: &[View],
+        settings: &Settings,
+    ) -> Result<Coverage, Fault> {
+        let counter = match self.counter.take() {
+            Some(counter) => counter,
+            None => gpu.allocate("counting", || Counter::new(gpu, &self.parts))?,
+        };
+        let coverage = counter.count(gpu, &self.parts, t, settings.cutoff, views);
+        self.counter = Some(counter);
+        coverage
+    }
+
+    /// The stages `alive` and `sort` of all parts, up to the upload of the sorted rows.
+    fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &Settings) -> FrameCounts {
+        let mut counts = FrameCounts::default();
+        for (part, drawn) in self.clip.parts().zip(&mut self.parts) {
+            let start = Instant::now();
+            counts.alive += part.rows.alive(t, settings.layers, views, settings.sort, &mut self.items);
+            let middle = Instant::now();
+            self.sorter.sort(&mut self.items, &mut drawn.order);
+            counts.alive_ms += (middle - start).as_secs_f64() * 1e3;
+            counts.sort_ms += middle.elapsed().as_secs_f64() * 1e3;
+            counts.sorted += drawn.order.len() as u32;
+            gpu.queue.write_buffer(&drawn.order_buffer, 0, bytemuck::cast_slice(&drawn.order));
+        }
+        counts
+    }
+
+    fn record_pass(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pass: usize,
+        target: &wgpu::TextureView,
+        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
+    ) {
+        let uniforms = &self.passes[pass];
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("splat"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            timestamp_writes,
+            multiview_mask: multiview_mask(self.eyes_per_pass),
+            ..Default::default()
+        });
+        pass.set_bind_group(0, &uniforms.group, &[]);
+        for part in self.parts.iter().filter(|part| !part.order.is_empty()) {
+            pass.set_pipeline(&part.pipeline);
+            pass.set_bind_group(1, &part.group, &[]);
+            pass.draw(0..CORNERS, 0..part.order.len() as u32);
+        }
+    }
+}
+
+impl DrawnPart {
+    fn new(
+        gpu: &Gpu,
+        part: &Part,
+        pass_layout: &wgpu::BindGroupLayout,
+        format: wgpu::TextureFormat,
+        eyes_per_pass: u32,
+    ) -> DrawnPart {
+        let features = part.buffers.features;
+        let layout = part.buffers.layout(gpu);
+        let groups = [Some(pass_layout), Some(&layout)];
+        let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("order"),
+            size: 4 * part.rows.len().max(1) as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        DrawnPart {
+            features,
+            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass),
+            order: Vec::with_capacity(part.rows.len()),
+            group: part.buffers.bind(gpu, &layout, &order_buffer),
+            order_buffer,
+            layout,
+        }
+    }
+}

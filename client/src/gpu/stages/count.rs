@@ -1,0 +1,158 @@
+//! Stage `count`: how many fragments every instance covers, exactly and the same on every run.
+
+use shaders::{COUNTS, Purpose};
+
+use super::splat::{self, CORNERS, PassUniforms};
+use crate::fault::Fault;
+use crate::gpu::device::Gpu;
+use crate::gpu::renderer::{Coverage, DrawnPart};
+use crate::gpu::settings::Cutoff;
+use crate::view::View;
+
+/// The target of the counting passes: something must be bound, nothing is written.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
+
+/// Pipelines and memory for counting.
+pub(in crate::gpu) struct Counter {
+    uniforms: PassUniforms,
+    parts: Vec<CountedPart>,
+}
+
+struct CountedPart {
+    pipeline: wgpu::RenderPipeline,
+    counts: wgpu::Buffer,
+    readback: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+impl Counter {
+    pub(in crate::gpu) fn new(gpu: &Gpu, parts: &[DrawnPart]) -> Counter {
+        let pass_layout = PassUniforms::layout(gpu, 1);
+        let counts_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("counts"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: COUNTS,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: false },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let counted = |part: &DrawnPart| {
+            let groups = [Some(&pass_layout), Some(&part.layout), Some(&counts_layout)];
+            let target = wgpu::ColorTargetState {
+                format: FORMAT,
+                blend: None,
+                write_mask: wgpu::ColorWrites::empty(),
+            };
+            let size = part.order_buffer.size();
+            let buffer = |usage| {
+                let descriptor =
+                    wgpu::BufferDescriptor { label: Some("counts"), size, usage, mapped_at_creation: false };
+                gpu.device.create_buffer(&descriptor)
+            };
+            let counts = buffer(
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            );
+            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("counts"),
+                layout: &counts_layout,
+                entries: &[wgpu::BindGroupEntry { binding: COUNTS, resource: counts.as_entire_binding() }],
+            });
+            CountedPart {
+                pipeline: splat::build(gpu, part.features, Purpose::Count, &groups, target),
+                counts,
+                readback: buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
+                group,
+            }
+        };
+        Counter {
+            uniforms: PassUniforms::new(gpu, &pass_layout, 1),
+            parts: parts.iter().map(counted).collect(),
+        }
+    }
+
+    /// Counts what drawing the sorted rows of `parts` into `views` takes.
+    pub(in crate::gpu) fn count(
+        &self,
+        gpu: &Gpu,
+        parts: &[DrawnPart],
+        t: f64,
+        cutoff: Cutoff,
+        views: &[View],
+    ) -> Result<Coverage, Fault> {
+        let mut encoder = gpu.encoder();
+        self.parts.iter().for_each(|part| encoder.clear_buffer(&part.counts, 0, None));
+        gpu.submit(encoder);
+        for view in views {
+            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view));
+            self.count_view(gpu, parts, view)?;
+        }
+        let mut encoder = gpu.encoder();
+        for part in &self.parts {
+            encoder.copy_buffer_to_buffer(&part.counts, 0, &part.readback, 0, None);
+        }
+        gpu.submit(encoder);
+
+        let mut coverage = Coverage::default();
+        for (part, counted) in parts.iter().zip(&self.parts) {
+            counted.readback.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+            gpu.wait()?;
+            let mapped =
+                counted.readback.slice(..).get_mapped_range().map_err(|error| {
+                    Fault::Device(format!("graphics device {}: {error}", gpu.adapter_name))
+                })?;
+            let counts: &[u32] = bytemuck::cast_slice(&mapped);
+            for &fragments in &counts[..part.order.len()] {
+                coverage.drawn += u32::from(fragments > 0);
+                coverage.fragments += u64::from(fragments);
+            }
+            drop(mapped);
+            counted.readback.unmap();
+        }
+        Ok(coverage)
+    }
+
+    fn count_view(&self, gpu: &Gpu, parts: &[DrawnPart], view: &View) -> Result<(), Fault> {
+        let texture = gpu.allocate("counting", || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("count"),
+                size: wgpu::Extent3d { width: view.size.x, height: view.size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            })
+        })?;
+        let target = texture.create_view(&Default::default());
+        let mut encoder = gpu.encoder();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("count"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Discard,
+                },
+            })],
+            ..Default::default()
+        });
+        pass.set_bind_group(0, &self.uniforms.group, &[]);
+        for (part, counted) in parts.iter().zip(&self.parts) {
+            pass.set_pipeline(&counted.pipeline);
+            pass.set_bind_group(1, &part.group, &[]);
+            pass.set_bind_group(2, &counted.group, &[]);
+            pass.draw(0..CORNERS, 0..part.order.len() as u32);
+        }
+        drop(pass);
+        gpu.submit(encoder);
+        Ok(())
+    }
+}

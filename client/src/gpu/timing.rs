@@ -1,0 +1,110 @@
+//! [`GpuTimer`]: how long the GPU took for a frame, without ever waiting for it.
+//!
+//! A few slots take turns. A frame writes two timestamps into its slot and asks for them to be
+//! mapped once it is done; a later frame picks them up.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::device::Gpu;
+
+/// Frames that may be under way at once with a measurement each.
+const SLOTS: usize = 4;
+
+/// Timestamps that a slot has room for. Two are used; Mesa's software driver writes one for each
+/// eye of a multiview pass, from the given one on, also after the pass.
+const QUERIES: u32 = 3;
+
+/// Bytes of two timestamps.
+const BYTES: u64 = 16;
+
+/// Measures passes.
+pub(super) struct GpuTimer {
+    slots: Vec<Slot>,
+    /// Milliseconds per tick.
+    period_ms: f64,
+    latest_ms: Option<f64>,
+}
+
+struct Slot {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readback: wgpu::Buffer,
+    busy: bool,
+    mapped: Arc<AtomicBool>,
+}
+
+impl GpuTimer {
+    /// `None` where the GPU cannot tell.
+    pub(super) fn new(gpu: &Gpu) -> Option<GpuTimer> {
+        let buffer = |usage| {
+            let descriptor = wgpu::BufferDescriptor {
+                label: Some("timing"),
+                size: BYTES,
+                usage,
+                mapped_at_creation: false,
+            };
+            gpu.device.create_buffer(&descriptor)
+        };
+        let slot = |_| Slot {
+            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timing"),
+                ty: wgpu::QueryType::Timestamp,
+                count: QUERIES,
+            }),
+            resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
+            readback: buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
+            busy: false,
+            mapped: Arc::default(),
+        };
+        gpu.caps.timestamps.then(|| GpuTimer {
+            slots: (0..SLOTS).map(slot).collect(),
+            period_ms: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
+            latest_ms: None,
+        })
+    }
+
+    /// Picks up what has arrived; the latest frame measured, in milliseconds.
+    pub(super) fn latest_ms(&mut self) -> Option<f64> {
+        for slot in self.slots.iter_mut().filter(|slot| slot.mapped.swap(false, Ordering::Acquire)) {
+            if let Ok(mapped) = slot.readback.slice(..).get_mapped_range() {
+                let ticks: &[u64] = bytemuck::cast_slice(&mapped);
+                self.latest_ms = Some(ticks[1].saturating_sub(ticks[0]) as f64 * self.period_ms);
+            }
+            slot.readback.unmap();
+            slot.busy = false;
+        }
+        self.latest_ms
+    }
+
+    /// A slot for the next frame; `None` while all are under way.
+    pub(super) fn free_slot(&self) -> Option<usize> {
+        self.slots.iter().position(|slot| !slot.busy)
+    }
+
+    /// What pass `pass` of `passes` writes into `slot`.
+    pub(super) fn writes(
+        &self,
+        slot: usize,
+        pass: usize,
+        passes: usize,
+    ) -> wgpu::RenderPassTimestampWrites<'_> {
+        wgpu::RenderPassTimestampWrites {
+            query_set: &self.slots[slot].queries,
+            beginning_of_pass_write_index: (pass == 0).then_some(0),
+            end_of_pass_write_index: (pass + 1 == passes).then_some(1),
+        }
+    }
+
+    /// Records that the timestamps of `slot` be fetched after the frame.
+    pub(super) fn fetch(&mut self, encoder: &mut wgpu::CommandEncoder, slot: usize) {
+        let slot = &mut self.slots[slot];
+        encoder.resolve_query_set(&slot.queries, 0..2, &slot.resolved, 0);
+        encoder.copy_buffer_to_buffer(&slot.resolved, 0, &slot.readback, 0, None);
+        let mapped = slot.mapped.clone();
+        encoder.map_buffer_on_submit(&slot.readback, wgpu::MapMode::Read, .., move |result| {
+            mapped.store(result.is_ok(), Ordering::Release);
+        });
+        slot.busy = true;
+    }
+}

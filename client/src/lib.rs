@@ -1,0 +1,18 @@
+//! Player of 4D Gaussian clips.
+//!
+//! [`source`] brings the bytes of a clip, [`gpu`] uploads the decoded clip once and draws frames
+//! of it, [`headless`] drives that into images. Only [`gpu`] knows the graphics API; it knows
+//! nothing of files and windows.
+
+pub mod args;
+pub mod fault;
+pub mod gpu;
+pub mod headless;
+pub mod output;
+pub mod player;
+pub mod source;
+pub mod stats;
+pub mod view;
+pub mod viewpoint;
+#[cfg(feature = "window")]
+pub mod window;

@@ -1,0 +1,32 @@
+//! The command line of the player.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use client::args::Args;
+use client::fault::Fault;
+use client::headless;
+
+fn main() -> ExitCode {
+    let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
+    env_logger::Builder::from_env(quiet).init();
+    let args = Args::parse();
+    let result = if args.headless { headless::run(&args) } else { window(&args) };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(fault) => {
+            eprintln!("error: {fault}");
+            ExitCode::from(fault.exit_code())
+        }
+    }
+}
+
+#[cfg(feature = "window")]
+fn window(args: &Args) -> Result<(), Fault> {
+    client::window::run(args)
+}
+
+#[cfg(not(feature = "window"))]
+fn window(_args: &Args) -> Result<(), Fault> {
+    Err(Fault::Usage("built without a window: give --headless --out PATH".into()))
+}

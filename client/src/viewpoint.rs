@@ -1,0 +1,47 @@
+//! Which camera a clip is seen from: one of its viewpoints, or one from a file.
+
+use std::path::Path;
+
+use codec::{Camera, Clip, Viewpoint};
+use glam::UVec2;
+
+use crate::fault::Fault;
+
+/// The viewpoints of `clip`, or one that shows all of it where it has none. Never empty.
+pub fn viewpoints(clip: &Clip) -> Vec<Viewpoint> {
+    match clip.info.viewpoints.as_slice() {
+        [] => vec![Viewpoint::framing(clip.bounds, clip.info.up)],
+        some => some.to_vec(),
+    }
+}
+
+/// Number of the viewpoint with the name `name`, or else with that number, counted from 0.
+///
+/// # Errors
+/// [`Fault::Usage`] that lists the viewpoints there are.
+pub fn find(viewpoints: &[Viewpoint], name: &str) -> Result<usize, Fault> {
+    let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
+    let numbered = || name.parse().ok().filter(|&index| index < viewpoints.len());
+    named.or_else(numbered).ok_or_else(|| {
+        let list = viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("{i} \"{}\"", viewpoint.name));
+        let list = list.collect::<Vec<_>>().join(", ");
+        Fault::Usage(format!("there is no viewpoint \"{name}\": the clip has {list}"))
+    })
+}
+
+/// The camera of `viewpoint` for images of `size` pixels.
+pub fn camera(clip: &Clip, viewpoint: &Viewpoint, size: UVec2) -> Camera {
+    viewpoint.camera(clip.info.up, size.x, size.y)
+}
+
+/// Reads a camera file: JSON with `width`, `height`, `K` (3x3) and `world_to_camera` (4x4).
+///
+/// # Errors
+/// [`Fault::Data`] that names the file and says what is wrong with it.
+pub fn read_camera(path: &Path) -> Result<Camera, Fault> {
+    let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
+    let camera: Camera = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+    camera.check().map_err(fault)?;
+    Ok(camera)
+}

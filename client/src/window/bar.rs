@@ -1,0 +1,160 @@
+//! The bar at the bottom: timeline, transport, and the menus.
+
+use egui::containers::menu::{MenuButton, MenuConfig};
+use egui::{Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, RichText, Slider, Ui, vec2};
+
+use super::icons::{Symbol, symbol_button};
+use super::keys::Command;
+use super::style;
+use super::viewer::Viewer;
+use crate::gpu::{Cutoff, Settings, SortOrder};
+use crate::player::{Player, SPEEDS};
+
+/// Shows the bar; what its buttons ask for goes to `commands`.
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
+    let frame = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
+        left: 14,
+        right: 14,
+        top: 8,
+        bottom: 8,
+    });
+    Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
+        timeline(ui, viewer);
+        ui.horizontal(|ui| {
+            transport(ui, &viewer.player, commands);
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, viewer, commands));
+        });
+    });
+}
+
+/// The slider over the whole clip. While it is held, the clock stands still.
+fn timeline(ui: &mut Ui, viewer: &mut Viewer) {
+    let player = &mut viewer.player;
+    let mut position_s = player.position_s();
+    let moving = player.duration_s() > 0.0;
+    let slider = Slider::new(&mut position_s, 0.0..=player.duration_s().max(f64::MIN_POSITIVE))
+        .show_value(false)
+        .smart_aim(false);
+    ui.spacing_mut().slider_width = ui.available_width();
+    let response = ui.add_enabled(moving, slider);
+    if response.changed() {
+        player.seek(position_s);
+    }
+    viewer.scrubbing = response.dragged();
+}
+
+fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
+    let (play, hint) = match player.is_playing() {
+        true => (Symbol::Pause, "Pause (Space)"),
+        false => (Symbol::Play, "Play (Space)"),
+    };
+    let buttons = [
+        (Symbol::StepBack, "One frame back (Left)", Command::StepBack),
+        (play, hint, Command::TogglePlaying),
+        (Symbol::StepForward, "One frame on (Right)", Command::StepForward),
+    ];
+    ui.spacing_mut().item_spacing.x = 2.0;
+    for (symbol, hint, command) in buttons {
+        if symbol_button(ui, symbol, hint).clicked() {
+            commands.push(command);
+        }
+    }
+    ui.add_space(10.0);
+    ui.label(RichText::new(time_text(player)).monospace());
+    ui.add_space(8.0);
+    let frames = format!("frame {} / {}", player.frame(), player.last_frame());
+    ui.label(RichText::new(frames).monospace().color(style::QUIET));
+}
+
+/// Position and length with hundredths of a second: `1.25 / 10.00 s`, `0:59.20 / 1:30.00`.
+fn time_text(player: &Player) -> String {
+    let (position_s, duration_s) = (player.position_s(), player.duration_s());
+    if duration_s < 60.0 {
+        return format!("{position_s:5.2} / {duration_s:.2} s");
+    }
+    let clock = |seconds: f64| {
+        let hundredths = (seconds * 100.0).round() as u64;
+        format!("{}:{:02}.{:02}", hundredths / 6000, hundredths / 100 % 60, hundredths % 100)
+    };
+    format!("{} / {}", clock(position_s), clock(duration_s))
+}
+
+/// From right to left.
+fn menus(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
+    ui.spacing_mut().item_spacing = vec2(6.0, 4.0);
+    if ui.button("Keys").on_hover_text("List of keys (H)").clicked() {
+        commands.push(Command::ToggleKeys);
+    }
+    if ui.button("Snapshot").on_hover_text("Save a picture (P)").clicked() {
+        commands.push(Command::Screenshot);
+    }
+    let layers = viewer.layers();
+    rendering_menu(ui, &mut viewer.settings, layers);
+    ui.menu_button("View", |ui| view_menu(ui, viewer, commands));
+    let looping = viewer.player.is_looping();
+    if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
+        commands.push(Command::ToggleLoop);
+    }
+    let speed = viewer.player.speed();
+    ui.menu_button(speed_text(speed), |ui| {
+        for choice in SPEEDS.into_iter().rev() {
+            if ui.selectable_label(speed == choice, speed_text(choice)).clicked() {
+                viewer.player.set_speed(choice);
+                ui.close();
+            }
+        }
+    })
+    .response
+    .on_hover_text("Speed (Up, Down)");
+}
+
+fn speed_text(speed: f64) -> String {
+    format!("{speed}x")
+}
+
+fn view_menu(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
+    ui.set_min_width(180.0);
+    for (number, viewpoint) in viewer.viewpoints().iter().enumerate() {
+        let key = if number < 9 { format!("{}", number + 1) } else { String::new() };
+        let chosen = number == viewer.viewpoint();
+        let entry = egui::Button::selectable(chosen, viewpoint.name.as_str()).shortcut_text(key);
+        if ui.add(entry).clicked() {
+            commands.push(Command::GoToViewpoint(number));
+        }
+    }
+    ui.separator();
+    for (name, key, command) in [
+        ("Recentre", "R", Command::Recentre),
+        ("Full screen", "F11", Command::ToggleFullScreen),
+        ("Hide controls", "U", Command::ToggleInterface),
+    ] {
+        if ui.add(egui::Button::new(name).shortcut_text(key)).clicked() {
+            commands.push(command);
+        }
+    }
+}
+
+/// How the clip is drawn. Stays open while choices are compared.
+fn rendering_menu(ui: &mut Ui, settings: &mut Settings, layers: usize) {
+    let stays = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    MenuButton::new("Rendering").config(stays).ui(ui, |ui| {
+        ui.label(RichText::new("Sort by").color(style::QUIET));
+        ui.radio_value(&mut settings.sort, SortOrder::Depth, "Depth")
+            .on_hover_text("Along the view axis, as clips are fitted");
+        ui.radio_value(&mut settings.sort, SortOrder::Radial, "Distance")
+            .on_hover_text("From the eye: steady while the view turns");
+        ui.separator();
+        ui.label(RichText::new("Cut Gaussians off").color(style::QUIET));
+        ui.radio_value(&mut settings.cutoff, Cutoff::Exact, "Where they fade out");
+        ui.radio_value(&mut settings.cutoff, Cutoff::Sqrt8, "At 2.83 sigma");
+        ui.radio_value(&mut settings.cutoff, Cutoff::Sqrt5, "At 2.24 sigma");
+        if layers > 1 {
+            ui.separator();
+            ui.label(RichText::new("Layers").color(style::QUIET));
+            let mut drawn = settings.layers.unwrap_or(layers).min(layers);
+            if ui.add(Slider::new(&mut drawn, 1..=layers)).changed() {
+                settings.layers = (drawn < layers).then_some(drawn);
+            }
+        }
+    });
+}

@@ -1,0 +1,60 @@
+//! Buttons with drawn symbols, which no font has to hold.
+
+use egui::{Color32, Painter, Pos2, Rect, Response, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+
+/// What a symbol button shows.
+#[derive(Clone, Copy)]
+pub(crate) enum Symbol {
+    Play,
+    Pause,
+    StepBack,
+    StepForward,
+    Close,
+}
+
+/// A button with a symbol, and `hint` for those who hover over it or hear it read.
+pub(crate) fn symbol_button(ui: &mut Ui, symbol: Symbol, hint: &str) -> Response {
+    let size = vec2(30.0, ui.spacing().interact_size.y);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click());
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, ui.is_enabled(), hint));
+    let visuals = ui.style().interact(&response);
+    if response.hovered() || response.has_focus() {
+        ui.painter().rect_filled(rect, visuals.corner_radius, visuals.weak_bg_fill);
+    }
+    draw(ui.painter(), symbol, rect.center(), visuals.fg_stroke.color);
+    response.on_hover_text(hint)
+}
+
+fn draw(painter: &Painter, symbol: Symbol, center: Pos2, color: Color32) {
+    let at = |x: f32, y: f32| pos2(center.x + x, center.y + y);
+    let triangle = |from: f32, tip: f32| {
+        let mut corners = vec![at(from, -7.0), at(tip, 0.0), at(from, 7.0)];
+        if tip < from {
+            corners.reverse();
+        }
+        painter.add(egui::Shape::convex_polygon(corners, color, egui::Stroke::NONE));
+    };
+    let bar = |x: f32, width: f32| {
+        painter.rect_filled(Rect::from_center_size(at(x, 0.0), vec2(width, 14.0)), 1.0, color);
+    };
+    match symbol {
+        Symbol::Play => triangle(-5.0, 8.0),
+        Symbol::Pause => {
+            bar(-4.0, 4.0);
+            bar(4.0, 4.0);
+        }
+        Symbol::StepBack => {
+            bar(-6.0, 3.0);
+            triangle(6.0, -4.0);
+        }
+        Symbol::StepForward => {
+            triangle(-6.0, 4.0);
+            bar(6.0, 3.0);
+        }
+        Symbol::Close => {
+            let stroke = egui::Stroke::new(1.5, color);
+            painter.line_segment([at(-4.0, -4.0), at(4.0, 4.0)], stroke);
+            painter.line_segment([at(-4.0, 4.0), at(4.0, -4.0)], stroke);
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! The keys: one table that both acts on them and lists them, and the keys held to fly.
+
+use egui::{Event, InputState, Key};
+
+use super::camera::Fly;
+
+/// What a key asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Command {
+    TogglePlaying,
+    StepBack,
+    StepForward,
+    GoToStart,
+    Slower,
+    Faster,
+    NormalSpeed,
+    ToggleLoop,
+    /// A viewpoint by its number from 0.
+    GoToViewpoint(usize),
+    Recentre,
+    Screenshot,
+    ToggleKeys,
+    ToggleStatistics,
+    ToggleInterface,
+    ToggleFullScreen,
+    Dismiss,
+}
+
+/// One line of the table.
+pub(crate) struct Binding {
+    keys: &'static [Key],
+    command: Command,
+    /// Whether holding the key goes on and on.
+    repeats: bool,
+    /// The keys as the list shows them.
+    pub(crate) label: &'static str,
+    /// What they do.
+    pub(crate) action: &'static str,
+}
+
+const fn once(keys: &'static [Key], command: Command, label: &'static str, action: &'static str) -> Binding {
+    Binding { keys, command, repeats: false, label, action }
+}
+
+const fn repeating(
+    keys: &'static [Key],
+    command: Command,
+    label: &'static str,
+    action: &'static str,
+) -> Binding {
+    Binding { keys, command, repeats: true, label, action }
+}
+
+/// Keys of the player.
+pub(crate) const PLAYING: [Binding; 8] = [
+    once(&[Key::Space], Command::TogglePlaying, "Space", "Play or pause"),
+    repeating(&[Key::ArrowLeft, Key::Comma], Command::StepBack, "Left or ,", "One frame back"),
+    repeating(&[Key::ArrowRight, Key::Period], Command::StepForward, "Right or .", "One frame on"),
+    once(&[Key::Home], Command::GoToStart, "Home", "Start of the clip"),
+    repeating(&[Key::Minus, Key::ArrowDown], Command::Slower, "Down or -", "Slower"),
+    repeating(&[Key::Plus, Key::Equals, Key::ArrowUp], Command::Faster, "Up or +", "Faster"),
+    once(&[Key::Backspace], Command::NormalSpeed, "Backspace", "Normal speed"),
+    once(&[Key::L], Command::ToggleLoop, "L", "Loop on or off"),
+];
+
+/// Keys of the window.
+pub(crate) const WINDOW: [Binding; 7] = [
+    once(&[Key::R], Command::Recentre, "R", "Back to the viewpoint"),
+    once(&[Key::P], Command::Screenshot, "P", "Save a picture"),
+    once(&[Key::I], Command::ToggleStatistics, "I", "Statistics"),
+    once(&[Key::U], Command::ToggleInterface, "U", "Hide or show the controls"),
+    once(&[Key::H, Key::F1], Command::ToggleKeys, "H", "This list"),
+    once(&[Key::F11], Command::ToggleFullScreen, "F11", "Full screen"),
+    once(&[Key::Escape], Command::Dismiss, "Esc", "Close a list or message"),
+];
+
+/// What the mouse and held keys do, for the list.
+pub(crate) const CAMERA: [(&str, &str); 8] = [
+    ("Left drag", "Orbit"),
+    ("Right drag, Shift + drag", "Pan"),
+    ("Wheel", "Zoom"),
+    ("W A S D", "Fly"),
+    ("Q E", "Fly down, up"),
+    ("Shift", "Fly faster"),
+    ("Left drag in flight, Ctrl + drag", "Look around"),
+    ("1 ... 9", "Viewpoints"),
+];
+
+/// Number keys, in the order of the viewpoints.
+const VIEWPOINTS: [Key; 9] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
+
+/// The commands of the keys pressed since the last frame.
+pub(crate) fn commands(input: &InputState) -> Vec<Command> {
+    input.events.iter().filter_map(command).collect()
+}
+
+fn command(event: &Event) -> Option<Command> {
+    let &Event::Key { key, physical_key, pressed: true, repeat, modifiers } = event else {
+        return None;
+    };
+    // Combinations belong to the desktop; a key that flies does nothing else, on any layout.
+    if modifiers.ctrl || modifiers.alt || modifiers.command || is_fly_key(physical_key.unwrap_or(key)) {
+        return None;
+    }
+    // The digits of the upper row by place: some layouts type them only with Shift.
+    let digit = |key: Key| VIEWPOINTS.iter().position(|&digit| digit == key);
+    if let Some(number) = digit(key).or_else(|| physical_key.and_then(digit)) {
+        return (!repeat).then_some(Command::GoToViewpoint(number));
+    }
+    let binding = PLAYING.iter().chain(&WINDOW).find(|binding| binding.keys.contains(&key))?;
+    (!repeat || binding.repeats).then_some(binding.command)
+}
+
+/// Keys that fly, by their place on the keyboard: left, right, back, ahead, down, up.
+const FLY_KEYS: [Key; 6] = [Key::A, Key::D, Key::S, Key::W, Key::Q, Key::E];
+
+fn is_fly_key(key: Key) -> bool {
+    FLY_KEYS.contains(&key)
+}
+
+/// The keys that are held down to fly.
+#[derive(Debug, Default)]
+pub(crate) struct FlyKeys {
+    held: [bool; FLY_KEYS.len()],
+    fast: bool,
+}
+
+impl FlyKeys {
+    /// Takes in the keys pressed and let go since the last frame.
+    pub(crate) fn update(&mut self, input: &InputState) {
+        for event in &input.events {
+            match *event {
+                Event::Key { key, physical_key, pressed, modifiers, .. } => {
+                    let key = physical_key.unwrap_or(key);
+                    if let Some(index) = FLY_KEYS.iter().position(|&fly| fly == key) {
+                        self.held[index] = pressed && !modifiers.ctrl && !modifiers.alt && !modifiers.command;
+                    }
+                }
+                // The releases of keys go to whichever window has the focus then.
+                Event::WindowFocused(false) => self.held = Default::default(),
+                _ => {}
+            }
+        }
+        self.fast = input.modifiers.shift;
+    }
+
+    /// Lets go of every key.
+    pub(crate) fn release(&mut self) {
+        self.held = Default::default();
+    }
+
+    /// Where they fly.
+    pub(crate) fn fly(&self) -> Fly {
+        let axis = |negative: usize| f64::from(self.held[negative + 1]) - f64::from(self.held[negative]);
+        Fly { right: axis(0), forward: axis(2), up: axis(4), fast: self.fast }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::Modifiers;
+
+    use super::*;
+
+    fn press(key: Key) -> Event {
+        Event::Key { key, physical_key: Some(key), pressed: true, repeat: false, modifiers: Modifiers::NONE }
+    }
+
+    fn input(events: Vec<Event>) -> InputState {
+        let mut input = InputState::default();
+        input.events = events;
+        input
+    }
+
+    #[test]
+    fn no_key_means_two_things() {
+        let mut keys: Vec<Key> =
+            PLAYING.iter().chain(&WINDOW).flat_map(|binding| binding.keys).copied().collect();
+        keys.extend(VIEWPOINTS);
+        keys.extend(FLY_KEYS);
+        for (i, key) in keys.iter().enumerate() {
+            assert!(!keys[..i].contains(key), "{key:?} is bound twice");
+        }
+    }
+
+    #[test]
+    fn keys_give_their_commands_in_order() {
+        let events = vec![press(Key::Space), press(Key::Z), press(Key::Num3), press(Key::ArrowLeft)];
+        let expected = [Command::TogglePlaying, Command::GoToViewpoint(2), Command::StepBack];
+        assert_eq!(commands(&input(events)), expected);
+    }
+
+    #[test]
+    fn only_some_keys_repeat() {
+        let held = |key| {
+            let Event::Key { key, physical_key, pressed, modifiers, .. } = press(key) else { unreachable!() };
+            Event::Key { key, physical_key, pressed, repeat: true, modifiers }
+        };
+        assert_eq!(
+            commands(&input(vec![held(Key::Space), held(Key::Num1), held(Key::Period)])),
+            [Command::StepForward]
+        );
+    }
+
+    #[test]
+    fn combinations_are_left_alone() {
+        let event = Event::Key {
+            key: Key::P,
+            physical_key: Some(Key::P),
+            pressed: true,
+            repeat: false,
+            modifiers: Modifiers::CTRL,
+        };
+        assert_eq!(commands(&input(vec![event])), []);
+    }
+
+    #[test]
+    fn flying_goes_by_place_until_release_or_loss_of_focus() {
+        let key = |physical_key, pressed| Event::Key {
+            // An AZERTY keyboard types other letters there.
+            key: if physical_key == Key::W { Key::Z } else { Key::Q },
+            physical_key: Some(physical_key),
+            pressed,
+            repeat: false,
+            modifiers: Modifiers::NONE,
+        };
+        let mut keys = FlyKeys::default();
+        keys.update(&input(vec![key(Key::W, true), key(Key::A, true)]));
+        assert_eq!(keys.fly(), Fly { right: -1.0, up: 0.0, forward: 1.0, fast: false });
+        keys.update(&input(vec![key(Key::A, false)]));
+        assert_eq!(keys.fly(), Fly { right: 0.0, up: 0.0, forward: 1.0, fast: false });
+        keys.update(&input(vec![Event::WindowFocused(false)]));
+        assert!(!keys.fly().is_moving());
+    }
+
+    #[test]
+    fn a_key_that_flies_gives_no_command() {
+        let event = Event::Key {
+            key: Key::Period,
+            physical_key: Some(Key::E),
+            pressed: true,
+            repeat: false,
+            modifiers: Modifiers::NONE,
+        };
+        assert_eq!(commands(&input(vec![event])), []);
+    }
+}

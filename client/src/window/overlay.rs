@@ -1,0 +1,118 @@
+//! What lies over the picture when asked for: statistics, the list of keys, a message, and the
+//! hint while a file is dragged over the window.
+
+use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, Spinner, Ui, vec2};
+
+use super::icons::{Symbol, symbol_button};
+use super::keys::{CAMERA, PLAYING, WINDOW};
+use super::style;
+
+/// Seconds for which a note stays.
+const NOTE_S: f64 = 5.0;
+
+/// One line for the viewer.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Message {
+    /// Goes away by itself at this time of the interface.
+    Note { text: String, until_s: f64 },
+    /// Stays until something replaces it.
+    Working(String),
+    /// Stays until it is dismissed.
+    Error(String),
+}
+
+impl Message {
+    /// A note that is new now.
+    pub(crate) fn note(ctx: &Context, text: String) -> Message {
+        Message::Note { text, until_s: ctx.input(|input| input.time) + NOTE_S }
+    }
+}
+
+/// Shows the message above the bar, and takes it away when it has been seen.
+pub(crate) fn message(ctx: &Context, bar_height: f32, message: &mut Option<Message>) {
+    let now_s = ctx.input(|input| input.time);
+    if let Some(Message::Note { until_s, .. }) = message {
+        if now_s >= *until_s {
+            *message = None;
+        } else {
+            ctx.request_repaint_after_secs((*until_s - now_s) as f32);
+        }
+    }
+    let Some(shown) = message.clone() else { return };
+    let mut dismissed = false;
+    card(ctx, "message", Align2::CENTER_BOTTOM, vec2(0.0, -bar_height - 14.0), |ui| {
+        ui.set_max_width((ctx.content_rect().width() - 80.0).clamp(120.0, 620.0));
+        ui.horizontal(|ui| {
+            let (text, color) = match shown {
+                Message::Note { text, .. } => (text, ui.visuals().text_color()),
+                Message::Working(text) => {
+                    ui.add(Spinner::new().size(14.0));
+                    (text, ui.visuals().text_color())
+                }
+                Message::Error(text) => (text, style::ERROR),
+            };
+            ui.add(egui::Label::new(RichText::new(text).color(color)).wrap());
+            dismissed = symbol_button(ui, Symbol::Close, "Close (Esc)").clicked();
+        });
+    });
+    if dismissed {
+        *message = None;
+    }
+}
+
+/// Shows rows of names and values in the upper left corner.
+pub(crate) fn statistics(ctx: &Context, rows: &[(&str, String)]) {
+    card(ctx, "statistics", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
+        ui.spacing_mut().interact_size.y = 0.0;
+        Grid::new("statistics").num_columns(2).spacing(vec2(14.0, 3.0)).show(ui, |ui| {
+            for (name, value) in rows {
+                ui.label(RichText::new(*name).size(11.5).color(style::QUIET));
+                ui.label(RichText::new(value).monospace().size(11.5));
+                ui.end_row();
+            }
+        });
+    });
+}
+
+/// Shows the list of keys in the middle.
+pub(crate) fn keys(ctx: &Context) {
+    card(ctx, "keys", Align2::CENTER_CENTER, vec2(0.0, -24.0), |ui| {
+        ui.spacing_mut().interact_size.y = 0.0;
+        ui.horizontal_top(|ui| {
+            key_list(ui, "Playing", PLAYING.iter().map(|binding| (binding.label, binding.action)));
+            ui.add_space(18.0);
+            key_list(ui, "Camera", CAMERA.into_iter());
+            ui.add_space(18.0);
+            key_list(ui, "Window", WINDOW.iter().map(|binding| (binding.label, binding.action)));
+        });
+    });
+}
+
+fn key_list<'a>(ui: &mut Ui, title: &str, lines: impl Iterator<Item = (&'a str, &'a str)>) {
+    ui.vertical(|ui| {
+        ui.label(RichText::new(title).strong());
+        ui.add_space(2.0);
+        Grid::new(title).num_columns(2).spacing(vec2(12.0, 4.0)).show(ui, |ui| {
+            for (keys, action) in lines {
+                ui.label(RichText::new(keys).color(style::ACCENT));
+                ui.label(action);
+                ui.end_row();
+            }
+        });
+    });
+}
+
+/// Says, while a file hovers over the window, what happens when it is let go.
+pub(crate) fn drop_hint(ctx: &Context) {
+    let layer = egui::LayerId::new(Order::Foreground, Id::unique("drop hint"));
+    let (rect, painter) = (ctx.content_rect(), ctx.layer_painter(layer));
+    painter.rect_filled(rect, 0.0, Color32::from_black_alpha(150));
+    let font = egui::FontId::proportional(22.0);
+    painter.text(rect.center(), Align2::CENTER_CENTER, "Drop a clip to play it", font, Color32::WHITE);
+}
+
+fn card(ctx: &Context, id: &str, anchor: Align2, offset: egui::Vec2, contents: impl FnOnce(&mut Ui)) {
+    Area::new(Id::unique(id)).order(Order::Middle).anchor(anchor, offset).show(ctx, |ui| {
+        style::card().show(ui, contents);
+    });
+}

@@ -1,0 +1,84 @@
+//! Pictures of what the window shows, without the controls.
+//!
+//! They are drawn as `--headless` draws, with a renderer of their own on a thread of their own:
+//! the window's frames wait for nothing.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::fault::Fault;
+use crate::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use crate::output;
+use crate::view::View;
+
+/// What a picture shows.
+pub(crate) struct Shot {
+    pub(crate) clip: Arc<GpuClip>,
+    /// Name of the clip, from which the file gets its own.
+    pub(crate) name: String,
+    /// Normalised clip time, and the same in seconds.
+    pub(crate) t: f64,
+    pub(crate) time_s: f64,
+    pub(crate) view: View,
+    pub(crate) settings: Settings,
+}
+
+impl Shot {
+    /// Draws the picture and writes it into `folder`, under a name that is free; returns the path.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if it cannot be drawn, [`Fault::Usage`] if it cannot be written.
+    pub(crate) fn save(&self, gpu: &Gpu, folder: &Path) -> Result<PathBuf, Fault> {
+        let path = free_path(folder, &file_stem(&self.name, self.time_s));
+        output::check(&path)?;
+        let views = [self.view];
+        let image = Offscreen::new(gpu, self.view.size, 1, Depth::Eight)?;
+        let mut renderer = Renderer::new(gpu, self.clip.clone(), Depth::Eight.format(), 1)?;
+        image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
+        for pixels in image.read(gpu)? {
+            output::write_png(&path, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;
+        }
+        Ok(path)
+    }
+}
+
+/// `clip_1.250s` for the clip `clip.aarc` at 1.25 s. What some file systems refuse becomes `_`.
+fn file_stem(name: &str, time_s: f64) -> String {
+    let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or("clip");
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let stem: String = stem.chars().map(plain).take(64).collect();
+    format!("{stem}_{time_s:.3}s")
+}
+
+/// A path in `folder` at which there is nothing yet.
+fn free_path(folder: &Path, stem: &str) -> PathBuf {
+    let numbered = |number: u32| match number {
+        1 => folder.join(format!("{stem}.png")),
+        _ => folder.join(format!("{stem}_{number}.png")),
+    };
+    (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_clip_and_time() {
+        assert_eq!(file_stem("clip.aarc", 1.25), "clip_1.250s");
+        assert_eq!(file_stem("a b:c?.aarc", 0.0), "a_b_c__0.000s");
+        assert_eq!(file_stem("", 2.0), "clip_2.000s");
+    }
+
+    #[test]
+    fn no_picture_is_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = free_path(folder.path(), "a");
+        assert_eq!(first, folder.path().join("a.png"));
+        std::fs::write(&first, b"").unwrap();
+        let second = free_path(folder.path(), "a");
+        assert_eq!(second, folder.path().join("a_2.png"));
+        std::fs::write(&second, b"").unwrap();
+        assert_eq!(free_path(folder.path(), "a"), folder.path().join("a_3.png"));
+    }
+}

@@ -1,0 +1,358 @@
+//! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use codec::Clip;
+use egui::ViewportId;
+use glam::UVec2;
+use winit::dpi::{LogicalSize, PhysicalSize, Size};
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
+use winit::window::{Fullscreen, Theme, Window};
+
+use super::frame_times::FrameTimes;
+use super::loader::Loader;
+use super::overlay::Message;
+use super::screenshot::Shot;
+use super::viewer::{Requests, Scene, Viewer};
+use super::{clip_name, icon, style};
+use crate::fault::Fault;
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings, UiPainter, WindowSurface};
+use crate::source;
+use crate::view::View;
+
+/// Size of the window in points where nothing says another, and the least that holds the controls.
+const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
+const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(720, 360);
+
+/// How often to look whether a hidden window has come back.
+const HIDDEN_RETRY: Duration = Duration::from_millis(200);
+
+/// What to open a window with.
+pub(super) struct Start {
+    pub(super) name: String,
+    pub(super) clip: Clip,
+    /// Number of the viewpoint to start from.
+    pub(super) viewpoint: usize,
+    pub(super) settings: Settings,
+    /// Size in pixels.
+    pub(super) size: Option<UVec2>,
+}
+
+/// What other threads report.
+pub(super) enum Event {
+    /// A clip that was dropped on the window, with the number of the order.
+    Loaded(u64, Result<Box<Playing>, Fault>),
+    /// A picture, with its path.
+    Saved(Result<PathBuf, Fault>),
+}
+
+/// When to draw the next frame.
+pub(super) enum Next {
+    Now,
+    After(Duration),
+    OnInput,
+}
+
+/// A clip that is ready to be drawn.
+pub(super) struct Playing {
+    name: String,
+    scene: Scene,
+    renderer: Renderer,
+    /// Gaussians in the clip, plate included.
+    gaussians: usize,
+    /// Layers that the package announces; not all are there where the file was cut short.
+    layers_announced: usize,
+}
+
+impl Playing {
+    fn new(gpu: &Gpu, format: Format, name: String, clip: &Clip) -> Result<Playing, Fault> {
+        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+        Ok(Playing {
+            name,
+            scene: Scene::of(clip),
+            renderer: Renderer::new(gpu, on_gpu, format, 1)?,
+            gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            layers_announced: clip.layers_announced,
+        })
+    }
+}
+
+/// What a picture of a clip depends on.
+#[derive(Clone, Copy, PartialEq)]
+struct Shown {
+    /// Normalised clip time.
+    t: f64,
+    view: View,
+    settings: Settings,
+}
+
+/// An open window.
+pub(super) struct Session {
+    playing: Playing,
+    viewer: Viewer,
+    picture: Picture,
+    /// What the picture shows; `None` where it must be drawn anew.
+    shown: Option<Shown>,
+    counts: FrameCounts,
+    frame_times: FrameTimes,
+    /// When the frame before was drawn; `None` after a rest.
+    last_frame: Option<Instant>,
+    loader: Loader,
+    saving: Option<JoinHandle<()>>,
+    proxy: EventLoopProxy<Event>,
+    input: egui_winit::State,
+    painter: UiPainter,
+    surface: WindowSurface,
+    gpu: Arc<Gpu>,
+    window: Arc<Window>,
+}
+
+impl Session {
+    /// Opens a window and draws its first frame when the event loop asks for it.
+    pub(super) fn open(
+        event_loop: &ActiveEventLoop,
+        proxy: EventLoopProxy<Event>,
+        start: Start,
+    ) -> Result<Session, Fault> {
+        let size = start.size.map_or(Size::Logical(DEFAULT_SIZE.cast()), |size| {
+            Size::Physical(PhysicalSize::new(size.x, size.y))
+        });
+        let attributes = Window::default_attributes()
+            .with_title(&start.name)
+            .with_window_icon(icon::icon())
+            .with_theme(Some(Theme::Dark))
+            .with_min_inner_size(LEAST_SIZE)
+            .with_inner_size(size);
+        let window = event_loop
+            .create_window(attributes)
+            .map_err(|error| Fault::Device(format!("cannot open a window: {error}; try --headless")))?;
+        let window = Arc::new(window);
+        let (gpu, surface) = WindowSurface::open(window.clone())?;
+        let gpu = Arc::new(gpu);
+
+        let format = surface.format();
+        let playing = Playing::new(&gpu, format, start.name, &start.clip)?;
+        let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
+        let ctx = egui::Context::default();
+        style::apply(&ctx);
+        let loader = {
+            let (gpu, proxy) = (gpu.clone(), proxy.clone());
+            let load = move |path: &Path| {
+                let clip = source::load_file(path)?;
+                Playing::new(&gpu, format, clip_name(&path.to_string_lossy()), &clip).map(Box::new)
+            };
+            // Without an event loop there is no window left to tell.
+            let deliver = move |order, playing| drop(proxy.send_event(Event::Loaded(order, playing)));
+            Loader::new(load, deliver)
+        };
+        let loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        window.request_redraw();
+        Ok(Session {
+            viewer,
+            picture: Picture::new(&gpu, format, [1, 1])?,
+            shown: None,
+            counts: FrameCounts::default(),
+            frame_times: FrameTimes::default(),
+            last_frame: None,
+            loader,
+            saving: None,
+            proxy,
+            input: egui_winit::State::new(
+                ctx,
+                ViewportId::ROOT,
+                &window,
+                Some(window.scale_factor() as f32),
+                Some(Theme::Dark),
+                Some(gpu.caps.max_image_side as usize),
+            ),
+            painter: UiPainter::new(&gpu, format),
+            playing,
+            surface,
+            gpu,
+            window,
+        })
+    }
+
+    /// Takes in an event of the window.
+    pub(super) fn input(&mut self, event: &WindowEvent) {
+        if self.input.on_window_event(&self.window, event).repaint {
+            self.window.request_redraw();
+        }
+    }
+
+    /// Asks the event loop for a frame.
+    pub(super) fn request_frame(&self) {
+        self.window.request_redraw();
+    }
+
+    /// Loads a clip in the background; the present one plays on.
+    pub(super) fn load(&mut self, path: PathBuf) {
+        self.input.egui_input_mut().hovered_files.clear();
+        self.viewer.message =
+            Some(Message::Working(format!("Opening {}", clip_name(&path.to_string_lossy()))));
+        self.loader.load(path);
+        self.window.request_redraw();
+    }
+
+    /// Takes in what another thread reports.
+    pub(super) fn receive(&mut self, event: Event) {
+        match event {
+            Event::Loaded(order, ..) if !self.loader.is_latest(order) => {}
+            Event::Loaded(_, Ok(playing)) => {
+                self.window.set_title(&playing.name);
+                self.viewer.change_scene(playing.scene.clone());
+                self.playing = *playing;
+                self.shown = None;
+                self.last_frame = None;
+            }
+            Event::Loaded(_, Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
+            Event::Saved(Ok(path)) => {
+                let text = format!("Saved {}", path.display());
+                self.viewer.message = Some(Message::note(self.input.egui_ctx(), text));
+            }
+            Event::Saved(Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
+        }
+        self.window.request_redraw();
+    }
+
+    /// Draws and shows a frame.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost or has failed.
+    pub(super) fn frame(&mut self) -> Result<Next, Fault> {
+        let Some(frame) = self.surface.acquire(&self.gpu)? else {
+            self.last_frame = None;
+            return Ok(Next::After(HIDDEN_RETRY));
+        };
+        let now = Instant::now();
+        let elapsed_s = self.last_frame.map_or(0.0, |last| (now - last).as_secs_f64());
+        if self.last_frame.is_some() {
+            self.frame_times.push(elapsed_s);
+        }
+
+        let ctx = self.input.egui_ctx().clone();
+        let input = self.input.take_egui_input(&self.window);
+        let statistics = self.statistics(frame.size);
+        let mut requests = Requests::default();
+        let output = ctx.run_ui(input, |ui| requests = self.viewer.frame(ui, elapsed_s, &statistics));
+
+        let [width, height] = frame.size;
+        let wanted = Shown {
+            t: self.viewer.player.clip_time(),
+            view: View::from_camera(&self.viewer.camera(width, height)),
+            settings: self.viewer.settings,
+        };
+        let outdated = self.shown != Some(wanted);
+        if outdated {
+            self.draw_picture(frame.size, &wanted)?;
+        }
+        let mut encoder = self.gpu.encoder();
+        self.picture.show(&mut encoder, &frame);
+        let triangles = ctx.tessellate(output.shapes, output.pixels_per_point);
+        let scale = output.pixels_per_point;
+        self.painter.draw(&self.gpu, &mut encoder, &frame, &triangles, scale, output.textures_delta);
+        self.gpu.submit(encoder);
+        self.surface.present(&self.gpu, frame);
+        self.input.handle_platform_output(&self.window, output.platform_output);
+
+        if requests.toggle_full_screen {
+            let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+            self.window.set_fullscreen(full);
+        }
+        if requests.screenshot {
+            self.save_picture(wanted);
+        }
+        let animating = self.viewer.is_animating();
+        self.last_frame = animating.then_some(now);
+        let delay =
+            output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
+        Ok(match delay {
+            // The statistics shown are those of the frame before.
+            _ if animating || outdated => Next::Now,
+            Duration::ZERO => Next::Now,
+            Duration::MAX => Next::OnInput,
+            delay => Next::After(delay),
+        })
+    }
+
+    /// Draws the clip into the picture.
+    fn draw_picture(&mut self, size: [u32; 2], wanted: &Shown) -> Result<(), Fault> {
+        if self.picture.size != size {
+            self.picture = Picture::new(&self.gpu, self.surface.format(), size)?;
+        }
+        let Shown { t, view, settings } = wanted;
+        let mut encoder = self.gpu.encoder();
+        let target = std::slice::from_ref(&self.picture.view);
+        self.counts = self.playing.renderer.draw(&self.gpu, &mut encoder, *t, &[*view], settings, target);
+        self.gpu.submit(encoder);
+        self.shown = Some(*wanted);
+        Ok(())
+    }
+
+    /// Saves what is seen in the background, in the folder that the program runs in.
+    fn save_picture(&mut self, shown: Shown) {
+        if self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
+            return;
+        }
+        let player = &self.viewer.player;
+        let shot = Shot {
+            clip: self.playing.renderer.clip().clone(),
+            name: self.playing.name.clone(),
+            t: shown.t,
+            time_s: player.position_s(),
+            view: shown.view,
+            settings: shown.settings,
+        };
+        let (gpu, proxy) = (self.gpu.clone(), self.proxy.clone());
+        self.viewer.message = Some(Message::Working("Saving a picture".into()));
+        self.saving = Some(std::thread::spawn(move || {
+            let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
+            // Without an event loop there is no window left to tell.
+            let _ = proxy.send_event(Event::Saved(shot.save(&gpu, &folder)));
+        }));
+    }
+
+    /// Rows for the corner of the window.
+    fn statistics(&mut self, size: [u32; 2]) -> Vec<(&'static str, String)> {
+        let FrameCounts { alive, sorted, alive_ms, sort_ms } = self.counts;
+        let total = self.playing.gaussians;
+        let mut rows = vec![
+            ("Gaussians", total.to_string()),
+            ("alive now", share(alive, total)),
+            ("sorted, drawn", share(sorted, total)),
+            ("find, sort", format!("{alive_ms:.2}, {sort_ms:.2} ms")),
+        ];
+        let announced = self.playing.layers_announced;
+        if announced > 1 {
+            let there = self.viewer.layers();
+            let drawn = self.viewer.settings.layers.unwrap_or(there).min(there);
+            rows.insert(1, ("layers", format!("{drawn} of {announced}")));
+        }
+        if let Some(gpu_ms) = self.playing.renderer.gpu_ms() {
+            rows.push(("GPU", format!("{gpu_ms:.2} ms")));
+        }
+        if let Some(times) = self.frame_times.summary() {
+            rows.push(("frame p50, p95", format!("{:.1}, {:.1} ms", times.median, times.p95)));
+        }
+        rows.push(("size", format!("{} x {}", size[0], size[1])));
+        rows.push(("adapter", self.gpu.adapter_name.clone()));
+        rows
+    }
+}
+
+impl Drop for Session {
+    /// Waits for a picture under way: it is written whole, and the device must not go away below it.
+    fn drop(&mut self) {
+        if let Some(saving) = self.saving.take() {
+            let _ = saving.join();
+        }
+    }
+}
+
+fn share(count: u32, total: usize) -> String {
+    format!("{count} ({:.0} %)", 100.0 * f64::from(count) / total.max(1) as f64)
+}

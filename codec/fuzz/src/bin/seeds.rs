@@ -1,0 +1,17 @@
+//! Writes the inputs that fuzzing starts from into the folders `decode` and `roundtrip` of the
+//! folder named on the command line.
+
+use std::{env, fs, path::PathBuf};
+
+fn main() {
+    let folder = PathBuf::from(env::args_os().nth(1).expect("usage: seeds FOLDER"));
+    for (target, seeds) in
+        [("decode", codec_fuzz::seeds::packages()), ("roundtrip", codec_fuzz::seeds::sources())]
+    {
+        let folder = folder.join(target);
+        fs::create_dir_all(&folder).expect("the folder can be made");
+        for (name, bytes) in seeds {
+            fs::write(folder.join(name), bytes).expect("the folder can be written to");
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! What must hold of any input of the fuzz targets. Tests of the package replay regressions by it.
+
+use std::ops::Range;
+
+use codec::{
+    ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, LayerEnd, Limits, Source,
+    Temporal, contents, decode, encode, sh_coefficients,
+};
+
+/// Limits that no fuzzer waits for, and that small packages can come near and go beyond.
+pub const LIMITS: Limits = Limits { max_gaussians: 1 << 14, max_bytes: 2 << 20 };
+
+/// All coders.
+pub const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
+
+/// Largest number that the encoder takes.
+const MAGNITUDE_MAX: f32 = 1e9;
+
+/// Largest finite FP16 number, and where rounding to FP16 gives infinity.
+const FP16_MAX: f32 = 65504.0;
+const FP16_INFINITE: f32 = 65520.0;
+
+/// Most Gaussians of an [`Input`].
+const ROWS_MAX: usize = 24;
+
+/// Checks what came of decoding `bytes` within [`LIMITS`].
+///
+/// # Panics
+/// If the error has no offset, or the clip breaks an invariant or differs from its head.
+pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
+    let head = contents(bytes, &LIMITS);
+    match (decoded, &head) {
+        (Ok(clip), Ok(head)) => check_clip(clip, head, bytes.len()),
+        (Err(error), Ok(_)) => assert!(error.to_string().contains("at byte "), "no offset in: {error}"),
+        (decoded, Err(error)) => {
+            assert!(error.to_string().contains("at byte "), "no offset in: {error}");
+            assert_eq!(decoded.as_ref().err(), Some(error), "the head is refused, the package is not");
+        }
+    }
+}
+
+fn check_clip(clip: &Clip, head: &Contents, available: usize) {
+    for field in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+        field.check().expect("decoded fields are valid");
+    }
+    assert_eq!((clip.still.sh_degree, clip.moving.sh_degree), (head.sh_degree, head.sh_degree));
+    assert_eq!(clip.still.temporal, None);
+    let temporal = clip.moving.temporal.as_ref().expect("the moving region has temporal columns");
+    assert_eq!(temporal.motion_order, head.motion_order);
+    assert_eq!(temporal.rotation_rates.is_some(), head.rotation_rates);
+    let plate = clip.plate.as_ref().map_or((0, None), |plate| (plate.len(), plate.temporal.as_ref()));
+    assert_eq!(plate, (head.plate_len, None));
+
+    assert_eq!(clip.layers, head.layers[..clip.layers.len()]);
+    assert_eq!(clip.layers_announced, head.layers.len());
+    let last = LayerEnd { still: clip.still.len(), moving: clip.moving.len() };
+    assert_eq!(clip.layers.last(), Some(&last));
+    if head.sections.last().is_none_or(|section| section.end() <= available) {
+        assert_eq!(clip.layers.len(), head.layers.len(), "a whole package has all its layers");
+    }
+    assert!(clip.len() + head.plate_len <= LIMITS.max_gaussians);
+
+    for step in 0..=8 {
+        let t = f64::from(step) / 8.0;
+        let candidates: Vec<Range<usize>> = clip.time_index.candidates(t, clip.layers.len()).collect();
+        assert!(candidates.is_sorted_by(|a, b| a.end <= b.start), "{candidates:?}");
+        for i in 0..clip.moving.len() {
+            assert!(clip.moving.position_at(i, t).iter().all(|x| x.is_finite()));
+            if clip.moving.opacity_at(i, t) >= ALPHA_MIN {
+                assert!(candidates.iter().any(|range| range.contains(&i)), "row {i} is alive at {t}");
+            }
+        }
+    }
+}
+
+/// A field to package.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// Gaussians, valid but for numbers that may be too large to package.
+    pub field: Field,
+    /// Ends of up to two layers before the last.
+    pub layers: Vec<usize>,
+    /// Whether the field without time is the plate as well.
+    pub plate: bool,
+}
+
+/// Numbers from bytes; zeros once there are no more.
+struct Numbers<'a>(std::slice::Iter<'a, u8>);
+
+impl Numbers<'_> {
+    fn u8(&mut self) -> u8 {
+        self.0.next().copied().unwrap_or(0)
+    }
+
+    fn f32(&mut self) -> f32 {
+        let x = f32::from_le_bytes(std::array::from_fn(|_| self.u8()));
+        if x.is_finite() { x } else { 0.0 }
+    }
+
+    fn vector<const N: usize>(&mut self) -> [f32; N] {
+        std::array::from_fn(|_| self.f32())
+    }
+
+    fn rotation(&mut self) -> [f32; 4] {
+        let q = self.vector::<4>().map(f64::from);
+        let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if norm > 0.0 { q.map(|x| (x / norm) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
+    }
+}
+
+impl Input {
+    /// The input that any bytes stand for: a byte each for the number of Gaussians, the columns and
+    /// two ends of layers, then the numbers of one Gaussian after the other.
+    pub fn from_bytes(bytes: &[u8]) -> Input {
+        let mut numbers = Numbers(bytes.iter());
+        let rows = 1 + usize::from(numbers.u8()) % ROWS_MAX;
+        let columns = numbers.u8();
+        let mut layers = [numbers.u8(), numbers.u8()].map(|end| usize::from(end) % rows).to_vec();
+        layers.sort_unstable();
+        layers.dedup();
+        layers.retain(|end| *end > 0);
+        let sh_degree = columns & 3;
+        let mut field = Field { sh_degree, ..Field::default() };
+        let mut temporal = Temporal { motion_order: columns >> 2 & 3, ..Temporal::default() };
+        temporal.rotation_rates = (columns & 0x10 != 0).then(Vec::new);
+        field.temporal = (columns & 0x20 != 0).then_some(temporal);
+        for _ in 0..rows {
+            field.centers.push(numbers.vector());
+            field.rotations.push(numbers.rotation());
+            field.log_scales.push(numbers.vector());
+            field.opacities.push(numbers.f32().abs().min(1.0));
+            field.sh.extend((0..sh_coefficients(sh_degree)).map(|_| numbers.vector::<3>()));
+            if let Some(temporal) = &mut field.temporal {
+                temporal.tau.push(numbers.f32());
+                let s = numbers.f32().abs();
+                temporal.s.push(if s > 0.0 { s } else { f32::INFINITY });
+                temporal.motion.extend((0..temporal.motion_order).map(|_| numbers.vector::<3>()));
+                if let Some(rates) = &mut temporal.rotation_rates {
+                    rates.push(numbers.vector());
+                }
+            }
+        }
+        Input { field, layers, plate: columns & 0x40 != 0 }
+    }
+
+    /// The bytes that stand for this input of at most [`ROWS_MAX`] Gaussians.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let field = &self.field;
+        let temporal = field.temporal.as_ref();
+        let rates = temporal.and_then(|temporal| temporal.rotation_rates.as_ref());
+        let layer = |k: usize| self.layers.get(k).map_or(0, |end| *end as u8);
+        let columns = field.sh_degree
+            | field.motion_order() << 2
+            | u8::from(rates.is_some()) << 4
+            | u8::from(temporal.is_some()) << 5
+            | u8::from(self.plate) << 6;
+        let mut bytes = vec![(field.len() - 1) as u8, columns, layer(0), layer(1)];
+        let mut numbers = |numbers: &[f32]| bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+        for i in 0..field.len() {
+            numbers(&field.centers[i]);
+            numbers(&field.rotations[i]);
+            numbers(&field.log_scales[i]);
+            numbers(&[field.opacities[i]]);
+            numbers(field.sh_of(i).as_flattened());
+            if let Some(temporal) = temporal {
+                numbers(&[temporal.tau[i], temporal.s[i]]);
+                numbers(temporal.motion_of(i).as_flattened());
+                numbers(rates.map_or(&[], |rates| &rates[i]));
+            }
+        }
+        bytes
+    }
+}
+
+/// Packages the input that `bytes` stand for, with every coder, and decodes it.
+///
+/// # Panics
+/// If a valid field is refused, the package differs from one run to the next, or what is decoded
+/// is invalid or too far from the source.
+pub fn check_round_trip(bytes: &[u8]) {
+    let Input { field, layers, plate } = Input::from_bytes(bytes);
+    let plate = plate.then(|| Field { temporal: None, ..field.clone() });
+    let info = ClipInfo {
+        duration_s: 1.0,
+        fps: 30.0,
+        up: [0.0, 1.0, 0.0],
+        metres_per_unit: 1.0,
+        viewpoints: Vec::new(),
+    };
+    let source = Source { info: &info, field: &field, plate: plate.as_ref() };
+    for coder in CODERS {
+        let mut options = EncodeOptions { coder, ..EncodeOptions::default() };
+        options.layers.clone_from(&layers);
+        let package = encode(&source, &options);
+        assert_eq!(package, encode(&source, &options), "encoding is deterministic");
+        let package = match package {
+            Ok(package) if !has_too_large(&field) => package,
+            Err(_) if has_too_large(&field) => continue,
+            // The other coder cuts windows that are far from the clip.
+            Err(_) if coder == Coder::Context && leaves_finite_space(&field) => continue,
+            other => panic!("numbers too large: {}, encoding gives {other:?}", has_too_large(&field)),
+        };
+        let decoded = decode(&package, &LIMITS);
+        check_decoding(&package, &decoded);
+        let clip = decoded.expect("what is encoded decodes");
+        assert_eq!(clip.info, info);
+        assert_eq!(clip.layers.len(), layers.len() + 1);
+        let mut start = LayerEnd::default();
+        for (k, end) in clip.layers.iter().enumerate() {
+            let first = if k == 0 { 0 } else { layers[k - 1] };
+            let past = layers.get(k).copied().unwrap_or(field.len());
+            let still = clip.still.select(&(start.still..end.still).collect::<Vec<_>>());
+            let moving = clip.moving.select(&(start.moving..end.moving).collect::<Vec<_>>());
+            check_rows(coder, &field.select(&(first..past).collect::<Vec<_>>()), &[&still, &moving]);
+            start = *end;
+        }
+        if let Some(plate) = &plate {
+            check_rows(coder, plate, &[clip.plate.as_ref().expect("a plate that is not empty")]);
+        }
+    }
+}
+
+/// Whether a number of the field is too large to package.
+fn has_too_large(field: &Field) -> bool {
+    let temporal = field.temporal.as_ref();
+    let motion = temporal.map_or(&[][..], |temporal| &temporal.motion);
+    let rates = temporal.and_then(|temporal| temporal.rotation_rates.as_deref()).unwrap_or_default();
+    let vectors = field.centers.iter().chain(&field.log_scales).chain(&field.sh).chain(motion);
+    vectors.flatten().chain(rates.as_flattened()).any(|x| x.abs() > MAGNITUDE_MAX)
+}
+
+/// Whether the field moves through a box of infinite size.
+fn leaves_finite_space(field: &Field) -> bool {
+    let [low, high] = field.bounds();
+    (0..3).any(|axis| !(high[axis] - low[axis]).is_finite())
+}
+
+/// Checks that `parts` together are the rows of `source`, in any order and, where the format bounds
+/// the errors of the coder, within these bounds.
+fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
+    assert_eq!(parts.iter().map(|part| part.len()).sum::<usize>(), source.len());
+    if coder != Coder::Fixed {
+        return;
+    }
+    let bounds = Bounds::of(source);
+    let decoded = || parts.iter().flat_map(|&part| (0..part.len()).map(move |i| (part, i)));
+    for i in 0..source.len() {
+        let found = decoded().any(|(part, j)| bounds.hold(source, i, part, j));
+        assert!(found, "row {i} of {source:?}\ndid not come back: {parts:?}");
+    }
+    for (part, j) in decoded() {
+        let found = (0..source.len()).any(|i| bounds.hold(source, i, part, j));
+        assert!(found, "row {j} of {part:?}\nis none of {source:?}");
+    }
+}
+
+/// Largest errors of the coder `fixed` on a chunk, by the table in FORMAT.md. Rows may lie in a
+/// chunk with fewer others than those given, which only makes its ranges narrower.
+struct Bounds {
+    center: f64,
+    log_scale: f64,
+    /// Log-scales below this may have been raised up to it.
+    log_scale_floor: f64,
+    /// Per degree.
+    sh: [f64; 4],
+    /// Per power of time, from 1.
+    motion: [f64; 3],
+    rate: f64,
+}
+
+impl Bounds {
+    fn of(rows: &Field) -> Bounds {
+        let extent = (0..3).map(|axis| span(rows.centers.iter().map(|c| c[axis]))).fold(0.0, f64::max);
+        let log_scales = || rows.log_scales.as_flattened().iter().copied();
+        let band = |degree: u8| {
+            let count = sh_coefficients(degree.max(1) - 1) * usize::from(degree > 0)..sh_coefficients(degree);
+            (0..rows.len()).flat_map(move |i| rows.sh_of(i)[count.clone()].iter().flatten().copied())
+        };
+        let half_step =
+            |steps: f64, largest: f64, finest: f64| 0.501 * (largest / steps).max(finest) + rounding(largest);
+        let mut bounds = Bounds {
+            center: extent / 4096.0 + rounding(largest(rows.centers.iter().flatten().copied())),
+            log_scale: 0.501 * span(log_scales()).min(16.0) / 255.0 + rounding(largest(log_scales())),
+            log_scale_floor: log_scales().fold(f64::MIN, |high, x| high.max(x.into())) - 16.0,
+            sh: [0.501 * span(band(0)) / 255.0 + rounding(largest(band(0))), 0.0, 0.0, 0.0],
+            motion: [0.0; 3],
+            rate: 0.0,
+        };
+        for degree in 1..=rows.sh_degree {
+            bounds.sh[usize::from(degree)] = half_step(127.0, largest(band(degree)), 1.0 / 1024.0);
+        }
+        if let Some(temporal) = &rows.temporal {
+            let order = usize::from(temporal.motion_order);
+            for power in 0..order {
+                let column = temporal.motion.iter().skip(power).step_by(order).flatten().copied();
+                bounds.motion[power] = half_step(511.0, largest(column), extent * 2f64.powi(-20));
+            }
+            let rates = temporal.rotation_rates.as_deref().unwrap_or_default();
+            bounds.rate = half_step(127.0, largest(rates.as_flattened().iter().copied()), 1.0 / 512.0);
+        }
+        bounds
+    }
+
+    /// Whether row `j` of what was decoded may be row `i` of the source.
+    fn hold(&self, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
+        let scales = source.log_scales[i].iter().zip(&decoded.log_scales[j]);
+        let scales_hold = scales.into_iter().all(|(&e, &a)| {
+            let (e, a) = (f64::from(e), f64::from(a));
+            (e - self.log_scale..=e.max(self.log_scale_floor) + self.log_scale).contains(&a)
+        });
+        let (expected, actual) = (source.rotations[i], decoded.rotations[j]);
+        // A quaternion and its negative are one rotation; the rates follow the sign.
+        let sign = (0..4).map(|k| expected[k] * actual[k]).sum::<f32>().signum();
+        let coefficient =
+            |field: &Field, row: usize, k: usize| field.sh_of(row).get(k).copied().unwrap_or_default();
+        let colors_hold = (0..sh_coefficients(source.sh_degree)).all(|k| {
+            let degree = k.isqrt();
+            near(&coefficient(source, i, k), &coefficient(decoded, j, k), self.sh[degree])
+        });
+        near(&source.centers[i], &decoded.centers[j], self.center)
+            && scales_hold
+            && near(&expected.map(|x| sign * x), &actual, 0.01)
+            && near(&[source.opacities[i]], &[decoded.opacities[j]], 1.0 / 510.0 + 1e-6)
+            && decoded.sh_degree <= source.sh_degree
+            && colors_hold
+            && self.time_holds(source, i, decoded, j, sign)
+    }
+
+    fn time_holds(&self, source: &Field, i: usize, decoded: &Field, j: usize, sign: f32) -> bool {
+        let Some(expected) = &source.temporal else {
+            return decoded.temporal.as_ref().is_none_or(|temporal| temporal.s[j].is_infinite());
+        };
+        // Windows beyond the range of FP16 are cut to it.
+        let tau = expected.tau[i].clamp(-FP16_MAX, FP16_MAX);
+        let s = if expected.s[i] < FP16_INFINITE { expected.s[i] } else { f32::INFINITY };
+        let Some(actual) = &decoded.temporal else {
+            // Drawn as constant: half a step for that, half a step for the opacity's rounding.
+            let is_constant = |t: f64| {
+                let z = (t - f64::from(tau)) / f64::from(s);
+                let opacity = f64::from(source.opacities[i]) * (-0.5 * z * z).exp();
+                (opacity - f64::from(decoded.opacities[j])).abs() <= 1.0 / 255.0 + 1e-5
+            };
+            return expected.is_still(i) && [0.0, 0.5, 1.0].into_iter().all(is_constant);
+        };
+        let half = |x: f32| f64::from(x.abs()) * 2f64.powi(-11) + 2f64.powi(-24);
+        let power = |temporal: &Temporal, row: usize, k: usize| {
+            temporal.motion_of(row).get(k).copied().unwrap_or_default()
+        };
+        let rate = |temporal: &Temporal, row: usize| {
+            temporal.rotation_rates.as_ref().map_or([0.0; 4], |rates| rates[row])
+        };
+        near(&[tau], &[actual.tau[j]], half(tau))
+            && (s == actual.s[j] || near(&[s], &[actual.s[j]], half(s)))
+            && (0..3).all(|k| near(&power(expected, i, k), &power(actual, j, k), self.motion[k]))
+            && near(&rate(expected, i).map(|x| sign * x), &rate(actual, j), self.rate)
+    }
+}
+
+/// Rounding of a few operations in binary32 on numbers up to `largest`.
+fn rounding(largest: f64) -> f64 {
+    2f64.powi(-21) * largest + f64::from(f32::MIN_POSITIVE)
+}
+
+fn largest(column: impl Iterator<Item = f32>) -> f64 {
+    column.fold(0.0, |largest, x| largest.max(x.abs().into()))
+}
+
+/// Distance from the smallest to the largest number of a column that is not empty.
+fn span(column: impl Iterator<Item = f32>) -> f64 {
+    let (low, high) =
+        column.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x.into()), high.max(x.into())));
+    high - low
+}
+
+fn near(expected: &[f32], actual: &[f32], error: f64) -> bool {
+    expected.iter().zip(actual).all(|(e, a)| (f64::from(*e) - f64::from(*a)).abs() <= error)
+}

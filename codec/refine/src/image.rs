@@ -1,0 +1,84 @@
+//! [`Image`]: what the reference renderer makes, and how two of them compare.
+
+/// A rectangle of pixels, row by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// `width * height` pixels: red, green, blue premultiplied by alpha, and alpha. Display-referred;
+    /// alpha in `[0, 1]`, colours from 0 up and possibly above 1.
+    pub pixels: Vec<[f64; 4]>,
+}
+
+impl Image {
+    /// A transparent black image.
+    pub fn new(width: u32, height: u32) -> Image {
+        Image { width, height, pixels: vec![[0.0; 4]; width as usize * height as usize] }
+    }
+
+    /// The pixel in column `x` of row `y`.
+    ///
+    /// # Panics
+    /// If it lies outside the image.
+    pub fn pixel(&self, x: u32, y: u32) -> [f64; 4] {
+        assert!(x < self.width && y < self.height, "pixel {x},{y} of {}x{}", self.width, self.height);
+        self.pixels[y as usize * self.width as usize + x as usize]
+    }
+
+    /// The image over black in 8 bits per channel: `width * height * 3` bytes, each the nearest to
+    /// the colour cut to `[0, 1]`.
+    pub fn to_rgb8(&self) -> Vec<u8> {
+        let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        self.pixels.iter().flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b)]).collect()
+    }
+
+    /// Peak signal-to-noise ratio in dB of the two images over black, their colours cut to the
+    /// displayable `[0, 1]`; `+inf` where they are the same.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn psnr(&self, other: &Image) -> f64 {
+        assert_eq!((self.width, self.height), (other.width, other.height), "images of one size");
+        let squares: f64 = self.colors(other).map(|(a, b)| (a - b) * (a - b)).sum();
+        -10.0 * (squares / (3 * self.pixels.len()) as f64).log10()
+    }
+
+    /// Largest difference between two colours of the images over black, cut to `[0, 1]`.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn max_difference(&self, other: &Image) -> f64 {
+        assert_eq!((self.width, self.height), (other.width, other.height), "images of one size");
+        self.colors(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    fn colors<'a>(&'a self, other: &'a Image) -> impl Iterator<Item = (f64, f64)> + 'a {
+        let pairs = self.pixels.iter().zip(&other.pixels);
+        pairs.flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c].clamp(0.0, 1.0), b[c].clamp(0.0, 1.0))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_round_to_nearest_and_clip() {
+        let image = Image { width: 1, height: 1, pixels: vec![[1.7, 0.5 / 255.0, 1.49 / 255.0, 1.0]] };
+        assert_eq!(image.to_rgb8(), [255, 1, 1]);
+    }
+
+    #[test]
+    fn psnr_of_a_known_error() {
+        let black = Image::new(4, 2);
+        let mut gray = black.clone();
+        for pixel in &mut gray.pixels {
+            *pixel = [0.1, 0.1, 0.1, 1.0];
+        }
+        assert!((black.psnr(&gray) - 20.0).abs() < 1e-9);
+        assert!((black.max_difference(&gray) - 0.1).abs() < 1e-12);
+        assert_eq!(black.psnr(&black), f64::INFINITY);
+    }
+}

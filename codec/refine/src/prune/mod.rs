@@ -1,0 +1,28 @@
+//! Choosing the Gaussians a package keeps.
+//!
+//! [`Ranking`]s order them by importance. A [`Floor`] keeps a budget's worth without losing what
+//! holds the subject together, seen in the persistence of its density. [`Pictures`] of the whole,
+//! held against what is left, tell [`select()`] which ranking is best. [`refit()`] lets the colours of
+//! those that stay make up for those that leave.
+
+mod density;
+mod extent;
+mod floor;
+mod persistence;
+mod pictures;
+mod rank;
+mod refit;
+#[cfg(test)]
+pub(crate) mod scenes;
+mod select;
+mod shots;
+mod topology;
+
+pub use floor::{Floor, FloorError, FloorSettings, Kept, ROUNDS};
+pub use persistence::{Connectivity, Feature, MergeTree};
+pub use pictures::Pictures;
+pub use rank::{Ranking, by_importance, contributions_to};
+pub use refit::{PASSES, refit};
+pub use select::{Candidate, Selection, select};
+pub use shots::{Shot, dome, instants, shots, steps_aside};
+pub use topology::{Measure, Topology};

@@ -1,0 +1,68 @@
+//! [`Pictures`] of a scene to hold others against: the judge between packages of it.
+
+use super::Shot;
+use crate::image::Image;
+use crate::reference::{Order, Scene, render};
+
+/// What a scene looks like from several places at several times.
+#[derive(Clone, Debug)]
+pub struct Pictures {
+    pub(crate) taken: Vec<(Shot, Image)>,
+}
+
+impl Pictures {
+    /// Takes pictures of `scene`. `on_shot` is called after each.
+    pub fn take(scene: &Scene, shots: Vec<Shot>, mut on_shot: impl FnMut()) -> Pictures {
+        let take = |shot: Shot| {
+            let image = render(scene, &shot.camera, shot.t, Order::Depth);
+            on_shot();
+            (shot, image)
+        };
+        Pictures { taken: shots.into_iter().map(take).collect() }
+    }
+
+    /// PSNR in dB between pictures of `scene` and these, over all pixels of all of them; infinite
+    /// where they are the same. `on_shot` is called after each.
+    pub fn psnr(&self, scene: &Scene, mut on_shot: impl FnMut()) -> f64 {
+        let mut pixels = 0.0;
+        let mut squared_errors = 0.0;
+        for (shot, image) in &self.taken {
+            let psnr = image.psnr(&render(scene, &shot.camera, shot.t, Order::Depth));
+            let size = image.pixels.len() as f64;
+            squared_errors += size * 10f64.powf(-0.1 * psnr);
+            pixels += size;
+            on_shot();
+        }
+        if pixels == 0.0 { f64::INFINITY } else { -10.0 * (squared_errors / pixels).log10() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prune::scenes::cloud;
+    use crate::prune::{dome, shots};
+
+    #[test]
+    fn errors_are_pooled_over_pixels() {
+        let field = cloud(1, 60);
+        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (32, 24));
+        let scene = Scene::from(&field);
+        let pictures = Pictures::take(&scene, shots(&cameras, &[0.3, 0.7]), || ());
+        assert_eq!(pictures.psnr(&scene, || ()), f64::INFINITY);
+
+        let part = field.select(&(0..50).collect::<Vec<_>>());
+        let mut calls = 0;
+        let psnr = pictures.psnr(&Scene::from(&part), || calls += 1);
+        assert_eq!(calls, 16);
+        let mut squares = 0.0;
+        for (shot, image) in &pictures.taken {
+            let other = render(&(&part).into(), &shot.camera, shot.t, Order::Depth);
+            for (a, b) in image.pixels.iter().zip(&other.pixels) {
+                squares += (0..3).map(|c| (a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0)).powi(2)).sum::<f64>();
+            }
+        }
+        let expected = -10.0 * (squares / f64::from(16 * 3 * 32 * 24)).log10();
+        assert!((psnr - expected).abs() < 1e-9 && psnr < 60.0, "{psnr}, {expected} expected");
+    }
+}

@@ -1,0 +1,109 @@
+//! [`Colors`]: a picture as a linear function of the Gaussians' colours.
+//!
+//! Where Gaussians are, how they overlap and how opaque they are does not depend on their colours.
+//! So the picture is `A x`, `x` being the coefficients of the colours and `A` the weights `alpha T`
+//! times the spherical harmonics. `A` is too large to keep and quick to walk over.
+
+use codec::{Camera, Field, sh_coefficients};
+use glam::DVec3;
+
+use super::evaluate::Splat;
+use super::sh::basis;
+use super::sort::{self, Order};
+use super::splat::{Fragments, Walk};
+use super::{Part, evaluate_parts};
+use crate::image::Image;
+
+/// The linear function of one picture.
+pub(crate) struct Colors {
+    splats: Vec<Splat>,
+    /// Per splat, the values of the spherical harmonics towards the eye.
+    bases: Vec<[f64; 16]>,
+    walk: Walk,
+    coefficients: usize,
+}
+
+impl Colors {
+    /// That of the picture of `field` from `camera` at `t`.
+    pub(crate) fn new(field: &Field, camera: &Camera, t: f64) -> Colors {
+        let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, t);
+        sort::sort(&mut splats, Order::Depth);
+        let eye = DVec3::from_array(camera.position());
+        let direction = |row| (DVec3::from_array(field.position_at(row, t)) - eye).normalize_or_zero();
+        let bases = splats.iter().map(|splat| basis(direction(splat.row))).collect();
+        let walk = Walk::new(&splats, camera.width, camera.height);
+        Colors { splats, bases, walk, coefficients: sh_coefficients(field.sh_degree) }
+    }
+
+    /// Adds `A^T r` to `sum`, `r` being a picture.
+    pub(crate) fn add_transposed(&self, picture: &Image, sum: &mut [[f64; 3]]) {
+        self.add_gathered(sum, |pixel, _| {
+            let [r, g, b, _] = picture.pixels[pixel];
+            [r, g, b]
+        });
+    }
+
+    /// Adds `A^T A x` to `sum`.
+    pub(crate) fn add_normal(&self, x: &[[f64; 3]], sum: &mut [[f64; 3]]) {
+        let colors: Vec<[f64; 3]> = self
+            .splats
+            .iter()
+            .zip(&self.bases)
+            .map(|(splat, basis)| {
+                let of_row = &x[splat.row * self.coefficients..][..self.coefficients];
+                let mut color = [0.0; 3];
+                for (y, c) in basis.iter().zip(of_row) {
+                    (0..3).for_each(|channel| color[channel] += y * c[channel]);
+                }
+                masked(color, splat)
+            })
+            .collect();
+        self.add_gathered(sum, |_, met| {
+            let mut pixel = [0.0; 3];
+            for &(index, weight) in met {
+                (0..3).for_each(|channel| pixel[channel] += weight * colors[index][channel]);
+            }
+            pixel
+        });
+    }
+
+    /// Adds the diagonal of `A^T A` to `sum`.
+    pub(crate) fn add_diagonal(&self, sum: &mut [[f64; 3]]) {
+        let add = |sums: &mut [f64], _, fragments: &mut Fragments| {
+            fragments.for_each(|fragment| sums[fragment.index] += fragment.weight().powi(2));
+        };
+        let squares = self.walk.sum_per_splat(add, |a, b| *a += b);
+        for ((splat, basis), square) in self.splats.iter().zip(&self.bases).zip(&squares) {
+            let of_row = &mut sum[splat.row * self.coefficients..][..self.coefficients];
+            for (y, c) in basis.iter().zip(of_row) {
+                let add = masked([y * y * square; 3], splat);
+                (0..3).for_each(|channel| c[channel] += add[channel]);
+            }
+        }
+    }
+
+    /// Adds `A^T r` to `sum`, `r` being made pixel by pixel from the splats met and their weights.
+    fn add_gathered(&self, sum: &mut [[f64; 3]], r: impl Fn(usize, &[(usize, f64)]) -> [f64; 3] + Sync) {
+        let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &mut Fragments| {
+            let met: Vec<(usize, f64)> = fragments.map(|f| (f.index, f.weight())).collect();
+            let r = r(pixel, &met);
+            for (index, weight) in met {
+                (0..3).for_each(|channel| sums[index][channel] += weight * r[channel]);
+            }
+        };
+        let merge = |a: &mut [f64; 3], b: &[f64; 3]| (0..3).for_each(|channel| a[channel] += b[channel]);
+        let per_splat = self.walk.sum_per_splat(add, merge);
+        for ((splat, basis), gathered) in self.splats.iter().zip(&self.bases).zip(per_splat) {
+            let gathered = masked(gathered, splat);
+            let of_row = &mut sum[splat.row * self.coefficients..][..self.coefficients];
+            for (y, c) in basis.iter().zip(of_row) {
+                (0..3).for_each(|channel| c[channel] += y * gathered[channel]);
+            }
+        }
+    }
+}
+
+/// A channel cut off at 0 does not follow its coefficients.
+fn masked(color: [f64; 3], splat: &Splat) -> [f64; 3] {
+    [0, 1, 2].map(|channel| if splat.color[channel] > 0.0 { color[channel] } else { 0.0 })
+}

@@ -1,0 +1,124 @@
+//! Stage `evaluate`: moves a Gaussian to the instant and projects it into the image.
+//!
+//! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form
+//! of gsplat: the Jacobian of the projection is taken at the centre, which is first brought to
+//! within 30 % of the half field of view outside the image.
+
+use codec::{ALPHA_MIN, Camera, Field};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::alive::Alive;
+use super::sh;
+
+/// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
+pub(crate) const BLUR: f64 = 0.3;
+
+/// Distance in front of the camera, in units of the field, from which Gaussians are drawn.
+const NEAR: f64 = 0.01;
+
+/// How far outside the image the Jacobian may be taken, as a part of tan(fov / 2).
+const MARGIN: f64 = 0.3;
+
+/// A Gaussian as one camera sees it at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Splat {
+    /// Row of the field it comes from.
+    pub(crate) row: usize,
+    /// Centre in pixels, from the image's top left corner.
+    pub(crate) center: DVec2,
+    /// Covariance in px^2, blur included: xx, xy, yy. Positive definite.
+    pub(crate) covariance: [f64; 3],
+    /// Opacity at the instant, in `[ALPHA_MIN, 1]`.
+    pub(crate) opacity: f64,
+    /// Colour towards the eye: red, green, blue, from 0 up.
+    pub(crate) color: [f64; 3],
+    /// Distance of the centre along the camera's axis.
+    pub(crate) depth: f64,
+    /// Distance of the centre from the eye.
+    pub(crate) distance: f64,
+}
+
+impl Splat {
+    /// Number of standard deviations at which alpha falls to [`ALPHA_MIN`]:
+    /// `sqrt(2 ln(o / ALPHA_MIN))`.
+    pub(crate) fn radius(&self) -> f64 {
+        (2.0 * (self.opacity / ALPHA_MIN).ln()).max(0.0).sqrt()
+    }
+}
+
+/// Projects the `alive` rows of `field`, in their order. Left out: what is nearer than
+/// 0.01 units, and what has no finite footprint.
+pub(crate) fn evaluate(field: &Field, alive: &[Alive], camera: &Camera, t: f64) -> Vec<Splat> {
+    let projection = Projection::new(camera);
+    alive.par_iter().filter_map(|&alive| projection.splat(field, alive, t)).collect()
+}
+
+/// The camera in the form the projection needs.
+struct Projection {
+    focal: DVec2,
+    principal: DVec2,
+    /// Range of x/z and y/z within which the Jacobian is taken.
+    limits: [DVec2; 2],
+    view_from_world: DMat3,
+    translation: DVec3,
+    eye: DVec3,
+}
+
+impl Projection {
+    fn new(camera: &Camera) -> Projection {
+        let focal = DVec2::new(camera.k[0][0], camera.k[1][1]);
+        let principal = DVec2::new(camera.k[0][2], camera.k[1][2]);
+        let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        let margin = MARGIN * 0.5 * size / focal;
+        let m = &camera.camera_from_world;
+        let row = |r: usize| DVec3::new(m[r][0], m[r][1], m[r][2]);
+        Projection {
+            focal,
+            principal,
+            limits: [-principal / focal - margin, (size - principal) / focal + margin],
+            view_from_world: DMat3::from_cols(row(0), row(1), row(2)).transpose(),
+            translation: DVec3::new(m[0][3], m[1][3], m[2][3]),
+            eye: DVec3::from_array(camera.position()),
+        }
+    }
+
+    fn splat(&self, field: &Field, Alive { row, opacity }: Alive, t: f64) -> Option<Splat> {
+        let world = DVec3::from_array(field.position_at(row, t));
+        let view = self.view_from_world * world + self.translation;
+        if view.z < NEAR {
+            return None;
+        }
+        let [w, x, y, z] = field.rotation_at(row, t);
+        let scales = DVec3::from_array(field.log_scales[row].map(|s| f64::from(s).exp()));
+        let axes = self.view_from_world * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
+        let [xx, xy, yy] = self.footprint(view, axes * DMat3::from_diagonal(scales));
+        let splat = Splat {
+            row,
+            center: self.focal * view.truncate() / view.z + self.principal,
+            covariance: [xx + BLUR, xy, yy + BLUR],
+            opacity,
+            color: sh::color(field.sh_of(row), (world - self.eye).normalize_or_zero()),
+            depth: view.z,
+            distance: view.length(),
+        };
+        let determinant = splat.covariance[0] * splat.covariance[2] - xy * xy;
+        let drawable = splat.center.is_finite()
+            && splat.distance.is_finite()
+            && splat.color.iter().all(|c| c.is_finite())
+            && determinant.is_finite()
+            && determinant > 0.0;
+        drawable.then_some(splat)
+    }
+
+    /// Covariance in the image, without blur, of a Gaussian at `view` whose axes times standard
+    /// deviations are the columns of `axes`.
+    fn footprint(&self, view: DVec3, axes: DMat3) -> [f64; 3] {
+        let slope = (view.truncate() / view.z).max(self.limits[0]).min(self.limits[1]);
+        let f = self.focal / view.z;
+        // Rows of the Jacobian times the axes: the image of each axis.
+        let x = f.x * (axes.row(0) - slope.x * axes.row(2));
+        let y = f.y * (axes.row(1) - slope.y * axes.row(2));
+        [x.dot(x), x.dot(y), y.dot(y)]
+    }
+}

@@ -1,0 +1,154 @@
+//! [`sensitivities`]: how visible an error in each Gaussian is, so that the coder can be exact
+//! where it shows and nowhere else.
+//!
+//! A pixel is a sum of colours with the weights `alpha T`. An error in a colour counts with the
+//! weight; one in a place, a size or an opacity changes alpha, and through it the pixel by the
+//! difference between the Gaussian's colour and what is behind it.
+
+use codec::{Field, Sensitivity};
+
+use super::evaluate::BLUR;
+use super::sort::{self, Order};
+use super::splat::{Fragments, Walk};
+use super::{Part, evaluate_parts};
+use crate::prune::Shot;
+
+/// What a Gaussian that is not seen in any picture counts as: a weight of 1 in one pixel of all
+/// pictures, and a tenth of the contrast. It may be seen from elsewhere.
+const UNSEEN: Sums = Sums { color: 1.0, geometry: 0.01 };
+
+/// Squares summed over pixels, of what errors of a Gaussian count with.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct Sums {
+    color: f64,
+    geometry: f64,
+}
+
+impl Sums {
+    fn add(&mut self, other: &Sums) {
+        self.color += other.color;
+        self.geometry += other.geometry;
+    }
+}
+
+/// Sensitivities of the rows of `field`, with `plate` behind it, over all `shots` together, and the
+/// standard deviation, in units of the field, of the blur of a pixel where it is looked at; `None`
+/// where nothing is seen. `on_shot` is called after each shot.
+///
+/// The numbers do not depend on the number of threads.
+pub fn sensitivities(
+    field: &Field,
+    plate: Option<&Field>,
+    shots: &[Shot],
+    mut on_shot: impl FnMut(),
+) -> Option<(Vec<Sensitivity>, f32)> {
+    let mut rows = vec![Sums::default(); field.len()];
+    let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
+    for Shot { camera, t } in shots {
+        let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, *t);
+        sort::sort(&mut splats, Order::Depth);
+        let subjects = splats.len();
+        if let Some(plate) = plate {
+            let mut behind = evaluate_parts(&[Part { field: plate, rows: plate.len() }], camera, *t);
+            sort::sort(&mut behind, Order::Depth);
+            splats.append(&mut behind);
+        }
+        let walk = Walk::new(&splats, camera.width, camera.height);
+        let add = |sums: &mut [Sums], _, fragments: &mut Fragments| {
+            let met: Vec<_> = fragments.collect();
+            let mut behind = [0.0; 3];
+            for fragment in met.iter().rev() {
+                let splat = &splats[fragment.index];
+                let square = fragment.weight() * fragment.weight();
+                let contrast =
+                    (0..3).map(|c| (splat.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
+                // Squared distance in standard deviations.
+                let distance = 2.0 * (splat.opacity / fragment.alpha).ln().max(0.0);
+                sums[fragment.index].add(&Sums { color: square, geometry: square * contrast * distance });
+                for (behind, color) in behind.iter_mut().zip(splat.color) {
+                    *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
+                }
+            }
+        };
+        for (splat, sums) in splats[..subjects].iter().zip(walk.sum_per_splat(add, Sums::add)) {
+            rows[splat.row].add(&sums);
+            blur += sums.color * splat.depth * BLUR.sqrt() / camera.k[0][0];
+            weight += sums.color;
+        }
+        pixels += f64::from(camera.width) * f64::from(camera.height);
+        on_shot();
+    }
+    let root = |sum: f64, unseen: f64| ((sum + unseen) / pixels).sqrt() as f32;
+    let sensitivity = |sums: &Sums| Sensitivity {
+        color: root(sums.color, UNSEEN.color),
+        geometry: root(sums.geometry, UNSEEN.geometry),
+    };
+    (weight > 0.0).then(|| (rows.iter().map(sensitivity).collect(), (blur / weight) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prune::scenes::{balls, cloud};
+    use crate::prune::{dome, shots};
+    use crate::reference::{Scene, render};
+    use codec::Camera;
+
+    /// What a change of one number does to the picture must be what the sensitivity says.
+    #[test]
+    fn sensitivities_predict_the_error_of_a_picture() {
+        let field = cloud(3, 40);
+        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (96, 72));
+        let shots = shots(&cameras, &[0.5]);
+        let (rows, _) = sensitivities(&field, None, &shots, || ()).unwrap();
+        let error_of = |changed: &Field| {
+            let squares = |shot: &Shot| {
+                let [a, b] =
+                    [&field, changed].map(|f| render(&Scene::from(f), &shot.camera, shot.t, Order::Depth));
+                a.pixels.iter().zip(&b.pixels).map(|(a, b)| (a[0] - b[0]).powi(2)).sum::<f64>()
+            };
+            (shots.iter().map(squares).sum::<f64>() / (shots.len() * 96 * 72) as f64).sqrt()
+        };
+        let mut checked = 0;
+        for (i, row) in rows.iter().enumerate() {
+            let mut changed = field.clone();
+            // 0.01 in every channel.
+            changed.sh[4 * i] = changed.sh[4 * i].map(|c| c + 0.01 / 0.282_094_79);
+            // What an unseen one counts as is no error of the picture.
+            let unseen = UNSEEN.color / (shots.len() * 96 * 72) as f64;
+            let predicted = 0.01 * (f64::from(row.color).powi(2) - unseen).sqrt();
+            let error = error_of(&changed);
+            if error > 3e-5 {
+                assert!((error / predicted - 1.0).abs() < 0.02, "row {i}: {error}, {predicted} predicted");
+                checked += 1;
+            }
+        }
+        assert!(checked > 10, "{checked}");
+    }
+
+    #[test]
+    fn a_gaussian_before_its_own_colour_has_no_contrast() {
+        let mut field = balls(&[[0.0; 3], [0.0, 0.0, 4.0], [6.0, 0.0, 4.0]], 1.0, 0.9);
+        field.log_scales[1] = [3.0, 3.0, -1.0];
+        let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
+        let shot = Shot { camera, t: 0.0 };
+        let of_first =
+            |field: &Field| sensitivities(field, None, std::slice::from_ref(&shot), || ()).unwrap().0[0];
+        let plain = of_first(&field);
+        field.sh[0] = field.sh[0].map(|c| c - 1.0);
+        let contrasting = of_first(&field);
+        assert!(contrasting.geometry > 3.0 * plain.geometry, "{plain:?} {contrasting:?}");
+        assert_eq!(contrasting.color, plain.color);
+    }
+
+    #[test]
+    fn the_blur_is_that_of_a_pixel_at_the_subject() {
+        let field = balls(&[[0.0; 3]], 0.2, 0.9);
+        let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
+        let (_, blur) =
+            sensitivities(&field, None, &[Shot { camera: camera.clone(), t: 0.0 }], || ()).unwrap();
+        let expected = 0.3f64.sqrt() * 10.0 / camera.k[0][0];
+        assert!((f64::from(blur) / expected - 1.0).abs() < 1e-6);
+        assert!(sensitivities(&field, None, &[], || ()).is_none());
+    }
+}

@@ -1,0 +1,482 @@
+//! Tests of the renderer as a whole, each against a closed form or an independent computation.
+
+use std::f64::consts::PI;
+
+use codec::{ALPHA_MIN, Camera, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
+use glam::{DQuat, DVec3, dvec2};
+
+use super::*;
+
+const WIDTH: u32 = 64;
+const HEIGHT: u32 = 48;
+const FOCAL: f64 = 100.0;
+
+/// A camera at the origin that looks along +z.
+fn camera() -> Camera {
+    Camera {
+        width: WIDTH,
+        height: HEIGHT,
+        k: [[FOCAL, 0.0, f64::from(WIDTH) / 2.0], [0.0, FOCAL, f64::from(HEIGHT) / 2.0], [0.0, 0.0, 1.0]],
+        camera_from_world: [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ],
+    }
+}
+
+/// One round Gaussian for the tests to put together.
+#[derive(Clone, Copy)]
+struct Ball {
+    center: [f32; 3],
+    sigma: f32,
+    opacity: f32,
+    color: [f32; 3],
+}
+
+impl Ball {
+    fn at(center: [f32; 3], color: [f32; 3]) -> Ball {
+        Ball { center, sigma: 0.1, opacity: 0.6, color }
+    }
+}
+
+const RED: [f32; 3] = [1.0, 0.0, 0.0];
+const BLUE: [f32; 3] = [0.0, 0.0, 1.0];
+const WHITE: [f32; 3] = [1.0, 1.0, 1.0];
+
+/// The constant spherical-harmonic coefficient of a colour.
+fn constant(color: [f32; 3]) -> [f32; 3] {
+    color.map(|c| ((f64::from(c) - 0.5) * 2.0 * PI.sqrt()) as f32)
+}
+
+fn field(balls: &[Ball]) -> Field {
+    Field {
+        centers: balls.iter().map(|ball| ball.center).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; balls.len()],
+        log_scales: balls.iter().map(|ball| [ball.sigma.ln(); 3]).collect(),
+        opacities: balls.iter().map(|ball| ball.opacity).collect(),
+        sh: balls.iter().map(|ball| constant(ball.color)).collect(),
+        ..Field::default()
+    }
+}
+
+/// Gives every row of `field` the window `tau`, `s` and the motion `v`.
+fn moving(mut field: Field, tau: f32, s: f32, v: &[[f32; 3]]) -> Field {
+    field.temporal = Some(Temporal {
+        tau: vec![tau; field.len()],
+        s: vec![s; field.len()],
+        motion_order: v.len() as u8,
+        motion: v.repeat(field.len()),
+        rotation_rates: None,
+    });
+    field
+}
+
+/// Elongated, turned, overlapping, partly outside the image.
+fn cloud(seed: u64, n: usize) -> Field {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut signed = |scale: f64| ((random.f64() * 2.0 - 1.0) * scale) as f32;
+    let mut field = Field { sh_degree: 1, ..Field::default() };
+    for _ in 0..n {
+        field.centers.push([signed(1.6), signed(1.2), 3.5 + signed(2.0)]);
+        let q = DQuat::from_xyzw(
+            f64::from(signed(1.0)),
+            f64::from(signed(1.0)),
+            f64::from(signed(1.0)),
+            1.1 + f64::from(signed(1.0)),
+        );
+        let q = q.normalize();
+        field.rotations.push([q.w, q.x, q.y, q.z].map(|c| c as f32));
+        field.log_scales.push([-3.0 + signed(1.5), -3.0 + signed(1.5), -3.0 + signed(1.5)]);
+        field.opacities.push(0.52 + signed(0.48));
+        for _ in 0..4 {
+            field.sh.push([signed(1.0), signed(1.0), signed(1.0)]);
+        }
+    }
+    field
+}
+
+fn assert_close(actual: [f64; 4], expected: [f64; 4], tolerance: f64, what: &str) {
+    let close = actual.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= tolerance);
+    assert!(close, "{what}: {actual:?}, {expected:?} expected");
+}
+
+/// The pixel right of and below the point that `[x, y, depth]` projects to.
+fn pixel_of(x: f64, y: f64, depth: f64) -> (u32, u32) {
+    let column = FOCAL * x / depth + f64::from(WIDTH) / 2.0;
+    let row = FOCAL * y / depth + f64::from(HEIGHT) / 2.0;
+    (column as u32, row as u32)
+}
+
+#[test]
+fn one_gaussian_is_its_closed_form() {
+    let ball = Ball { sigma: 0.12, opacity: 0.8, ..Ball::at([0.0, 0.0, 4.0], [0.2, 0.5, 0.9]) };
+    let image = render(&(&field(&[ball])).into(), &camera(), 0.0, Order::Depth);
+    let variance = (FOCAL * 0.12 / 4.0f64).powi(2) + 0.3;
+    let mut drawn = 0;
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            let d = dvec2(f64::from(x) + 0.5 - 32.0, f64::from(y) + 0.5 - 24.0);
+            let alpha = f64::from(0.8f32) * (-0.5 * d.length_squared() / variance).exp();
+            let alpha = if alpha < ALPHA_MIN { 0.0 } else { alpha };
+            drawn += usize::from(alpha > 0.0);
+            let expected = [0.2 * alpha, 0.5 * alpha, 0.9 * alpha, alpha];
+            assert_close(image.pixel(x, y), expected, 1e-6, &format!("pixel {x},{y}"));
+        }
+    }
+    assert!(drawn > 200 && drawn < 500, "{drawn} pixels drawn");
+}
+
+/// The covariance against derivatives of the projection taken by differences.
+#[test]
+fn footprint_is_the_projected_covariance() {
+    let field = cloud(1, 50);
+    let camera = Camera::look_at([0.3, -0.4, -0.6], [0.1, 0.2, 3.0], [0.1, -1.0, 0.2], 0.9, 80, 60);
+    let project = |p: DVec3| {
+        let m = &camera.camera_from_world;
+        let [x, y, z] = [0, 1, 2].map(|r| m[r][0] * p.x + m[r][1] * p.y + m[r][2] * p.z + m[r][3]);
+        dvec2(camera.k[0][0] * x / z + camera.k[0][2], camera.k[1][1] * y / z + camera.k[1][2])
+    };
+    let mut compared = 0;
+    for row in 0..field.len() {
+        let alive = alive::Alive { row, opacity: 1.0 };
+        let Some(splat) = evaluate::evaluate(&field, &[alive], &camera, 0.0).pop() else { continue };
+        let center = DVec3::from_array(field.position_at(row, 0.0));
+        assert!((splat.center - project(center)).length() < 1e-9);
+        if splat.center.x < 0.0 || splat.center.x > 80.0 || splat.center.y < 0.0 || splat.center.y > 60.0 {
+            continue;
+        }
+        let [w, x, y, z] = field.rotation_at(row, 0.0);
+        let u = DVec3::new(x, y, z);
+        let mut expected = [0.3, 0.0, 0.3];
+        for (axis, &log_scale) in [DVec3::X, DVec3::Y, DVec3::Z].iter().zip(&field.log_scales[row]) {
+            // q axis q*, written out.
+            let turned = axis + 2.0 * w * u.cross(*axis) + 2.0 * u.cross(u.cross(*axis));
+            let h = 1e-5;
+            let slope = (project(center + h * turned) - project(center - h * turned)) / (2.0 * h);
+            let image = slope * f64::from(log_scale).exp();
+            expected[0] += image.x * image.x;
+            expected[1] += image.x * image.y;
+            expected[2] += image.y * image.y;
+        }
+        for (a, b) in splat.covariance.iter().zip(&expected) {
+            assert!((a - b).abs() < 1e-6 * expected[0].max(expected[2]), "row {row}: {a} for {b}");
+        }
+        compared += 1;
+    }
+    assert!(compared > 20, "{compared} rows compared");
+}
+
+#[test]
+fn jacobian_stops_outside_the_image() {
+    let mut camera = camera();
+    camera.k[0][2] = 20.0;
+    let alive = [alive::Alive { row: 0, opacity: 1.0 }];
+    // The image ends at x/z = 0.44 on the right and -0.2 on the left; both by 0.3 * 0.32 more.
+    for (x, slope) in [(0.5, 0.5), (30.0, 0.536), (-30.0, -0.296)] {
+        let field = field(&[Ball::at([x, 0.0, 1.0], WHITE)]);
+        let splat = evaluate::evaluate(&field, &alive, &camera, 0.0)[0];
+        assert!((splat.center.x - (100.0 * f64::from(x) + 20.0)).abs() < 1e-9, "centres are not moved");
+        let expected = (FOCAL * 0.1).powi(2) * (1.0 + slope * slope) + 0.3;
+        assert!((splat.covariance[0] - expected).abs() < 1e-4, "{} for {expected}", splat.covariance[0]);
+    }
+}
+
+#[test]
+fn nearer_is_in_front_and_ties_keep_rows() {
+    let (near, far) = (Ball::at([0.0, 0.0, 3.0], RED), Ball::at([0.0, 0.0, 4.0], BLUE));
+    let image = |balls: &[Ball]| render(&(&field(balls)).into(), &camera(), 0.0, Order::Depth);
+    let a = image(&[near]).pixel(32, 24)[3];
+    let b = image(&[far]).pixel(32, 24)[3];
+    let expected = [a, 0.0, b * (1.0 - a), 1.0 - (1.0 - a) * (1.0 - b)];
+    assert_close(image(&[far, near]).pixel(32, 24), expected, 1e-6, "over");
+    assert_eq!(image(&[near, far]), image(&[far, near]));
+    let tie = Ball { color: BLUE, ..near };
+    let first = image(&[near, tie]).pixel(32, 24);
+    assert!(first[0] > first[2], "{first:?}: the first row is in front");
+}
+
+#[test]
+fn radial_order_differs_from_depth() {
+    // Beside the axis and nearer along it, but farther from the eye.
+    let side = Ball::at([0.9, 0.0, 3.0], RED);
+    let middle = Ball { sigma: 0.5, ..Ball::at([0.1, 0.0, 3.05], BLUE) };
+    let field = field(&[side, middle]);
+    let (x, y) = pixel_of(0.9, 0.0, 3.0);
+    let [depth, radial] = [Order::Depth, Order::Radial]
+        .map(|order| render(&(&field).into(), &camera(), 0.0, order).pixel(x, y));
+    assert!((depth[3] - radial[3]).abs() < 1e-12);
+    assert!(depth[0] > radial[0] + 0.05 && depth[2] < radial[2] - 0.05, "{depth:?} {radial:?}");
+}
+
+#[test]
+fn a_pixel_stops_before_the_fragment_that_would_finish_it() {
+    let wall = |depth| Ball { sigma: 50.0, opacity: 1.0, ..Ball::at([0.0, 0.0, depth], RED) };
+    let faint = Ball { sigma: 50.0, opacity: 0.1, ..Ball::at([0.0, 0.0, 4.0], BLUE) };
+    let image = |balls: &[Ball]| render(&(&field(balls)).into(), &camera(), 0.0, Order::Depth);
+    // Alpha is capped at 0.999; the second wall would leave 1e-6, and nothing comes after it.
+    let stopped = image(&[wall(2.0), wall(3.0), faint]).pixel(32, 24);
+    assert_close(stopped, [0.999, 0.0, 0.0, 0.999], 1e-7, "two walls");
+    // A faint fragment after one wall leaves 9e-4 and is drawn.
+    let drawn = image(&[wall(2.0), faint]).pixel(32, 24);
+    assert_close(drawn, [0.999, 0.0, 1e-4, 0.9991], 1e-6, "one wall");
+}
+
+#[test]
+fn opacity_follows_the_window() {
+    let still = field(&[Ball { opacity: 0.9, ..Ball::at([0.005, 0.005, 1.0], WHITE) }]);
+    let field = moving(still, 0.4, 0.1, &[]);
+    let peak = |t| render(&(&field).into(), &camera(), t, Order::Depth).pixel(32, 24)[3];
+    for t in [0.1, 0.35, 0.4, 0.55, 0.7] {
+        let expected = 0.9 * (-0.5 * ((t - 0.4) / 0.1f64).powi(2)).exp();
+        assert!((peak(t) - expected).abs() < 1e-6, "t {t}: {} for {expected}", peak(t));
+    }
+    let (_, end) = field.alive_interval(0).unwrap();
+    assert!(peak(end - 1e-6) > 0.0);
+    assert_eq!(peak(end + 1e-6), 0.0);
+    assert_eq!(peak(f64::NAN), 0.0);
+}
+
+#[test]
+fn centres_follow_the_cubic() {
+    let ball = Ball { sigma: 0.004, ..Ball::at([-0.093, 0.047, 2.0], WHITE) };
+    let field =
+        moving(field(&[ball]), 0.25, f32::INFINITY, &[[0.4, 0.1, 0.0], [0.0, -0.6, 1.0], [0.3, 0.2, -0.5]]);
+    for t in [0.0, 0.25, 0.6, 1.0] {
+        let d: f64 = t - 0.25;
+        let x = -0.093 + 0.4 * d + 0.3 * d.powi(3);
+        let y = 0.047 + 0.1 * d - 0.6 * d.powi(2) + 0.2 * d.powi(3);
+        let z = 2.0 + d.powi(2) - 0.5 * d.powi(3);
+        let image = render(&(&field).into(), &camera(), t, Order::Depth);
+        let brightest =
+            (0..image.pixels.len()).max_by(|&a, &b| image.pixels[a][3].total_cmp(&image.pixels[b][3]));
+        let (column, row) = pixel_of(x, y, z);
+        assert_eq!(brightest, Some((row * WIDTH + column) as usize), "t {t}");
+    }
+}
+
+#[test]
+fn rotation_rates_turn_the_footprint() {
+    let mut turning = moving(field(&[Ball::at([0.0, 0.0, 2.0], WHITE)]), 0.2, f32::INFINITY, &[]);
+    turning.log_scales[0] = [-1.5, -4.0, -4.0];
+    turning.temporal.as_mut().unwrap().rotation_rates = Some(vec![[-0.2, 0.1, 0.3, 0.8]]);
+    let t = 0.7;
+    let q = DQuat::from_xyzw(0.05, 0.15, 0.4, 0.9).normalize();
+    let mut turned = turning.clone();
+    turned.temporal = None;
+    turned.rotations[0] = [q.w, q.x, q.y, q.z].map(|c| c as f32);
+    let actual = render(&(&turning).into(), &camera(), t, Order::Depth);
+    assert!(actual.max_difference(&render(&(&turned).into(), &camera(), t, Order::Depth)) < 1e-6);
+    assert!(actual.max_difference(&render(&(&turning).into(), &camera(), 0.2, Order::Depth)) > 0.1);
+}
+
+#[test]
+fn color_depends_on_the_direction() {
+    let mut field = field(&[Ball { opacity: 1.0, ..Ball::at([0.0, 0.0, 2.0], [0.5; 3]) }]);
+    field.sh_degree = 1;
+    // Red grows along +z, green along +x.
+    field.sh = vec![[0.0; 3], [0.0; 3], [0.4, 0.0, 0.0], [0.0, -0.4, 0.0]];
+    let linear = 0.4 * (0.75 / PI).sqrt();
+    let seen = |from: [f64; 3]| {
+        let camera = Camera::look_at(from, [0.0, 0.0, 2.0], [0.0, -1.0, 0.0], 0.5, 33, 33);
+        let [r, g, _, a] = render(&(&field).into(), &camera, 0.0, Order::Depth).pixel(16, 16);
+        (r / a, g / a)
+    };
+    let (front, side) = (seen([0.0; 3]), seen([-2.0, 0.0, 2.0]));
+    assert!((front.0 - 0.5 - linear).abs() < 1e-6 && (front.1 - 0.5).abs() < 1e-6, "{front:?}");
+    assert!((side.0 - 0.5).abs() < 1e-6 && (side.1 - 0.5 - linear).abs() < 1e-6, "{side:?}");
+}
+
+#[test]
+fn the_plate_is_behind_whatever_its_depth() {
+    let front = field(&[Ball::at([0.0, 0.0, 4.0], RED)]);
+    let plate = field(&[Ball { sigma: 1.0, opacity: 0.5, ..Ball::at([0.0, 0.0, 1.0], BLUE) }]);
+    let alone = |field: &Field| render(&field.into(), &camera(), 0.0, Order::Depth).pixel(32, 24);
+    let (f, p) = (alone(&front), alone(&plate));
+    let both = render(&Scene::from(&front).with_plate(&plate), &camera(), 0.0, Order::Depth).pixel(32, 24);
+    let expected = [0, 1, 2, 3].map(|c| f[c] + p[c] * (1.0 - f[3]));
+    assert_close(both, expected, 1e-12, "front over plate");
+}
+
+#[test]
+fn what_is_behind_the_near_plane_is_not_drawn() {
+    for (depth, drawn) in [(-1.0, false), (0.009, false), (0.011, true)] {
+        let field = field(&[Ball::at([0.0, 0.0, depth], WHITE)]);
+        let image = render(&(&field).into(), &camera(), 0.0, Order::Depth);
+        assert_eq!(image.pixel(32, 24)[3] > 0.0, drawn, "depth {depth}");
+    }
+}
+
+#[test]
+fn layers_of_a_clip_are_prefixes_drawn_together() {
+    let still = field(&[Ball::at([0.0, 0.0, 4.0], RED), Ball::at([0.1, 0.0, 4.0], BLUE)]);
+    let moving_part =
+        moving(field(&[Ball::at([0.0, 0.1, 3.0], WHITE), Ball::at([0.0, 0.0, 5.0], BLUE)]), 0.5, 1.0, &[]);
+    let clip = Clip {
+        info: ClipInfo {
+            duration_s: 1.0,
+            fps: 30.0,
+            up: [0.0, -1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints: Vec::new(),
+        },
+        bounds: [[-1.0; 3], [5.0; 3]],
+        still: still.clone(),
+        moving: moving_part.clone(),
+        layers: vec![LayerEnd { still: 1, moving: 1 }, LayerEnd { still: 2, moving: 2 }],
+        layers_announced: 2,
+        time_index: TimeIndex::default(),
+        plate: None,
+    };
+    let draw = |scene: Scene| render(&scene, &camera(), 0.5, Order::Depth);
+    let coarse = (still.select(&[0]), moving_part.select(&[0]));
+    let expected = Scene {
+        parts: vec![Part { field: &coarse.0, rows: 1 }, Part { field: &coarse.1, rows: 1 }],
+        plate: None,
+    };
+    assert_eq!(draw(Scene::from_layers(&clip, 1)), draw(expected));
+    assert_eq!(draw(Scene::from_layers(&clip, 0)), draw(Scene::from_layers(&clip, 1)));
+    assert_eq!(draw(Scene::from_layers(&clip, 9)), draw(Scene::from(&clip)));
+    assert_ne!(draw(Scene::from(&clip)), draw(Scene::from_layers(&clip, 1)));
+    // The moving ball at depth 3 covers the still ones at 4, the one at 5 does not.
+    let mut joined = field(&[]);
+    for (part, row) in [(&still, 0), (&still, 1), (&moving_part, 0), (&moving_part, 1)] {
+        joined.centers.push(part.centers[row]);
+        joined.rotations.push(part.rotations[row]);
+        joined.log_scales.push(part.log_scales[row]);
+        joined.opacities.push(part.opacities[row]);
+        joined.sh.push(part.sh[row]);
+    }
+    assert_eq!(draw(Scene::from(&joined)), draw(Scene::from(&clip)));
+}
+
+#[test]
+fn threads_do_not_show() {
+    let field = cloud(2, 800);
+    let draw = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| render(&(&field).into(), &camera(), 0.0, Order::Depth))
+    };
+    let one = draw(1);
+    assert!(one.pixels.iter().filter(|p| p[3] > 0.5).count() > 500, "the cloud is seen");
+    assert_eq!(one, draw(3));
+}
+
+#[test]
+fn extreme_numbers_never_make_nan() {
+    let mut field = cloud(3, 12);
+    field.centers[0] = [3e38, -3e38, 3e38];
+    field.centers[1] = [3e38, 0.0, 0.02];
+    field.centers[2] = [0.0, 0.0, 0.010001];
+    field.log_scales[3] = [88.0, -100.0, 88.0];
+    field.log_scales[4] = [3e38; 3];
+    field.log_scales[5] = [-3e38; 3];
+    field.sh[6 * 4] = [3e38; 3];
+    field.opacities[7] = 1.0;
+    field.rotations[8] = [0.0; 4];
+    let mut field = moving(field, 0.5, 1e-38, &[[3e38; 3]; 3]);
+    let temporal = field.temporal.as_mut().unwrap();
+    temporal.rotation_rates = Some(vec![[-3e38, 3e38, 0.0, 0.0]; 12]);
+    for row in 0..11 {
+        temporal.s[row] = f32::INFINITY;
+        temporal.motion[row * 3..row * 3 + 3].fill([0.0; 3]);
+    }
+    for t in [0.0, 0.5, 1.0, f64::MAX, f64::INFINITY, f64::NAN] {
+        for order in [Order::Depth, Order::Radial] {
+            let image = render(&(&field).into(), &camera(), t, order);
+            assert!(image.pixels.iter().flatten().all(|c| c.is_finite()), "t {t}");
+        }
+        coverage(&(&field).into(), &camera(), t, Radius::Fixed(f64::MAX));
+    }
+}
+
+/// Each rectangle tested pixel by pixel, its axes from the eigenvalue equation.
+#[test]
+fn coverage_counts_the_pixel_centres_in_the_rectangles() {
+    let field = cloud(4, 60);
+    let rows: Vec<_> = (0..60).map(|row| alive::Alive { row, opacity: field.opacity_at(row, 0.0) }).collect();
+    let mut visible = 0;
+    for radius in [Radius::Exact, Radius::AtMost(2.0), Radius::Fixed(8f64.sqrt())] {
+        let mut expected = Coverage { alive: 0, drawn: 0, fragments: 0 };
+        for alive in rows.iter().filter(|alive| alive.opacity >= ALPHA_MIN) {
+            expected.alive += 1;
+            let Some(splat) = evaluate::evaluate(&field, &[*alive], &camera(), 0.0).pop() else { continue };
+            let exact = (2.0 * (255.0 * splat.opacity).ln()).sqrt();
+            let r = match radius {
+                Radius::Exact => exact,
+                Radius::AtMost(most) => exact.min(most),
+                Radius::Fixed(r) => r,
+            };
+            let [xx, xy, yy] = splat.covariance;
+            let root = ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt();
+            let (long, short) = ((xx + yy + root) / 2.0, (xx + yy - root) / 2.0);
+            let axis = dvec2(xy, long - xx).normalize();
+            let mut inside = 0;
+            for y in 0..HEIGHT {
+                for x in 0..WIDTH {
+                    let d = dvec2(f64::from(x) + 0.5, f64::from(y) + 0.5) - splat.center;
+                    let in_rectangle =
+                        axis.dot(d).abs() <= r * long.sqrt() && axis.perp().dot(d).abs() <= r * short.sqrt();
+                    inside += u64::from(in_rectangle);
+                    let q = (yy * d.x * d.x - 2.0 * xy * d.x * d.y + xx * d.y * d.y) / (long * short);
+                    let seen = splat.opacity * (-0.5 * q).exp() >= ALPHA_MIN;
+                    assert!(in_rectangle || !seen || radius != Radius::Exact, "a visible pixel is cut off");
+                    visible += u64::from(seen && radius == Radius::Exact);
+                }
+            }
+            expected.drawn += usize::from(inside > 0);
+            expected.fragments += inside;
+        }
+        assert_eq!(coverage(&(&field).into(), &camera(), 0.0, radius), expected, "{radius:?}");
+        assert!(expected.drawn > 20 && expected.fragments > 2000);
+        if radius == Radius::Exact {
+            let ratio = expected.fragments as f64 / visible as f64;
+            assert!(
+                (1.0..1.5).contains(&ratio),
+                "a rectangle has 4/pi times the area of its ellipse: {ratio}"
+            );
+        }
+    }
+}
+
+/// Against pictures of one white Gaussian at a time, the others being black.
+#[test]
+fn contributions_are_the_weights_of_the_picture() {
+    let mut field = cloud(5, 40);
+    field.sh_degree = 0;
+    field.sh = vec![constant([0.0; 3]); 40];
+    let field = moving(field, 0.4, 0.5, &[[0.2, 0.1, 0.0]]);
+    let t = 0.7;
+    let actual = contributions(&field, &camera(), t, Order::Depth);
+    assert_eq!(actual.len(), 40);
+    let mut seen = 0;
+    for (row, actual) in actual.iter().enumerate() {
+        let mut lit = field.clone();
+        lit.sh[row] = constant([1.0; 3]);
+        let image = render(&(&lit).into(), &camera(), t, Order::Depth);
+        let weights: Vec<f64> = image.pixels.iter().map(|pixel| pixel[0]).collect();
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-4 * (1.0 + b), "row {row}: {a} for {b}");
+        close(actual.weight, weights.iter().sum());
+        close(actual.weight_squared, weights.iter().map(|w| w * w).sum());
+        close(actual.weight_max, weights.iter().copied().fold(0.0, f64::max));
+        // Alone, nothing is in front: opacity times the number of pixels.
+        let image = render(&(&field.select(&[row])).into(), &camera(), t, Order::Depth);
+        let pixels = image.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as f64;
+        let alone = contributions(&field.select(&[row]), &camera(), t, Order::Depth)[0];
+        close(alone.hits, pixels * field.opacity_at(row, t));
+        assert!(actual.hits <= alone.hits * (1.0 + 1e-12));
+        seen += usize::from(actual.weight > 0.1 && actual.hits < alone.hits);
+    }
+    assert!(seen > 10, "{seen} rows are seen, partly hidden");
+}
+
+#[test]
+fn contributions_do_not_depend_on_threads() {
+    let field = cloud(6, 700);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| contributions(&field, &camera(), 0.0, Order::Depth))
+    };
+    assert_eq!(on(1), on(3));
+}

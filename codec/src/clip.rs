@@ -1,0 +1,181 @@
+//! [`Clip`]: what a package holds once decoded.
+
+use crate::camera::{cross, norm};
+use crate::{Camera, Field, TimeIndex};
+
+/// What a player must know of a clip besides its Gaussians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClipInfo {
+    /// Length of the clip in seconds: clip time 1 is this many seconds after clip time 0.
+    pub duration_s: f32,
+    /// Captured frames per second: the step of a frame-by-frame control.
+    pub fps: f32,
+    /// Unit vector of the source's axes that points up.
+    pub up: [f32; 3],
+    /// Metres per unit of the source; life size in a headset.
+    pub metres_per_unit: f32,
+    /// Suggested viewpoints, the first one being the one to start from. May be empty.
+    pub viewpoints: Vec<Viewpoint>,
+}
+
+/// A named place to watch a clip from, in source units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// Name for menus and `--view`, at most 63 bytes of UTF-8.
+    pub name: String,
+    /// Position of the eye.
+    pub position: [f32; 3],
+    /// Point looked at: the pivot of an orbit.
+    pub target: [f32; 3],
+    /// Vertical field of view in radians.
+    pub fov_y: f32,
+}
+
+impl Viewpoint {
+    /// A viewpoint named "front" from which the box `bounds` fills the view, with the source's x
+    /// axis to the right: it looks along -z where y points up (OpenGL, glTF), along +z where y
+    /// points down (OpenCV), along +y where z points up. Where `up` is the x axis, z is right.
+    ///
+    /// Works on any box of finite numbers up to 1e37, also an empty one.
+    pub fn framing(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Viewpoint {
+        let [low, high] = bounds.map(|corner| corner.map(f64::from));
+        let center: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let half: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high[axis] - low[axis]).abs());
+        let up = up.map(f64::from);
+        // A camera at the origin with these axes tells forward, right and down.
+        let right = if up[0].abs() < 0.99 * norm(up) { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
+        let forward = cross(up, right);
+        let axes = Camera::look_at([0.0; 3], forward, up, FRAMING_FOV_Y, 1, 1).camera_from_world;
+        let [x, y, z] =
+            [0, 1, 2].map(|row| (0..3).map(|axis| axes[row][axis].abs() * half[axis]).sum::<f64>());
+        // The near side of the box fills the view with a margin; a point gets a unit of distance.
+        let reach = FRAMING_MARGIN * x.max(y) / (0.5 * FRAMING_FOV_Y).tan() + z;
+        let distance = if reach > 0.0 { reach } else { 1.0 };
+        let position = std::array::from_fn(|axis| (center[axis] - distance * axes[2][axis]) as f32);
+        let target = center.map(|x| x as f32);
+        Viewpoint { name: "front".into(), position, target, fov_y: FRAMING_FOV_Y as f32 }
+    }
+
+    /// The camera of this viewpoint for an image of the given size, with `up` from
+    /// [`ClipInfo::up`].
+    pub fn camera(&self, up: [f32; 3], width: u32, height: u32) -> Camera {
+        Camera::look_at(
+            self.position.map(f64::from),
+            self.target.map(f64::from),
+            up.map(f64::from),
+            f64::from(self.fov_y),
+            width,
+            height,
+        )
+    }
+}
+
+/// Vertical field of view of [`Viewpoint::framing`], in radians.
+const FRAMING_FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
+
+/// Size of the view of [`Viewpoint::framing`] relative to the box.
+const FRAMING_MARGIN: f64 = 1.1;
+
+/// A decoded package.
+///
+/// Gaussians lie in two regions, each a [`Field`] of its own: those that are always on and never
+/// move, without temporal columns, and the others, always with temporal columns. Both are ordered by layer: layer 0 holds the
+/// most important Gaussians, and the first `k` layers together are a complete, coarser clip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clip {
+    /// Duration, axes, viewpoints.
+    pub info: ClipInfo,
+    /// Corners of the box around all centres while alive: `[min, max]`, in source units, to within
+    /// the rounding of the coder.
+    pub bounds: [[f32; 3]; 2],
+    /// Always on and motionless: no temporal columns.
+    pub still: Field,
+    /// Windowed or moving.
+    pub moving: Field,
+    /// Where each decoded layer ends. Never empty.
+    pub layers: Vec<LayerEnd>,
+    /// Layers that the package announces; more than `layers` where only a prefix was decoded.
+    pub layers_announced: usize,
+    /// Which rows of `moving` can be alive at a given time.
+    pub time_index: TimeIndex,
+    /// Static background, drawn behind everything else.
+    pub plate: Option<Field>,
+}
+
+/// Number of Gaussians in a layer and all layers before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerEnd {
+    /// Rows of [`Clip::still`].
+    pub still: usize,
+    /// Rows of [`Clip::moving`].
+    pub moving: usize,
+}
+
+impl Clip {
+    /// Number of Gaussians without the plate.
+    pub fn len(&self) -> usize {
+        self.still.len() + self.moving.len()
+    }
+
+    /// Whether the clip has no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Degree of the spherical harmonics, shared by both regions.
+    pub fn sh_degree(&self) -> u8 {
+        self.moving.sh_degree.max(self.still.sh_degree)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where a point of the world falls in a square image of side 1, and its depth.
+    fn project(viewpoint: &Viewpoint, up: [f32; 3], point: [f32; 3]) -> [f64; 3] {
+        let camera = viewpoint.camera(up, 1, 1);
+        camera.check().unwrap();
+        let p = point.map(f64::from);
+        let [x, y, z] = [0, 1, 2].map(|r| {
+            let m = camera.camera_from_world[r];
+            m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
+        });
+        [camera.k[0][0] * x / z + camera.k[0][2], camera.k[1][1] * y / z + camera.k[1][2], z]
+    }
+
+    #[test]
+    fn framing_fills_the_view_with_the_box_the_right_way_up() {
+        let bounds = [[-1.0, -3.0, -0.5], [2.0, 1.0, 5.0]];
+        let [a, b] = bounds;
+        for (up, forward) in [
+            ([0.0, 1.0, 0.0], [0.0, 0.0, -1.0]),
+            ([0.0, -1.0, 0.0], [0.0, 0.0, 1.0]),
+            ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]),
+            ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]),
+        ] {
+            let viewpoint = Viewpoint::framing(bounds, up);
+            let mut largest = 0.0f64;
+            for corner in 0..8 {
+                let point = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { a[axis] } else { b[axis] });
+                let [x, y, z] = project(&viewpoint, up, point);
+                assert!(z > 0.0);
+                largest = largest.max((x - 0.5).abs()).max((y - 0.5).abs());
+            }
+            assert!((0.4..0.5).contains(&largest), "up {up:?}: reaches {largest} of 0.5");
+            let middle = viewpoint.target;
+            let above = [0, 1, 2].map(|axis| middle[axis] + up[axis]);
+            assert!(project(&viewpoint, up, above)[1] < 0.49, "up {up:?} is up in the image");
+            for axis in 0..3 {
+                let toward = middle[axis] - viewpoint.position[axis];
+                assert!((toward > 0.1) == (forward[axis] > 0.0) && (toward < -0.1) == (forward[axis] < 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn framing_of_a_point_stands_back() {
+        let viewpoint = Viewpoint::framing([[3.0; 3]; 2], [0.0, 1.0, 0.0]);
+        assert_eq!((viewpoint.position, viewpoint.target), ([3.0, 3.0, 4.0], [3.0; 3]));
+    }
+}

@@ -1,0 +1,131 @@
+//! Where the Gaussians of a chunk are, coarsely: how many lie in each cell of a grid.
+//!
+//! Cells are numbered along a Morton curve and the count of every half, quarter, ... of the curve
+//! is coded in turn, so that the order of the Gaussians, which means nothing, takes no bits.
+
+use super::{model::Tree, range::Symbols};
+
+/// Most bits per axis. Format.
+pub(super) const AXIS_BITS_MAX: u32 = 16;
+
+/// Largest count that is coded as one symbol; of larger ones only the upper bits adapt. Format.
+const SMALL: usize = 32;
+
+/// Bits of a large count that adapt. Format.
+const UPPER_BITS: u32 = 5;
+
+/// Codes the Morton numbers of the cells of a chunk in rising order, `3 * axis_bits` bits each.
+pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
+    let mut small: Vec<Tree> = (0..SMALL).map(|n| Tree::new(bits_of(n))).collect();
+    let mut large: Vec<Tree> = (0..=usize::BITS).map(|_| Tree::new(UPPER_BITS)).collect();
+    // Runs of the curve still to be coded, the next one last: first cell, bits left, first and
+    // end row.
+    let mut runs = vec![(0u64, 3 * axis_bits, 0, cells.len())];
+    while let Some((first, bits, start, end)) = runs.pop() {
+        let rows = &mut cells[start..end];
+        match (rows.len(), bits) {
+            (0, _) => {}
+            (_, 0) => rows.fill(first),
+            (1, _) => rows[0] = first | symbols.raw(bits, rows[0] & ((1 << bits) - 1)),
+            (n, _) => {
+                let middle = first | 1 << (bits - 1);
+                let lower = if S::ENCODES { rows.partition_point(|&cell| cell < middle) } else { 0 };
+                let lower = if n < SMALL {
+                    small[n].code(symbols, lower as u32) as usize
+                } else {
+                    let rest = bits_of(n) - UPPER_BITS;
+                    let upper = large[bits_of(n) as usize].code(symbols, (lower >> rest) as u32);
+                    let rest_value = symbols.raw(rest, lower as u64 & ((1 << rest) - 1));
+                    (upper as usize) << rest | rest_value as usize
+                };
+                // Beyond the run only in a damaged stream.
+                let split = start + lower.min(n);
+                runs.push((middle, bits - 1, split, end));
+                runs.push((first, bits - 1, start, split));
+            }
+        }
+    }
+}
+
+/// Bits of `n`.
+fn bits_of(n: usize) -> u32 {
+    usize::BITS - n.leading_zeros()
+}
+
+/// The Morton number of a cell.
+#[cfg(feature = "encode")]
+pub(super) fn morton(cell: [u32; 3]) -> u64 {
+    let spread = |x: u32| {
+        let mut x = u64::from(x);
+        x = (x | x << 16) & 0x0000_ff00_00ff;
+        x = (x | x << 8) & 0xf00f_00f0_0f00_f00f;
+        x = (x | x << 4) & 0x30c3_0c30_c30c_30c3;
+        (x | x << 2) & 0x9249_2492_4924_9249
+    };
+    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+}
+
+/// The cell of a Morton number.
+pub(super) fn cell(morton: u64) -> [u32; 3] {
+    [0, 1, 2].map(|axis| {
+        let mut x = morton >> axis & 0x9249_2492_4924_9249;
+        x = (x | x >> 2) & 0x30c3_0c30_c30c_30c3;
+        x = (x | x >> 4) & 0xf00f_00f0_0f00_f00f;
+        x = (x | x >> 8) & 0x0000_ff00_00ff;
+        (x | x >> 16) as u32 & 0xffff
+    })
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::context::range::{Decoder, Encoder};
+
+    #[test]
+    fn morton_numbers_interleave() {
+        assert_eq!(morton([1, 0, 0]), 1);
+        assert_eq!(morton([0, 2, 0]), 16);
+        assert_eq!(morton([0xffff; 3]), (1 << 48) - 1);
+        for c in [[0, 0, 0], [65535, 0, 1], [1, 32768, 255], [43690, 21845, 65535]] {
+            assert_eq!(cell(morton(c)), c);
+        }
+    }
+
+    fn bytes_of(cells: &[u64], axis_bits: u32) -> Vec<u8> {
+        let mut sorted = cells.to_vec();
+        sorted.sort_unstable();
+        let mut encoder = Encoder::new(Vec::new());
+        let mut coded = sorted.clone();
+        code(&mut encoder, axis_bits, &mut coded);
+        assert_eq!(coded, sorted);
+        let bytes = encoder.finish();
+        let mut decoded = vec![0; cells.len()];
+        let mut decoder = Decoder::new(&bytes);
+        code(&mut decoder, axis_bits, &mut decoded);
+        assert_eq!(decoded, sorted);
+        assert_eq!((decoder.overrun(), decoder.left()), (false, 0));
+        bytes
+    }
+
+    #[test]
+    fn cells_round_trip() {
+        let scattered = |n: u64, bits: u32| -> Vec<u64> {
+            (0..n).map(|i| (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - 3 * bits)).collect()
+        };
+        for (n, bits) in [(1, 16), (2, 1), (31, 4), (33, 7), (4096, 10), (1000, 16)] {
+            bytes_of(&scattered(n, bits), bits);
+        }
+        bytes_of(&[7; 500], 1);
+        bytes_of(&[0; 70], 0);
+        bytes_of(&[(1 << 48) - 1; 3], 16);
+    }
+
+    #[test]
+    fn the_order_takes_no_bits() {
+        let n = 4096u64;
+        let cells: Vec<u64> = (1..=n).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 34).collect();
+        let bits = 8.0 * bytes_of(&cells, 10).len() as f64 / n as f64;
+        // 30 bits a cell less log2(n!) / n = 10.6.
+        assert!((18.5..20.0).contains(&bits), "{bits} bits per cell");
+    }
+}

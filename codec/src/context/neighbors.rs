@@ -1,0 +1,96 @@
+//! The Gaussians coded shortly before that lie nearest: what the next one is likely to be like.
+
+/// How far back to look: Gaussians come along a Morton curve. Format.
+const WINDOW: usize = 24;
+
+/// How many of them to ask. Format.
+const NEAREST: usize = 3;
+
+/// What is remembered of a Gaussian.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Past {
+    pub(super) cell: [u32; 3],
+    /// Logarithm of the largest scale, and the differences of the next ones to it.
+    pub(super) scales: [f64; 3],
+    /// Direction of the main axis.
+    pub(super) direction: [f64; 3],
+    pub(super) color: [f64; 3],
+}
+
+/// The last Gaussians, and the nearest of them.
+#[derive(Default)]
+pub(super) struct Neighbors {
+    /// The last [`WINDOW`] Gaussians, in a ring.
+    last: Vec<Past>,
+    /// Where in the ring the next one goes.
+    next: usize,
+    /// Places in the ring, nearest first.
+    nearest: [usize; NEAREST],
+    found: usize,
+}
+
+impl Neighbors {
+    /// Finds the Gaussians nearest to `cell`; of those as near the later ones.
+    pub(super) fn find(&mut self, cell: [u32; 3]) {
+        let mut best = [(u64::MAX, 0); NEAREST];
+        for age in 1..=self.last.len() {
+            let place = (self.next + WINDOW - age) % WINDOW;
+            let other = self.last[place].cell;
+            let distance = (0..3).map(|axis| u64::from(cell[axis].abs_diff(other[axis])).pow(2)).sum();
+            let mut candidate = (distance, place);
+            for slot in &mut best {
+                if candidate.0 < slot.0 {
+                    std::mem::swap(slot, &mut candidate);
+                }
+            }
+        }
+        self.nearest = best.map(|(_, place)| place);
+        self.found = self.last.len().min(NEAREST);
+    }
+
+    /// The nearest one.
+    pub(super) fn nearest(&self) -> Option<&Past> {
+        (self.found > 0).then(|| &self.last[self.nearest[0]])
+    }
+
+    /// Mean of a number over the nearest ones; `default` where there are none.
+    pub(super) fn mean(&self, default: f64, number: impl Fn(&Past) -> f64) -> f64 {
+        if self.found == 0 {
+            return default;
+        }
+        let sum: f64 = self.nearest[..self.found].iter().map(|&place| number(&self.last[place])).sum();
+        sum / self.found as f64
+    }
+
+    pub(super) fn push(&mut self, past: Past) {
+        if self.last.len() < WINDOW {
+            self.last.push(past);
+        } else {
+            self.last[self.next] = past;
+        }
+        self.next = (self.next + 1) % WINDOW;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_of_the_last_ones_are_found() {
+        let mut neighbors = Neighbors::default();
+        neighbors.find([0; 3]);
+        assert!(neighbors.nearest().is_none());
+        assert_eq!(neighbors.mean(7.0, |_| 1.0), 7.0);
+        for i in 0..100u32 {
+            neighbors.find([i, 0, 0]);
+            neighbors.push(Past { cell: [i, 0, 0], color: [f64::from(i); 3], ..Past::default() });
+        }
+        neighbors.find([80, 0, 0]);
+        assert_eq!(neighbors.nearest().unwrap().cell[0], 80);
+        assert_eq!(neighbors.mean(0.0, |past| past.color[0]), 80.0);
+        // Longer ago than the window.
+        neighbors.find([3, 0, 0]);
+        assert_eq!(neighbors.nearest().unwrap().cell[0], 76);
+    }
+}

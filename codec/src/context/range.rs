@@ -1,0 +1,249 @@
+//! An adaptive binary range coder: [`Decoder`] and [`Encoder`] behind one trait, [`Symbols`].
+//!
+//! What codes a Gaussian is written once, against the trait. Every method takes the symbol to
+//! code and returns the symbol coded: the encoder returns its argument, the decoder ignores it
+//! and returns what it reads. So the two directions cannot drift apart.
+
+use super::model::Bit;
+
+/// Below this the range is widened by a byte.
+const LOW: u32 = 1 << 24;
+
+/// Symbols on their way into or out of bytes.
+pub(super) trait Symbols {
+    /// Whether arguments are coded, rather than ignored.
+    const ENCODES: bool;
+
+    /// One bit, coded with and learned by its model.
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+
+    /// One of `count` equally likely numbers, `1 <= count <= 65536`.
+    fn uniform(&mut self, count: u32, value: u32) -> u32;
+
+    /// `bits` bits that are as likely set as not, at most 48.
+    fn raw(&mut self, bits: u32, value: u64) -> u64 {
+        let mut coded = 0;
+        let mut left = bits;
+        while left > 0 {
+            let taken = left.min(16);
+            left -= taken;
+            let part = (value >> left) as u32 & ((1 << taken) - 1);
+            coded = coded << taken | u64::from(self.uniform(1 << taken, part));
+        }
+        coded
+    }
+}
+
+/// Reads symbols. Past its end it reads zeros; [`Decoder::overrun`] then reports it.
+pub(super) struct Decoder<'a> {
+    bytes: &'a [u8],
+    /// Bytes asked for, possibly more than there are.
+    taken: usize,
+    range: u32,
+    /// Distance of the coded number from the low end of the range; below `range`.
+    code: u32,
+}
+
+impl<'a> Decoder<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Decoder<'a> {
+        let mut decoder = Decoder { bytes, taken: 0, range: u32::MAX, code: 0 };
+        for _ in 0..4 {
+            decoder.shift();
+        }
+        decoder
+    }
+
+    fn shift(&mut self) {
+        self.code = self.code << 8 | u32::from(self.bytes.get(self.taken).copied().unwrap_or(0));
+        self.taken += 1;
+    }
+
+    fn normalize(&mut self) {
+        while self.range < LOW {
+            self.range <<= 8;
+            self.shift();
+        }
+    }
+
+    /// Whether bytes past the end were asked for.
+    pub(super) fn overrun(&self) -> bool {
+        self.taken > self.bytes.len()
+    }
+
+    /// Number of bytes left over.
+    pub(super) fn left(&self) -> usize {
+        self.bytes.len().saturating_sub(self.taken)
+    }
+}
+
+impl Symbols for Decoder<'_> {
+    const ENCODES: bool = false;
+
+    fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
+        let bound = model.split(self.range);
+        let bit = self.code < bound;
+        if bit {
+            self.range = bound;
+        } else {
+            self.code -= bound;
+            self.range -= bound;
+        }
+        model.learn(bit);
+        self.normalize();
+        bit
+    }
+
+    fn uniform(&mut self, count: u32, _: u32) -> u32 {
+        let unit = self.range / count;
+        // In a damaged stream the number can lie in the remainder above the last unit.
+        let value = (self.code / unit).min(count - 1);
+        self.code -= unit * value;
+        self.range = unit;
+        self.code = self.code.min(unit - 1);
+        self.normalize();
+        value
+    }
+}
+
+/// Writes symbols.
+#[cfg(feature = "encode")]
+pub(super) struct Encoder {
+    bytes: Vec<u8>,
+    low: u64,
+    range: u32,
+    /// The last byte not yet written, because a carry can still reach it; `None` at the start.
+    pending: Option<u8>,
+    /// Bytes of 255 after it, which a carry would run through.
+    run: usize,
+}
+
+#[cfg(feature = "encode")]
+impl Encoder {
+    pub(super) fn new(bytes: Vec<u8>) -> Encoder {
+        Encoder { bytes, low: 0, range: u32::MAX, pending: None, run: 0 }
+    }
+
+    fn shift(&mut self) {
+        let carry = (self.low >> 32) as u8;
+        let top = (self.low >> 24) as u8;
+        if carry == 0 && top == 0xff {
+            self.run += 1;
+        } else {
+            if let Some(pending) = self.pending {
+                self.bytes.push(pending.wrapping_add(carry));
+            }
+            let run = std::mem::take(&mut self.run);
+            self.bytes.extend(std::iter::repeat_n(0xffu8.wrapping_add(carry), run));
+            self.pending = Some(top);
+        }
+        self.low = (self.low & 0x00ff_ffff) << 8;
+    }
+
+    fn normalize(&mut self) {
+        while self.range < LOW {
+            self.range <<= 8;
+            self.shift();
+        }
+    }
+
+    /// Writes what is pending; as many bytes in all as a decoder asks for.
+    pub(super) fn finish(mut self) -> Vec<u8> {
+        for _ in 0..5 {
+            self.shift();
+        }
+        self.bytes
+    }
+}
+
+#[cfg(feature = "encode")]
+impl Symbols for Encoder {
+    const ENCODES: bool = true;
+
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+        let bound = model.split(self.range);
+        if bit {
+            self.range = bound;
+        } else {
+            self.low += u64::from(bound);
+            self.range -= bound;
+        }
+        model.learn(bit);
+        self.normalize();
+        bit
+    }
+
+    fn uniform(&mut self, count: u32, value: u32) -> u32 {
+        let unit = self.range / count;
+        self.low += u64::from(unit) * u64::from(value);
+        self.range = unit;
+        self.normalize();
+        value
+    }
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+
+    /// Codes the same pseudo-random symbols in either direction.
+    fn run<S: Symbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
+        let mut state = seed;
+        let mut next = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 8
+        };
+        let mut models = [Bit::default(); 4];
+        let mut coded = Vec::new();
+        for i in 0..count {
+            let random = next();
+            coded.push(match i % 3 {
+                // Model 0 sees almost only ones, which makes long runs of carries.
+                0 => u64::from(symbols.bit(&mut models[i % 4], random % 97 > (i as u32 % 4) * 30)),
+                1 => {
+                    let choices = 1 + next() % 65536;
+                    u64::from(symbols.uniform(choices, random % choices))
+                }
+                _ => symbols.raw(random % 49, u64::from(next()) << 20 & ((1 << (random % 49)) - 1)),
+            });
+        }
+        coded
+    }
+
+    #[test]
+    fn what_goes_in_comes_out_and_every_byte_is_used() {
+        for seed in 0..200 {
+            let count = 1 + seed as usize * 7;
+            let mut encoder = Encoder::new(Vec::new());
+            let coded = run(&mut encoder, seed, count);
+            let bytes = encoder.finish();
+            let mut decoder = Decoder::new(&bytes);
+            assert_eq!(run(&mut decoder, seed, count), coded);
+            assert!(!decoder.overrun());
+            assert_eq!(decoder.left(), 0);
+        }
+    }
+
+    #[test]
+    fn a_likely_bit_costs_little() {
+        let mut encoder = Encoder::new(Vec::new());
+        let mut model = Bit::default();
+        for _ in 0..10_000 {
+            encoder.bit(&mut model, true);
+        }
+        assert!(encoder.finish().len() < 40);
+    }
+
+    #[test]
+    fn any_bytes_decode_to_something_in_range() {
+        for fill in [0x00, 0x55, 0xff] {
+            let bytes = [fill; 16];
+            let mut decoder = Decoder::new(&bytes);
+            let mut model = Bit::default();
+            for count in 1..2000 {
+                decoder.bit(&mut model, false);
+                assert!(decoder.uniform(count, 0) < count);
+            }
+            assert!(decoder.overrun());
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Windows and trajectories in the coordinates in which an error is as visible anywhere.
+//!
+//! A trajectory is re-centred to the middle of the time in which its Gaussian is alive and written
+//! in polynomials orthogonal over that time, weighted by how visible the Gaussian is: Legendre's
+//! for a wide window, Hermite's for a narrow one, and a blend of both in between. Then
+//! errors of the coefficients add up as squares, and each has the step of a position.
+
+use super::math::{exp, ln};
+use crate::ALPHA_MIN;
+
+/// Width of a window, in clip time, above which it is coded by the square of its inverse, so that
+/// infinity has a code. Format.
+const WIDE: f64 = 0.4;
+
+/// Logarithm of the narrowest window. Format.
+const NARROWEST: f64 = -20.0;
+
+/// Coarsest step of a width, and finest and coarsest step of a centre in clip time. Format.
+const WIDTH_STEP_MAX: f64 = 0.3;
+const CENTER_STEP: (f64, f64) = (1.0 / 1_048_576.0, 0.5);
+
+/// Shortest half of a span. Format.
+const SPAN_MIN: f64 = 1e-4;
+
+/// Code 0: always on.
+fn widest() -> f64 {
+    ln(WIDE) + 0.5
+}
+
+/// Step of the widths of windows.
+pub(super) fn width_step(step: f64) -> f64 {
+    step.min(WIDTH_STEP_MAX)
+}
+
+/// What is coded of a window's width: 0 for an infinite one.
+#[cfg(feature = "encode")]
+pub(super) fn width_number(s: f64) -> f64 {
+    let folded =
+        if s < WIDE { ln(s).max(NARROWEST + 1.0) } else { ln(WIDE) + 0.5 * (1.0 - (WIDE / s) * (WIDE / s)) };
+    widest() - folded
+}
+
+/// The width of a coded number.
+pub(super) fn width(number: f64) -> f64 {
+    let folded = (widest() - number).max(NARROWEST);
+    if folded < ln(WIDE) {
+        return exp(folded);
+    }
+    let left = 1.0 - 2.0 * (folded - ln(WIDE));
+    if left <= 1e-9 { f64::INFINITY } else { WIDE / left.sqrt() }
+}
+
+/// Step of the centre of a window of finite width `s`.
+pub(super) fn center_step(s: f64, step: f64) -> f64 {
+    (step * s * (s / WIDE).max(1.0)).clamp(CENTER_STEP.0, CENTER_STEP.1)
+}
+
+/// The time in which a Gaussian is alive, and what is orthogonal over it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span {
+    /// Middle and half length, in clip time.
+    pub(super) middle: f64,
+    pub(super) half: f64,
+    /// Of `u = (t - middle) / half`: the polynomials are 1, u, u^2 - a and u^3 - b u.
+    a: f64,
+    b: f64,
+    /// Their root mean squares.
+    pub(super) size: [f64; 4],
+    /// Farthest that the span gets from the centre of the window.
+    pub(super) reach: f64,
+}
+
+impl Span {
+    /// The span of a Gaussian with these decoded numbers.
+    pub(super) fn new(opacity: f64, tau: f64, s: f64) -> Span {
+        let reach = s * (2.0 * ln(opacity / ALPHA_MIN).max(0.0)).sqrt();
+        // Infinity times zero is no number, and no limit.
+        let (mut start, mut end) = ((tau - reach).max(0.0), (tau + reach).min(1.0));
+        if start >= end {
+            start = tau.clamp(0.0, 1.0);
+            end = start;
+        }
+        let half = (0.5 * (end - start)).max(SPAN_MIN);
+        let ratio = half / s;
+        let narrow = ratio * ratio;
+        // Mean of u^2 is a, of u^4 a b, of u^6 a b c: 1/3, 3/5, 5/7 over an evenly visible span;
+        // 1, 3 and 5 halves of the squared width where the window is much narrower.
+        let blend = |even: f64, multiple: f64| {
+            let far = narrow / multiple;
+            1.0 / (1.0 / (even * even) + far * far).sqrt()
+        };
+        let (a, b, c) = (blend(1.0 / 3.0, 0.5), blend(0.6, 1.5), blend(5.0 / 7.0, 2.5));
+        let quadratic = (a * b - a * a).max(1e-9);
+        let cubic = (a * b * c - a * b * b).max(1e-9);
+        Span {
+            middle: 0.5 * (start + end),
+            half,
+            a,
+            b,
+            size: [1.0, a.sqrt(), quadratic.sqrt(), cubic.sqrt()],
+            reach: (start - tau).abs().max((end - tau).abs()),
+        }
+    }
+
+    /// Coefficients of the orthogonal polynomials, of a trajectory `p[0] + p[1] d + ...` in
+    /// `d = t - tau`.
+    #[cfg(feature = "encode")]
+    pub(super) fn orthogonal(&self, p: [f64; 4], tau: f64) -> [f64; 4] {
+        let (d, h) = (self.middle - tau, self.half);
+        let [p0, p1, p2, p3] = p;
+        let c0 = p0 + d * (p1 + d * (p2 + d * p3));
+        let c1 = (p1 + d * (2.0 * p2 + 3.0 * p3 * d)) * h;
+        let c2 = (p2 + 3.0 * p3 * d) * h * h;
+        let c3 = p3 * h * h * h;
+        [c0 + c2 * self.a, c1 + c3 * self.b, c2, c3]
+    }
+
+    /// The way back from [`Span::orthogonal`].
+    pub(super) fn powers(&self, c: [f64; 4], tau: f64) -> [f64; 4] {
+        let (d, h) = (tau - self.middle, self.half);
+        let p0 = c[0] - c[2] * self.a;
+        let p1 = (c[1] - c[3] * self.b) / h;
+        let p2 = c[2] / (h * h);
+        let p3 = c[3] / (h * h * h);
+        [p0 + d * (p1 + d * (p2 + d * p3)), p1 + d * (2.0 * p2 + 3.0 * p3 * d), p2 + 3.0 * p3 * d, p3]
+    }
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn widths_round_trip_and_the_widest_is_infinite() {
+        for s in [1e-6, 0.01, 0.1, 0.399, 0.4, 0.5, 2.0, 100.0] {
+            let error = (width(width_number(s)) / s - 1.0).abs();
+            assert!(error < 1e-9 * (1.0 + s * s), "{s}: off by {error}");
+        }
+        assert_eq!(width_number(f64::INFINITY), 0.0);
+        assert_eq!(width(0.0), f64::INFINITY);
+        assert!(width(1e300) > 0.0);
+    }
+
+    #[test]
+    fn trajectories_round_trip() {
+        for (opacity, tau, s) in
+            [(1.0, 0.5, f64::INFINITY), (0.7, 0.2, 0.05), (0.9, 1.3, 0.2), (0.001, 0.4, 0.1)]
+        {
+            let span = Span::new(opacity, tau, s);
+            let p = [1.5, -0.7, 0.4, 2.0];
+            let back = span.powers(span.orthogonal(p, tau), tau);
+            for (a, b) in p.iter().zip(back) {
+                assert!((a - b).abs() < 1e-9, "{p:?} {back:?}");
+            }
+        }
+    }
+
+    /// Weighted inner products of the polynomials by quadrature.
+    #[test]
+    fn polynomials_are_orthogonal_at_both_ends_of_the_blend() {
+        for (s, size_tolerance, tolerance) in [(f64::INFINITY, 1e-4, 1e-6), (0.02, 0.2, 0.1)] {
+            let span = Span::new(1.0, 0.5, s);
+            let weight = |u: f64| {
+                let z = u * span.half / s;
+                // Opacity squared.
+                (-z * z).exp()
+            };
+            let at = |u: f64| [1.0, u, u * u - span.a, u * u * u - span.b * u];
+            let mut sums = [[0.0; 4]; 4];
+            for i in 0..20_000 {
+                let u = (i as f64 + 0.5) / 10_000.0 - 1.0;
+                let p = at(u);
+                for j in 0..4 {
+                    for k in 0..4 {
+                        sums[j][k] += weight(u) * p[j] * p[k];
+                    }
+                }
+            }
+            for j in 0..4 {
+                let size = (sums[j][j] / sums[0][0]).sqrt();
+                assert!(
+                    (size / span.size[j] - 1.0).abs() < size_tolerance,
+                    "s {s}, {j}: {size} {:?}",
+                    span.size
+                );
+                for k in 0..j {
+                    let cosine = sums[j][k] / (sums[j][j] * sums[k][k]).sqrt();
+                    assert!(cosine.abs() < tolerance, "s {s}: {j} and {k} have cosine {cosine}");
+                }
+            }
+        }
+    }
+}

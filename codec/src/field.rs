@@ -1,0 +1,539 @@
+//! [`Field`]: 4D Gaussians as a structure of arrays, and the two equations that move them.
+//!
+//! Row `i` of every column describes Gaussian `i`. Columns that a field does not need are absent:
+//! a static field has no [`Temporal`], a field without view-dependent colour has SH degree 0.
+//! Lengths are in the units of the source; time `t` is normalised, 0 at the start of the clip and
+//! 1 at its end.
+
+/// Opacity below which a Gaussian cannot change an 8-bit pixel; it is not drawn.
+pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+
+/// Highest degree of the spherical harmonics.
+pub const SH_DEGREE_MAX: u8 = 3;
+
+/// Highest power of time in the trajectory.
+pub const MOTION_ORDER_MAX: u8 = 3;
+
+/// Number of spherical-harmonic coefficients per colour channel: `(degree + 1)^2`.
+pub const fn sh_coefficients(degree: u8) -> usize {
+    (degree as usize + 1) * (degree as usize + 1)
+}
+
+/// A set of 4D Gaussians.
+///
+/// Invariants, checked by [`Field::check`]: all columns have matching lengths, every number is
+/// finite except that a window width may be `+inf` (always on), quaternions are normalised,
+/// opacities lie in `[0, 1]`, window widths are positive.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Field {
+    /// Centres mu at `t = tau` (at every `t` for a static field), in source units.
+    pub centers: Vec<[f32; 3]>,
+    /// Unit quaternions `w, x, y, z` that turn the Gaussian's axes into the world's.
+    pub rotations: Vec<[f32; 4]>,
+    /// Natural logarithms of the standard deviations along the Gaussian's axes.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Peak opacities o, in `[0, 1]`.
+    pub opacities: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to [`SH_DEGREE_MAX`].
+    pub sh_degree: u8,
+    /// Spherical-harmonic coefficients, `[gaussian][coefficient][red, green, blue]`, flattened in
+    /// the first two: `len * sh_coefficients(sh_degree)` entries. Colour is `0.5 + sum(Y_k c_k)`,
+    /// clamped below at 0, in the basis order and signs of 3D Gaussian Splatting.
+    pub sh: Vec<[f32; 3]>,
+    /// Windows and motion; absent where every Gaussian is always on and never moves.
+    pub temporal: Option<Temporal>,
+}
+
+/// The columns of a field that changes over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Temporal {
+    /// Window centres, in clip time. May lie outside `[0, 1]`.
+    pub tau: Vec<f32>,
+    /// Window widths: standard deviations in clip time, positive, possibly `+inf`.
+    pub s: Vec<f32>,
+    /// Highest power of time present, 0 to [`MOTION_ORDER_MAX`].
+    pub motion_order: u8,
+    /// Motion coefficients v1, v2, v3 in source units per power of clip time,
+    /// `[gaussian][power - 1]`, flattened: `len * motion_order` entries.
+    pub motion: Vec<[f32; 3]>,
+    /// Linear rates of the quaternion per unit of clip time: `q(t) = normalise(q + rate * delta)`,
+    /// as in Spacetime Gaussians. Goes beyond the paper; absent where nothing rotates.
+    pub rotation_rates: Option<Vec<[f32; 4]>>,
+}
+
+impl Field {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.centers.len()
+    }
+
+    /// Whether the field has no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.centers.is_empty()
+    }
+
+    /// Highest power of time in the trajectories; 0 for a static field.
+    pub fn motion_order(&self) -> u8 {
+        self.temporal.as_ref().map_or(0, |temporal| temporal.motion_order)
+    }
+
+    /// Spherical-harmonic coefficients of Gaussian `i`, constant term first.
+    pub fn sh_of(&self, i: usize) -> &[[f32; 3]] {
+        let count = sh_coefficients(self.sh_degree);
+        &self.sh[i * count..(i + 1) * count]
+    }
+
+    /// Centre of Gaussian `i` at clip time `t`: `mu + v1 d + v2 d^2 + v3 d^3`, `d = t - tau`
+    /// (the paper's trajectory equation).
+    pub fn position_at(&self, i: usize, t: f64) -> [f64; 3] {
+        let center = self.centers[i].map(f64::from);
+        let Some(temporal) = &self.temporal else {
+            return center;
+        };
+        let d = t - f64::from(temporal.tau[i]);
+        let mut offset = [0.0; 3];
+        for v in temporal.motion_of(i).iter().rev() {
+            for axis in 0..3 {
+                offset[axis] = (offset[axis] + f64::from(v[axis])) * d;
+            }
+        }
+        [center[0] + offset[0], center[1] + offset[1], center[2] + offset[2]]
+    }
+
+    /// Opacity of Gaussian `i` at clip time `t`: `o exp(-(t - tau)^2 / (2 s^2))`
+    /// (the paper's temporal opacity equation).
+    pub fn opacity_at(&self, i: usize, t: f64) -> f64 {
+        let opacity = f64::from(self.opacities[i]);
+        let Some(temporal) = &self.temporal else {
+            return opacity;
+        };
+        let z = (t - f64::from(temporal.tau[i])) / f64::from(temporal.s[i]);
+        opacity * (-0.5 * z * z).exp()
+    }
+
+    /// Unit quaternion `w, x, y, z` of Gaussian `i` at clip time `t`.
+    pub fn rotation_at(&self, i: usize, t: f64) -> [f64; 4] {
+        let mut q = self.rotations[i].map(f64::from);
+        if let Some(temporal) = &self.temporal
+            && let Some(rates) = &temporal.rotation_rates
+        {
+            let d = t - f64::from(temporal.tau[i]);
+            for k in 0..4 {
+                q[k] += f64::from(rates[i][k]) * d;
+            }
+        }
+        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        // A rate can pass exactly through zero; any fixed rotation will do at that instant.
+        if norm > 1e-12 { q.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] }
+    }
+
+    /// The interval of clip time, cut to `[0, 1]`, in which Gaussian `i` has at least
+    /// [`ALPHA_MIN`] opacity: `tau -+ s sqrt(2 ln(o / ALPHA_MIN))`. `None` if there is no such
+    /// instant in the clip.
+    pub fn alive_interval(&self, i: usize) -> Option<(f64, f64)> {
+        let opacity = f64::from(self.opacities[i]);
+        if opacity < ALPHA_MIN {
+            return None;
+        }
+        let Some(temporal) = &self.temporal else {
+            return Some((0.0, 1.0));
+        };
+        let (tau, s) = (f64::from(temporal.tau[i]), f64::from(temporal.s[i]));
+        if s.is_infinite() {
+            return Some((0.0, 1.0));
+        }
+        // The time index of a package rests on this interval, so every machine must find the same
+        // one: a logarithm in software, not the system's.
+        let reach = s * (2.0 * libm::log(opacity / ALPHA_MIN)).sqrt();
+        let (start, end) = ((tau - reach).max(0.0), (tau + reach).min(1.0));
+        (start <= end).then_some((start, end))
+    }
+
+    /// Corners `[min, max]` of the box around all centres while alive, to within `f32` rounding.
+    /// Where no Gaussian is ever alive, of the box around the centres at `t = tau`; for an empty
+    /// field, the origin.
+    pub fn bounds(&self) -> [[f32; 3]; 2] {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        let mut include = |point: [f64; 3]| {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(point[axis]);
+                high[axis] = high[axis].max(point[axis]);
+            }
+        };
+        let mut any_alive = false;
+        for i in 0..self.len() {
+            let Some((start, end)) = self.alive_interval(i) else {
+                continue;
+            };
+            any_alive = true;
+            include(self.position_at(i, start));
+            include(self.position_at(i, end));
+            for t in self.turning_times(i).into_iter().filter(|t| (start..end).contains(t)) {
+                include(self.position_at(i, t));
+            }
+        }
+        if !any_alive {
+            self.centers.iter().for_each(|center| include(center.map(f64::from)));
+        }
+        if self.is_empty() { Default::default() } else { [low, high].map(|corner| corner.map(|x| x as f32)) }
+    }
+
+    /// Clip times at which Gaussian `i` turns round along an axis: the roots of
+    /// `v1 + 2 v2 d + 3 v3 d^2`, at most two per axis.
+    fn turning_times(&self, i: usize) -> Vec<f64> {
+        let Some(temporal) = &self.temporal else {
+            return Vec::new();
+        };
+        let v = |power: usize, axis: usize| {
+            temporal.motion_of(i).get(power - 1).map_or(0.0, |v| f64::from(v[axis]))
+        };
+        let roots = |axis: usize| {
+            let (a, b, c) = (3.0 * v(3, axis), 2.0 * v(2, axis), v(1, axis));
+            // Citardauq pairing keeps both roots accurate when `a` is small against `b`.
+            let q = -0.5 * (b + (b * b - 4.0 * a * c).sqrt().copysign(b));
+            [q / a, c / q].into_iter().filter(|d| d.is_finite())
+        };
+        (0..3).flat_map(roots).map(|d| f64::from(temporal.tau[i]) + d).collect()
+    }
+
+    /// The rows named by `rows`, in that order, as a new field with the same columns.
+    ///
+    /// # Panics
+    /// If a row is out of range.
+    pub fn select(&self, rows: &[usize]) -> Field {
+        let pick3 = |column: &[[f32; 3]]| rows.iter().map(|&i| column[i]).collect::<Vec<_>>();
+        let groups = |column: &[[f32; 3]], size: usize| {
+            rows.iter().flat_map(|&i| column[i * size..(i + 1) * size].iter().copied()).collect()
+        };
+        Field {
+            centers: pick3(&self.centers),
+            rotations: rows.iter().map(|&i| self.rotations[i]).collect(),
+            log_scales: pick3(&self.log_scales),
+            opacities: rows.iter().map(|&i| self.opacities[i]).collect(),
+            sh_degree: self.sh_degree,
+            sh: groups(&self.sh, sh_coefficients(self.sh_degree)),
+            temporal: self.temporal.as_ref().map(|temporal| Temporal {
+                tau: rows.iter().map(|&i| temporal.tau[i]).collect(),
+                s: rows.iter().map(|&i| temporal.s[i]).collect(),
+                motion_order: temporal.motion_order,
+                motion: groups(&temporal.motion, temporal.motion_order as usize),
+                rotation_rates: temporal
+                    .rotation_rates
+                    .as_ref()
+                    .map(|rates| rows.iter().map(|&i| rates[i]).collect()),
+            }),
+        }
+    }
+
+    /// Exchanges two rows.
+    ///
+    /// # Panics
+    /// If a row is out of range.
+    pub(crate) fn swap_rows(&mut self, a: usize, b: usize) {
+        fn swap_groups<T>(column: &mut [T], size: usize, a: usize, b: usize) {
+            (0..size).for_each(|k| column.swap(a * size + k, b * size + k));
+        }
+        self.centers.swap(a, b);
+        self.rotations.swap(a, b);
+        self.log_scales.swap(a, b);
+        self.opacities.swap(a, b);
+        swap_groups(&mut self.sh, sh_coefficients(self.sh_degree), a, b);
+        if let Some(temporal) = &mut self.temporal {
+            temporal.tau.swap(a, b);
+            temporal.s.swap(a, b);
+            swap_groups(&mut temporal.motion, usize::from(temporal.motion_order), a, b);
+            if let Some(rates) = &mut temporal.rotation_rates {
+                rates.swap(a, b);
+            }
+        }
+    }
+
+    /// Checks the invariants of the type.
+    ///
+    /// # Errors
+    /// One sentence that names the first column and row found wrong.
+    pub fn check(&self) -> Result<(), String> {
+        let n = self.len();
+        if self.sh_degree > SH_DEGREE_MAX {
+            return Err(format!("SH degree {} is above {SH_DEGREE_MAX}", self.sh_degree));
+        }
+        let length = |name: &str, len: usize, expected: usize| {
+            if len == expected {
+                Ok(())
+            } else {
+                Err(format!("column {name} has {len} entries, {expected} expected"))
+            }
+        };
+        length("rotations", self.rotations.len(), n)?;
+        length("log_scales", self.log_scales.len(), n)?;
+        length("opacities", self.opacities.len(), n)?;
+        length("sh", self.sh.len(), n * sh_coefficients(self.sh_degree))?;
+        check_rows("centers", &self.centers, |v| v.iter().all(|x| x.is_finite()))?;
+        check_rows("rotations", &self.rotations, |q| {
+            (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3
+        })?;
+        check_rows("log_scales", &self.log_scales, |v| v.iter().all(|x| x.is_finite()))?;
+        check_rows("opacities", &self.opacities, |o| (0.0..=1.0).contains(o))?;
+        check_rows("sh", &self.sh, |v| v.iter().all(|x| x.is_finite()))?;
+        let Some(temporal) = &self.temporal else {
+            return Ok(());
+        };
+        if temporal.motion_order > MOTION_ORDER_MAX {
+            return Err(format!("motion order {} is above {MOTION_ORDER_MAX}", temporal.motion_order));
+        }
+        length("tau", temporal.tau.len(), n)?;
+        length("s", temporal.s.len(), n)?;
+        length("motion", temporal.motion.len(), n * temporal.motion_order as usize)?;
+        check_rows("tau", &temporal.tau, |x| x.is_finite())?;
+        check_rows("s", &temporal.s, |&x| x > 0.0)?;
+        check_rows("motion", &temporal.motion, |v| v.iter().all(|x| x.is_finite()))?;
+        if let Some(rates) = &temporal.rotation_rates {
+            length("rotation_rates", rates.len(), n)?;
+            check_rows("rotation_rates", rates, |v| v.iter().all(|x| x.is_finite()))?;
+        }
+        Ok(())
+    }
+}
+
+impl Temporal {
+    /// Motion coefficients v1, v2, ... of Gaussian `i`, as many as the motion order.
+    pub fn motion_of(&self, i: usize) -> &[[f32; 3]] {
+        let order = self.motion_order as usize;
+        &self.motion[i * order..(i + 1) * order]
+    }
+
+    /// Whether Gaussian `i` neither moves nor turns.
+    pub fn is_still(&self, i: usize) -> bool {
+        self.motion_of(i).iter().all(|v| *v == [0.0; 3])
+            && self.rotation_rates.as_ref().is_none_or(|rates| rates[i] == [0.0; 4])
+    }
+}
+
+fn check_rows<T>(name: &str, rows: &[T], valid: impl Fn(&T) -> bool) -> Result<(), String> {
+    match rows.iter().position(|row| !valid(row)) {
+        Some(row) => Err(format!("column {name}, row {row}: value out of range")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two Gaussians with all columns.
+    fn field() -> Field {
+        Field {
+            centers: vec![[1.0, 2.0, 3.0], [-1.0, 0.0, 0.5]],
+            rotations: vec![[0.5, 0.5, 0.5, 0.5], [1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[-3.0; 3], [-2.0, -4.0, -5.0]],
+            opacities: vec![0.8, 0.3],
+            sh_degree: 1,
+            sh: (0..8).map(|i| [i as f32; 3]).collect(),
+            temporal: Some(Temporal {
+                tau: vec![0.4, 0.9],
+                s: vec![0.1, f32::INFINITY],
+                motion_order: 3,
+                motion: vec![
+                    [1.0, -2.0, 0.5],
+                    [3.0, 0.0, -4.0],
+                    [-5.0, 6.0, 7.0],
+                    [0.5, 0.0, 0.0],
+                    [0.0, 0.25, 0.0],
+                    [0.0, 0.0, -2.0],
+                ],
+                rotation_rates: Some(vec![[0.0, 1.0, 0.0, 0.0], [0.0; 4]]),
+            }),
+        }
+    }
+
+    #[test]
+    fn trajectory_passes_through_its_centre_with_the_given_derivatives() {
+        let field = field();
+        let tau = f64::from(field.temporal.as_ref().unwrap().tau[0]);
+        assert_eq!(field.position_at(0, tau), [1.0, 2.0, 3.0]);
+        // Central differences of a cubic: exact for the second derivative, off by v3 h^2 for the
+        // first.
+        let h = 1e-3;
+        let at = |d: f64| field.position_at(0, tau + d);
+        for axis in 0..3 {
+            let v = |power: usize| f64::from(field.temporal.as_ref().unwrap().motion_of(0)[power - 1][axis]);
+            let first = (at(h)[axis] - at(-h)[axis]) / (2.0 * h);
+            assert!((first - v(1) - v(3) * h * h).abs() < 1e-9, "axis {axis}: {first}");
+            let second = (at(h)[axis] - 2.0 * at(0.0)[axis] + at(-h)[axis]) / (h * h);
+            assert!((second - 2.0 * v(2)).abs() < 1e-7, "axis {axis}: {second}");
+            let third = (at(2.0 * h)[axis] - 2.0 * at(h)[axis] + 2.0 * at(-h)[axis] - at(-2.0 * h)[axis])
+                / (2.0 * h * h * h);
+            assert!((third - 6.0 * v(3)).abs() < 1e-4, "axis {axis}: {third}");
+        }
+    }
+
+    #[test]
+    fn opacity_is_the_gaussian_window() {
+        let field = field();
+        let (tau, s) = (f64::from(0.4f32), f64::from(0.1f32));
+        let peak = f64::from(0.8f32);
+        assert_eq!(field.opacity_at(0, tau), peak);
+        for d in [-0.3, -0.1, 0.05, 0.2] {
+            let expected = peak * (-(d * d) / (2.0 * s * s)).exp();
+            assert!((field.opacity_at(0, tau + d) - expected).abs() < 1e-12);
+            // The derivative has a closed form of its own: -d / s^2 o(t).
+            let h = 1e-5;
+            let slope = (field.opacity_at(0, tau + d + h) - field.opacity_at(0, tau + d - h)) / (2.0 * h);
+            assert!((slope + d / (s * s) * expected).abs() < 1e-6, "{slope}");
+        }
+        for t in [-5.0, 0.0, 1.0, 70.0] {
+            assert_eq!(field.opacity_at(1, t), f64::from(0.3f32), "an infinite window is always on");
+        }
+    }
+
+    #[test]
+    fn rotation_is_linear_in_time_and_normalised() {
+        let field = field();
+        let tau = f64::from(0.4f32);
+        let q = field.rotation_at(0, tau + 0.5);
+        let norm = (0.25f64 + 1.0 + 0.25 + 0.25).sqrt();
+        for (actual, expected) in q.iter().zip([0.5, 1.0, 0.5, 0.5].map(|x: f64| x / norm)) {
+            assert!((actual - expected).abs() < 1e-12, "{q:?}");
+        }
+        assert_eq!(field.rotation_at(1, 0.0), [1.0, 0.0, 0.0, 0.0]);
+        let mut vanishing = field;
+        vanishing.rotations[0] = [0.0, 1.0, 0.0, 0.0];
+        let rotation = vanishing.rotation_at(0, tau - 1.0);
+        assert_eq!(rotation, [1.0, 0.0, 0.0, 0.0], "a rate that passes through zero");
+    }
+
+    #[test]
+    fn a_static_field_never_changes() {
+        let field = Field { temporal: None, ..field() };
+        for t in [0.0, 0.3, 1.0] {
+            assert_eq!(field.position_at(0, t), [1.0, 2.0, 3.0]);
+            assert_eq!(field.opacity_at(0, t), f64::from(0.8f32));
+            assert_eq!(field.rotation_at(0, t), [0.5; 4]);
+        }
+        assert_eq!(field.alive_interval(0), Some((0.0, 1.0)));
+        assert_eq!(field.motion_order(), 0);
+    }
+
+    #[test]
+    fn alive_interval_ends_where_opacity_reaches_the_threshold() {
+        let mut field = field();
+        let (start, end) = field.alive_interval(0).unwrap();
+        assert!(start > 0.0 && end < 1.0);
+        for t in [start, end] {
+            assert!((field.opacity_at(0, t) / ALPHA_MIN - 1.0).abs() < 1e-9);
+        }
+        assert_eq!(field.alive_interval(1), Some((0.0, 1.0)));
+        let temporal = field.temporal.as_mut().unwrap();
+        temporal.tau = vec![-0.2, 1.5];
+        temporal.s = vec![0.1, 0.1];
+        assert_eq!(field.alive_interval(0).unwrap().0, 0.0, "cut to the clip");
+        assert_eq!(field.alive_interval(1), None, "over before it comes into the clip");
+        field.opacities = vec![1.0 / 256.0, 0.0];
+        assert_eq!((field.alive_interval(0), field.alive_interval(1)), (None, None), "too faint");
+    }
+
+    #[test]
+    fn bounds_hold_every_alive_position_tightly() {
+        let field = field();
+        let [low, high] = field.bounds();
+        let (mut seen_low, mut seen_high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for i in 0..field.len() {
+            let (start, end) = field.alive_interval(i).unwrap();
+            for step in 0..=10_000 {
+                let position = field.position_at(i, start + (end - start) * f64::from(step) / 10_000.0);
+                for axis in 0..3 {
+                    seen_low[axis] = seen_low[axis].min(position[axis]);
+                    seen_high[axis] = seen_high[axis].max(position[axis]);
+                }
+            }
+        }
+        for axis in 0..3 {
+            assert!((f64::from(low[axis]) - seen_low[axis]).abs() < 1e-5, "{low:?} {seen_low:?}");
+            assert!((f64::from(high[axis]) - seen_high[axis]).abs() < 1e-5, "{high:?} {seen_high:?}");
+        }
+    }
+
+    #[test]
+    fn bounds_of_the_invisible_and_of_nothing() {
+        let mut field = Field { temporal: None, ..field() };
+        let visible = field.bounds();
+        assert_eq!(visible, [[-1.0, 0.0, 0.5], [1.0, 2.0, 3.0]]);
+        field.opacities = vec![0.0; 2];
+        assert_eq!(field.bounds(), visible);
+        assert_eq!(Field::default().bounds(), [[0.0; 3]; 2]);
+    }
+
+    #[test]
+    fn select_takes_whole_rows() {
+        let field = field();
+        let picked = field.select(&[1, 0, 1]);
+        assert_eq!(picked.check(), Ok(()));
+        assert_eq!(picked.len(), 3);
+        for (row, source) in [1, 0, 1].into_iter().enumerate() {
+            assert_eq!(picked.centers[row], field.centers[source]);
+            assert_eq!(picked.rotations[row], field.rotations[source]);
+            assert_eq!(picked.log_scales[row], field.log_scales[source]);
+            assert_eq!(picked.opacities[row], field.opacities[source]);
+            assert_eq!(picked.sh_of(row), field.sh_of(source));
+            let (a, b) = (picked.temporal.as_ref().unwrap(), field.temporal.as_ref().unwrap());
+            assert_eq!((a.tau[row], a.s[row]), (b.tau[source], b.s[source]));
+            assert_eq!(a.motion_of(row), b.motion_of(source));
+            assert_eq!(a.rotation_rates.as_ref().unwrap()[row], b.rotation_rates.as_ref().unwrap()[source]);
+            assert_eq!(a.is_still(row), b.is_still(source));
+        }
+        assert!(field.select(&[]).is_empty());
+    }
+
+    #[test]
+    fn stillness_is_the_absence_of_motion_and_turning() {
+        let mut temporal = field().temporal.unwrap();
+        assert!(!temporal.is_still(0) && !temporal.is_still(1));
+        temporal.motion.fill([0.0; 3]);
+        assert!(!temporal.is_still(0), "it turns");
+        assert!(temporal.is_still(1));
+        temporal.rotation_rates = None;
+        assert!(temporal.is_still(0));
+    }
+
+    /// Checks that `change` makes the field invalid with a message that names `what`.
+    #[track_caller]
+    fn refused(what: &str, change: impl FnOnce(&mut Field)) {
+        let mut bad = field();
+        change(&mut bad);
+        let message = bad.check().expect_err(what);
+        assert!(message.contains(what), "'{what}' expected: {message}");
+    }
+
+    #[test]
+    fn check_names_what_is_wrong() {
+        assert_eq!(field().check(), Ok(()));
+        assert_eq!(Field::default().check(), Ok(()));
+        fn temporal(field: &mut Field) -> &mut Temporal {
+            field.temporal.as_mut().unwrap()
+        }
+        refused("SH degree 4", |f| f.sh_degree = 4);
+        refused("motion order 4", |f| temporal(f).motion_order = 4);
+        refused("rotations has 1", |f| f.rotations.truncate(1));
+        refused("log_scales has 3", |f| f.log_scales.push([0.0; 3]));
+        refused("opacities has 1", |f| f.opacities.truncate(1));
+        refused("sh has 8 entries, 18", |f| f.sh_degree = 2);
+        refused("tau has 0", |f| temporal(f).tau.clear());
+        refused("s has 1", |f| temporal(f).s.truncate(1));
+        refused("motion has 6 entries, 4", |f| temporal(f).motion_order = 2);
+        refused("rotation_rates has 0", |f| temporal(f).rotation_rates = Some(Vec::new()));
+        refused("centers, row 1", |f| f.centers[1][2] = f32::NAN);
+        refused("rotations, row 0", |f| f.rotations[0] = [0.5, 0.5, 0.5, 0.6]);
+        refused("rotations, row 0", |f| f.rotations[0] = [f32::NAN; 4]);
+        refused("log_scales, row 1", |f| f.log_scales[1][0] = f32::NEG_INFINITY);
+        refused("opacities, row 0", |f| f.opacities[0] = 1.01);
+        refused("opacities, row 0", |f| f.opacities[0] = -0.01);
+        refused("opacities, row 0", |f| f.opacities[0] = f32::NAN);
+        refused("sh, row 5", |f| f.sh[5][1] = f32::INFINITY);
+        refused("tau, row 1", |f| temporal(f).tau[1] = f32::INFINITY);
+        refused("s, row 0", |f| temporal(f).s[0] = 0.0);
+        refused("s, row 0", |f| temporal(f).s[0] = f32::NAN);
+        refused("motion, row 3", |f| temporal(f).motion[3][0] = f32::NAN);
+        refused("rotation_rates, row 1", |f| temporal(f).rotation_rates.as_mut().unwrap()[1][3] = f32::NAN);
+    }
+}

@@ -1,0 +1,443 @@
+//! [`Contents`]: the head of a package, parsed and written side by side.
+//!
+//! The head is everything before the first section: magic, version, metadata, counts, viewpoints
+//! and the section table, with one CRC-32 over all of it. Sections follow without gaps. Their
+//! order, chunking and uncompressed lengths follow from the counts, so the table is checked
+//! against them rather than believed.
+
+use crate::{
+    ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Viewpoint,
+    bytes::Reader,
+    error::Fault,
+    fixed::{self, Columns},
+    limits::Budget,
+    section::{ENTRY_BYTES, Region, Section, SectionKind},
+};
+
+/// First bytes of every package. Format.
+const MAGIC: [u8; 4] = *b"AARC";
+
+/// Major version: a reader refuses any other. Format.
+pub(crate) const VERSION_MAJOR: u16 = 1;
+
+/// Minor version: may add sections that are not critical. Format.
+#[cfg(feature = "encode")]
+pub(crate) const VERSION_MINOR: u16 = 0;
+
+/// Bytes up to and including the length of the head. Format.
+const PREFIX_BYTES: usize = 12;
+
+/// Bytes of the head whose length does not vary: where the counts per layer start. Format.
+const FIXED_BYTES: usize = 76;
+
+/// Where the counts start that determine how much memory a clip takes. Format.
+pub(crate) const COUNTS_OFFSET: usize = 68;
+
+/// Most viewpoints in a package. Format.
+const VIEWPOINTS_MAX: usize = 64;
+
+/// Longest name of a viewpoint in bytes. Format.
+const NAME_BYTES_MAX: usize = 63;
+
+/// Most layers in a package. Format.
+pub(crate) const LAYERS_MAX: usize = 16;
+
+/// Gaussians per chunk; the last chunk of a region in a layer holds the rest. Format.
+pub(crate) const CHUNK_ROWS: usize = 4096;
+
+/// How the Gaussians of a package are coded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coder {
+    /// The paper's: FP16 and INT8 attributes, motion at 10 bits, zstd.
+    #[default]
+    Fixed,
+    /// Steps as coarse as nobody sees, and an adaptive range coder.
+    Context,
+}
+
+impl Coder {
+    /// Name on command lines and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Coder::Fixed => "fixed",
+            Coder::Context => "context",
+        }
+    }
+
+    #[cfg(feature = "encode")]
+    fn id(self) -> u8 {
+        match self {
+            Coder::Fixed => 1,
+            Coder::Context => 2,
+        }
+    }
+}
+
+/// What the head of a package says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contents {
+    /// Minor version of the format; the major one is that of this decoder.
+    pub version_minor: u16,
+    /// Duration, axes, viewpoints.
+    pub info: ClipInfo,
+    /// Corners of the box around all centres while alive: `[min, max]`, in source units.
+    pub bounds: [[f32; 3]; 2],
+    /// How the Gaussians are coded.
+    pub coder: Coder,
+    /// Degree of the spherical harmonics of both regions.
+    pub sh_degree: u8,
+    /// Highest power of time in the moving region.
+    pub motion_order: u8,
+    /// Whether the moving region has rotation rates.
+    pub rotation_rates: bool,
+    /// Where each layer ends. Never empty.
+    pub layers: Vec<LayerEnd>,
+    /// Number of Gaussians in the plate; 0 where there is none.
+    pub plate_len: usize,
+    /// Degree of the plate's spherical harmonics.
+    pub plate_sh_degree: u8,
+    /// Bytes before the first section.
+    pub head_bytes: usize,
+    /// The section table, in file order.
+    pub sections: Vec<Section>,
+}
+
+/// Reads the head of a package without decoding any Gaussian.
+///
+/// Works on any prefix of a package that holds the whole head: sections may then reach beyond
+/// the end of `bytes`.
+///
+/// # Errors
+/// Whatever is wrong with the head, or bytes after the last section.
+pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
+    let head = head_bytes(bytes)?;
+    let (body, stored) = head.split_at(head.len() - 4);
+    let computed = crc32fast::hash(body);
+    let stored = Reader::new(stored, body.len(), "head").u32()?;
+    if stored != computed {
+        return Err(Error::format(body.len(), Fault::Crc { part: "head", stored, computed }));
+    }
+    let contents = parse(body, limits)?;
+    contents.check_table()?;
+    let end = contents.sections.last().map_or(contents.head_bytes, Section::end);
+    if bytes.len() > end {
+        let fault = Fault::Extra { count: bytes.len() - end, part: "the last section" };
+        return Err(Error::format(end, fault));
+    }
+    Ok(contents)
+}
+
+/// Checks magic, version and length of the head and returns the head with its checksum.
+fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
+    let cut = |needed| Error::format(bytes.len(), Fault::Cut { needed, available: bytes.len() });
+    if !bytes.starts_with(&MAGIC) {
+        // A prefix of the magic is a package cut short, anything else is something else.
+        let is_cut = !bytes.is_empty() && MAGIC.starts_with(bytes);
+        return Err(if is_cut { cut(PREFIX_BYTES) } else { Error::format(0, Fault::Magic) });
+    }
+    let prefix = bytes.get(..PREFIX_BYTES).ok_or(cut(PREFIX_BYTES))?;
+    let major = u16::from_le_bytes([prefix[4], prefix[5]]);
+    if major != VERSION_MAJOR {
+        return Err(Error::Version { major, minor: u16::from_le_bytes([prefix[6], prefix[7]]) });
+    }
+    let length = u32::from_le_bytes([prefix[8], prefix[9], prefix[10], prefix[11]]) as usize;
+    if length < FIXED_BYTES + 4 {
+        return Err(Error::value(8, "length of the head", length));
+    }
+    bytes.get(..length).ok_or(cut(length))
+}
+
+/// Parses the head, whose checksum holds, up to but without the checksum.
+fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
+    let mut reader = Reader::new(body, 0, "head");
+    reader.take(PREFIX_BYTES)?;
+    let version_minor = u16::from_le_bytes([body[6], body[7]]);
+    let mut info = ClipInfo {
+        duration_s: reader.f32()?,
+        fps: reader.f32()?,
+        up: reader.f32x3()?,
+        metres_per_unit: reader.f32()?,
+        viewpoints: Vec::new(),
+    };
+    let bounds = [reader.f32x3()?, reader.f32x3()?];
+    if !(0..3)
+        .all(|axis| bounds[0][axis] <= bounds[1][axis] && (bounds[1][axis] - bounds[0][axis]).is_finite())
+    {
+        return Err(Error::value(36, "bounds", bounds));
+    }
+    let coder = match reader.u8()? {
+        1 => Coder::Fixed,
+        2 => Coder::Context,
+        other => return Err(Error::value(60, "coder", other)),
+    };
+    let degree = |field, at, value, max| {
+        if value > max { Err(Error::value(at, field, value)) } else { Ok(value) }
+    };
+    let sh_degree = degree("SH degree", 61, reader.u8()?, SH_DEGREE_MAX)?;
+    let motion_order = degree("motion order", 62, reader.u8()?, MOTION_ORDER_MAX)?;
+    let flags = degree("flags", 63, reader.u8()?, 1)?;
+    let layer_count = usize::from(reader.u8()?);
+    if !(1..=LAYERS_MAX).contains(&layer_count) {
+        return Err(Error::value(64, "number of layers", layer_count));
+    }
+    let viewpoint_count =
+        usize::from(degree("number of viewpoints", 65, reader.u8()?, VIEWPOINTS_MAX as u8)?);
+    let plate_sh_degree = degree("SH degree of the plate", 66, reader.u8()?, SH_DEGREE_MAX)?;
+    degree("reserved byte", 67, reader.u8()?, 0)?;
+    let plate_len = reader.u32()? as usize;
+    let section_count = reader.u32()? as usize;
+
+    let mut layers = Vec::with_capacity(layer_count);
+    let mut end = LayerEnd::default();
+    for _ in 0..layer_count {
+        let at = reader.at();
+        let (still, moving) = (reader.u32()? as usize, reader.u32()? as usize);
+        if still == 0 && moving == 0 {
+            return Err(Error::value(at, "size of a layer", 0));
+        }
+        end.still = end.still.saturating_add(still);
+        end.moving = end.moving.saturating_add(moving);
+        let needed = end.still.saturating_add(end.moving).saturating_add(plate_len);
+        // The row numbers of the time index are 32-bit numbers.
+        let limit = limits.max_gaussians.min(u32::MAX as usize);
+        if needed > limit {
+            return Err(Error::Limits { offset: at, what: "Gaussians", needed, limit });
+        }
+        layers.push(end);
+    }
+
+    let viewpoints_at = reader.at();
+    for _ in 0..viewpoint_count {
+        let (position, target, fov_y) = (reader.f32x3()?, reader.f32x3()?, reader.f32()?);
+        let at = reader.at();
+        let length = usize::from(reader.u8()?);
+        let name = String::from_utf8(reader.take(length)?.to_vec())
+            .map_err(|e| Error::value(at, "name of a viewpoint", e.into_bytes()))?;
+        info.viewpoints.push(Viewpoint { name, position, target, fov_y });
+    }
+    check_info(&info).map_err(|(field, value)| {
+        let at = if field.contains("viewpoint") { viewpoints_at } else { PREFIX_BYTES };
+        Error::format(at, Fault::Value { field, value })
+    })?;
+
+    let table_bytes = body.len() - reader.at();
+    if section_count.checked_mul(ENTRY_BYTES) != Some(table_bytes) {
+        let expected = format!("{section_count} entries of {ENTRY_BYTES} bytes");
+        return Err(Error::format(
+            reader.at(),
+            Fault::Sections { expected, found: format!("{table_bytes} bytes") },
+        ));
+    }
+    let mut sections = Budget::new(limits).vec(section_count)?;
+    for _ in 0..section_count {
+        sections.push(Section::read(&mut reader)?);
+    }
+    reader.finish()?;
+    Ok(Contents {
+        version_minor,
+        info,
+        bounds,
+        coder,
+        sh_degree,
+        motion_order,
+        rotation_rates: flags == 1,
+        layers,
+        plate_len,
+        plate_sh_degree,
+        head_bytes: body.len() + 4,
+        sections,
+    })
+}
+
+/// Checks what a package says of itself apart from its Gaussians; the same for reading and
+/// writing.
+///
+/// # Errors
+/// Name and value of the first field out of range.
+pub(crate) fn check_info(info: &ClipInfo) -> Result<(), (&'static str, String)> {
+    let check = |valid: bool, field, value: &dyn std::fmt::Debug| {
+        if valid { Ok(()) } else { Err((field, format!("{value:?}"))) }
+    };
+    let positive = |x: f32| x.is_finite() && x > 0.0;
+    check(positive(info.duration_s), "duration", &info.duration_s)?;
+    check(positive(info.fps), "frames per second", &info.fps)?;
+    let norm = info.up.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+    check((norm - 1.0).abs() < 1e-3, "up vector (must have length 1)", &info.up)?;
+    check(positive(info.metres_per_unit), "metres per unit", &info.metres_per_unit)?;
+    let count = info.viewpoints.len();
+    check(count <= VIEWPOINTS_MAX, "number of viewpoints (at most 64)", &count)?;
+    for Viewpoint { name, position, target, fov_y } in &info.viewpoints {
+        // Names end up in terminals and menus, where control characters can do harm.
+        let printable = name.len() <= NAME_BYTES_MAX && !name.chars().any(char::is_control);
+        check(printable, "name of a viewpoint (at most 63 bytes, no control characters)", name)?;
+        check(position.iter().all(|x| x.is_finite()), "position of a viewpoint", position)?;
+        check(target.iter().all(|x| x.is_finite()), "target of a viewpoint", target)?;
+        check(*fov_y > 0.0 && *fov_y < std::f32::consts::PI, "field of view of a viewpoint", fov_y)?;
+    }
+    Ok(())
+}
+
+/// A section that the counts in the header ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Planned {
+    pub(crate) kind: SectionKind,
+    pub(crate) layer: u8,
+    pub(crate) region: Region,
+    pub(crate) chunk: u32,
+    /// Gaussians described.
+    pub(crate) rows: usize,
+}
+
+impl Contents {
+    /// Columns of the Gaussians of a region.
+    pub(crate) fn columns(&self, region: Region) -> Columns {
+        match region {
+            Region::Still => Columns { sh_degree: self.sh_degree, temporal: None },
+            Region::Plate => Columns { sh_degree: self.plate_sh_degree, temporal: None },
+            Region::Moving => Columns {
+                sh_degree: self.sh_degree,
+                temporal: Some(fixed::TemporalColumns {
+                    motion_order: self.motion_order,
+                    rotation_rates: self.rotation_rates,
+                }),
+            },
+        }
+    }
+
+    /// The sections that the counts ask for, in the only order they may come in: by layer, and in
+    /// a layer the plate (first layer only), the still chunks, the time index (coder `fixed` only),
+    /// the moving chunks.
+    pub(crate) fn plan(&self) -> impl Iterator<Item = Planned> + '_ {
+        self.layers.iter().enumerate().flat_map(|(layer, end)| {
+            let start = if layer == 0 { LayerEnd::default() } else { self.layers[layer - 1] };
+            let layer = layer as u8;
+            let moving = end.moving - start.moving;
+            let index = Planned {
+                kind: SectionKind::TimeIndex,
+                layer,
+                region: Region::Moving,
+                chunk: 0,
+                rows: moving,
+            };
+            chunks(layer, Region::Plate, if layer == 0 { self.plate_len } else { 0 })
+                .chain(chunks(layer, Region::Still, end.still - start.still))
+                .chain((moving > 0 && self.coder == Coder::Fixed).then_some(index))
+                .chain(chunks(layer, Region::Moving, moving))
+        })
+    }
+
+    /// The planned sections, each with its entry in the table.
+    pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (Planned, &Section)> {
+        self.plan().zip(self.sections.iter().filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
+    }
+
+    /// Checks the table against the counts.
+    fn check_table(&self) -> Result<(), Error> {
+        let mut plan = self.plan();
+        let mut offset = self.head_bytes;
+        let table_at = self.head_bytes - 4 - self.sections.len() * ENTRY_BYTES;
+        for (i, section) in self.sections.iter().enumerate() {
+            let at = table_at + i * ENTRY_BYTES;
+            let fault =
+                |expected: String, found: String| Error::format(at, Fault::Sections { expected, found });
+            if section.offset != offset {
+                return Err(fault(format!("offset {offset}"), format!("offset {}", section.offset)));
+            }
+            offset = section.end();
+            if matches!(section.kind, SectionKind::Unknown(_)) {
+                continue;
+            }
+            let planned =
+                plan.next().ok_or_else(|| fault("no further section".into(), format!("{section:?}")))?;
+            let found = Planned {
+                kind: section.kind,
+                layer: section.layer,
+                region: section.region,
+                chunk: section.chunk,
+                rows: planned.rows,
+            };
+            if found != planned || !section.critical {
+                return Err(fault(format!("critical {planned:?}"), format!("{section:?}")));
+            }
+            let raw_length = match (planned.kind, self.coder) {
+                (SectionKind::TimeIndex, _) | (_, Coder::Context) => section.length,
+                (_, Coder::Fixed) => fixed::raw_bytes(self.columns(planned.region), planned.rows),
+            };
+            if section.raw_length != raw_length {
+                return Err(fault(format!("raw length {raw_length}"), format!("{}", section.raw_length)));
+            }
+        }
+        match plan.next() {
+            None => Ok(()),
+            Some(planned) => {
+                let fault = Fault::Sections {
+                    expected: format!("{planned:?}"),
+                    found: "the end of the table".into(),
+                };
+                Err(Error::format(self.head_bytes - 4, fault))
+            }
+        }
+    }
+
+    /// Writes the head. `head_bytes` and the offsets of the sections are taken from their lengths.
+    #[cfg(feature = "encode")]
+    pub(crate) fn write(&self) -> Result<Vec<u8>, crate::EncodeError> {
+        let mut w = crate::bytes::Writer::default();
+        let names = self.info.viewpoints.iter().map(|v| 29 + v.name.len()).sum::<usize>();
+        let table = self.sections.len() * ENTRY_BYTES;
+        let length = FIXED_BYTES + 8 * self.layers.len() + names + table + 4;
+        let u32_of = |x: usize| u32::try_from(x).map_err(|_| crate::EncodeError::TooLarge);
+        w.bytes.extend_from_slice(&MAGIC);
+        w.u16(VERSION_MAJOR);
+        w.u16(VERSION_MINOR);
+        w.u32(u32_of(length)?);
+        w.f32(self.info.duration_s);
+        w.f32(self.info.fps);
+        w.f32x3(self.info.up);
+        w.f32(self.info.metres_per_unit);
+        w.f32x3(self.bounds[0]);
+        w.f32x3(self.bounds[1]);
+        w.u8(self.coder.id());
+        w.u8(self.sh_degree);
+        w.u8(self.motion_order);
+        w.u8(u8::from(self.rotation_rates));
+        w.u8(self.layers.len() as u8);
+        w.u8(self.info.viewpoints.len() as u8);
+        w.u8(self.plate_sh_degree);
+        w.u8(0);
+        w.u32(u32_of(self.plate_len)?);
+        w.u32(u32_of(self.sections.len())?);
+        let mut start = LayerEnd::default();
+        for end in &self.layers {
+            w.u32(u32_of(end.still - start.still)?);
+            w.u32(u32_of(end.moving - start.moving)?);
+            start = *end;
+        }
+        for viewpoint in &self.info.viewpoints {
+            w.f32x3(viewpoint.position);
+            w.f32x3(viewpoint.target);
+            w.f32(viewpoint.fov_y);
+            w.u8(viewpoint.name.len() as u8);
+            w.bytes.extend_from_slice(viewpoint.name.as_bytes());
+        }
+        let mut offset = length;
+        for section in &self.sections {
+            Section { offset, ..*section }.write(&mut w)?;
+            offset += section.length;
+        }
+        let crc = crc32fast::hash(&w.bytes);
+        w.u32(crc);
+        Ok(w.bytes)
+    }
+}
+
+/// The chunks of `rows` Gaussians.
+fn chunks(layer: u8, region: Region, rows: usize) -> impl Iterator<Item = Planned> {
+    (0..rows.div_ceil(CHUNK_ROWS)).map(move |chunk| Planned {
+        kind: SectionKind::Gaussians,
+        layer,
+        region,
+        chunk: chunk as u32,
+        rows: (rows - chunk * CHUNK_ROWS).min(CHUNK_ROWS),
+    })
+}

@@ -1,0 +1,257 @@
+//! [`TimeIndex`]: which Gaussians can be alive at an instant, without testing them all.
+//!
+//! The rows of a layer's moving region are ordered by the length of their alive interval, then by
+//! its start. A *cell* is a run of rows of one length class and one start bin. Class `k` holds
+//! lengths in `(2^-(k+1), 2^-k]` of the clip (the last class all shorter ones too), so the rows
+//! of class `k` alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per class. At most
+//! about a quarter of the candidates that come out are not alive.
+
+use std::ops::Range;
+
+use crate::Field;
+
+/// Number of start bins over the clip.
+const BINS: usize = 64;
+
+/// Number of length classes; the shortest class is one bin long.
+const CLASSES: usize = 7;
+
+/// Cells of a layer.
+pub(crate) const CELLS: usize = CLASSES * BINS;
+
+/// Slack of a cell's edges, in clip time. A row this near to an edge may lie on either side, so
+/// that the rounding of another implementation cannot make a package invalid.
+const EDGE: f64 = 1e-6;
+
+/// The cells of all layers of a clip.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TimeIndex {
+    /// Per layer, the first row of each cell in class-major order, and the end of the last:
+    /// `CELLS + 1` rising row numbers of the moving region.
+    layers: Vec<Vec<u32>>,
+}
+
+/// The cell of Gaussian `i`: class-major, `class * BINS + bin`. A Gaussian that is never alive
+/// lies in the shortest class, at the bin of its window centre.
+pub(crate) fn cell_of(field: &Field, i: usize) -> usize {
+    let (start, end) = indexed_interval(field, i);
+    let class = (0..CLASSES - 1).find(|&k| end - start > class_length(k + 1)).unwrap_or(CLASSES - 1);
+    class * BINS + bin_of(start)
+}
+
+/// Whether Gaussian `i` may lie in a cell, give or take [`EDGE`].
+fn fits_cell(field: &Field, i: usize, cell: usize) -> bool {
+    let (start, end) = indexed_interval(field, i);
+    let (class, bin) = (cell / BINS, cell % BINS);
+    let shortest = if class == CLASSES - 1 { 0.0 } else { class_length(class + 1) };
+    let (first, last) = (bin as f64 / BINS as f64, (bin + 1) as f64 / BINS as f64);
+    (shortest - EDGE..=class_length(class) + EDGE).contains(&(end - start))
+        && (first - EDGE..=last + EDGE).contains(&start)
+}
+
+/// The alive interval of Gaussian `i`, or the empty one at its window centre.
+fn indexed_interval(field: &Field, i: usize) -> (f64, f64) {
+    field.alive_interval(i).unwrap_or_else(|| {
+        let tau = field.temporal.as_ref().map_or(0.0, |temporal| f64::from(temporal.tau[i]));
+        (tau.clamp(0.0, 1.0), tau.clamp(0.0, 1.0))
+    })
+}
+
+/// Longest interval of a class.
+fn class_length(class: usize) -> f64 {
+    1.0 / (1u32 << class) as f64
+}
+
+fn bin_of(t: f64) -> usize {
+    // The cast takes times before the clip to bin 0.
+    ((t * BINS as f64) as usize).min(BINS - 1)
+}
+
+impl TimeIndex {
+    /// Builds the index of one more layer from the number of rows in each of its cells,
+    /// class-major, one per cell.
+    ///
+    /// # Panics
+    /// If the number of counts is another one or the rows overflow `u32`.
+    pub fn push_layer(&mut self, counts: &[u32]) {
+        assert_eq!(counts.len(), CELLS, "one count per cell");
+        let mut row = self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0);
+        let mut starts = Vec::with_capacity(counts.len() + 1);
+        starts.push(row);
+        for &count in counts {
+            row = row.checked_add(count).expect("rows fit u32");
+            starts.push(row);
+        }
+        self.layers.push(starts);
+    }
+
+    /// Orders the rows of one more layer of the moving region by cell, rows of a cell as they come,
+    /// and indexes them. `places` has room for one number per row.
+    pub(crate) fn arrange_layer(&mut self, moving: &mut Field, rows: Range<usize>, places: &mut Vec<u32>) {
+        let mut counts = [0; CELLS];
+        places.clear();
+        places.extend(rows.clone().map(|row| cell_of(moving, row) as u32));
+        places.iter().for_each(|&cell| counts[cell as usize] += 1);
+        let mut next = [0; CELLS];
+        for cell in 1..CELLS {
+            next[cell] = next[cell - 1] + counts[cell - 1];
+        }
+        // From cells to places within the layer.
+        for place in places.iter_mut() {
+            let next = &mut next[*place as usize];
+            *place = *next;
+            *next += 1;
+        }
+        // Each exchange brings a row to its place.
+        for i in 0..places.len() {
+            while places[i] as usize != i {
+                let place = places[i] as usize;
+                moving.swap_rows(rows.start + i, rows.start + place);
+                places.swap(i, place);
+            }
+        }
+        self.push_layer(&counts);
+    }
+
+    /// The first row of the last layer pushed that does not belong in its cell.
+    pub(crate) fn first_misplaced(&self, moving: &Field) -> Option<usize> {
+        let starts = self.layers.last()?;
+        (0..CELLS).find_map(|cell| {
+            (starts[cell] as usize..starts[cell + 1] as usize).find(|&row| !fits_cell(moving, row, cell))
+        })
+    }
+
+    /// Ranges of rows of the moving region that can be alive at clip time `t`, in the first
+    /// `layers` layers. Every row alive at `t` is in one of them; ranges are disjoint and rise.
+    pub fn candidates(&self, t: f64, layers: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        let t = t.clamp(0.0, 1.0);
+        let last = bin_of(t + EDGE);
+        self.layers.iter().take(layers).flat_map(move |starts| {
+            (0..CLASSES).filter_map(move |class| {
+                let first = bin_of(t - class_length(class) - 3.0 * EDGE);
+                let range = starts[class * BINS + first] as usize..starts[class * BINS + last + 1] as usize;
+                (!range.is_empty()).then_some(range)
+            })
+        })
+    }
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::Temporal;
+
+    /// A field of windows given as opacity, centre and width, sorted by cell, and its index.
+    fn indexed(mut windows: Vec<(f32, f32, f32)>) -> (Field, TimeIndex) {
+        let field_of = |windows: &[(f32, f32, f32)]| Field {
+            centers: vec![[0.0; 3]; windows.len()],
+            opacities: windows.iter().map(|w| w.0).collect(),
+            temporal: Some(Temporal {
+                tau: windows.iter().map(|w| w.1).collect(),
+                s: windows.iter().map(|w| w.2).collect(),
+                ..Temporal::default()
+            }),
+            ..Field::default()
+        };
+        windows.sort_by_cached_key(|window| cell_of(&field_of(&[*window]), 0));
+        let field = field_of(&windows);
+        let mut counts = [0; CELLS];
+        (0..field.len()).for_each(|i| counts[cell_of(&field, i)] += 1);
+        let mut index = TimeIndex::default();
+        index.push_layer(&counts);
+        (field, index)
+    }
+
+    /// Numbers in `[0, 1)` from a small generator.
+    fn uniform() -> impl FnMut() -> f32 {
+        let mut state = 1u64;
+        move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        }
+    }
+
+    #[test]
+    fn candidates_hold_all_that_is_alive_and_little_else() {
+        let mut uniform = uniform();
+        // Widths spread evenly over the orders of magnitude, 0.003 to 1.
+        let windows: Vec<_> =
+            (0..20_000).map(|_| (uniform(), 1.2 * uniform() - 0.1, 10f32.powf(-2.5 * uniform()))).collect();
+        let (field, index) = indexed(windows);
+        assert_eq!(index.first_misplaced(&field), None);
+        let (mut candidates, mut alive) = (0, 0);
+        for step in 0..=1000 {
+            let t = f64::from(step) / 1000.0;
+            let mut is_candidate = vec![false; field.len()];
+            for range in index.candidates(t, 1) {
+                is_candidate[range].fill(true);
+            }
+            for (i, is_candidate) in is_candidate.into_iter().enumerate() {
+                let is_alive = field.opacity_at(i, t) >= crate::ALPHA_MIN;
+                assert!(is_candidate || !is_alive, "row {i} is alive at {t} but no candidate");
+                candidates += usize::from(is_candidate);
+                alive += usize::from(is_alive);
+            }
+        }
+        let waste = 1.0 - alive as f64 / candidates as f64;
+        assert!((0.0..0.3).contains(&waste), "{waste} of the candidates are not alive");
+    }
+
+    #[test]
+    fn windows_on_the_edges_of_cells_are_found() {
+        // Intervals that start or end exactly on a bin, or are exactly as long as a class: opacity
+        // e^2 / 255 puts the ends at tau -+ 2 s.
+        let opacity = (1f64.exp().powi(2) / 255.0) as f32;
+        let mut windows = Vec::new();
+        for bin in 0..=BINS {
+            for class in 0..CLASSES {
+                let (start, half) = (bin as f32 / BINS as f32, 0.5 * class_length(class) as f32);
+                windows.push((opacity, start + half, 0.5 * half));
+                windows.push((opacity, start - half, 0.5 * half));
+            }
+        }
+        let (field, index) = indexed(windows);
+        for i in 0..field.len() {
+            let Some((start, end)) = field.alive_interval(i) else {
+                continue;
+            };
+            for t in [start, 0.5 * (start + end), end] {
+                assert!(index.candidates(t, 1).any(|range| range.contains(&i)), "row {i} at {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_row_may_lie_on_either_side_of_an_edge_but_not_beyond() {
+        let (field, _) = indexed(vec![(1.0, 0.5, 1e-5)]);
+        let (start, _) = field.alive_interval(0).unwrap();
+        let edge = (start * BINS as f64).ceil() / BINS as f64;
+        let shifted = |by: f64| {
+            let tau = (edge - start + by) as f32 + 0.5;
+            indexed(vec![(1.0, tau, 1e-5)]).0
+        };
+        let last = (CLASSES - 1) * BINS + (edge * BINS as f64) as usize;
+        // Within the slack both neighbours do, outside only one.
+        let both = shifted(0.0);
+        assert!(fits_cell(&both, 0, last) && fits_cell(&both, 0, last - 1));
+        let after = shifted(1e-4);
+        assert!(fits_cell(&after, 0, last) && !fits_cell(&after, 0, last - 1));
+        let before = shifted(-1e-4);
+        assert!(!fits_cell(&before, 0, last) && fits_cell(&before, 0, last - 1));
+        // The class counts as well.
+        assert!(!fits_cell(&after, 0, last - BINS));
+    }
+
+    #[test]
+    fn layers_continue_each_others_rows() {
+        let mut counts = [0; CELLS];
+        counts[3] = 2;
+        let mut index = TimeIndex::default();
+        index.push_layer(&counts);
+        index.push_layer(&counts);
+        let all: Vec<_> = index.candidates(0.05, 2).collect();
+        assert_eq!(all, [0..2, 2..4]);
+        assert!(index.candidates(0.05, 1).eq(std::iter::once(0..2)));
+        assert_eq!(index.candidates(0.0, 2).count(), 0, "bin 3 starts at 3 / 64");
+    }
+}

@@ -1,0 +1,113 @@
+//! The frozen packages of format version 1, one for each coder: they decode to the same bits for
+//! ever and everywhere, and today's encoder still writes them.
+//!
+//! `UPDATE_GOLDEN=1` rewrites the files and fails once. The listings, `.txt`, may change only
+//! together with the major version; the packages, `.aarc`, may change when the encoder decides
+//! differently or zstd compresses differently.
+
+mod common;
+
+use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, decode, encode};
+use common::{Shape, field, info, static_field};
+use std::{fmt::Write, fs, path::PathBuf};
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
+}
+
+/// A package that exercises every feature of the format.
+fn package(coder: Coder) -> Vec<u8> {
+    let (info, field, plate) = (info(), field(Shape::full(21), 1), static_field(5, 2, 2));
+    let options = EncodeOptions { coder, layers: vec![8], ..EncodeOptions::default() };
+    encode(&Source { info: &info, field: &field, plate: Some(&plate) }, &options).unwrap()
+}
+
+/// The golden file, or `actual` written in its place.
+fn golden(name: &str, actual: &[u8]) -> Vec<u8> {
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        fs::write(path(name), actual).unwrap();
+        panic!("{name} was rewritten; run again without UPDATE_GOLDEN, and look at what changed");
+    }
+    fs::read(path(name)).unwrap()
+}
+
+/// Coders, and the names of their files.
+const CODERS: [(Coder, &str); 2] = [(Coder::Fixed, "v1"), (Coder::Context, "v1-context")];
+
+/// Runs a check for each coder, all of them even where one fails.
+fn for_each_coder(check: impl Fn(Coder, &str) + std::panic::RefUnwindSafe) {
+    let failed = CODERS.map(|(coder, name)| std::panic::catch_unwind(|| check(coder, name)).is_err());
+    assert_eq!(failed, [false; 2], "coders that fail");
+}
+
+#[test]
+fn version_1_decodes_to_the_same_bits() {
+    for_each_coder(|coder, name| {
+        let clip = decode(&golden_package(coder, name), &Limits::default()).unwrap();
+        let actual = listing(&clip);
+        let expected = String::from_utf8(golden(&format!("{name}.txt"), actual.as_bytes())).unwrap();
+        for (number, (actual, expected)) in actual.lines().zip(expected.lines()).enumerate() {
+            assert_eq!(actual, expected, "line {} of {name}.txt", number + 1);
+        }
+        assert_eq!(actual.lines().count(), expected.lines().count(), "lines of {name}.txt");
+    });
+}
+
+fn golden_package(coder: Coder, name: &str) -> Vec<u8> {
+    // While updating, both files come from today's encoder.
+    match std::env::var_os("UPDATE_GOLDEN") {
+        Some(_) => package(coder),
+        None => fs::read(path(&format!("{name}.aarc"))).unwrap(),
+    }
+}
+
+#[test]
+fn the_encoder_writes_the_same_bytes_on_every_machine() {
+    for_each_coder(|coder, name| {
+        let actual = package(coder);
+        let expected = golden(&format!("{name}.aarc"), &actual);
+        let first = actual.iter().zip(&expected).position(|(a, e)| a != e);
+        let (length, wanted) = (actual.len(), expected.len());
+        assert!(actual == expected, "{name}: {length} bytes, {wanted} expected; first difference: {first:?}");
+    });
+}
+
+/// Everything in a clip, numbers as the bits of their `f32`.
+fn listing(clip: &Clip) -> String {
+    let mut out = String::new();
+    let Clip { info, bounds, still, moving, layers, layers_announced, time_index, plate } = clip;
+    writeln!(out, "{info:?}").unwrap();
+    writeln!(out, "bounds {bounds:?}").unwrap();
+    writeln!(out, "layers {layers:?} of {layers_announced}").unwrap();
+    for t in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let ranges: Vec<_> = time_index.candidates(t, layers.len()).collect();
+        writeln!(out, "candidates at {t}: {ranges:?}").unwrap();
+    }
+    list(&mut out, "still", still);
+    list(&mut out, "moving", moving);
+    list(&mut out, "plate", plate.as_ref().unwrap());
+    out
+}
+
+fn list(out: &mut String, region: &str, field: &Field) {
+    column(out, region, "centers", field.centers.as_flattened());
+    column(out, region, "rotations", field.rotations.as_flattened());
+    column(out, region, "log_scales", field.log_scales.as_flattened());
+    column(out, region, "opacities", &field.opacities);
+    column(out, region, "sh", field.sh.as_flattened());
+    if let Some(temporal) = &field.temporal {
+        column(out, region, "tau", &temporal.tau);
+        column(out, region, "s", &temporal.s);
+        column(out, region, "motion", temporal.motion.as_flattened());
+        let rates = temporal.rotation_rates.as_deref().unwrap_or_default();
+        column(out, region, "rotation_rates", rates.as_flattened());
+    }
+}
+
+fn column(out: &mut String, region: &str, name: &str, numbers: &[f32]) {
+    writeln!(out, "{region} {name}: {}", numbers.len()).unwrap();
+    for line in numbers.chunks(12) {
+        let bits: Vec<String> = line.iter().map(|x| format!("{:08x}", x.to_bits())).collect();
+        writeln!(out, "{}", bits.join(" ")).unwrap();
+    }
+}

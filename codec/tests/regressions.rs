@@ -1,0 +1,34 @@
+//! Inputs that fuzzing once found a fault with, or that reach far into the decoder: every property
+//! that the fuzz targets check holds of them. See fuzz/README.md.
+
+use std::{fs, path::Path};
+
+use properties::{LIMITS, check_decoding, check_round_trip};
+
+#[path = "../fuzz/src/properties.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the fuzz targets use it from outside")]
+mod properties;
+
+/// Gives every file of a folder of regressions to `check`.
+fn replay(target: &str, check: impl Fn(&[u8])) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/regressions").join(target);
+    let mut count = 0;
+    for entry in fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        // Printed only where a check panics: which file it was.
+        println!("{}", path.display());
+        check(&fs::read(&path).unwrap());
+        count += 1;
+    }
+    assert!(count > 0, "no regressions in {}", folder.display());
+}
+
+#[test]
+fn packages_decode_to_a_valid_clip_or_an_error() {
+    replay("decode", |bytes| check_decoding(bytes, &codec::decode(bytes, &LIMITS)));
+}
+
+#[test]
+fn fields_come_back() {
+    replay("roundtrip", check_round_trip);
+}

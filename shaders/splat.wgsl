@@ -1,0 +1,90 @@
+// Stage splat: a Gaussian becomes a rectangle in the image, along the axes of its footprint and
+// reaching to where its alpha falls to ALPHA_MIN at this instant.
+//
+// The footprint is the affine approximation of EWA splatting in the form of gsplat: the Jacobian
+// of the projection is taken at the centre, which is first brought to within a margin around the
+// image.
+
+// Rows to draw, back to front.
+@group(1) @binding(2) var<storage, read> order: array<u32>;
+
+struct Splat {
+    @builtin(position) position: vec4<f32>,
+    // From the centre, in standard deviations.
+    @location(0) local: vec2<f32>,
+    // What the fragments need to know, see `carried`.
+    @location(1) @interpolate(flat, either) carried: vec2<u32>,
+}
+
+// Standard deviations in pixels above this are cut to it; squares of squares must not overflow.
+const SIGMA_MAX: f32 = 1e8;
+
+// Corner `corner` (0 to 3, as a strip) of the rectangle of instance `instance`.
+fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
+    // Outside the clip volume: all four corners there draw nothing.
+    let nothing = Splat(vec4<f32>(0.0, 0.0, 2.0, 1.0), vec2<f32>(0.0), vec2<u32>(0u));
+
+    // Conditions are phrased so that NaN fails them.
+    let row = order[instance];
+    let g = evaluate(row, frame.time);
+    if !(g.opacity >= ALPHA_MIN) {
+        return nothing;
+    }
+    let center = (views[eye].view_from_world * vec4<f32>(g.center, 1.0)).xyz;
+    if !(center.z >= NEAR) {
+        return nothing;
+    }
+    let focal = views[eye].focal / center.z;
+    let pixel = focal * center.xy + views[eye].principal;
+    if !(max(abs(pixel.x), abs(pixel.y)) < SIGMA_MAX) {
+        return nothing;
+    }
+
+    // The images of the Gaussian's axes are the columns of a 2x3 matrix with rows x and y; the
+    // covariance is that matrix times its transpose, plus the blur.
+    let world = views[eye].view_from_world;
+    let axes = mat3x3<f32>(world[0].xyz, world[1].xyz, world[2].xyz) * rotation_matrix(g.rotation);
+    let across = transpose(mat3x3<f32>(axes[0] * g.scale.x, axes[1] * g.scale.y, axes[2] * g.scale.z));
+    let slope = clamp(center.xy / center.z, views[eye].slope_min, views[eye].slope_max);
+    var x = focal.x * (across[0] - slope.x * across[2]);
+    var y = focal.y * (across[1] - slope.y * across[2]);
+    let reach = max(abs(x), abs(y));
+    let largest = max(reach.x, max(reach.y, reach.z));
+    if largest > SIGMA_MAX {
+        x *= SIGMA_MAX / largest;
+        y *= SIGMA_MAX / largest;
+    }
+    let xx = dot(x, x) + BLUR;
+    let xy = dot(x, y);
+    let yy = dot(y, y) + BLUR;
+
+    // Eigenvalues. The determinant comes from the cross product: xx yy - xy^2 would lose the width
+    // of a needle to cancellation.
+    let half_difference = 0.5 * (xx - yy);
+    let spread = length(vec2<f32>(half_difference, xy));
+    let major = 0.5 * (xx + yy) + spread;
+    let area = length(cross(x, y));
+    let minor = (area / major) * area + BLUR * (xx + yy - BLUR) / major;
+    let sigma = sqrt(vec2<f32>(major, minor));
+    if !(sigma.x < 4.0 * SIGMA_MAX && sigma.y > 0.0) {
+        return nothing;
+    }
+    // Eigenvector of the larger one, by whichever form does not cancel.
+    var axis = vec2<f32>(half_difference + spread, xy);
+    if half_difference < 0.0 {
+        axis = vec2<f32>(xy, spread - half_difference);
+    }
+    axis = select(vec2<f32>(1.0, 0.0), normalize(axis), spread > 1e-6 * major);
+
+    // No side needs to reach beyond the farthest corner of the image.
+    let exact = sqrt(2.0 * log(g.opacity / ALPHA_MIN));
+    let farthest = length(max(abs(pixel), abs(views[eye].size - pixel)));
+    let radius = min(vec2<f32>(min(exact, frame.radius_max)), farthest / sigma);
+    let local = radius * vec2<f32>(f32(corner & 1u) * 2.0 - 1.0, f32(corner >> 1u) * 2.0 - 1.0);
+    let offset = local * sigma;
+    let image = pixel + offset.x * axis + offset.y * vec2<f32>(-axis.y, axis.x);
+    let ndc = (2.0 * image / views[eye].size - 1.0) * vec2<f32>(1.0, -1.0);
+
+    let color = color_of(row, normalize(g.center - views[eye].eye));
+    return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(instance, color, g.opacity));
+}

@@ -1,0 +1,77 @@
+//! The structs that Rust writes and WGSL reads, field for field.
+//!
+//! Names, offsets and sizes are those of the WGSL declarations; the tests of this crate compare
+//! them through naga.
+
+use bytemuck::{Pod, Zeroable};
+
+/// `Frame` of frame.wgsl: the instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Frame {
+    /// Normalised clip time.
+    pub time: f32,
+    /// Farthest a splat reaches from its centre, in standard deviations.
+    pub radius_max: f32,
+}
+
+/// `View` of frame.wgsl: a pinhole eye in OpenCV axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct View {
+    /// Column-major rigid transform.
+    pub view_from_world: [[f32; 4]; 4],
+    /// Position of the eye in the world.
+    pub eye: [f32; 3],
+    /// Padding.
+    pub _pad0: f32,
+    /// Focal lengths in pixels.
+    pub focal: [f32; 2],
+    /// Principal point in pixels from the top left corner.
+    pub principal: [f32; 2],
+    /// Image size in pixels.
+    pub size: [f32; 2],
+    /// Least x/z and y/z at which a footprint is computed.
+    pub slope_min: [f32; 2],
+    /// Largest x/z and y/z at which a footprint is computed.
+    pub slope_max: [f32; 2],
+    /// Padding.
+    pub _pad1: [f32; 2],
+}
+
+/// `Ranges` of gaussian.wgsl: what the packed numbers of a field stand for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Ranges {
+    /// Log-scale of the number 0.
+    pub log_scale_min: f32,
+    /// Log-scale per step of the 16-bit number.
+    pub log_scale_step: f32,
+    /// Rows from here on have temporal data.
+    pub first_moving: u32,
+    /// Factor of the rates of rotation.
+    pub rate_unit: f32,
+    /// Factors of the motion coefficients of power 1, 2, 3.
+    pub motion_units: [f32; 3],
+    /// Padding.
+    pub _pad0: f32,
+}
+
+/// `Gaussian` of gaussian.wgsl: the packed record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Gaussian {
+    /// Centre at the window centre, as the bits of three `f32`.
+    pub center: [u32; 3],
+    /// Smallest-three quaternion: two components in 15 bits each, the index of the missing one in
+    /// the upper 2.
+    pub rotation: u32,
+    /// The third component in the lower 16 bits, the first log-scale in the upper 16.
+    pub rotation_scale: u32,
+    /// The second and third log-scale, 16 bits each.
+    pub scales: u32,
+    /// Peak opacity (unorm16), red (f16).
+    pub opacity_red: u32,
+    /// Green, blue (f16).
+    pub green_blue: u32,
+}

@@ -1,0 +1,123 @@
+//! Every shader that can be composed is valid, and its structs, bindings and entry points are
+//! those that Rust believes in.
+
+use std::mem::{offset_of, size_of};
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+use super::*;
+use crate::layout::{Frame, Gaussian, Ranges, View};
+
+fn all_features() -> Vec<Features> {
+    let mut all = Vec::new();
+    for sh_degree in 0..=3 {
+        all.push(Features { sh_degree, motion: None });
+        for order in 0..=3 {
+            for rotates in [false, true] {
+                all.push(Features { sh_degree, motion: Some(Motion { order, rotates }) });
+            }
+        }
+    }
+    all
+}
+
+const PURPOSES: [Purpose; 3] = [Purpose::Draw { views: 1 }, Purpose::Draw { views: 2 }, Purpose::Count];
+
+fn parse(features: Features, purpose: Purpose) -> naga::Module {
+    let source = compose(features, purpose);
+    naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{features:?} {purpose:?}: {}", error.emit_to_string(&source)))
+}
+
+#[test]
+fn every_composition_is_valid() {
+    for features in all_features() {
+        for purpose in PURPOSES {
+            let module = parse(features, purpose);
+            let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+            capabilities.set(Capabilities::MULTIVIEW, purpose == Purpose::Draw { views: 2 });
+            Validator::new(ValidationFlags::all(), capabilities)
+                .validate(&module)
+                .unwrap_or_else(|error| panic!("{features:?} {purpose:?}: {error:?}"));
+            let stages: Vec<_> = module.entry_points.iter().map(|e| (e.name.as_str(), e.stage)).collect();
+            assert!(stages.contains(&(VERTEX_ENTRY, naga::ShaderStage::Vertex)), "{stages:?}");
+            assert!(stages.contains(&(FRAGMENT_ENTRY, naga::ShaderStage::Fragment)), "{stages:?}");
+        }
+    }
+}
+
+/// Name, group and binding of the global variables.
+fn bindings(module: &naga::Module) -> Vec<(String, u32, u32)> {
+    let global = |variable: &naga::GlobalVariable| {
+        let binding = variable.binding?;
+        Some((variable.name.clone()?, binding.group, binding.binding))
+    };
+    module.global_variables.iter().filter_map(|(_, variable)| global(variable)).collect()
+}
+
+#[test]
+fn a_shader_binds_what_its_field_has_and_no_more() {
+    for features in all_features() {
+        for purpose in PURPOSES {
+            let mut expected = vec![
+                ("frame", 0, FRAME),
+                ("views", 0, VIEWS),
+                ("ranges", 1, RANGES),
+                ("gaussians", 1, GAUSSIANS),
+                ("order", 1, ORDER),
+            ];
+            expected.extend(features.motion.map(|_| ("motion", 1, MOTION)));
+            expected.extend((features.sh_degree > 0).then_some(("sh", 1, SH)));
+            expected.extend((purpose == Purpose::Count).then_some(("counts", 2, COUNTS)));
+            let mut found = bindings(&parse(features, purpose));
+            found.sort();
+            let mut expected: Vec<_> = expected
+                .into_iter()
+                .map(|(name, group, binding)| (name.to_owned(), group, binding))
+                .collect();
+            expected.sort();
+            assert_eq!(found, expected, "{features:?} {purpose:?}");
+        }
+    }
+}
+
+/// Size of a WGSL struct, and name and offset of its members.
+fn struct_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
+    let (_, found) = module
+        .types
+        .iter()
+        .find(|(_, found)| found.name.as_deref() == Some(name))
+        .unwrap_or_else(|| panic!("struct {name} is declared"));
+    let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is a struct") };
+    let member = |member: &naga::StructMember| {
+        (member.name.clone().expect("members have names"), member.offset as usize)
+    };
+    (*span as usize, members.iter().map(member).collect())
+}
+
+macro_rules! assert_layout {
+    ($module:expr, $name:ident { $($member:ident),+ }) => {
+        let (size, members) = struct_layout($module, stringify!($name));
+        assert_eq!(size, size_of::<$name>(), stringify!($name));
+        let expected = vec![$((stringify!($member).to_owned(), offset_of!($name, $member))),+];
+        assert_eq!(members, expected, stringify!($name));
+    };
+}
+
+#[test]
+fn structs_have_the_layout_of_their_counterparts() {
+    let module = &parse(Features::default(), Purpose::Draw { views: 1 });
+    assert_layout!(module, Frame { time, radius_max });
+    assert_layout!(module, View { view_from_world, eye, focal, principal, size, slope_min, slope_max });
+    assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_moving, rate_unit, motion_units });
+    assert_layout!(module, Gaussian { center, rotation, rotation_scale, scales, opacity_red, green_blue });
+}
+
+#[test]
+fn record_sizes() {
+    let words = |order, rotates| Motion { order, rotates }.words();
+    assert_eq!([0, 1, 2, 3].map(|order| words(order, false)), [2, 3, 5, 6]);
+    assert_eq!([0, 1, 2, 3].map(|order| words(order, true)), [4, 5, 7, 8]);
+    assert_eq!([0, 1, 2, 3].map(sh_words), [0, 4, 9, 16]);
+    assert_eq!(size_of::<Gaussian>(), 32);
+}

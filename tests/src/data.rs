@@ -1,0 +1,31 @@
+//! Real data that lies beside the repository and is not part of it.
+
+use std::path::PathBuf;
+
+use client::gpu::Gpu;
+use libtest_mimic::{Completion, Failed, Trial};
+
+use crate::gpu::{Passes, device};
+
+/// A file of the folder of data beside the repository; `None` where it is not there.
+pub fn path(name: &str) -> Option<PathBuf> {
+    let path = xtask::workspace::root().join("../shared/data").join(name);
+    path.exists().then_some(path)
+}
+
+/// A test that needs a device and data: ignored where either is missing.
+pub fn trial(
+    name: &str,
+    data: &'static str,
+    test: impl FnOnce(&'static Gpu, PathBuf) -> Result<(), String> + Send + 'static,
+) -> Trial {
+    Trial::ignorable_test(name, move || {
+        let Some(path) = path(data) else {
+            return Ok(Completion::ignored_with(format!("../shared/data/{data} is not there")));
+        };
+        match device(Passes::Shared) {
+            Ok(gpu) => test(gpu, path).map(|()| Completion::Completed).map_err(Failed::from),
+            Err(fault) => Ok(Completion::ignored_with(fault)),
+        }
+    })
+}

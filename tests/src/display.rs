@@ -1,0 +1,191 @@
+//! A display without a screen, to try the desktop preview on: Xvfb, and what a person does at one
+//! (find a window, look at it, press a key).
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use x11rb::connection::Connection;
+use x11rb::protocol::xproto::{ClientMessageEvent, ConnectionExt as _, EventMask, ImageFormat, InputFocus};
+use x11rb::protocol::xtest::ConnectionExt as _;
+use x11rb::rust_connection::RustConnection;
+
+pub use x11rb::protocol::xproto::Window;
+
+/// Longest to wait for something to appear.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A running X server with a screen in memory; ends when dropped.
+pub struct Display {
+    name: String,
+    connection: RustConnection,
+    root: Window,
+    /// Held for its drop.
+    _server: Server,
+}
+
+struct Server(Child);
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// What a window shows: red, green and blue bytes, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screenshot {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// `3 * width * height` bytes.
+    pub rgb: Vec<u8>,
+}
+
+impl Display {
+    /// Starts a server with one screen of the given size; `None` where Xvfb is not installed.
+    ///
+    /// # Panics
+    /// If Xvfb is there but does not work.
+    pub fn start(width: u16, height: u16) -> Option<Display> {
+        let child = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let mut server = Server(child);
+        let mut number = String::new();
+        let stdout = server.0.stdout.take().expect("piped");
+        BufReader::new(stdout).read_line(&mut number).expect("Xvfb says its number");
+        let name = format!(":{}", number.trim());
+        let (connection, screen) = x11rb::connect(Some(&name)).expect("Xvfb accepts connections");
+        let root = connection.setup().roots[screen].root;
+        Some(Display { name, connection, root, _server: server })
+    }
+
+    /// A command for `program` with this display and no other.
+    pub fn command(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        command.env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+        command
+    }
+
+    /// Waits for a window whose title contains `title`. `None` if none appears in a minute, or
+    /// `program` ends first.
+    pub fn wait_for_window(&self, title: &str, program: &mut Child) -> Option<Window> {
+        wait_for(|| {
+            if program.try_wait().is_ok_and(|status| status.is_some()) {
+                return Some(None);
+            }
+            self.find_window(self.root, title).map(Some)
+        })
+        .flatten()
+    }
+
+    /// The window's title.
+    pub fn title(&self, window: Window) -> String {
+        let name = self.connection.intern_atom(false, b"_NET_WM_NAME").expect("the server listens");
+        let name = name.reply().expect("an atom").atom;
+        let property =
+            self.connection.get_property(false, window, name, 0u32, 0, 256).expect("the server listens");
+        property.reply().map(|reply| String::from_utf8_lossy(&reply.value).into_owned()).unwrap_or_default()
+    }
+
+    fn find_window(&self, parent: Window, title: &str) -> Option<Window> {
+        let tree = self.connection.query_tree(parent).ok()?.reply().ok()?;
+        tree.children.iter().copied().find_map(|window| {
+            if self.title(window).contains(title) { Some(window) } else { self.find_window(window, title) }
+        })
+    }
+
+    /// What the window shows now; `None` where it cannot be read, as before it is mapped.
+    pub fn screenshot(&self, window: Window) -> Option<Screenshot> {
+        let size = self.connection.get_geometry(window).ok()?.reply().ok()?;
+        let image = self
+            .connection
+            .get_image(ImageFormat::Z_PIXMAP, window, 0, 0, size.width, size.height, u32::MAX)
+            .ok()?
+            .reply()
+            .ok()?;
+        // 24 bits of depth come in 32-bit pixels: blue, green, red, nothing.
+        let rgb = image.data.as_chunks::<4>().0.iter().flat_map(|[b, g, r, _]| [*r, *g, *b]).collect();
+        Some(Screenshot { width: size.width.into(), height: size.height.into(), rgb })
+    }
+
+    /// Waits until what the window shows satisfies `condition`, and returns it; `None` if that
+    /// does not happen in a minute.
+    pub fn wait_until(&self, window: Window, condition: impl Fn(&Screenshot) -> bool) -> Option<Screenshot> {
+        wait_for(|| self.screenshot(window).filter(&condition))
+    }
+
+    /// Gives the window the keyboard, as a window manager would.
+    pub fn focus(&self, window: Window) {
+        let focus = self.connection.set_input_focus(InputFocus::PARENT, window, 0u32);
+        focus.expect("the server listens").check().expect("a mapped window takes the focus");
+    }
+
+    /// Presses and releases the key that types `keysym` (X11's numbers; ASCII for letters).
+    pub fn press(&self, keysym: u32) {
+        let setup = self.connection.setup();
+        let (min, count) = (setup.min_keycode, setup.max_keycode - setup.min_keycode + 1);
+        let mapping = self.connection.get_keyboard_mapping(min, count).expect("the server listens");
+        let mapping = mapping.reply().expect("a keyboard");
+        let row = mapping.keysyms.chunks(mapping.keysyms_per_keycode.into());
+        let index = row.into_iter().position(|keysyms| keysyms.contains(&keysym)).expect("the key exists");
+        const PRESS_AND_RELEASE: [u8; 2] = [2, 3];
+        for event in PRESS_AND_RELEASE {
+            let keycode = min + u8::try_from(index).expect("keycodes are bytes");
+            let event = self.connection.xtest_fake_input(event, keycode, 0, self.root, 0, 0, 0);
+            event.expect("the server listens").check().expect("Xvfb has XTEST");
+        }
+    }
+
+    /// Asks the window to close, as its close button does.
+    pub fn close(&self, window: Window) {
+        let atom = |name: &[u8]| {
+            let atom = self.connection.intern_atom(false, name).expect("the server listens");
+            atom.reply().expect("an atom").atom
+        };
+        let data = [atom(b"WM_DELETE_WINDOW"), 0, 0, 0, 0];
+        let event = ClientMessageEvent::new(32, window, atom(b"WM_PROTOCOLS"), data);
+        let sent = self.connection.send_event(false, window, EventMask::NO_EVENT, event);
+        sent.expect("the server listens").check().expect("the window is there");
+    }
+}
+
+impl Screenshot {
+    /// Number of different colours.
+    pub fn colors(&self) -> usize {
+        let mut colors: Vec<&[u8; 3]> = self.rgb.as_chunks::<3>().0.iter().collect();
+        colors.sort_unstable();
+        colors.dedup();
+        colors.len()
+    }
+
+    /// Number of pixels in the region above `height` that differ from those of `other`.
+    pub fn changed_pixels(&self, other: &Screenshot, height: u32) -> usize {
+        let rows = (3 * self.width * height.min(self.height)) as usize;
+        let pixels = |shot: &'_ Screenshot| shot.rgb[..rows.min(shot.rgb.len())].as_chunks::<3>().0.to_vec();
+        pixels(self).iter().zip(&pixels(other)).filter(|(a, b)| a != b).count()
+    }
+}
+
+fn wait_for<T>(mut poll: impl FnMut() -> Option<T>) -> Option<T> {
+    let start = Instant::now();
+    loop {
+        if let Some(value) = poll() {
+            return Some(value);
+        }
+        if start.elapsed() > PATIENCE {
+            return None;
+        }
+        sleep(Duration::from_millis(50));
+    }
+}

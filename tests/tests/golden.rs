@@ -1,0 +1,39 @@
+//! The demo scene looks as it did: pictures of it by the GPU, compared with golden ones.
+//!
+//! The pictures were looked at when they were made. `UPDATE_GOLDEN=1 cargo test --test golden`
+//! makes them anew, and fails once, so that they are looked at again.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use aarc_tests::gpu::{self, Drawing, Passes};
+use aarc_tests::image::{Tolerance, check_golden};
+use client::gpu::{Depth, Gpu, GpuClip, Settings};
+use codec::Limits;
+use xtask::package::{self, package};
+use xtask::scene::Scene;
+use xtask::synth::juggler;
+
+/// Drivers round 8-bit blending differently, and platforms the sines of the scene.
+const TOLERANCE: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 400, psnr: 42.0 };
+
+fn main() -> ExitCode {
+    gpu::run(vec![gpu::trial("the demo scene", Passes::Shared, demo_scene)])
+}
+
+fn demo_scene(gpu: &Gpu) -> Result<(), String> {
+    let (field, info) = juggler::clip();
+    let package = package(&Scene::made("demo", field, info), &package::Settings::default());
+    let package = package.map_err(|error| format!("{error:#}"))?;
+    let clip = codec::decode(&package.bytes, &Limits::default()).map_err(|error| error.to_string())?;
+    let camera = clip.info.viewpoints.first().ok_or("no viewpoint")?.camera(clip.info.up, 192, 192);
+    let fault = |fault: client::fault::Fault| fault.to_string();
+    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let mut drawing = Drawing::new(gpu, uploaded, &[camera], Depth::Eight).map_err(fault)?;
+    let mut failures = Vec::new();
+    for percent in [0, 40, 75] {
+        let images = drawing.frame(f64::from(percent) / 100.0, &Settings::default()).map_err(fault)?;
+        failures.extend(check_golden(&format!("demo-{percent}"), &images[0], TOLERANCE).err());
+    }
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}

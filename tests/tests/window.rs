@@ -1,0 +1,177 @@
+//! The desktop preview, tried as a person would: on a display (without a screen), by looking at the
+//! window and pressing keys.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use aarc_tests::display::{Display, Screenshot, Window};
+use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::programs::{client, run};
+use aarc_tests::scene::{Motion, Recipe, packaged};
+use libtest_mimic::{Completion, Failed, Trial};
+
+/// Rows at the bottom of the window that hold the controls; the clip shows above them.
+const CONTROLS: u32 = 120;
+
+const SPACE: u32 = 0x20;
+const RIGHT: u32 = 0xff53;
+const P: u32 = 'p' as u32;
+const U: u32 = 'u' as u32;
+
+fn main() -> ExitCode {
+    gpu::run(vec![
+        trial("a clip plays, stops, steps and is photographed", plays),
+        trial("a clip that is not one opens no window", bad_clip),
+        Trial::test("without a display", || without_display().map_err(Failed::from)),
+    ])
+}
+
+/// A test that needs a device and a display: ignored where either is missing.
+fn trial(name: &str, test: fn(&Display) -> Result<(), String>) -> Trial {
+    Trial::ignorable_test(name, move || {
+        if let Err(fault) = device(Passes::Shared) {
+            return Ok(Completion::ignored_with(fault));
+        }
+        match Display::start(1000, 700) {
+            Some(display) => test(&display).map(|()| Completion::Completed).map_err(Failed::from),
+            None => Ok(Completion::ignored_with("Xvfb is not installed")),
+        }
+    })
+}
+
+/// A running player that ends with the test.
+struct Player(Child);
+
+impl Drop for Player {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Writes a clip that moves all the time.
+fn write_clip(path: &Path) {
+    let recipe =
+        Recipe { count: 300, sh_degree: 1, motion: Motion::Moving, motion_order: 3, turning: false, seed: 3 };
+    fs::write(path, packaged(&recipe.field(), None, &[])).expect("temporary files can be written");
+}
+
+fn plays(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("dancers.aarc");
+    write_clip(&clip);
+    let mut command = display.command(client());
+    command.arg(&clip).args(["--size", "800x600"]).current_dir(folder.path()).stderr(Stdio::inherit());
+    let mut player = Player(command.spawn().map_err(|error| error.to_string())?);
+    let window = display.wait_for_window("dancers.aarc", &mut player.0).ok_or("no window of this title")?;
+    let look = |what: &str, condition: &dyn Fn(&Screenshot) -> bool| {
+        display.wait_until(window, condition).ok_or(format!("the window never {what}"))
+    };
+
+    let first = look("shows a picture", &|shot| shot.colors() > 500)?;
+    if (first.width, first.height) != (800, 600) {
+        return Err(format!("the window has {}x{} pixels", first.width, first.height));
+    }
+    look("moves", &|shot| clip_changed(shot, &first))?;
+
+    display.focus(window);
+    display.press(SPACE);
+    let paused = still(display, window).ok_or("it does not pause on the space bar")?;
+    display.press(RIGHT);
+    let stepped = look("steps to another frame", &|shot| clip_changed(shot, &paused))?;
+    if still(display, window).is_none_or(|shot| clip_changed(&shot, &stepped)) {
+        return Err("it moves on after a step".into());
+    }
+    display.press(SPACE);
+    look("plays on", &|shot| clip_changed(shot, &stepped))?;
+
+    let controls =
+        |shot: &Screenshot| shot.rgb[(3 * shot.width * (shot.height - CONTROLS)) as usize..].to_vec();
+    let with = controls(&stepped);
+    display.press(U);
+    look("hides its controls", &|shot| controls(shot) != with)?;
+
+    display.press(P);
+    let saved = wait_for_picture(folder.path()).ok_or("the key P saves no picture")?;
+    let size = image::image_dimensions(&saved).map_err(|error| error.to_string())?;
+    if size.0 < 800 || size.1 < 600 {
+        return Err(format!("{} has {size:?} pixels", saved.display()));
+    }
+
+    display.close(window);
+    let start = Instant::now();
+    loop {
+        match player.0.try_wait().map_err(|error| error.to_string())? {
+            Some(status) if status.success() => return Ok(()),
+            Some(status) => return Err(format!("closing the window ended it with {status}")),
+            None if start.elapsed() > Duration::from_secs(20) => {
+                return Err("closing the window does not end it".into());
+            }
+            None => sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+/// Whether the clip itself, above the controls, looks different.
+fn clip_changed(shot: &Screenshot, other: &Screenshot) -> bool {
+    shot.changed_pixels(other, shot.height - CONTROLS) > 200
+}
+
+/// Waits until the window shows the same for half a second.
+fn still(display: &Display, window: Window) -> Option<Screenshot> {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        let before = display.screenshot(window)?;
+        sleep(Duration::from_millis(500));
+        let after = display.screenshot(window)?;
+        if !clip_changed(&before, &after) {
+            return Some(after);
+        }
+    }
+    None
+}
+
+/// Waits for a whole picture in the folder.
+fn wait_for_picture(folder: &Path) -> Option<PathBuf> {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        let entries = fs::read_dir(folder).ok()?;
+        let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
+        if let Some(path) = entries.flatten().map(|entry| entry.path()).find(is_picture) {
+            return Some(path);
+        }
+        sleep(Duration::from_millis(50));
+    }
+    None
+}
+
+/// What cannot be played is reported on the terminal, before a window opens.
+fn bad_clip(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("broken.aarc");
+    fs::write(&clip, b"not a clip").map_err(|error| error.to_string())?;
+    let outcome = run(display.command(client()).arg(&clip));
+    if outcome.code == Some(3) && outcome.stderr.contains("broken.aarc") {
+        return Ok(());
+    }
+    Err(format!("{outcome:?}"))
+}
+
+/// Says that there is no display and what to do instead.
+fn without_display() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("clip.aarc");
+    write_clip(&clip);
+    let mut command = Command::new(client());
+    command.arg(&clip).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let outcome = run(&mut command);
+    let one_line = outcome.stderr.trim_end().lines().count() == 1;
+    if outcome.code == Some(5) && outcome.stderr.contains("--headless") && one_line {
+        return Ok(());
+    }
+    Err(format!("{outcome:?}"))
+}

@@ -1,0 +1,122 @@
+//! `cargo xtask ci`: the checks that only contributors need.
+//!
+//! Every step runs, also after one has failed, so that one run shows everything there is to mend.
+//! The rules that the sources keep (which crate may name what, where `unsafe` may stand) are tests
+//! and run with `cargo xtask test`.
+
+use std::ffi::OsString;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::bail;
+use xtask::workspace;
+
+use crate::setup::{self, Need};
+
+/// Run the checks for contributors: formatting, lints on every feature set, documentation, fuzzing
+/// of the codec.
+#[derive(clap::Args)]
+pub(crate) struct Args {}
+
+/// Sets of packages and features that are built by someone on their own: what one set needs, a
+/// build of the whole workspace can hide.
+const FEATURE_SETS: [(&str, &[&str]); 6] = [
+    ("whole workspace", &["--workspace", "--all-targets"]),
+    ("the player", &["--package", "client"]),
+    ("the player without a window", &["--package", "client", "--no-default-features"]),
+    ("decoding alone", &["--package", "codec"]),
+    ("encoding", &["--package", "codec", "--features", "encode"]),
+    ("camera files", &["--package", "codec", "--features", "serde"]),
+];
+
+/// The programs of codec/fuzz that look for inputs that break the codec.
+const FUZZ_TARGETS: [&str; 2] = ["decode", "roundtrip"];
+
+/// How long each looks, on one core, and what it may use: bytes of an input, seconds for one, MB of
+/// memory. The package limits the address space.
+const FUZZ_LIMITS: [&str; 4] = ["-max_total_time=60", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
+
+pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
+    install_components();
+    setup::satisfy(&[(Need::CppCompiler, "the codec cannot be fuzzed and these checks fail")]);
+    let mut failed = Vec::new();
+    let mut step = |name: &str, command: &mut Command| {
+        let start = Instant::now();
+        eprintln!("ci: {name}");
+        let passed = command.stdin(Stdio::null()).status().is_ok_and(|status| status.success());
+        let seconds = start.elapsed().as_secs_f64();
+        eprintln!("ci: {name}: {} after {seconds:.1} s", if passed { "ok" } else { "FAILED" });
+        if !passed {
+            failed.push(name.to_owned());
+        }
+    };
+    step("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
+    for (name, selection) in FEATURE_SETS {
+        let mut clippy = workspace::cargo();
+        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
+        step(&format!("lints, {name}"), &mut clippy);
+    }
+    step(
+        "documentation",
+        workspace::cargo()
+            .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
+            .env("RUSTDOCFLAGS", "--deny warnings"),
+    );
+    fuzz(step);
+    if !failed.is_empty() {
+        bail!("failed: {}", failed.join("; "));
+    }
+    Ok(())
+}
+
+/// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
+/// that it writes, what earlier runs found and the committed regressions. An input that breaks one
+/// is left in target/fuzz, under the path that is printed.
+fn fuzz(mut step: impl FnMut(&str, &mut Command)) {
+    let folder = workspace::root().join("codec/fuzz");
+    let out = workspace::target_folder().join("fuzz");
+    let cargo = |args: &[&str]| {
+        let mut cargo = workspace::cargo();
+        // These flags would take the place of those that fuzzing needs.
+        cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+        cargo
+    };
+    let run = |program| {
+        let mut cargo = cargo(&["run", "--quiet", "--locked", "--release", "--bin", program]);
+        cargo.arg("--");
+        cargo
+    };
+    step("formatting, fuzzing", &mut cargo(&["fmt", "--check"]));
+    let lints = ["clippy", "--quiet", "--locked", "--release", "--all-targets", "--", "--deny", "warnings"];
+    step("lints, fuzzing", &mut cargo(&lints));
+    step("seeds of fuzzing", run("seeds").arg(out.join("corpus")));
+    for target in FUZZ_TARGETS {
+        let mut artifacts = OsString::from("-artifact_prefix=");
+        artifacts.push(out.join(format!("{target}-")));
+        step(
+            &format!("fuzzing, {target}"),
+            run(target)
+                .arg(out.join("corpus").join(target))
+                .arg(folder.join("regressions").join(target))
+                .args(FUZZ_LIMITS)
+                .args(["-print_final_stats=1", "-verbosity=0"])
+                .arg(artifacts),
+        );
+    }
+}
+
+/// Installs the toolchain's formatter and linter where a minimal toolchain lacks them.
+fn install_components() {
+    for (subcommand, component) in [("fmt", "rustfmt"), ("clippy", "clippy")] {
+        let is_there = workspace::cargo()
+            .args([subcommand, "--version"])
+            .output()
+            .is_ok_and(|output| output.status.success());
+        if !is_there {
+            eprintln!("ci: rustup component add {component}");
+            // Where this fails, the step that needs the component fails, and says so.
+            let _ =
+                Command::new("rustup").args(["component", "add", component]).stdin(Stdio::null()).status();
+        }
+    }
+}

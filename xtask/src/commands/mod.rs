@@ -1,0 +1,12 @@
+//! One module per subcommand: its arguments and what it does.
+
+pub(crate) mod bench;
+pub(crate) mod ci;
+pub(crate) mod demo;
+pub(crate) mod export;
+pub(crate) mod inspect;
+pub(crate) mod package;
+pub(crate) mod render;
+pub(crate) mod report;
+pub(crate) mod synth;
+pub(crate) mod test;

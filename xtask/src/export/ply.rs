@@ -1,0 +1,69 @@
+//! The PLY of 3D Gaussian Splatting, as [`crate::import`] reads it.
+
+use codec::{Field, sh_coefficients};
+
+/// Logits beyond this say the same opacity in `f32`; infinite ones would upset other readers.
+const LOGIT_MAX: f64 = 16.0;
+
+/// The static columns of a field, with the unused normals that some readers count on. Windows and
+/// motion are left out: see [`super::frozen`].
+pub fn static_ply(field: &Field) -> Vec<u8> {
+    let mut names = static_names(field.sh_degree);
+    names.splice(3..3, ["nx", "ny", "nz"].map(String::from));
+    binary_ply(&[], &names, field.len(), |i, row| {
+        push_static(field, i, row);
+        row.splice(3..3, [0.0; 3]);
+    })
+}
+
+/// Names of the static columns.
+pub(super) fn static_names(sh_degree: u8) -> Vec<String> {
+    let numbered = |prefix: &'static str, count: usize| (0..count).map(move |k| format!("{prefix}_{k}"));
+    ["x", "y", "z"]
+        .map(String::from)
+        .into_iter()
+        .chain(numbered("f_dc", 3))
+        .chain(numbered("f_rest", 3 * (sh_coefficients(sh_degree) - 1)))
+        .chain(["opacity".into()])
+        .chain(numbered("scale", 3))
+        .chain(numbered("rot", 4))
+        .collect()
+}
+
+/// Appends the static columns of Gaussian `i`.
+pub(super) fn push_static(field: &Field, i: usize, row: &mut Vec<f32>) {
+    let sh = field.sh_of(i);
+    row.extend(field.centers[i]);
+    row.extend(sh[0]);
+    row.extend((0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel])));
+    let opacity = f64::from(field.opacities[i]);
+    row.push((opacity / (1.0 - opacity)).ln().clamp(-LOGIT_MAX, LOGIT_MAX) as f32);
+    row.extend(field.log_scales[i]);
+    row.extend(field.rotations[i]);
+}
+
+/// A little-endian PLY with one `vertex` element of `float` properties; `push_row` appends the
+/// values of a row.
+pub(super) fn binary_ply(
+    comments: &[String],
+    names: &[String],
+    rows: usize,
+    mut push_row: impl FnMut(usize, &mut Vec<f32>),
+) -> Vec<u8> {
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
+    comments.iter().for_each(|comment| header += &format!("comment {comment}\n"));
+    header += &format!("element vertex {rows}\n");
+    names.iter().for_each(|name| header += &format!("property float {name}\n"));
+    header += "end_header\n";
+
+    let mut bytes = header.into_bytes();
+    bytes.reserve(4 * rows * names.len());
+    let mut row = Vec::with_capacity(names.len());
+    for i in 0..rows {
+        row.clear();
+        push_row(i, &mut row);
+        debug_assert_eq!(row.len(), names.len(), "one value per property");
+        bytes.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    bytes
+}

@@ -1,0 +1,79 @@
+//! The `.splatv` file of splaTV; its layout is described where it is read, in
+//! [`crate::import`]'s module of that name.
+
+use std::f32::consts::SQRT_2;
+
+use codec::{ClipInfo, Field, Viewpoint};
+use half::f16;
+use serde_json::json;
+
+use crate::import::SH_C0;
+use crate::import::splatv::{ROW, ROWS_PER_LINE};
+
+/// Size of the image that the header's camera is for; its proportions are the viewer's own matter.
+const CAMERA_SIZE: (u32, u32) = (1024, 768);
+
+/// A field for splaTV and other readers of its format. Only the constant SH coefficient is kept,
+/// and all but the centres lose precision to 16 or 8 bits.
+pub fn splatv(field: &Field, info: &ClipInfo) -> Vec<u8> {
+    let lines = field.len().div_ceil(ROWS_PER_LINE);
+    let size = lines * ROWS_PER_LINE * ROW;
+    let header = json!([{
+        "type": "splat", "size": size, "texwidth": 4 * ROWS_PER_LINE, "texheight": lines,
+        "cameras": [camera(info)],
+    }])
+    .to_string();
+
+    let mut bytes = Vec::with_capacity(8 + header.len() + size);
+    bytes.extend(0x674bu32.to_le_bytes());
+    bytes.extend((header.len() as u32).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    let payload = bytes.len();
+    (0..field.len()).for_each(|i| push_row(field, i, &mut bytes));
+    bytes.resize(payload + size, 0);
+    bytes
+}
+
+fn push_row(field: &Field, i: usize, bytes: &mut Vec<u8>) {
+    let static_window = (0.0, f32::INFINITY);
+    let temporal = field.temporal.as_ref();
+    let (tau, s) = temporal.map_or(static_window, |temporal| (temporal.tau[i], temporal.s[i]));
+    let mut motion = [[0.0; 3]; 3];
+    let stored = temporal.map_or(&[][..], |temporal| temporal.motion_of(i));
+    motion[..stored.len()].copy_from_slice(stored);
+    let rate =
+        temporal.and_then(|temporal| temporal.rotation_rates.as_ref()).map_or([0.0; 4], |rates| rates[i]);
+
+    bytes.extend(field.centers[i].iter().flat_map(|x| x.to_le_bytes()));
+    push_halves(bytes, &field.rotations[i]);
+    push_halves(bytes, &field.log_scales[i].map(f32::exp));
+    push_halves(bytes, &[0.0]);
+    let unit_byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+    bytes.extend(field.sh_of(i)[0].map(|c| unit_byte(0.5 + SH_C0 * f64::from(c))));
+    bytes.push(unit_byte(f64::from(field.opacities[i])));
+    push_halves(bytes, motion.as_flattened());
+    push_halves(bytes, &[0.0]);
+    push_halves(bytes, &rate);
+    push_halves(bytes, &[tau]);
+    // A width too large for the format is always on, as an infinite one.
+    bytes.extend(f16::from_f32(s * SQRT_2).to_le_bytes());
+}
+
+/// Appends numbers, the largest ones cut to what the format holds.
+fn push_halves(bytes: &mut Vec<u8>, values: &[f32]) {
+    let largest = f16::MAX.to_f32();
+    bytes.extend(values.iter().flat_map(|x| f16::from_f32(x.clamp(-largest, largest)).to_le_bytes()));
+}
+
+/// The first viewpoint in the form that splaTV wants: `rotation` is that of world from camera.
+fn camera(info: &ClipInfo) -> serde_json::Value {
+    let (width, height) = CAMERA_SIZE;
+    let origin = Viewpoint { name: String::new(), position: [0.0; 3], target: [0.0, 0.0, 1.0], fov_y: 0.9 };
+    let camera = info.viewpoints.first().unwrap_or(&origin).camera(info.up, width, height);
+    let m = camera.camera_from_world;
+    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| m[column][row]));
+    json!({
+        "id": 0, "img_name": "0", "width": width, "height": height, "position": camera.position(),
+        "rotation": rotation, "fx": camera.k[0][0], "fy": camera.k[1][1],
+    })
+}

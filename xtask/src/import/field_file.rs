@@ -1,0 +1,107 @@
+//! This project's own field file: a lossless superset of the PLY of 3D Gaussian Splatting.
+//!
+//! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
+
+use codec::{MOTION_ORDER_MAX, Temporal, Viewpoint};
+
+use super::ply::{Ply, Table};
+use super::{Hints, Imported, Repairs, inria};
+
+/// First word of the comments that hold metadata.
+pub(crate) const MARK: &str = "aarc";
+
+/// Version of the format.
+pub(crate) const VERSION: &str = "1";
+
+/// Longest name of a viewpoint in bytes, as [`Viewpoint::name`] has it.
+const NAME_MAX: usize = 63;
+
+/// Whether the comments say that this is a field file.
+pub(crate) fn is_marked(ply: &Ply) -> bool {
+    metadata(ply).any(|(key, _)| key == "field")
+}
+
+/// Reads the rows of a field.
+pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
+    let hints = read_hints(ply)?;
+    let mut field = inria::static_columns(vertex)?;
+    let mut repairs = Repairs::default();
+    repairs.drop_rows("truncated payload", vertex.missing_rows());
+
+    let rows = 0..vertex.rows;
+    if vertex.has("aarc_opacity") {
+        let [exact] = vertex.find(["aarc_opacity"])?;
+        field.opacities = rows.clone().map(|row| vertex.get(row, exact) as f32).collect();
+    }
+    if vertex.has("tau") {
+        let [tau, s] = vertex.find(["tau", "s"])?;
+        let powers: Vec<[usize; 3]> = (1..=MOTION_ORDER_MAX)
+            .take_while(|power| vertex.has(&format!("motion_{power}_x")))
+            .map(|power| vertex.find(["x", "y", "z"].map(|axis| format!("motion_{power}_{axis}"))))
+            .collect::<Result<_, _>>()?;
+        let rates = match vertex.has("rot_rate_0") {
+            true => Some(vertex.find([0, 1, 2, 3].map(|k| format!("rot_rate_{k}")))?),
+            false => None,
+        };
+        field.temporal = Some(Temporal {
+            tau: rows.clone().map(|row| vertex.get(row, tau) as f32).collect(),
+            s: rows.clone().map(|row| vertex.get(row, s) as f32).collect(),
+            motion_order: powers.len() as u8,
+            motion: rows
+                .clone()
+                .flat_map(|row| powers.iter().map(move |&power| vertex.row(row, power)))
+                .collect(),
+            rotation_rates: rates.map(|rates| rows.map(|row| vertex.row(row, rates)).collect()),
+        });
+    }
+    Ok(Imported { field, hints, repairs, format: "field file" })
+}
+
+/// Keys and values of the metadata comments.
+fn metadata<'p>(ply: &'p Ply) -> impl Iterator<Item = (&'p str, &'p str)> {
+    ply.comments.iter().filter_map(|comment| {
+        let (mark, rest) = comment.split_once(' ')?;
+        (mark == MARK).then(|| rest.split_once(' ').unwrap_or((rest, "")))
+    })
+}
+
+fn read_hints(ply: &Ply) -> Result<Hints, String> {
+    let mut hints = Hints::default();
+    for (key, value) in metadata(ply) {
+        let wrong = || format!("comment {MARK} {key}: cannot use `{value}`");
+        let positive = || numbers::<1>(value).map(|[x]| x).filter(|&x| x > 0.0).ok_or_else(wrong);
+        match key {
+            "field" if value == VERSION => {}
+            "field" => return Err(format!("field file of version {value}, only {VERSION} is known")),
+            "duration_s" => hints.duration_s = Some(positive()?),
+            "fps" => hints.fps = Some(positive()?),
+            "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
+            "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
+            "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
+            // Later versions may say more about the clip.
+            _ => {}
+        }
+    }
+    Ok(hints)
+}
+
+/// `position target fov_y name`, the name being the rest of the line.
+fn viewpoint(value: &str) -> Option<Viewpoint> {
+    let mut words = value.splitn(8, ' ');
+    let mut next = || words.next()?.parse().ok().filter(|x: &f32| x.is_finite());
+    let position = [next()?, next()?, next()?];
+    let target = [next()?, next()?, next()?];
+    let fov_y = next().filter(|fov| (0.0..std::f32::consts::PI).contains(fov))?;
+    let name = words.next().unwrap_or_default().to_owned();
+    (name.len() <= NAME_MAX).then_some(Viewpoint { name, position, target, fov_y })
+}
+
+/// Exactly `N` finite numbers.
+fn numbers<const N: usize>(value: &str) -> Option<[f32; N]> {
+    let parsed: Option<Vec<f32>> = value.split(' ').map(|word| word.parse().ok()).collect();
+    parsed?.try_into().ok().filter(|all: &[f32; N]| all.iter().all(|x| x.is_finite()))
+}
+
+fn is_unit(v: &[f32; 3]) -> bool {
+    (v.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3
+}

@@ -1,0 +1,277 @@
+//! The PLY container: header, and elements as tables of scalar columns.
+//!
+//! Reads `binary_little_endian` and `ascii`. Counts in the header are checked against the bytes
+//! that follow it before anything is allocated; rows that the file ends before are reported as
+//! missing, not as an error, so that the whole rows of a truncated file can be kept.
+
+/// Longest header that is searched for its end.
+const HEADER_MAX: usize = 1 << 20;
+
+/// A parsed header and the elements that follow it.
+pub(crate) struct Ply<'a> {
+    /// Lines that start with `comment`, without that word.
+    pub(crate) comments: Vec<&'a str>,
+    tables: Vec<Table<'a>>,
+}
+
+/// The rows of an element.
+pub(crate) struct Table<'a> {
+    name: &'a str,
+    columns: Vec<Column<'a>>,
+    /// Rows that the header announces.
+    announced: usize,
+    /// Whole rows that are there.
+    pub(crate) rows: usize,
+    cells: Cells<'a>,
+}
+
+struct Column<'a> {
+    name: &'a str,
+    kind: Kind,
+    /// First byte within a binary row.
+    offset: usize,
+}
+
+/// Where the values of a table are.
+enum Cells<'a> {
+    /// Rows of `stride` bytes.
+    Binary { bytes: &'a [u8], stride: usize },
+    /// Parsed values, row-major.
+    Ascii(Vec<f64>),
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    fn parse(name: &str) -> Option<Kind> {
+        Some(match name {
+            "char" | "int8" => Kind::I8,
+            "uchar" | "uint8" => Kind::U8,
+            "short" | "int16" => Kind::I16,
+            "ushort" | "uint16" => Kind::U16,
+            "int" | "int32" => Kind::I32,
+            "uint" | "uint32" => Kind::U32,
+            "float" | "float32" => Kind::F32,
+            "double" | "float64" => Kind::F64,
+            _ => return None,
+        })
+    }
+
+    const fn size(self) -> usize {
+        match self {
+            Kind::I8 | Kind::U8 => 1,
+            Kind::I16 | Kind::U16 => 2,
+            Kind::I32 | Kind::U32 | Kind::F32 => 4,
+            Kind::F64 => 8,
+        }
+    }
+
+    /// The value at the start of `bytes`, which holds at least `size` bytes.
+    fn read(self, bytes: &[u8]) -> f64 {
+        fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+            std::array::from_fn(|i| bytes[i])
+        }
+        match self {
+            Kind::I8 => f64::from(bytes[0] as i8),
+            Kind::U8 => f64::from(bytes[0]),
+            Kind::I16 => f64::from(i16::from_le_bytes(first(bytes))),
+            Kind::U16 => f64::from(u16::from_le_bytes(first(bytes))),
+            Kind::I32 => f64::from(i32::from_le_bytes(first(bytes))),
+            Kind::U32 => f64::from(u32::from_le_bytes(first(bytes))),
+            Kind::F32 => f64::from(f32::from_le_bytes(first(bytes))),
+            Kind::F64 => f64::from_le_bytes(first(bytes)),
+        }
+    }
+}
+
+impl<'a> Ply<'a> {
+    /// Parses a file that starts with `ply`.
+    ///
+    /// # Errors
+    /// One sentence: malformed header, unsupported encoding or list property.
+    pub(crate) fn parse(bytes: &'a [u8]) -> Result<Ply<'a>, String> {
+        let (header, body_start) = split_header(bytes)?;
+        let mut ply = Ply { comments: Vec::new(), tables: Vec::new() };
+        let mut ascii = None;
+        for line in header.lines().skip(1) {
+            let mut words = line.split_ascii_whitespace();
+            match words.next() {
+                Some("format") => {
+                    ascii = Some(match words.next() {
+                        Some("ascii") => true,
+                        Some("binary_little_endian") => false,
+                        other => return Err(format!("PLY format {} is not supported", other.unwrap_or("?"))),
+                    });
+                }
+                Some("comment") => ply.comments.push(line.trim_start()["comment".len()..].trim()),
+                Some("element") => ply.tables.push(element(line, words)?),
+                Some("property") => {
+                    let Some(table) = ply.tables.last_mut() else {
+                        return Err(format!("PLY header: `{line}` stands before any element"));
+                    };
+                    table.push_property(line, words)?;
+                }
+                _ => {}
+            }
+        }
+        let mut body = &bytes[body_start..];
+        match ascii {
+            None => return Err("PLY header without a format line".into()),
+            Some(true) => {
+                let mut lines =
+                    body.split(|&byte| byte == b'\n').filter(|line| !line.trim_ascii().is_empty());
+                for table in &mut ply.tables {
+                    table.take_ascii(&mut lines)?;
+                }
+            }
+            Some(false) => {
+                for table in &mut ply.tables {
+                    body = table.take_binary(body);
+                }
+            }
+        }
+        Ok(ply)
+    }
+
+    /// The element of this name.
+    pub(crate) fn table(&self, name: &str) -> Option<&Table<'a>> {
+        self.tables.iter().find(|table| table.name == name)
+    }
+}
+
+/// The header as text and the offset of the first byte after it.
+fn split_header(bytes: &[u8]) -> Result<(&str, usize), String> {
+    let mut start = 0;
+    while start < bytes.len().min(HEADER_MAX) {
+        let end = bytes[start..].iter().position(|&byte| byte == b'\n').map(|length| start + length);
+        let Some(end) = end else { break };
+        if bytes[start..end].trim_ascii() == b"end_header" {
+            let text = std::str::from_utf8(&bytes[..start]).map_err(|e| format!("PLY header: {e}"))?;
+            return Ok((text, end + 1));
+        }
+        start = end + 1;
+    }
+    Err(format!("PLY header without end_header in the first {} bytes", bytes.len().min(HEADER_MAX)))
+}
+
+fn element<'a>(line: &str, mut words: impl Iterator<Item = &'a str>) -> Result<Table<'a>, String> {
+    let (name, count) = (words.next(), words.next().and_then(|word| word.parse::<usize>().ok()));
+    let (Some(name), Some(announced)) = (name, count) else {
+        return Err(format!("PLY header: cannot read `{line}`"));
+    };
+    let cells = Cells::Binary { bytes: &[], stride: 0 };
+    Ok(Table { name, columns: Vec::new(), announced, rows: 0, cells })
+}
+
+impl<'a> Table<'a> {
+    fn push_property(&mut self, line: &str, mut words: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        let kind = words.next().unwrap_or_default();
+        if kind == "list" {
+            return Err(format!("PLY element {} has a list property, which no field has", self.name));
+        }
+        let (Some(kind), Some(name)) = (Kind::parse(kind), words.next()) else {
+            return Err(format!("PLY header: cannot read `{line}`"));
+        };
+        let offset = self.columns.last().map_or(0, |column| column.offset + column.kind.size());
+        self.columns.push(Column { name, kind, offset });
+        Ok(())
+    }
+
+    /// Takes the whole rows that are there off the front of `body`.
+    fn take_binary(&mut self, body: &'a [u8]) -> &'a [u8] {
+        let stride = self.columns.last().map_or(0, |column| column.offset + column.kind.size());
+        self.rows = self.announced.min(body.len().checked_div(stride).unwrap_or(0));
+        // After a truncated element nothing can be where it belongs.
+        let rest = if self.rows == self.announced { self.rows * stride } else { body.len() };
+        self.cells = Cells::Binary { bytes: &body[..self.rows * stride], stride };
+        &body[rest..]
+    }
+
+    fn take_ascii<'l>(&mut self, lines: &mut impl Iterator<Item = &'l [u8]>) -> Result<(), String> {
+        let mut values = Vec::new();
+        while self.rows < self.announced {
+            let Some(line) = lines.next() else { break };
+            let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+            for column in &self.columns {
+                let value =
+                    words.next().and_then(|word| parse_number(word, column.kind)).ok_or_else(|| {
+                        format!("PLY element {}, row {}: no number for {}", self.name, self.rows, column.name)
+                    })?;
+                values.push(value);
+            }
+            self.rows += 1;
+        }
+        self.cells = Cells::Ascii(values);
+        Ok(())
+    }
+
+    /// Rows that the header announces and the file does not have.
+    pub(crate) fn missing_rows(&self) -> usize {
+        self.announced - self.rows
+    }
+
+    /// Whether there is a property of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|column| column.name == name)
+    }
+
+    /// How many of the properties `prefix0`, `prefix1`, ... there are, from 0 up to the first gap.
+    pub(crate) fn count_numbered(&self, prefix: &str) -> usize {
+        (0..self.columns.len()).take_while(|i| self.has(&format!("{prefix}{i}"))).count()
+    }
+
+    /// Positions of the named properties, to be given to [`Table::get`].
+    ///
+    /// # Errors
+    /// One sentence that names all properties that are missing.
+    pub(crate) fn find<S: AsRef<str>, const N: usize>(&self, names: [S; N]) -> Result<[usize; N], String> {
+        let find = |name: &S| self.columns.iter().position(|column| column.name == name.as_ref());
+        let found = names.each_ref().map(find);
+        let missing: Vec<&str> = names
+            .iter()
+            .zip(&found)
+            .filter(|(_, place)| place.is_none())
+            .map(|(name, _)| name.as_ref())
+            .collect();
+        if missing.is_empty() {
+            Ok(found.map(|place| place.expect("none is missing")))
+        } else {
+            Err(format!("PLY element {} lacks the properties {}", self.name, missing.join(", ")))
+        }
+    }
+
+    /// The value in `row` of the property at position `column`.
+    ///
+    /// # Panics
+    /// If either is out of range.
+    pub(crate) fn get(&self, row: usize, column: usize) -> f64 {
+        match &self.cells {
+            Cells::Binary { bytes, stride } => {
+                let column = &self.columns[column];
+                column.kind.read(&bytes[row * stride + column.offset..])
+            }
+            Cells::Ascii(values) => values[row * self.columns.len() + column],
+        }
+    }
+
+    /// The values in `row` of the properties at the given positions, as `f32`.
+    pub(crate) fn row<const N: usize>(&self, row: usize, columns: [usize; N]) -> [f32; N] {
+        columns.map(|column| self.get(row, column) as f32)
+    }
+}
+
+/// A number as its binary form would hold it, so that both forms of a file read the same.
+fn parse_number(word: &[u8], kind: Kind) -> Option<f64> {
+    let word = std::str::from_utf8(word).ok()?;
+    if kind == Kind::F32 { word.parse::<f32>().ok().map(f64::from) } else { word.parse().ok() }
+}

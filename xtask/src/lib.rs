@@ -1,0 +1,12 @@
+//! The library part of the host tool: importers and exporters, scenes, procedural data.
+
+pub mod export;
+pub mod fault;
+pub mod import;
+pub mod input;
+pub mod output;
+pub mod package;
+pub mod report;
+pub mod scene;
+pub mod synth;
+pub mod workspace;

@@ -1,0 +1,162 @@
+//! [`choose`]: which Gaussians a budget keeps.
+//!
+//! Each candidate ranking prunes, the topology floor mends, the result is coded, decoded and
+//! compared with the whole field in pictures; the best package stays. Rankings look at pictures
+//! from other places and times than those that judge them.
+
+use codec::Field;
+use indicatif::ProgressBar;
+use refine::prune::{
+    Candidate, PASSES, Pictures, Ranking, Selection, Topology, by_importance, contributions_to, refit,
+};
+use serde::Serialize;
+
+use super::Settings;
+use super::coding::{Coded, finish, finishing_steps};
+use super::whole::{CODE_WORK, PICTURE_WORK, Whole, judging_shots, ranking_shots, scene_of};
+use crate::scene::Scene;
+
+/// Share in the progress of one picture of what is coded, which is larger than those that judge.
+const FINISH_WORK: u64 = 8;
+
+/// A ranking that was tried, and how it did.
+#[derive(Clone, Debug, Serialize)]
+pub struct Tried {
+    /// The ranking.
+    pub ranking: &'static str,
+    /// PSNR in dB between pictures of the decoded package and of the whole field.
+    pub psnr_db: f64,
+    /// What of the topology is preserved.
+    #[serde(flatten)]
+    pub topology: Preserved,
+    /// Gaussians that the topology floor put in the place of others.
+    pub restored: usize,
+}
+
+/// How much of the topology of the whole field a package preserves, before coding.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Preserved {
+    /// Part of the persistent features that is preserved.
+    pub recall: f64,
+    /// Part of the features of what is kept that is not merely a piece cut off.
+    pub precision: f64,
+    /// Harmonic mean of both.
+    pub f1: f64,
+    /// Mean change of the level at which features merge, in units of the largest density.
+    pub saddle_drift: f64,
+}
+
+impl From<&Topology> for Preserved {
+    fn from(topology: &Topology) -> Preserved {
+        Preserved {
+            recall: topology.recall(),
+            precision: topology.precision(),
+            f1: topology.f1(),
+            saddle_drift: topology.saddle_drift(),
+        }
+    }
+}
+
+/// What was chosen, and from what.
+pub(super) struct Choice {
+    pub(super) coded: Coded,
+    pub(super) ranking: Ranking,
+    pub(super) topology: Preserved,
+    /// PSNR in dB against the whole field; `None` where nothing was left out.
+    pub(super) psnr_db: Option<f64>,
+    pub(super) tried: Vec<Tried>,
+    /// Gain of the colour refit in dB, where it was asked for; not used unless above 0.
+    pub(super) refit_gain_db: Option<f64>,
+}
+
+/// Chooses `settings.budget` of the rows of `field`, which is not empty, and codes them.
+pub(super) fn choose(
+    scene: &Scene,
+    field: &Field,
+    plate: Option<&Field>,
+    settings: &Settings,
+    progress: &ProgressBar,
+) -> anyhow::Result<Choice> {
+    let budget = settings.budget.unwrap_or(field.len());
+    if budget >= field.len() {
+        return keep_all(scene, field, plate, settings, progress);
+    }
+    let pictured = || progress.inc(PICTURE_WORK);
+    let to_judge = PICTURE_WORK * judging_shots(scene, field).len() as u64;
+    let to_refit = match settings.refit {
+        true => {
+            let stages = if field.sh_degree > 0 { 2 } else { 1 };
+            let pictures = (1 + stages * PASSES) * ranking_shots(scene, field).len();
+            PICTURE_WORK * pictures as u64 + CODE_WORK + to_judge
+        }
+        false => 0,
+    };
+    progress.set_length(
+        Whole::look_work(scene, field, settings)
+            + Whole::select_work(scene, field, settings)
+            + to_refit
+            + FINISH_WORK * finishing_steps(scene, field, settings.coding)
+            + to_judge,
+    );
+
+    let whole = Whole::look(scene, field, plate, settings, progress)?;
+    let Selection { candidates, best, package: mut chosen } = whole.select(budget)?;
+    let tried = candidates.iter().map(tried).collect();
+    let Candidate { ranking, kept, psnr_db } = &candidates[best];
+    let mut refit_gain_db = None;
+    if settings.refit {
+        progress.set_message("colours");
+        let pictures = Pictures::take(&scene_of(field, plate), ranking_shots(scene, field), pictured);
+        let refitted = refit(&chosen, plate, &pictures, pictured);
+        let gain = whole.draft_psnr(&refitted)? - psnr_db;
+        refit_gain_db = Some(gain);
+        if gain > 0.0 {
+            chosen = refitted;
+        }
+    }
+    let coded = finish(scene, chosen, plate, settings.coding, (progress, FINISH_WORK))?;
+    let psnr_db = whole.psnr(&coded.clip);
+    progress.finish_and_clear();
+    Ok(Choice {
+        coded,
+        ranking: *ranking,
+        topology: Preserved::from(&kept.topology),
+        psnr_db: Some(psnr_db),
+        tried,
+        refit_gain_db,
+    })
+}
+
+/// All rows, in the order of one ranking: only the layers depend on it.
+fn keep_all(
+    scene: &Scene,
+    field: &Field,
+    plate: Option<&Field>,
+    settings: &Settings,
+    progress: &ProgressBar,
+) -> anyhow::Result<Choice> {
+    let ranking = settings.rank.unwrap_or(Ranking::Mass);
+    progress.set_length(finishing_steps(scene, field, settings.coding));
+    let seen = match ranking.looks_at_pictures() {
+        true => contributions_to(&ranking_shots(scene, field), field, || ()),
+        false => Vec::new(),
+    };
+    let order = by_importance(&ranking.scores(field, &seen));
+    Ok(Choice {
+        coded: finish(scene, field.select(&order), plate, settings.coding, (progress, 1))?,
+        ranking,
+        topology: Preserved::from(&Topology::default()),
+        psnr_db: None,
+        tried: Vec::new(),
+        refit_gain_db: None,
+    })
+}
+
+fn tried(candidate: &Candidate) -> Tried {
+    Tried {
+        ranking: candidate.ranking.name(),
+        psnr_db: candidate.psnr_db,
+        topology: Preserved::from(&candidate.kept.topology),
+        restored: candidate.kept.restored,
+    }
+}

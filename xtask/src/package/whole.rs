@@ -1,0 +1,216 @@
+//! [`Whole`]: a field of which nothing has been left out yet, and how parts of it compare.
+//!
+//! Rankings look at pictures from other places than those that judge them.
+
+use codec::{Camera, Clip, Field};
+use indicatif::ProgressBar;
+use refine::prune::{
+    Floor, FloorSettings, Kept, Measure, Pictures, ROUNDS, Ranking, Selection, Shot, by_importance,
+    contributions_to, dome, instants, select, shots, steps_aside,
+};
+use refine::reference::{self, Contribution};
+
+use super::Settings;
+use super::coding::draft;
+use crate::scene::Scene;
+
+/// Size in pixels of the pictures that rank and judge.
+const SIZE: (u32, u32) = (256, 192);
+
+/// About how many pictures rank, and how many judge.
+const PICTURES: usize = 20;
+
+/// Most instants at which pictures are taken.
+const INSTANTS: usize = 4;
+
+/// Most viewpoints from which pictures are taken, each with its steps aside.
+const VIEWPOINTS: usize = 2;
+
+/// Instants at which the topology is held.
+pub(crate) const FLOOR_INSTANTS: usize = 4;
+
+/// Where pictures are taken from: steps aside in degrees, or turn of the dome in parts of the angle
+/// from camera to camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Places {
+    pub(crate) aside: f64,
+    pub(crate) turn: f64,
+}
+
+/// For rankings.
+pub(crate) const RANKING_PLACES: Places = Places { aside: 10.0, turn: 0.0 };
+
+/// For judging between them.
+pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, turn: 0.5 };
+
+/// Shares in the progress of what takes time: one picture, one verification of the floor at one
+/// instant, one coding and decoding.
+pub(crate) const PICTURE_WORK: u64 = 2;
+const VERIFY_WORK: u64 = 2;
+pub(crate) const CODE_WORK: u64 = 8;
+
+/// What parts of a field are held against.
+pub(crate) struct Whole<'a> {
+    scene: &'a Scene,
+    field: &'a Field,
+    plate: Option<&'a Field>,
+    settings: &'a Settings,
+    progress: &'a ProgressBar,
+    /// What rows contribute to pictures; empty where no ranking asks.
+    seen: Vec<Contribution>,
+    judge: Pictures,
+    floor: Floor,
+}
+
+/// The rankings to try.
+pub(crate) fn rankings(settings: &Settings) -> Vec<Ranking> {
+    settings.rank.map_or(Ranking::ALL.to_vec(), |ranking| vec![ranking])
+}
+
+fn looks_at_pictures(settings: &Settings) -> bool {
+    rankings(settings).into_iter().any(Ranking::looks_at_pictures)
+}
+
+impl<'a> Whole<'a> {
+    /// Looks at a field. `progress` advances by [`Whole::look_work`].
+    pub(crate) fn look(
+        scene: &'a Scene,
+        field: &'a Field,
+        plate: Option<&'a Field>,
+        settings: &'a Settings,
+        progress: &'a ProgressBar,
+    ) -> anyhow::Result<Whole<'a>> {
+        let pictured = || progress.inc(PICTURE_WORK);
+        progress.set_message("ranking");
+        let seen = match looks_at_pictures(settings) {
+            true => contributions_to(&ranking_shots(scene, field), field, pictured),
+            false => Vec::new(),
+        };
+        progress.set_message("pictures of the whole");
+        let judge = Pictures::take(&scene_of(field, plate), judging_shots(scene, field), pictured);
+        progress.set_message("topology of the whole");
+        let floor = floor(field, Measure::default())?;
+        progress.inc(verify_work(field));
+        Ok(Whole { scene, field, plate, settings, progress, seen, judge, floor })
+    }
+
+    /// How far the progress advances in [`Whole::look`].
+    pub(crate) fn look_work(scene: &Scene, field: &Field, settings: &Settings) -> u64 {
+        let ranking = if looks_at_pictures(settings) { ranking_shots(scene, field).len() } else { 0 };
+        let pictures = ranking + judging_shots(scene, field).len();
+        PICTURE_WORK * pictures as u64 + verify_work(field)
+    }
+
+    /// How far the progress advances in [`Whole::select`].
+    pub(crate) fn select_work(scene: &Scene, field: &Field, settings: &Settings) -> u64 {
+        let pictures = judging_shots(scene, field).len() as u64;
+        let rounds = if settings.no_floor { 1 } else { 1 + ROUNDS as u64 };
+        let candidate = rounds * verify_work(field) + CODE_WORK + PICTURE_WORK * pictures;
+        candidate * rankings(settings).len() as u64
+    }
+
+    /// The rows by a ranking, most important first.
+    ///
+    /// # Panics
+    /// If the ranking looks at pictures and the settings name another ranking.
+    pub(crate) fn order(&self, ranking: Ranking) -> Vec<usize> {
+        by_importance(&ranking.scores(self.field, &self.seen))
+    }
+
+    /// Of the rankings, the one whose `budget` rows look most like the whole once coded.
+    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection<Field>> {
+        let prune = |ranking: Ranking| {
+            self.progress.set_message(ranking.name());
+            let order = self.order(ranking);
+            match self.settings.no_floor {
+                true => {
+                    self.progress.inc(verify_work(self.field));
+                    self.floor.leave(&order, budget)
+                }
+                false => enforce(&self.floor, self.field, &order, budget, self.progress),
+            }
+        };
+        let package = |_: Ranking, rows: &[usize]| -> anyhow::Result<(Field, f64)> {
+            let kept = self.field.select(rows);
+            let psnr = self.draft_psnr(&kept)?;
+            Ok((kept, psnr))
+        };
+        let selection = select(&rankings(self.settings), prune, package)?;
+        Ok(selection.expect("there is a ranking"))
+    }
+
+    /// PSNR of a draft of `part` in the judging pictures.
+    pub(crate) fn draft_psnr(&self, part: &Field) -> anyhow::Result<f64> {
+        let clip = draft(self.scene, part, self.plate, self.settings.coding)?;
+        self.progress.inc(CODE_WORK);
+        Ok(self.psnr(&clip))
+    }
+
+    /// PSNR of a clip in the judging pictures.
+    pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
+        self.judge.psnr(&reference::Scene::from(clip), || self.progress.inc(PICTURE_WORK))
+    }
+}
+
+/// The topology of a field as packages preserve it.
+pub(crate) fn floor(field: &Field, measure: Measure) -> anyhow::Result<Floor> {
+    let instants = instants(field, FLOOR_INSTANTS);
+    Ok(Floor::new(field, FloorSettings { instants, measure, ..FloorSettings::default() })?)
+}
+
+/// What the floor keeps. `progress` advances by [`enforce_work`].
+pub(crate) fn enforce(
+    floor: &Floor,
+    field: &Field,
+    order: &[usize],
+    budget: usize,
+    progress: &ProgressBar,
+) -> Kept {
+    let mut left = enforce_work(field);
+    let kept = floor.enforce(order, budget, || {
+        progress.inc(verify_work(field));
+        left -= verify_work(field);
+    });
+    // Rounds that were not needed.
+    progress.inc(left);
+    kept
+}
+
+/// How far the progress advances in [`enforce`].
+pub(crate) fn enforce_work(field: &Field) -> u64 {
+    (1 + ROUNDS as u64) * verify_work(field)
+}
+
+/// Work of one verification.
+pub(crate) fn verify_work(field: &Field) -> u64 {
+    VERIFY_WORK * instants(field, FLOOR_INSTANTS).len() as u64
+}
+
+pub(crate) fn ranking_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+    shots_of(scene, field, RANKING_PLACES, SIZE)
+}
+
+pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+    shots_of(scene, field, JUDGING_PLACES, SIZE)
+}
+
+/// From where and when to look at a field: from the viewpoints that somebody suggested and a step
+/// aside of them, or else from a dome.
+pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Shot> {
+    let up = scene.info.up;
+    let cameras: Vec<Camera> = match scene.assumed.contains(&"viewpoints") {
+        true => dome(field, &instants(field, INSTANTS), up, places.turn, size),
+        false => {
+            let viewpoints = scene.info.viewpoints.iter().take(VIEWPOINTS);
+            let aside = places.aside.to_radians();
+            viewpoints.flat_map(|viewpoint| steps_aside(viewpoint, up, aside, size)).collect()
+        }
+    };
+    let count = (PICTURES / cameras.len().max(1)).clamp(2, INSTANTS);
+    shots(&cameras, &instants(field, count))
+}
+
+pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::Scene<'a> {
+    let scene = reference::Scene::from(field);
+    plate.map_or(scene.clone(), |plate| scene.with_plate(plate))
+}

@@ -1,0 +1,332 @@
+//! What was measured as Markdown, CSV and plots, field by field and as a mean of the fields.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use super::{FieldRd, INSTANTS, Point, Rate, Row, SIZE};
+use crate::package::coding::QUALITY_DB;
+use crate::package::whole::FLOOR_INSTANTS;
+use crate::report::ReportFile;
+use crate::report::plot::{Line, Panel, svg};
+use refine::prune::FloorSettings;
+
+/// Name of the mean among fields.
+const MEAN: &str = "mean of the fields";
+
+/// The files of the report on `fields`, of which there is at least one: the tables, the same
+/// numbers for programs, and a plot of each field and of their mean.
+///
+/// # Errors
+/// If a plot cannot be drawn.
+pub fn files(fields: &[FieldRd]) -> anyhow::Result<Vec<ReportFile>> {
+    let mut curves: Vec<Curve> = fields.iter().map(Curve::of).collect();
+    if fields.len() > 1 {
+        curves.insert(0, Curve::mean(fields));
+    }
+    let mut plots = Vec::new();
+    for (i, curve) in curves.iter().enumerate() {
+        // Two fields can have one name, and names can hold anything.
+        let name = if i == 0 { "rd.svg".into() } else { format!("rd-{i}.svg") };
+        plots.push(ReportFile { name, text: plot(curve)? });
+    }
+    let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
+    let mut files = vec![
+        ReportFile { name: "rd.md".into(), text: markdown(fields, &curves, &names) },
+        ReportFile { name: "rd.csv".into(), text: csv(&curves) },
+    ];
+    files.append(&mut plots);
+    Ok(files)
+}
+
+/// The points of a field, or the means of the points of several.
+struct Curve {
+    name: String,
+    /// With the number of fields that a mean is taken of.
+    points: Vec<(Point, usize)>,
+}
+
+impl Curve {
+    fn of(field: &FieldRd) -> Curve {
+        Curve {
+            name: field.field.clone(),
+            points: field.points.iter().cloned().map(|point| (point, 1)).collect(),
+        }
+    }
+
+    /// At each budget the mean of the fields that are larger than it.
+    fn mean(fields: &[FieldRd]) -> Curve {
+        let points = || fields.iter().flat_map(|field| &field.points);
+        let budgets: BTreeSet<usize> = points().map(|point| point.budget).collect();
+        let mut means = Vec::new();
+        for budget in budgets.into_iter().rev() {
+            for row in Row::ALL {
+                let same: Vec<&Point> =
+                    points().filter(|point| point.budget == budget && point.row == row).collect();
+                let mean = |of: fn(&Point) -> f64| {
+                    same.iter().map(|point| of(point)).sum::<f64>() / same.len() as f64
+                };
+                let point = Point {
+                    budget,
+                    row,
+                    ranking: if row == Row::Ours { "" } else { same[0].ranking },
+                    restored: mean(|p| p.restored as f64).round() as usize,
+                    psnr_db: mean(|p| p.psnr_db),
+                    recall: mean(|p| p.recall),
+                    precision: mean(|p| p.precision),
+                    f1: mean(|p| p.f1),
+                    saddle_drift: mean(|p| p.saddle_drift),
+                    mbps: mean(|p| p.mbps),
+                    bytes: mean(|p| p.bytes as f64).round() as usize,
+                    bytes_per_gaussian: mean(|p| p.bytes_per_gaussian),
+                };
+                means.push((point, same.len()));
+            }
+        }
+        Curve { name: MEAN.into(), points: means }
+    }
+}
+
+fn plot(curve: &Curve) -> anyhow::Result<String> {
+    let line = |row: Row, y: fn(&Point) -> f64| {
+        let points = curve.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
+        Line { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
+    };
+    let panel = |title: &str, y: fn(&Point) -> f64| Panel {
+        title: title.into(),
+        lines: Row::ALL.map(|row| line(row, y)).to_vec(),
+    };
+    let title = format!("{}: PSNR after decoding (dB)", curve.name);
+    svg("Mbps", &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)])
+}
+
+fn csv(curves: &[Curve]) -> String {
+    let mut text = String::from(
+        "field,fields,budget,row,ranking,restored,psnr_db,recall,precision,f1,saddle_drift,mbps,bytes,\
+         bytes_per_gaussian\n",
+    );
+    for Curve { name, points } in curves {
+        let name = format!("\"{}\"", name.replace('"', "\"\""));
+        for (p, fields) in points {
+            let _ = writeln!(
+                text,
+                "{name},{fields},{},{},{},{},{:.4},{:.5},{:.5},{:.5},{:.6},{:.5},{},{:.4}",
+                p.budget,
+                p.row.name(),
+                p.ranking,
+                p.restored,
+                p.psnr_db,
+                p.recall,
+                p.precision,
+                p.f1,
+                p.saddle_drift,
+                p.mbps,
+                p.bytes,
+                p.bytes_per_gaussian,
+            );
+        }
+    }
+    text
+}
+
+fn markdown(fields: &[FieldRd], curves: &[Curve], plots: &[&str]) -> String {
+    let mut text = format!("# Rate and distortion\n\n{}\n", caption(fields));
+    rates(&mut text, fields);
+    for (curve, plot) in curves.iter().zip(plots) {
+        let _ = write!(text, "\n## {}\n\n![PSNR and topology over the rate]({plot})\n\n", curve.name);
+        if curve.points.is_empty() {
+            text.push_str("Smaller than the smallest budget of the ladder: nothing to choose.\n");
+            continue;
+        }
+        compact(&mut text, curve);
+        full(&mut text, curve);
+    }
+    text
+}
+
+/// What the numbers mean.
+fn caption(fields: &[FieldRd]) -> String {
+    let settings = FloorSettings::default();
+    let mut text = String::from(
+        "| field | Gaussians | duration | persistent features | coder |\n|---|---|---|---|---|\n",
+    );
+    for field in fields {
+        let assumed = if field.duration_assumed { " (assumed)" } else { "" };
+        let FieldRd { field, gaussians, duration_s, features, coder, .. } = field;
+        let _ = writeln!(text, "| {field} | {gaussians} | {duration_s} s{assumed} | {features} | {coder} |");
+    }
+    let (width, height) = SIZE;
+    let _ = write!(
+        text,
+        "
+All rows rank the same field and share the coder. *LightGaussian*, *RadSplat* (largest blending contribution) and
+*mass* keep the first Gaussians of their ranking. *mass + floor* restores features that are gone, by the paper's
+measure alone. *ours* is what `package --budget` keeps: it tries every ranking with the floor, which then also
+restores what is cut off, and takes the one whose package looks most like the field.
+
+PSNR is that of the decoded package against pictures of the unpruned field over black, as there is no ground truth
+here: {width}x{height}, at {INSTANTS} instants (one if static), of instants or places that neither the rankings nor
+the selection look at. Packages are coded once, aiming at {QUALITY_DB} dB; `package` goes on until that is met, so its
+sizes differ a little. Topology is the part of the field's persistent features that the Gaussians kept preserve (the
+paper's rate, a recall): components of the density's superlevel sets on a grid of {} voxels along the longest axis, 26
+neighbours, persistence above {} of the largest density, at {FLOOR_INSTANTS} instants (one if static). Precision is the
+part of what is found that is a feature of the field: what is cut off lowers it. Drift is the mean change of the density
+at which a preserved feature ends, in parts of the largest. Mbps is the size of the package over the duration of the
+clip.
+",
+        settings.voxels, settings.epsilon,
+    );
+    text
+}
+
+/// What the coder takes, field by field.
+fn rates(text: &mut String, fields: &[FieldRd]) {
+    text.push_str(
+        "\n## Rate of the coder\n\nThe most visible Gaussians, coded until pictures of the decoded package come to a \
+         PSNR against pictures of what was coded.\n\n\
+         | field | Gaussians | PSNR asked (dB) | PSNR (dB) | Mbps | bytes | B/G |\n\
+         |---|--:|--:|--:|--:|--:|--:|\n",
+    );
+    for field in fields {
+        for Rate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian } in &field.rates {
+            let _ = writeln!(
+                text,
+                "| {} | {gaussians} | {target_db} | {self_psnr_db:.1} | {mbps:.2} | {bytes} | {bytes_per_gaussian:.2} |",
+                field.field
+            );
+        }
+    }
+}
+
+/// PSNR and topology in the form of the paper's table.
+fn compact(text: &mut String, curve: &Curve) {
+    let budgets: BTreeSet<usize> = curve.points.iter().map(|(point, _)| point.budget).collect();
+    let of_fields = |budget: usize| match curve.points.iter().find(|(point, _)| point.budget == budget) {
+        Some((_, fields)) if curve.name == MEAN => format!(" (of {fields})"),
+        _ => String::new(),
+    };
+    for (title, value) in [
+        ("PSNR (dB)", (|p: &Point| format!("{:.2}", p.psnr_db)) as fn(&Point) -> String),
+        ("Topology", |p: &Point| format!("{:.3}", p.recall)),
+    ] {
+        let _ = write!(text, "| {title} |");
+        budgets.iter().rev().for_each(|&budget| {
+            let _ = write!(text, " {budget}{} |", of_fields(budget));
+        });
+        let _ = writeln!(text, "\n|---|{}", "---|".repeat(budgets.len()));
+        for row in Row::ALL {
+            let _ = write!(text, "| {} |", row.name());
+            for (point, _) in curve.points.iter().filter(|(point, _)| point.row == row) {
+                let _ = write!(text, " {} |", value(point));
+            }
+            text.push('\n');
+        }
+        text.push('\n');
+    }
+}
+
+/// Every number.
+fn full(text: &mut String, curve: &Curve) {
+    text.push_str(
+        "| Gaussians | row | PSNR (dB) | topology | precision | F1 | drift | Mbps | bytes | B/G | ranking | restored |\n\
+         |--:|---|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|\n",
+    );
+    for (p, _) in &curve.points {
+        let ranking = if p.ranking.is_empty() { "the best of each" } else { p.ranking };
+        let _ = writeln!(
+            text,
+            "| {} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.4} | {:.2} | {} | {:.1} | {ranking} | {} |",
+            p.budget,
+            p.row.name(),
+            p.psnr_db,
+            p.recall,
+            p.precision,
+            p.f1,
+            p.saddle_drift,
+            p.mbps,
+            p.bytes,
+            p.bytes_per_gaussian,
+            p.restored,
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(name: &str, budgets: &[usize]) -> FieldRd {
+        let point = |budget: usize, (i, row): (usize, Row)| Point {
+            budget,
+            row,
+            ranking: "mass",
+            restored: i,
+            psnr_db: 20.0 + i as f64 + budget as f64 / 1000.0,
+            recall: 0.5 + 0.1 * i as f64,
+            precision: 1.0,
+            f1: 0.75,
+            saddle_drift: 0.01,
+            mbps: budget as f64 * 1e-4,
+            bytes: budget * 20,
+            bytes_per_gaussian: 20.0,
+        };
+        let points = budgets
+            .iter()
+            .flat_map(|&budget| Row::ALL.into_iter().enumerate().map(move |r| point(budget, r)));
+        FieldRd {
+            field: name.into(),
+            gaussians: 1 + budgets.first().copied().unwrap_or(0),
+            duration_s: 1.0,
+            duration_assumed: true,
+            coder: "fixed",
+            features: 7,
+            points: points.collect(),
+            rates: vec![Rate {
+                gaussians: 5_000,
+                target_db: 45.0,
+                self_psnr_db: 45.06,
+                mbps: 0.25,
+                bytes: 31_250,
+                bytes_per_gaussian: 6.25,
+            }],
+        }
+    }
+
+    fn file<'a>(files: &'a [ReportFile], name: &str) -> &'a str {
+        &files.iter().find(|file| file.name == name).unwrap_or_else(|| panic!("no {name}")).text
+    }
+
+    #[test]
+    fn one_field_has_its_tables_and_its_plot() {
+        let files = files(&[field("a", &[10_000, 5_000])]).unwrap();
+        assert_eq!(files.len(), 3);
+        let csv = file(&files, "rd.csv");
+        assert_eq!(csv.lines().count(), 1 + 10);
+        let columns = |line: &str| line.split(',').count();
+        assert!(csv.lines().all(|line| columns(line) == columns(csv.lines().next().unwrap())), "{csv}");
+        assert!(csv.contains("\"a\",1,5000,ours,mass,4,29.0000,0.90000"), "{csv}");
+        let text = file(&files, "rd.md");
+        assert!(text.contains("| ours | 34.00 | 29.00 |"), "{text}");
+        assert!(text.contains("| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 6.25 |"), "{text}");
+        assert!(!text.contains(MEAN) && text.contains("1 s (assumed)"), "{text}");
+        assert_eq!(file(&files, "rd.svg").matches("<circle").count(), 2 * 10);
+    }
+
+    #[test]
+    fn a_mean_is_that_of_the_fields_that_have_the_budget() {
+        let mut other = field("b", &[5_000]);
+        other.points.iter_mut().for_each(|point| point.psnr_db += 2.0);
+        let files = files(&[field("a", &[10_000, 5_000]), other]).unwrap();
+        let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+        assert_eq!(names, ["rd.md", "rd.csv", "rd.svg", "rd-1.svg", "rd-2.svg"]);
+        let text = file(&files, "rd.md");
+        assert!(text.contains("| PSNR (dB) | 10000 (of 1) | 5000 (of 2) |"), "{text}");
+        assert!(text.contains("| ours | 34.00 | 30.00 |"), "{text}");
+    }
+
+    #[test]
+    fn a_field_below_the_ladder_is_said_to_be() {
+        let files = files(&[field("tiny", &[])]).unwrap();
+        assert!(file(&files, "rd.md").contains("Smaller than the smallest budget"));
+        assert_eq!(file(&files, "rd.csv").lines().count(), 1);
+    }
+}

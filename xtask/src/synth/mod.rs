@@ -1,0 +1,4 @@
+//! Procedural data: scenes made of formulas, without footage and without fitting.
+
+pub mod juggler;
+pub mod limbs;

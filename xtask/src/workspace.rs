@@ -1,0 +1,64 @@
+//! The workspace on disk: where it lies, and building its programs.
+
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+use crate::fault::Fault;
+
+/// The root of the repository that this tool was built from.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the workspace")
+}
+
+/// The folder for what the tool makes for itself; not under version control.
+pub fn target_folder() -> PathBuf {
+    root().join("target")
+}
+
+/// Cargo, to be run in the root of the repository: the one that runs this program, if one does.
+pub fn cargo() -> Command {
+    let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
+    let mut command = Command::new(program);
+    command.current_dir(root());
+    command
+}
+
+/// Builds a program of the workspace and returns the path of its executable.
+///
+/// The features are those of a build of the whole workspace, so that building and testing share
+/// what they compile. `profile` is `dev` or `release`.
+///
+/// # Errors
+/// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
+pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
+    let output = cargo()
+        .args(["build", "--workspace", "--bin", program, "--profile", profile])
+        .arg("--message-format=json-render-diagnostics")
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
+    let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
+        let message: Value = serde_json::from_str(line).ok()?;
+        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == "bin";
+        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
+    });
+    match executable {
+        Some(path) if output.status.success() => Ok(path),
+        _ => Err(Fault::Device(format!("cargo could not build {program}; its messages are above"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_root_holds_the_workspace() {
+        assert!(root().join("Cargo.lock").is_file() && root().join("codec/Cargo.toml").is_file());
+    }
+}
