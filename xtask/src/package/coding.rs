@@ -5,21 +5,15 @@ use anyhow::ensure;
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Precision, Source};
 use indicatif::ProgressBar;
 use refine::code::{CodeError, TRIALS, code};
-use refine::prune::{Pictures, Shot};
+use refine::prune::Pictures;
 use refine::reference;
 
-use super::whole::{JUDGING_PLACES, RANKING_PLACES, scene_of, shots_of};
+use super::whole::{CODED_SIZE, RANKING_PLACES, compared_shots, scene_of, shots_of};
 use crate::fault::Fault;
 use crate::scene::Scene;
 
 /// Where layers end, as far as there are Gaussians; the last one ends at the last Gaussian.
 pub(crate) const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
-
-/// Size in pixels of the pictures that tell what an error looks like.
-pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
-
-/// Most pictures that a package is compared in with what was coded.
-const COMPARED: usize = 6;
 
 /// How much more exact a draft is to be than the package, in dB: it is made without looking, and
 /// its errors must not decide.
@@ -160,11 +154,4 @@ fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
         }
         CodeError::Decode(error) => error.into(),
     }
-}
-
-/// A few of the pictures that judge, spread over places and times.
-fn compared_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
-    let shots = shots_of(scene, field, JUDGING_PLACES, CODED_SIZE);
-    let stride = shots.len().div_ceil(COMPARED).max(1);
-    shots.into_iter().step_by(stride).collect()
 }

@@ -26,6 +26,17 @@ const INSTANTS: usize = 4;
 /// Most viewpoints from which pictures are taken, each with its steps aside.
 const VIEWPOINTS: usize = 2;
 
+/// Pictures that a package is compared in with what was coded. Errors of trajectories are largest at
+/// both ends of a clip, so that each picture has an instant of its own.
+const COMPARED: usize = 8;
+
+/// Step through the cameras from one of these pictures to the next; shares no factor with their
+/// number, 5, 8 or 10.
+const COMPARED_STEP: usize = 3;
+
+/// Size in pixels of the pictures that tell what an error of coding looks like.
+pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
+
 /// Instants at which the topology is held.
 pub(crate) const FLOOR_INSTANTS: usize = 4;
 
@@ -194,20 +205,34 @@ pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
     shots_of(scene, field, JUDGING_PLACES, SIZE)
 }
 
-/// From where and when to look at a field: from the viewpoints that somebody suggested and a step
-/// aside of them, or else from a dome.
-pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Shot> {
-    let up = scene.info.up;
-    let cameras: Vec<Camera> = match scene.assumed.contains(&"viewpoints") {
-        true => dome(field, &instants(field, INSTANTS), up, places.turn, size),
-        false => {
-            let viewpoints = scene.info.viewpoints.iter().take(VIEWPOINTS);
-            let aside = places.aside.to_radians();
-            viewpoints.flat_map(|viewpoint| steps_aside(viewpoint, up, aside, size)).collect()
-        }
+/// Pictures to compare a package in with the field that was coded.
+pub(crate) fn compared_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+    let cameras = cameras(scene, field, JUDGING_PLACES, CODED_SIZE);
+    let instants = instants(field, COMPARED);
+    let shot = |i: usize| Shot {
+        camera: cameras[i * COMPARED_STEP % cameras.len()].clone(),
+        t: instants[i % instants.len()],
     };
-    let count = (PICTURES / cameras.len().max(1)).clamp(2, INSTANTS);
+    (0..COMPARED).map(shot).collect()
+}
+
+/// From where and when to look at a field.
+pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Shot> {
+    let cameras = cameras(scene, field, places, size);
+    let count = (PICTURES / cameras.len()).clamp(2, INSTANTS);
     shots(&cameras, &instants(field, count))
+}
+
+/// Where to look at a field from: the viewpoints that somebody suggested and a step aside of them,
+/// or else a dome. Never empty.
+fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Camera> {
+    let up = scene.info.up;
+    let viewpoints = &scene.info.viewpoints;
+    if scene.assumed.contains(&"viewpoints") || viewpoints.is_empty() {
+        return dome(field, &instants(field, INSTANTS), up, places.turn, size);
+    }
+    let aside = places.aside.to_radians();
+    viewpoints.iter().take(VIEWPOINTS).flat_map(|viewpoint| steps_aside(viewpoint, up, aside, size)).collect()
 }
 
 pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::Scene<'a> {

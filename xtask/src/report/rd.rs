@@ -17,10 +17,10 @@ use serde::Serialize;
 use super::Subject;
 use crate::fault::Fault;
 use crate::package::Settings;
-use crate::package::coding::{CODED_SIZE, Coding, LAYERS, QUALITY_DB};
+use crate::package::coding::{Coding, LAYERS, QUALITY_DB};
 use crate::package::whole::{
-    CODE_WORK, PICTURE_WORK, Places, RANKING_PLACES, Whole, enforce, enforce_work, floor, ranking_shots,
-    shots_of, verify_work,
+    CODE_WORK, CODED_SIZE, PICTURE_WORK, Places, RANKING_PLACES, Whole, enforce, enforce_work, floor,
+    ranking_shots, shots_of, verify_work,
 };
 
 pub use rates::Rate;

@@ -4,13 +4,13 @@
 use codec::Source;
 use indicatif::ProgressBar;
 use refine::code::{CodeError, TRIALS, code};
-use refine::prune::{Pictures, Shot};
+use refine::prune::Pictures;
 use serde::Serialize;
 
 use super::{SEEN_WORK, seen_shots};
 use crate::fault::Fault;
-use crate::package::coding::{CODED_SIZE, LAYERS};
-use crate::package::whole::{JUDGING_PLACES, scene_of, shots_of};
+use crate::package::coding::LAYERS;
+use crate::package::whole::{compared_shots, scene_of};
 use crate::report::Subject;
 
 /// PSNRs to code to, in dB.
@@ -18,9 +18,6 @@ const TARGETS_DB: [f64; 4] = [40.0, 45.0, 50.0, 55.0];
 
 /// Number of Gaussians coded, or all if there are fewer.
 const BUDGET: usize = 40_000;
-
-/// Packages are compared in one of this many of the pictures that judge.
-const COMPARED_STRIDE: usize = 7;
 
 /// A package of the most visible Gaussians, just as exact as asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -41,7 +38,7 @@ pub struct Rate {
 
 /// How far the progress advances in [`measure`].
 pub(super) fn work(subject: &Subject) -> u64 {
-    let compared = compared_shots(subject).len();
+    let compared = compared_shots(&subject.scene, &subject.field).len();
     let steps = seen_shots(subject).len() + TRIALS;
     SEEN_WORK * (compared + steps * TARGETS_DB.len()) as u64
 }
@@ -57,7 +54,7 @@ pub(super) fn measure(
     let Subject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-    let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared_shots(subject), step);
+    let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared_shots(scene, &part), step);
     let rate = |target_db: f64| {
         let coded = code(&source, &LAYERS, target_db, &seen_shots(subject), &judge, step).map_err(
             |error| match error {
@@ -75,9 +72,4 @@ pub(super) fn measure(
         })
     };
     TARGETS_DB.into_iter().map(rate).collect()
-}
-
-fn compared_shots(subject: &Subject) -> Vec<Shot> {
-    let shots = shots_of(&subject.scene, &subject.field, JUDGING_PLACES, CODED_SIZE);
-    shots.into_iter().step_by(COMPARED_STRIDE).collect()
 }
