@@ -2,15 +2,20 @@
 //!
 //! A command names its needs, each with what it does without; [`satisfy`] looks for them, prints
 //! and installs what is missing where it may (as root, or with `sudo` that asks for no password),
-//! and otherwise prints the one command to run. It never waits for an answer and never fails:
-//! whoever needs the thing finds out by using it.
+//! and otherwise prints the one command to run. What would not fit beside the machine's own packages
+//! is unpacked into a folder of this project instead, which anyone may. It never waits for an answer
+//! and never fails: whoever needs the thing finds out by using it.
 
 mod apt;
+mod openxr;
+mod unpacked;
 
 use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use unpacked::Unpacked;
 
 /// Something that a command needs and Cargo cannot fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +28,16 @@ pub(crate) enum Need {
     VirtualDisplay,
     /// A C++ compiler, for libFuzzer.
     CppCompiler,
+    /// An OpenXR runtime with a simulated headset, for the tests of the headset's path.
+    OpenXr,
+}
+
+/// Where something comes from.
+enum Source {
+    /// Packages to install, by their names in Debian and Ubuntu.
+    Installed(&'static [&'static str]),
+    /// A folder to make.
+    Unpacked(Unpacked),
 }
 
 impl Need {
@@ -32,19 +47,20 @@ impl Need {
             Need::WindowLibraries => "the X libraries of a window",
             Need::VirtualDisplay => "Xvfb, an X server without a screen",
             Need::CppCompiler => "c++, a C++ compiler",
+            Need::OpenXr => "Monado, an OpenXR runtime",
         }
     }
 
-    /// The packages that bring it, by their names in Debian and Ubuntu.
-    fn packages(self) -> &'static [&'static str] {
-        match self {
+    fn source(self) -> Source {
+        Source::Installed(match self {
             Need::Vulkan => &["libvulkan1", apt::MESA],
             Need::WindowLibraries => {
                 &["libx11-6", "libx11-xcb1", "libxcb1", "libxcursor1", "libxi6", "libxkbcommon-x11-0"]
             }
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
-        }
+            Need::OpenXr => return Source::Unpacked(openxr::runtime()),
+        })
     }
 
     fn is_met(self) -> bool {
@@ -64,6 +80,7 @@ impl Need {
             .all(|name| library_exists(name)),
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
+            Need::OpenXr => openxr::runtime().is_there(),
         }
     }
 }
@@ -78,21 +95,38 @@ pub(crate) fn satisfy(needs: &[(Need, &str)]) {
     if wanted.is_empty() {
         return;
     }
-    let packages: Vec<&str> = wanted.iter().flat_map(|need| need.packages()).copied().collect();
+    let mut packages: Vec<&str> = Vec::new();
+    let mut folders = Vec::new();
     for need in &wanted {
         eprintln!("set-up: this machine lacks {}", need.what());
+        match need.source() {
+            Source::Installed(names) => packages.extend(names),
+            Source::Unpacked(folder) => folders.push(folder),
+        }
     }
-    if !program_exists("apt-get") {
-        eprintln!("set-up: install it as your system does; Debian calls the packages {}", packages.join(" "));
-    } else if let Some(privilege) = apt::Privilege::find() {
-        apt::install(&privilege, &packages);
-    } else {
-        eprintln!("set-up: to install it, run\n\n    {}\n", apt::command_for_people(&packages));
+    if !packages.is_empty() {
+        install(&packages);
+    }
+    for folder in folders {
+        if let Err(error) = folder.make() {
+            eprintln!("set-up: {} could not be made: {error:#}", folder.folder.display());
+        }
     }
     for &(need, without) in needs {
         if wanted.contains(&need) && !need.is_met() {
             eprintln!("set-up: without {}, {without}", need.what());
         }
+    }
+}
+
+/// Installs the packages, or says how to.
+fn install(packages: &[&str]) {
+    if !program_exists("apt-get") {
+        eprintln!("set-up: install it as your system does; Debian calls the packages {}", packages.join(" "));
+    } else if let Some(privilege) = apt::Privilege::find() {
+        apt::install(&privilege, packages);
+    } else {
+        eprintln!("set-up: to install it, run\n\n    {}\n", apt::command_for_people(packages));
     }
 }
 

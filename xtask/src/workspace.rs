@@ -19,6 +19,11 @@ pub fn target_folder() -> PathBuf {
     root().join("target")
 }
 
+/// The folder in which the set-up puts an OpenXR runtime for tests. There is none, or a whole one.
+pub fn openxr_folder() -> PathBuf {
+    target_folder().join("openxr")
+}
+
 /// Cargo, to be run in the root of the repository: the one that runs this program, if one does.
 pub fn cargo() -> Command {
     let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));

@@ -14,6 +14,9 @@ use std::process::{Command, Stdio};
 /// The package of Mesa's Vulkan drivers.
 pub(super) const MESA: &str = "mesa-vulkan-drivers";
 
+/// Holds the keys that Debian signs its releases with, the coming ones among them.
+pub(super) const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
+
 /// First major version of Mesa whose software driver draws multiview right.
 const MESA_MAJOR_MIN: u32 = 25;
 
@@ -92,13 +95,8 @@ fn mesa_options(privilege: &Privilege) -> Vec<String> {
         Choice::From(suite) => return target(&suite),
         Choice::TooOld => {}
     }
-    let sources = parse_os_release(&fs::read_to_string("/etc/os-release").unwrap_or_default())
-        .filter(|system| system.id == "debian")
-        .and_then(|system| {
-            let targets = output_of("apt-get", ["indextargets", "--format", TARGET_FORMAT]);
-            backports_line(&parse_targets(&targets), &system.codename)
-        })
-        .and_then(|line| match write_sources(&line) {
+    let sources = debian().map(|(codename, mirror)| backports_line(&codename, &mirror)).and_then(|line| {
+        match write_sources(&line) {
             Ok(folder) => {
                 eprintln!("set-up: looking for Mesa {MESA_MAJOR_MIN} or newer; using, for this alone,");
                 eprintln!("set-up:     {line}");
@@ -108,7 +106,8 @@ fn mesa_options(privilege: &Privilege) -> Vec<String> {
                 eprintln!("set-up: no list of sources could be written: {error}");
                 None
             }
-        });
+        }
+    });
     if let Some(options) = sources {
         let mut update: Vec<&str> = options.iter().map(String::as_str).collect();
         update.push("update");
@@ -122,6 +121,20 @@ fn mesa_options(privilege: &Privilege) -> Vec<String> {
         "set-up: no Mesa {MESA_MAJOR_MIN} or newer is within reach; with an older one, stereo pictures take one pass per eye"
     );
     Vec::new()
+}
+
+/// The mirror that this machine's Debian comes from; `None` where it is no Debian.
+pub(super) fn mirror() -> Option<String> {
+    debian().map(|(_, mirror)| mirror)
+}
+
+/// The codename of this machine's Debian and the mirror it comes from.
+fn debian() -> Option<(String, String)> {
+    let system = parse_os_release(&fs::read_to_string("/etc/os-release").unwrap_or_default())
+        .filter(|system| system.id == "debian")?;
+    let targets = output_of("apt-get", ["indextargets", "--format", TARGET_FORMAT]);
+    let mirror = mirror_of(&parse_targets(&targets), &system.codename)?;
+    Some((system.codename, mirror))
 }
 
 /// One version of a package on offer.
@@ -207,14 +220,17 @@ fn parse_targets(text: &str) -> Vec<Target> {
         .collect()
 }
 
-/// The line of a list of sources that adds the release's backports, from the mirror that the
-/// release itself comes from.
-fn backports_line(targets: &[Target], codename: &str) -> Option<String> {
-    let mirror = targets.iter().find(|target| target.codename == codename && target.component == "main")?;
+/// The mirror that the release itself comes from.
+fn mirror_of(targets: &[Target], codename: &str) -> Option<String> {
+    let target = targets.iter().find(|target| target.codename == codename && target.component == "main")?;
+    Some(target.uri.clone())
+}
+
+/// The line of a list of sources that adds the release's backports.
+fn backports_line(codename: &str, mirror: &str) -> String {
     // Newer releases trust a key only for the sources that name it.
-    let keyring = "/usr/share/keyrings/debian-archive-keyring.gpg";
-    let option = if Path::new(keyring).is_file() { format!("[signed-by={keyring}] ") } else { String::new() };
-    Some(format!("deb {option}{} {codename}-backports main", mirror.uri))
+    let option = if Path::new(KEYRING).is_file() { format!("[signed-by={KEYRING}] ") } else { String::new() };
+    format!("deb {option}{mirror} {codename}-backports main")
 }
 
 /// Writes a folder of source lists, the machine's own and `line`, and returns its path.
@@ -294,10 +310,12 @@ http://mirror.test/debian/|bookworm|main|DEP-11
 http://other.test/debian/|bookworm|contrib|Packages
 http://mirror.test/debian/|bookworm|main|Packages
 ";
-        let line = backports_line(&parse_targets(text), "bookworm").unwrap();
+        let mirror = mirror_of(&parse_targets(text), "bookworm").unwrap();
+        assert_eq!(mirror, "http://mirror.test/debian/");
+        let line = backports_line("bookworm", &mirror);
         assert!(
             line.starts_with("deb ") && line.ends_with("http://mirror.test/debian/ bookworm-backports main")
         );
-        assert_eq!(backports_line(&parse_targets(text), "trixie"), None);
+        assert_eq!(mirror_of(&parse_targets(text), "trixie"), None);
     }
 }
