@@ -1,0 +1,143 @@
+//! [`Interaction`]: from hands to what they do: where the clip stands, what was asked for, and what
+//! is felt. It knows neither runtime nor GPU.
+//!
+//! A frame goes in this order, with the panel in between, because what is pointed at it is not
+//! meant for the clip:
+//!
+//! 1. [`Interaction::take`] the hands of the frame;
+//! 2. the panel's `point` with [`Interaction::inputs`] says which hands are on it;
+//! 3. [`Interaction::update`] moves the clip and appends commands;
+//! 4. carry the commands out; [`Command::play`] does those for the clock, and
+//!    [`Interaction::recentre`] does [`Command::Recentre`].
+
+mod command;
+mod grab;
+mod hands;
+mod haptics;
+mod inputs;
+mod placement;
+mod playback;
+#[cfg(test)]
+pub(super) mod random;
+mod stick;
+mod store;
+mod turn;
+
+pub use command::Command;
+pub use hands::{Button, Hand, Hands, Pose, Side};
+pub use haptics::{Haptics, Pulse};
+pub use inputs::Inputs;
+pub use placement::{Placement, SCALE_RANGE, Similarity, Subject};
+pub use playback::{BUTTONS, Binding, GESTURES};
+pub use store::PlacementStore;
+
+use grab::Grab;
+use playback::Playback;
+use stick::StickSnap;
+
+use crate::player::Player;
+
+/// What hands have done to a clip.
+#[derive(Clone, Debug)]
+pub struct Interaction {
+    subject: Subject,
+    placement: Placement,
+    inputs: Inputs,
+    sticks: [StickSnap; 2],
+    /// Hands whose trigger was pulled off the panel: it holds the clip until it is let go.
+    select_holds: [bool; 2],
+    grab: Grab,
+    playback: Playback,
+    elapsed_s: f64,
+}
+
+impl Interaction {
+    /// With a clip at `placement`, for instance from a [`PlacementStore`].
+    pub fn new(subject: Subject, placement: Placement) -> Interaction {
+        Interaction {
+            subject,
+            placement,
+            inputs: Inputs::default(),
+            sticks: Default::default(),
+            select_holds: [false; 2],
+            grab: Grab::default(),
+            playback: Playback::default(),
+            elapsed_s: 0.0,
+        }
+    }
+
+    /// Changes to another clip; what hands hold they go on holding.
+    pub fn change_clip(&mut self, subject: Subject, placement: Placement) {
+        (self.subject, self.placement) = (subject, placement);
+    }
+
+    /// Takes in the hands of a frame that lasts `elapsed_s` seconds. `focused` is whether the
+    /// runtime gives input to this program.
+    pub fn take(&mut self, hands: &Hands, focused: bool, elapsed_s: f64) {
+        self.elapsed_s = if elapsed_s.is_finite() { elapsed_s.max(0.0) } else { 0.0 };
+        self.inputs.update(hands, focused, self.elapsed_s);
+    }
+
+    /// The hands as of [`take`](Interaction::take).
+    pub fn inputs(&self) -> &Inputs {
+        &self.inputs
+    }
+
+    /// Moves the clip as the hands say and appends what else they ask for to `commands`. `head` is
+    /// between the eyes; `on_panel` says which hands, left then right, point at the panel.
+    pub fn update(
+        &mut self,
+        head: &Pose,
+        on_panel: [bool; 2],
+        player: &Player,
+        commands: &mut Vec<Command>,
+        haptics: &mut Haptics,
+    ) {
+        let inputs = &self.inputs;
+        let pushes = Side::BOTH.map(|side| self.sticks[side as usize].update(inputs.stick(side)));
+        let pushed = self.sticks[Side::Left as usize].pushed();
+        self.playback.update(inputs, pushes, pushed, self.elapsed_s, player, commands);
+
+        let right = pushes[Side::Right as usize];
+        if let Some(turned) = right.and_then(|push| turn::snap_turn(&self.placement, head, push)) {
+            self.placement = turned;
+            haptics.play(Side::Right, Pulse::SNAP);
+        }
+
+        let holding = Side::BOTH.map(|side| {
+            let by_select = &mut self.select_holds[side as usize];
+            *by_select |= inputs.pressed(side, Button::Select) && !on_panel[side as usize];
+            *by_select &= inputs.is_held(side, Button::Select);
+            (*by_select || inputs.is_held(side, Button::Squeeze)).then(|| inputs.grip(side)).flatten()
+        });
+        self.placement = self.grab.update(holding, self.placement, haptics);
+    }
+
+    /// Puts the clip in front of a viewer whose head is at `head`, at life size.
+    pub fn recentre(&mut self, head: &Pose) {
+        self.placement = self.subject.start(head);
+    }
+
+    /// Where the clip stands: what to remember.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    /// Puts the clip into the stage.
+    pub fn stage_from_clip(&self) -> Similarity {
+        self.subject.stage_from_clip(&self.placement)
+    }
+
+    /// Whether a stick holds the clock, which must then not advance by itself.
+    pub fn is_scrubbing(&self) -> bool {
+        self.playback.is_scrubbing()
+    }
+
+    /// Whether a hand holds the clip.
+    pub fn is_holding(&self) -> bool {
+        self.grab.is_holding()
+    }
+}
+
+#[cfg(test)]
+mod tests;

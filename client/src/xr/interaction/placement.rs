@@ -1,0 +1,397 @@
+//! [`Placement`]: where a clip stands in the room, and [`Subject`], what that means for its
+//! coordinates.
+//!
+//! The stage is the room: metres, +y up, the floor at 0. A clip is laid into it in three steps:
+//! [`Subject`] turns the clip's own axes upright, with the side that its first viewpoint sees to +z
+//! and the ground below its middle at the origin; life size makes metres of its units; and the
+//! placement scales, turns about the vertical and moves that. So a clip always stands upright,
+//! whatever hands do to it.
+
+use std::f64::consts::PI;
+
+use codec::{Clip, Field, Viewpoint};
+use glam::{DMat3, DMat4, DQuat, DVec3, Mat4, dvec3};
+
+use super::hands::Pose;
+use crate::viewpoint;
+
+/// Smallest and largest size of a clip, as a multiple of life.
+pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
+
+/// Farthest from the origin of the stage that a clip is moved along an axis, in metres.
+const FARTHEST_M: f64 = 1000.0;
+
+/// Distance between the viewer and the middle of a clip that starts in front, in metres, and the
+/// least to its near side.
+const START_M: f64 = 1.75;
+const START_CLEARANCE_M: f64 = 1.0;
+
+/// Largest radius, in metres, of what is put in front of the viewer rather than around.
+const IN_FRONT_RADIUS_M: f64 = 2.0;
+
+/// Heights of an eye above the floor, in metres, that people have, sitting to standing.
+const EYE_HEIGHTS_M: (f64, f64) = (0.8, 2.2);
+
+/// Part of the Gaussians that may lie beyond each side of the box of a subject: captures have
+/// stray ones far away.
+const STRAY: f64 = 0.01;
+
+/// Peak opacity from which a Gaussian tells where the subject is.
+const OPAQUE: f32 = 0.1;
+
+/// Where a clip stands. The default is life size at the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    scale: f64,
+    yaw: f64,
+    position: DVec3,
+}
+
+impl Placement {
+    /// `scale` times life size, turned about +y by `yaw` radians, with the ground below its middle
+    /// at `position` in metres. What is no number becomes that of the default; the rest is cut to
+    /// [`SCALE_RANGE`] and to a kilometre.
+    pub fn new(scale: f64, yaw: f64, position: DVec3) -> Placement {
+        let or = |x: f64, default: f64| if x.is_finite() { x } else { default };
+        Placement {
+            scale: or(scale, 1.0).clamp(SCALE_RANGE.0, SCALE_RANGE.1),
+            // Keeps the sines exact after thousands of turns.
+            yaw: (or(yaw, 0.0) + PI).rem_euclid(2.0 * PI) - PI,
+            position: position.map(|x| or(x, 0.0).clamp(-FARTHEST_M, FARTHEST_M)),
+        }
+    }
+
+    /// Size as a multiple of life.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Angle about +y in radians, from -pi to pi.
+    pub fn yaw(&self) -> f64 {
+        self.yaw
+    }
+
+    /// The ground below the middle of the clip, in metres.
+    pub fn position(&self) -> DVec3 {
+        self.position
+    }
+
+    /// Scaled to `scale`, turned by `angle` and moved so that what was at `from` in the stage is
+    /// now at `to`.
+    pub fn carried(&self, from: DVec3, to: DVec3, angle: f64, scale: f64) -> Placement {
+        let scaled = Placement::new(scale, self.yaw + angle, self.position);
+        let arm = DQuat::from_rotation_y(angle) * (self.position - from) * (scaled.scale / self.scale);
+        Placement::new(scaled.scale, scaled.yaw, to + arm)
+    }
+
+    /// Turned by `angle` about the vertical through `point`, which stays where it is in the clip.
+    pub fn turned_about(&self, point: DVec3, angle: f64) -> Placement {
+        self.carried(point, point, angle, self.scale)
+    }
+}
+
+impl Default for Placement {
+    fn default() -> Placement {
+        Placement { scale: 1.0, yaw: 0.0, position: DVec3::ZERO }
+    }
+}
+
+/// What placing a clip must know of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Subject {
+    upright_from_clip: DQuat,
+    /// At least the smallest positive normal number.
+    metres_per_unit: f64,
+    /// The ground below the middle, in units of the clip.
+    ground: DVec3,
+    /// From the middle to the sides, level, in metres.
+    radius_m: f64,
+    /// First viewpoint from the ground below the middle, upright, in metres.
+    eye_m: DVec3,
+}
+
+impl Subject {
+    /// Of a clip.
+    pub fn of(clip: &Clip) -> Subject {
+        let centers = visible_centers(&clip.still).chain(visible_centers(&clip.moving));
+        let info = &clip.info;
+        Subject::from_parts(centers, info.up, info.metres_per_unit, &viewpoint::viewpoints(clip)[0])
+    }
+
+    fn from_parts(
+        centers: impl Iterator<Item = DVec3>,
+        up: [f32; 3],
+        metres_per_unit: f32,
+        viewpoint: &Viewpoint,
+    ) -> Subject {
+        let up = DVec3::from(up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);
+        let eye = DVec3::from(viewpoint.position.map(f64::from));
+        let target = DVec3::from(viewpoint.target.map(f64::from));
+        // Towards the viewpoint, level.
+        let front = (eye - target).reject_from_normalized(up);
+        let front = front.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+        let upright_from_clip =
+            DQuat::from_mat3(&DMat3::from_cols(up.cross(front), up, front)).inverse().normalize();
+
+        let centers: Vec<DVec3> = centers.map(|center| upright_from_clip * center).collect();
+        let upright_target = upright_from_clip * target;
+        let side = |axis: usize| {
+            let mut along: Vec<f64> = centers.iter().map(|center| center[axis]).collect();
+            along.sort_by(f64::total_cmp);
+            let stray = (STRAY * along.len() as f64) as usize;
+            match along.len() {
+                0 => (upright_target[axis], upright_target[axis]),
+                count => (along[stray], along[count - 1 - stray]),
+            }
+        };
+        let (x, y, z) = (side(0), side(1), side(2));
+        let ground = dvec3(0.5 * (x.0 + x.1), y.0, 0.5 * (z.0 + z.1));
+        let metres_per_unit = f64::from(metres_per_unit);
+        let metres_per_unit = if metres_per_unit.is_normal() { metres_per_unit.abs() } else { 1.0 };
+        Subject {
+            upright_from_clip,
+            metres_per_unit,
+            ground: upright_from_clip.inverse() * ground,
+            radius_m: 0.5 * metres_per_unit * (x.1 - x.0).max(z.1 - z.0),
+            eye_m: metres_per_unit * (upright_from_clip * eye - ground),
+        }
+    }
+
+    /// A comfortable start for a viewer whose head is at `head`: life size, feet on the floor.
+    ///
+    /// What is small enough stands in front and faces the viewer. Around a scene that is larger,
+    /// or that its viewpoint lies within, the viewer stands where the viewpoint is and looks the
+    /// way it looks; where its eyes are at no height of a person's, at that height too.
+    pub fn start(&self, head: &Pose) -> Placement {
+        let heading = head.heading();
+        let stage_from_upright = DQuat::from_rotation_y(heading);
+        let eye = head.position.as_dvec3();
+        let within = self.eye_m.x.hypot(self.eye_m.z) < self.radius_m + 0.5 * START_CLEARANCE_M;
+        let position = if self.radius_m > IN_FRONT_RADIUS_M || within {
+            let on_eye = eye - stage_from_upright * self.eye_m;
+            let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&self.eye_m.y);
+            DVec3 { y: if has_floor { 0.0 } else { on_eye.y }, ..on_eye }
+        } else {
+            let distance = START_M.max(self.radius_m + START_CLEARANCE_M);
+            let in_front = eye - stage_from_upright * DVec3::Z * distance;
+            DVec3 { y: 0.0, ..in_front }
+        };
+        Placement::new(1.0, heading, position)
+    }
+
+    /// The similarity that puts the clip into the stage.
+    pub fn stage_from_clip(&self, placement: &Placement) -> Similarity {
+        let rotation = DQuat::from_rotation_y(placement.yaw) * self.upright_from_clip;
+        let scale = placement.scale * self.metres_per_unit;
+        Similarity { scale, rotation, translation: placement.position - rotation * self.ground * scale }
+    }
+}
+
+/// Where the centres of a field are at the instant of the clip at which each is clearest, leaving
+/// out what is never clear.
+fn visible_centers(field: &Field) -> impl Iterator<Item = DVec3> {
+    (0..field.len()).filter_map(|i| {
+        let t = field.temporal.as_ref().map_or(0.0, |temporal| f64::from(temporal.tau[i]).clamp(0.0, 1.0));
+        let visible = field.opacities[i] >= OPAQUE && field.opacity_at(i, t) >= f64::from(OPAQUE);
+        visible.then(|| DVec3::from(field.position_at(i, t)))
+    })
+}
+
+/// A uniform scale, then a rotation, then a translation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Similarity {
+    /// Positive.
+    pub scale: f64,
+    /// Unit quaternion.
+    pub rotation: DQuat,
+    /// In units of the target.
+    pub translation: DVec3,
+}
+
+impl Similarity {
+    /// Where a point goes.
+    pub fn point(&self, source: DVec3) -> DVec3 {
+        self.rotation * (source * self.scale) + self.translation
+    }
+
+    /// Where a point comes from.
+    pub fn source_of(&self, target: DVec3) -> DVec3 {
+        self.rotation.inverse() * (target - self.translation) / self.scale
+    }
+
+    /// As a matrix for column vectors.
+    pub fn matrix(&self) -> Mat4 {
+        DMat4::from_scale_rotation_translation(DVec3::splat(self.scale), self.rotation, self.translation)
+            .as_mat4()
+    }
+
+    /// With this being `stage_from_clip`: the rigid transform, in OpenCV axes and units of the
+    /// clip, of an eye in the stage. It is what [`View::view_from_world`] holds; focal lengths and
+    /// principal points are those of the stage, which a uniform scale does not change.
+    ///
+    /// [`View::view_from_world`]: crate::view::View::view_from_world
+    pub fn view_from_clip(&self, eye: &Pose) -> Mat4 {
+        let eye_in_clip = self.source_of(eye.position.as_dvec3());
+        // From y up, z back to y down, z ahead.
+        let view_from_eye = DQuat::from_rotation_x(PI);
+        let rotation = view_from_eye * eye.orientation.as_dquat().inverse() * self.rotation;
+        DMat4::from_rotation_translation(rotation.normalize(), -(rotation * eye_in_clip)).as_mat4()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use glam::{Quat, vec3};
+
+    use super::super::random::Random;
+    use super::*;
+    use crate::source;
+
+    /// A person of 1.8 units in a clip with y down, standing on y = 1 at (3, z = 5), seen from
+    /// -z, with a few strays far off.
+    fn person() -> Subject {
+        let body = (0..1000).map(|i| {
+            let (i, angle) = (f64::from(i), f64::from(i));
+            dvec3(3.0 + 0.3 * angle.cos(), 1.0 - 1.8 * i / 999.0, 5.0 + 0.2 * angle.sin())
+        });
+        let strays = (0..5).map(|i| dvec3(500.0, 40.0 * f64::from(i), -90.0));
+        Subject::from_parts(body.chain(strays), [0.0, -1.0, 0.0], 1.0, &viewpoint([3.0, 0.0, 2.0]))
+    }
+
+    fn viewpoint(position: [f32; 3]) -> Viewpoint {
+        Viewpoint { name: "front".into(), position, target: [3.0, 0.0, 5.0], fov_y: 0.8 }
+    }
+
+    fn head(heading: f32) -> Pose {
+        Pose { position: vec3(0.4, 1.6, -0.2), orientation: Quat::from_rotation_y(heading) }
+    }
+
+    #[test]
+    fn a_person_starts_on_the_floor_in_front_and_faces_the_viewer() {
+        for heading in [-2.5f32, 0.0, 1.0] {
+            let (subject, head) = (person(), head(heading));
+            let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
+            let feet = stage_from_clip.point(dvec3(3.0, 1.0, 5.0));
+            let crown = stage_from_clip.point(dvec3(3.0, -0.8, 5.0));
+            assert!(feet.y.abs() < 0.03 && (crown.y - 1.8).abs() < 0.03, "{feet} {crown}");
+            let ahead = dvec3(feet.x, 1.6, feet.z) - head.position.as_dvec3();
+            assert!((ahead.length() - 1.75).abs() < 0.05, "{ahead}");
+            assert!(ahead.normalize().dot(head.forward().as_dvec3()) > 0.99);
+            // The viewpoint's side of the clip is the near one.
+            let chest = stage_from_clip.point(dvec3(3.0, 0.0, 4.0));
+            assert!(chest.distance(head.position.as_dvec3()) < feet.distance(head.position.as_dvec3()) - 0.5);
+            assert!((stage_from_clip.scale - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn life_size_follows_the_unit() {
+        let points = [dvec3(0.0, 0.0, 0.0), dvec3(0.0, 90.0, 0.0), dvec3(0.0, 180.0, 0.0)];
+        let at = Viewpoint { position: [0.0, 90.0, 300.0], target: [0.0, 90.0, 0.0], ..viewpoint([0.0; 3]) };
+        let subject = Subject::from_parts(points.into_iter(), [0.0, 1.0, 0.0], 0.01, &at);
+        let stage_from_clip = subject.stage_from_clip(&subject.start(&Pose::IDENTITY));
+        assert!((stage_from_clip.point(points[2]).y - 1.8).abs() < 1e-6);
+    }
+
+    #[test]
+    fn within_a_scene_the_viewer_stands_at_the_viewpoint() {
+        let room = (0..4000).map(|i| {
+            let i = f64::from(i);
+            dvec3(4.0 * (i * 0.7).sin(), 1.3 + 1.3 * (i * 1.3).sin(), 4.0 * (i * 1.9).cos())
+        });
+        for (eye_height, expected) in [(1.5f32, 1.5), (5.0, 1.6)] {
+            let at = Viewpoint {
+                position: [1.0, eye_height, 2.0],
+                target: [0.0, 1.0, 0.0],
+                ..viewpoint([0.0; 3])
+            };
+            let subject = Subject::from_parts(room.clone(), [0.0, 1.0, 0.0], 1.0, &at);
+            let head = head(0.8);
+            let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
+            let eye = stage_from_clip.point(DVec3::from(at.position.map(f64::from)));
+            let expected = dvec3(0.4, expected, -0.2);
+            assert!(eye.distance(expected) < 0.02, "{eye}, expected {expected}");
+            let target = stage_from_clip.point(dvec3(0.0, 1.0, 0.0)) - eye;
+            let level = DVec3 { y: 0.0, ..target }.normalize();
+            assert!(level.dot(head.forward().as_dvec3()) > 0.999);
+        }
+    }
+
+    #[test]
+    fn the_demo_clip_stands_before_the_viewer() {
+        let clip = source::load(None).unwrap();
+        let subject = Subject::of(&clip);
+        let head = head(0.3);
+        let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
+        let target = DVec3::from(viewpoint::viewpoints(&clip)[0].target.map(f64::from));
+        let seen = stage_from_clip.view_from_clip(&head).transform_point3(target.as_vec3());
+        assert!(seen.z > 1.0 && seen.x.abs() < 0.3 * seen.z && seen.y.abs() < 0.6 * seen.z, "{seen}");
+    }
+
+    #[test]
+    fn odd_clips_have_a_place() {
+        let nothing = std::iter::empty();
+        for (up, metres_per_unit, position) in [
+            ([0.0; 3], 0.0, [3.0, 0.0, 5.0]),
+            ([0.0, f32::NAN, 0.0], f32::NAN, [3.0, 9.0, 5.0]),
+            ([1e-30, 0.0, 0.0], -1.0, [-3.0, 0.0, 5.0]),
+        ] {
+            let subject = Subject::from_parts(nothing.clone(), up, metres_per_unit, &viewpoint(position));
+            let start = subject.start(&Pose::IDENTITY);
+            assert!(subject.stage_from_clip(&start).matrix().is_finite(), "{subject:?}");
+        }
+        let wild = Placement::new(f64::NAN, f64::INFINITY, DVec3::NAN);
+        assert_eq!(wild, Placement::default());
+        let wild = Placement::new(1e9, 1e9, DVec3::splat(-1e300));
+        assert!(wild.scale() == 20.0 && wild.yaw().abs() <= PI && wild.position() == DVec3::splat(-1000.0));
+    }
+
+    #[test]
+    fn the_clip_stays_upright_and_undistorted() {
+        let (subject, mut random) = (person(), Random::new(1));
+        for _ in 0..200 {
+            let placement = random.placement();
+            let stage_from_clip = subject.stage_from_clip(&placement);
+            let up = stage_from_clip.point(dvec3(0.0, -1.0, 0.0)) - stage_from_clip.point(DVec3::ZERO);
+            assert!((up.y / up.length() - 1.0).abs() < 1e-9, "{up}");
+            let point = random.point();
+            let there = stage_from_clip.point(point);
+            assert!(stage_from_clip.source_of(there).distance(point) < 1e-6);
+            assert!(
+                stage_from_clip.matrix().transform_point3(point.as_vec3()).distance(there.as_vec3()) < 1e-3
+            );
+        }
+    }
+
+    #[test]
+    fn a_view_sees_the_clip_as_the_eye_sees_the_stage() {
+        let (subject, mut random) = (person(), Random::new(2));
+        for _ in 0..200 {
+            let stage_from_clip = subject.stage_from_clip(&random.placement());
+            let (eye, point) = (random.pose(), random.point());
+            let seen = stage_from_clip.view_from_clip(&eye).transform_point3(point.as_vec3());
+            let stage = stage_from_clip.point(point) - eye.position.as_dvec3();
+            let ours = eye.orientation.as_dquat().inverse() * stage / stage_from_clip.scale;
+            let expected = dvec3(ours.x, -ours.y, -ours.z);
+            let error = (seen.as_dvec3() - expected).length() / expected.length().max(1.0);
+            assert!(error < 1e-4, "{seen} {expected}");
+        }
+    }
+
+    #[test]
+    fn carrying_takes_a_point_to_a_point() {
+        let (subject, mut random) = (person(), Random::new(3));
+        for _ in 0..200 {
+            let (placement, from, to) = (random.placement(), random.point(), random.point());
+            let clip_point = subject.stage_from_clip(&placement).source_of(from);
+            let scale = placement.scale() * 3.0;
+            let carried = placement.carried(from, to, 0.4, scale);
+            assert!(subject.stage_from_clip(&carried).point(clip_point).distance(to) < 1e-6);
+            assert!((carried.scale() - scale.min(20.0)).abs() < 1e-9);
+        }
+        let turned = Placement::new(1.0, 0.0, DVec3::NEG_Z).turned_about(DVec3::ZERO, FRAC_PI_2);
+        assert!(turned.position().distance(DVec3::NEG_X) < 1e-9 && (turned.yaw() - FRAC_PI_2).abs() < 1e-9);
+    }
+}

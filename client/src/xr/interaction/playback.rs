@@ -1,0 +1,174 @@
+//! The buttons: one table that both acts on them and lists them, and the stick that steps and
+//! scrubs.
+
+use super::command::Command;
+use super::hands::{Button, Side};
+use super::inputs::Inputs;
+use super::stick::{Push, STICK_CENTRE};
+use crate::player::Player;
+
+/// Longest time for which a button is down in a tap, in seconds.
+const TAP_S: f64 = 0.5;
+
+/// Time after which a held button does the other thing that it does.
+const HOLD_S: f64 = 0.7;
+
+/// Time after which a held button ends the program: no slip does that.
+const EXIT_S: f64 = 1.5;
+
+/// Time after which a stick that stepped a frame begins to scrub.
+const SCRUB_AFTER_S: f64 = 0.5;
+
+/// Seconds in which a stick that is pushed all the way scrubs through a clip, and the slowest such
+/// rate in seconds of the clip per second.
+const SCRUB_THROUGH_S: f64 = 5.0;
+const SCRUB_RATE_LEAST: f64 = 1.0;
+
+/// When a button acts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Gesture {
+    /// As it goes down.
+    Press,
+    /// As it comes up soon after.
+    Tap,
+    /// Once it has been down for this many seconds.
+    Hold(f64),
+}
+
+/// One line of the table.
+pub struct Binding {
+    /// Sides on which the button does that.
+    sides: &'static [Side],
+    button: Button,
+    gesture: Gesture,
+    command: Command,
+    /// The button as the list shows it.
+    pub label: &'static str,
+    /// What it does.
+    pub action: &'static str,
+}
+
+const LEFT: &[Side] = &[Side::Left];
+const RIGHT: &[Side] = &[Side::Right];
+
+const fn bind(
+    sides: &'static [Side],
+    (button, gesture): (Button, Gesture),
+    command: Command,
+    label: &'static str,
+    action: &'static str,
+) -> Binding {
+    Binding { sides, button, gesture, command, label, action }
+}
+
+/// What the buttons do.
+pub const BUTTONS: [Binding; 9] = {
+    use Button::{Menu, Primary, Secondary};
+    use Gesture::{Hold, Press, Tap};
+    [
+        bind(RIGHT, (Primary, Press), Command::TogglePlaying, "A", "Play or pause"),
+        bind(RIGHT, (Secondary, Tap), Command::TogglePanel, "B", "This panel"),
+        bind(RIGHT, (Secondary, Hold(EXIT_S)), Command::Exit, "Hold B", "Exit"),
+        bind(LEFT, (Primary, Tap), Command::NextClip, "X", "Next clip"),
+        bind(LEFT, (Primary, Hold(HOLD_S)), Command::ToggleStatistics, "Hold X", "Statistics"),
+        bind(LEFT, (Secondary, Tap), Command::Recentre, "Y", "Recentre"),
+        bind(LEFT, (Secondary, Hold(HOLD_S)), Command::ToggleLoop, "Hold Y", "Loop on or off"),
+        bind(&Side::BOTH, (Menu, Tap), Command::TogglePanel, "Menu", "This panel"),
+        bind(&Side::BOTH, (Menu, Hold(EXIT_S)), Command::Exit, "Hold menu", "Exit"),
+    ]
+};
+
+/// What sticks and held hands do, for the list.
+pub const GESTURES: [(&str, &str); 8] = [
+    ("Grip", "Carry the clip"),
+    ("Both grips", "Move, turn, scale"),
+    ("Trigger", "Press on the panel"),
+    ("Trigger off it", "Carry the clip"),
+    ("Left stick, sideways", "Frame step, held: scrub"),
+    ("Left stick, up or down", "Faster, slower"),
+    ("Right stick, sideways", "Turn"),
+    ("Right stick, up or down", "Quality"),
+];
+
+/// The stick that steps and scrubs.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Playback {
+    /// How long the left stick is pushed sideways, in seconds.
+    pushed_s: f64,
+}
+
+impl Playback {
+    /// What buttons and sticks ask for in a frame of `elapsed_s` seconds. `pushes` are those that
+    /// begin in it, left and right, and `pushed` is that which lasts on the left.
+    pub(super) fn update(
+        &mut self,
+        inputs: &Inputs,
+        pushes: [Option<Push>; 2],
+        pushed: Option<Push>,
+        elapsed_s: f64,
+        player: &Player,
+        commands: &mut Vec<Command>,
+    ) {
+        for binding in &BUTTONS {
+            let acts = |&side: &Side| match binding.gesture {
+                Gesture::Press => inputs.pressed(side, binding.button),
+                Gesture::Tap => inputs.tapped(side, binding.button, TAP_S),
+                Gesture::Hold(after_s) => inputs.held_for(side, binding.button, after_s),
+            };
+            if binding.sides.iter().any(acts) {
+                commands.push(binding.command);
+            }
+        }
+        let [left, right] = pushes;
+        commands.extend(left.map(|push| match push {
+            Push::Left => Command::StepBack,
+            Push::Right => Command::StepForward,
+            Push::Up => Command::Faster,
+            Push::Down => Command::Slower,
+        }));
+        match right {
+            Some(Push::Up) => commands.push(Command::Better),
+            Some(Push::Down) => commands.push(Command::Coarser),
+            Some(Push::Left | Push::Right) | None => {}
+        }
+        if matches!(pushed, Some(Push::Left | Push::Right)) {
+            self.pushed_s += elapsed_s;
+        } else {
+            self.pushed_s = 0.0;
+        }
+        if self.is_scrubbing() {
+            // From nothing at the edge of the middle to all at the rim.
+            let x = f64::from(inputs.stick(Side::Left).x);
+            let centre = f64::from(STICK_CENTRE);
+            let part = ((x.abs() - centre) / (1.0 - centre)).max(0.0).copysign(x);
+            let rate = (player.duration_s() / SCRUB_THROUGH_S).max(SCRUB_RATE_LEAST);
+            commands.push(Command::Seek(player.position_s() + part * rate * elapsed_s));
+        }
+    }
+
+    /// Whether the stick holds the clock.
+    pub fn is_scrubbing(&self) -> bool {
+        self.pushed_s >= SCRUB_AFTER_S
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_gesture_means_two_things() {
+        for (i, a) in BUTTONS.iter().enumerate() {
+            for b in &BUTTONS[..i] {
+                let together = a.button == b.button && a.sides.iter().any(|side| b.sides.contains(side));
+                let apart = match (a.gesture, b.gesture) {
+                    (Gesture::Tap, Gesture::Hold(after_s)) | (Gesture::Hold(after_s), Gesture::Tap) => {
+                        after_s > TAP_S
+                    }
+                    _ => false,
+                };
+                assert!(!together || apart, "{} and {}", a.label, b.label);
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! [`PlacementStore`]: where each clip was left, in a small file.
+//!
+//! The file is a convenience: without it, or with one that makes no sense, clips start in front of
+//! the viewer, and one line in the log says why.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use log::warn;
+use serde::{Deserialize, Serialize};
+use tempfile::NamedTempFile;
+
+use super::placement::Placement;
+
+/// Name of the file in its folder.
+const FILE: &str = "placements.json";
+
+/// Clips that are remembered, the ones placed last.
+const CLIPS: usize = 64;
+
+/// Largest file that is read, and longest name of a clip, in bytes. That many names fit the file.
+const FILE_BYTES: u64 = 1 << 20;
+const KEY_BYTES: usize = 1 << 10;
+
+/// Version of the file's form.
+const VERSION: u32 = 1;
+
+/// Placements by the names of clips.
+#[derive(Debug)]
+pub struct PlacementStore {
+    folder: PathBuf,
+    /// The one placed last comes last.
+    entries: Vec<Entry>,
+    /// Whether the file lacks something.
+    changed: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Contents<E> {
+    version: u32,
+    placements: E,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    clip: String,
+    scale: f64,
+    yaw_rad: f64,
+    position_m: [f64; 3],
+}
+
+impl Entry {
+    fn placement(&self) -> Placement {
+        Placement::new(self.scale, self.yaw_rad, DVec3::from(self.position_m))
+    }
+}
+
+impl PlacementStore {
+    /// What the file in `folder` remembers; nothing where there is no file yet, and with a warning
+    /// where it cannot be used.
+    pub fn open(folder: &Path) -> PlacementStore {
+        let path = folder.join(FILE);
+        let entries = match read(&path) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                log::info!("{}: not there yet: clips start in front of the viewer", path.display());
+                Vec::new()
+            }
+            Err(error) => {
+                warn!("{}: {error}: clips start in front of the viewer", path.display());
+                Vec::new()
+            }
+        };
+        PlacementStore { folder: folder.into(), entries, changed: false }
+    }
+
+    /// Where the clip with the name `key` was left.
+    pub fn get(&self, key: &str) -> Option<Placement> {
+        self.entries.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
+    }
+
+    /// Remembers where the clip with the name `key` is; of more than [`CLIPS`] the one placed
+    /// longest ago is forgotten. Nothing is written yet. Names longer than a kilobyte are not kept.
+    pub fn set(&mut self, key: &str, placement: &Placement) {
+        if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
+            return;
+        }
+        self.entries.retain(|entry| entry.clip != key);
+        self.entries.push(Entry {
+            clip: key.into(),
+            scale: placement.scale(),
+            yaw_rad: placement.yaw(),
+            position_m: placement.position().into(),
+        });
+        self.entries.drain(..self.entries.len().saturating_sub(CLIPS));
+        self.changed = true;
+    }
+
+    /// Writes the file, whole or not at all, if there is something new. It may wait for the disk:
+    /// not between the frames of a playing clip.
+    ///
+    /// # Errors
+    /// What the system says, with the path.
+    pub fn save(&mut self) -> io::Result<()> {
+        if self.changed {
+            let path = self.folder.join(FILE);
+            self.write(&path).map_err(|error| {
+                let text = format!("cannot remember where clips stand: {}: {error}", path.display());
+                io::Error::new(error.kind(), text)
+            })?;
+            self.changed = false;
+        }
+        Ok(())
+    }
+
+    fn write(&self, path: &Path) -> io::Result<()> {
+        std::fs::create_dir_all(&self.folder)?;
+        let mut file = NamedTempFile::new_in(&self.folder)?;
+        serde_json::to_writer_pretty(&mut file, &Contents { version: VERSION, placements: &self.entries })?;
+        file.write_all(b"\n")?;
+        // A headset may lose its power at any time: first the bytes, then the name.
+        file.as_file().sync_all()?;
+        file.persist(path)?;
+        Ok(())
+    }
+}
+
+fn read(path: &Path) -> io::Result<Vec<Entry>> {
+    let mut text = String::new();
+    File::open(path)?.take(FILE_BYTES + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > FILE_BYTES {
+        return Err(io::Error::other(format!("larger than {FILE_BYTES} bytes")));
+    }
+    let contents: Contents<Vec<Entry>> = serde_json::from_str(&text)?;
+    if contents.version != VERSION {
+        return Err(io::Error::other(format!("of version {}, not {VERSION}", contents.version)));
+    }
+    let mut entries = contents.placements;
+    entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
+    entries.drain(..entries.len().saturating_sub(CLIPS));
+    Ok(entries)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use glam::dvec3;
+
+    use super::super::random::Random;
+    use super::*;
+
+    fn placement(x: f64) -> Placement {
+        Placement::new(0.5, 1.0, dvec3(x, 0.0, -2.0))
+    }
+
+    /// Whether two are the same but for the last digit of their decimal form.
+    fn same(a: &Placement, b: &Placement) -> bool {
+        let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1.0);
+        close(a.scale(), b.scale())
+            && close(a.yaw(), b.yaw())
+            && a.position().abs_diff_eq(b.position(), 1e-12)
+    }
+
+    #[test]
+    fn placements_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("new");
+        let mut random = Random::new(30);
+        let placements: Vec<Placement> = (0..20).map(|_| random.placement()).collect();
+        let mut store = PlacementStore::open(&inner);
+        for (number, placement) in placements.iter().enumerate() {
+            store.set(&format!("clip \"{number}\"\n\u{e9}"), placement);
+        }
+        store.save().unwrap();
+        let store = PlacementStore::open(&inner);
+        for (number, placement) in placements.iter().enumerate() {
+            let back = store.get(&format!("clip \"{number}\"\n\u{e9}")).unwrap();
+            assert!(same(&back, placement), "{back:?} {placement:?}");
+        }
+        assert_eq!(store.get("another"), None);
+        assert_eq!(fs::read_dir(&inner).unwrap().count(), 1, "nothing but the file is left");
+    }
+
+    #[test]
+    fn the_clips_placed_longest_ago_are_forgotten() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = PlacementStore::open(folder.path());
+        for number in 0..CLIPS {
+            store.set(&number.to_string(), &placement(number as f64));
+        }
+        store.set("0", &placement(-1.0));
+        store.set("new", &placement(0.0));
+        store.set(&"x".repeat(KEY_BYTES + 1), &placement(0.0));
+        store.save().unwrap();
+        let store = PlacementStore::open(folder.path());
+        assert_eq!(store.get("0"), Some(placement(-1.0)), "it was placed again");
+        assert!(store.get("1").is_none() && store.get("2").is_some() && store.get("new").is_some());
+        assert_eq!(store.entries.len(), CLIPS);
+    }
+
+    #[test]
+    fn a_file_that_makes_no_sense_is_a_fresh_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        let long = format!("[{}]", "1,".repeat(FILE_BYTES as usize));
+        for bytes in [
+            &b""[..],
+            b"{",
+            b"null",
+            b"\xff\xfe",
+            br#"{"version": 2, "placements": []}"#,
+            br#"{"version": 1, "placements": [{"clip": "a", "scale": "large"}]}"#,
+            long.as_bytes(),
+        ] {
+            fs::write(&path, bytes).unwrap();
+            let mut store = PlacementStore::open(folder.path());
+            assert_eq!(store.get("a"), None);
+            store.set("a", &placement(1.0));
+            store.save().unwrap();
+            assert_eq!(PlacementStore::open(folder.path()).get("a"), Some(placement(1.0)));
+        }
+        let wild = br#"{"version": 1, "placements":
+            [{"clip": "a", "scale": 1e300, "yaw_rad": -1e9, "position_m": [1e30, 0, 0]}]}"#;
+        fs::write(&path, wild).unwrap();
+        let placement = PlacementStore::open(folder.path()).get("a").unwrap();
+        assert!(placement.scale() == 20.0 && placement.position().x == 1000.0, "{placement:?}");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_told_and_tried_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let blocked = folder.path().join("file");
+        fs::write(&blocked, "").unwrap();
+        let mut store = PlacementStore::open(&blocked);
+        store.save().unwrap();
+        store.set("a", &placement(1.0));
+        let error = store.save().unwrap_err().to_string();
+        assert!(error.contains(FILE) && !error.contains('\n'), "{error}");
+        fs::remove_file(&blocked).unwrap();
+        store.save().unwrap();
+        assert!(PlacementStore::open(&blocked).get("a").is_some());
+    }
+}

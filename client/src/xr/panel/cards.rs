@@ -1,0 +1,129 @@
+//! What appears above the console when there is something to say: a notice, and a page of
+//! statistics or of what the buttons do.
+
+use egui::text::LayoutJob;
+use egui::{Align2, Painter, Rect, Ui, pos2, vec2};
+
+use super::board::SIZE;
+use super::console;
+use super::style;
+use super::symbols::{Symbol, draw_working, rect};
+use super::widgets::{State, card, fitted, symbol_button};
+use super::{Notice, Page, PanelState};
+use crate::xr::interaction::{BUTTONS, Command, GESTURES};
+
+/// Between cards, and between the edge of a card and what is on it, in points.
+const GAP: f32 = 10.0;
+const MARGIN: f32 = 24.0;
+
+/// Size of the text of a notice, and most lines of it.
+const NOTICE_TEXT: f32 = 22.0;
+const NOTICE_LINES: usize = 4;
+
+/// Height of the bar that shows how much is loaded.
+const BAR: f32 = 10.0;
+
+/// Height of a line of a page and of its title.
+const LINE: f32 = 26.0;
+const TITLE: f32 = 36.0;
+
+/// Shows the notice directly above the console; the area it covers.
+pub(super) fn notice(ui: &Ui, notice: &Notice, time_s: f64, commands: &mut Vec<Command>) -> Rect {
+    let (text, color, working, part) = match notice {
+        Notice::Note(text) => (text, style::TEXT, false, None),
+        Notice::Working { text, part } => (text, style::TEXT, true, *part),
+        Notice::Error(text) => (text, style::ERROR, false, None),
+    };
+    let left = MARGIN + if working { 44.0 } else { 0.0 };
+    let right = SIZE.x - MARGIN - if working { 0.0 } else { 68.0 };
+    let mut job = LayoutJob::simple((*text).into(), style::font(NOTICE_TEXT), color, right - left);
+    job.wrap.max_rows = NOTICE_LINES;
+    job.wrap.break_anywhere = false;
+    let galley = ui.painter().layout_job(job);
+    let below = if part.is_some() { BAR + 14.0 } else { 0.0 };
+    let height = galley.size().y.max(44.0) + below + 28.0;
+    let bottom = console::AREA.top() - GAP;
+    let area = Rect::from_min_max(pos2(0.0, bottom - height), pos2(SIZE.x, bottom));
+
+    let painter = ui.painter();
+    card(painter, area);
+    let middle = area.center().y - 0.5 * below;
+    if working {
+        draw_working(painter, pos2(MARGIN + 15.0, middle), 14.0, time_s, style::ACCENT);
+    } else {
+        let close = Rect::from_center_size(pos2(SIZE.x - 16.0 - 26.0, middle), vec2(52.0, 52.0));
+        if symbol_button(ui, close, "Close", State::default(), Symbol::Close, 22.0) {
+            commands.push(Command::Dismiss);
+        }
+    }
+    let at = pos2(left, middle - 0.5 * galley.size().y);
+    painter.galley(at, galley, color);
+    if let Some(part) = part {
+        let track = rect(MARGIN, area.bottom() - 16.0 - BAR, SIZE.x - 2.0 * MARGIN, BAR);
+        painter.rect_filled(track, 0.5 * BAR, style::BUTTON_HOVERED);
+        // A bar narrower than it is high would not be round.
+        let done = (part.clamp(0.0, 1.0) * track.width()).max(BAR);
+        painter.rect_filled(track.with_max_x(track.left() + done), 0.5 * BAR, style::ACCENT);
+    }
+    area
+}
+
+/// Shows a page whose lower edge is at `bottom`; the area it covers.
+pub(super) fn page(ui: &Ui, page: Page, state: &PanelState, bottom: f32) -> Rect {
+    let painter = ui.painter();
+    match page {
+        Page::Statistics => {
+            let rows = state.statistics;
+            // Two columns, read down first.
+            let half = rows.len().div_ceil(2);
+            let area = page_area(painter, "Statistics", half, bottom);
+            for (column, rows) in rows.chunks(half.max(1)).enumerate() {
+                let lines = rows.iter().map(|(name, value)| (*name, value.as_str()));
+                list(painter, area, column, 0.42, lines, [style::QUIET, style::TEXT]);
+            }
+            area
+        }
+        Page::Buttons => {
+            let area = page_area(painter, "What the buttons do", BUTTONS.len().max(GESTURES.len()), bottom);
+            let colors = [style::ACCENT, style::TEXT];
+            let buttons = BUTTONS.iter().map(|binding| (binding.label, binding.action));
+            list(painter, area, 0, 0.32, buttons, colors);
+            list(painter, area, 1, 0.52, GESTURES.into_iter(), colors);
+            area
+        }
+    }
+}
+
+/// Draws an empty page for `lines` lines.
+fn page_area(painter: &Painter, title: &str, lines: usize, bottom: f32) -> Rect {
+    let height = 18.0 + TITLE + LINE * lines as f32 + 14.0;
+    let area = Rect::from_min_max(pos2(0.0, (bottom - GAP - height).max(0.0)), pos2(SIZE.x, bottom - GAP));
+    card(painter, area);
+    let at = area.left_top() + vec2(MARGIN, 16.0);
+    painter.text(at, Align2::LEFT_TOP, title, style::font(22.0), style::TEXT);
+    area
+}
+
+/// Two columns of text in the left or right half of a page; the first takes `part` of it. Lines
+/// that the page has no room for are left out.
+fn list<'a>(
+    painter: &Painter,
+    area: Rect,
+    half: usize,
+    part: f32,
+    lines: impl Iterator<Item = (&'a str, &'a str)>,
+    [first_color, second_color]: [egui::Color32; 2],
+) {
+    let width = 0.5 * SIZE.x - MARGIN - 8.0;
+    let left = if half == 0 { MARGIN } else { 0.5 * SIZE.x + 8.0 };
+    let top = area.top() + 18.0 + TITLE;
+    let room = ((area.bottom() - 10.0 - top) / LINE) as usize;
+    for (number, (first, second)) in lines.take(room).enumerate() {
+        let y = top + LINE * number as f32;
+        let column = |x: f32, text: &str, color, width: f32| {
+            fitted(painter, pos2(x, y), Align2::LEFT_TOP, text, style::font(18.0), color, width);
+        };
+        column(left, first, first_color, part * width - 8.0);
+        column(left + part * width, second, second_color, (1.0 - part) * width);
+    }
+}

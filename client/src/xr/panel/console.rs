@@ -1,0 +1,210 @@
+//! The lower part of the panel: timeline, transport, quality, and the rest as tiles.
+
+use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+
+use super::board::{CONSOLE_HEIGHT, SIZE};
+use super::style;
+use super::symbols::{Symbol, rect};
+use super::widgets::{GAP, State, button, captioned_tile, card, fitted, id, symbol_button, tile};
+use super::{Page, PanelState};
+use crate::player::Player;
+use crate::xr::interaction::Command;
+
+/// Between the edge of the card and what is on it, in points.
+const MARGIN: f32 = 24.0;
+const INNER: f32 = SIZE.x - 2.0 * MARGIN;
+
+/// Upper edges of the rows, from the upper edge of the card.
+const TITLE_Y: f32 = 18.0;
+const TIMELINE_Y: f32 = 58.0;
+const TIMES_Y: f32 = 116.0;
+const TRANSPORT_Y: f32 = 156.0;
+const TILES_Y: f32 = 248.0;
+
+const ROW: f32 = 80.0;
+const TILE_WIDTH: f32 = 88.0;
+
+/// The area that the console covers.
+pub(super) const AREA: Rect = Rect { min: pos2(0.0, SIZE.y - CONSOLE_HEIGHT), max: pos2(SIZE.x, SIZE.y) };
+
+/// What the console shows besides the state that it is given.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shown {
+    pub(super) page: Option<Page>,
+    /// The next press of "Exit" leaves.
+    pub(super) leaving: bool,
+}
+
+/// What was done on the console besides commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Done {
+    /// The timeline is held.
+    pub(super) scrubbing: bool,
+    pub(super) exit_pressed: bool,
+}
+
+/// Shows the console; what it asks for goes to `commands`.
+pub(super) fn show(ui: &Ui, state: &PanelState, shown: Shown, commands: &mut Vec<Command>) -> Done {
+    card(ui.painter(), AREA);
+    let top = AREA.top();
+    let at = pos2(MARGIN, top + TITLE_Y);
+    fitted(ui.painter(), at, Align2::LEFT_TOP, state.title, style::font(25.0), style::TEXT, INNER);
+    let scrubbing =
+        timeline(ui, rect(MARGIN, top + TIMELINE_Y, INNER, TIMES_Y - TIMELINE_Y), state.player, commands);
+    times(ui.painter(), top + TIMES_Y, state.player);
+    transport(ui, top + TRANSPORT_Y, state, commands);
+    let exit_pressed = tiles(ui, top + TILES_Y, state, shown, commands);
+    Done { scrubbing, exit_pressed }
+}
+
+/// The track over the whole clip; whether it is held.
+fn timeline(ui: &Ui, area: Rect, player: &Player, commands: &mut Vec<Command>) -> bool {
+    let still = player.duration_s() <= 0.0;
+    let response = ui.interact(area, id("Timeline"), if still { Sense::hover() } else { Sense::drag() });
+    response.widget_info(|| WidgetInfo::slider(!still, player.position_s(), "Timeline"));
+    let held = response.is_pointer_button_down_on();
+    let radius = if held { 20.0 } else { 16.0 };
+    // The handle stays on the track at both ends.
+    let (left, right) = (area.left() + 16.0, area.right() - 16.0);
+    let mut part = player.clip_time() as f32;
+    if let (true, Some(pointer)) = (held, response.interact_pointer_pos()) {
+        part = ((pointer.x - left) / (right - left)).clamp(0.0, 1.0);
+        commands.push(Command::Seek(f64::from(part) * player.duration_s()));
+    }
+    let (painter, y) = (ui.painter(), area.center().y);
+    let handle = pos2(left + part * (right - left), y);
+    let track = Rect::from_x_y_ranges(left - 8.0..=right + 8.0, y - 7.0..=y + 7.0);
+    let hovered = response.hovered() || held;
+    painter.rect_filled(track, 7.0, if hovered { style::BUTTON_PRESSED } else { style::BUTTON_HOVERED });
+    if !still {
+        painter.rect_filled(track.with_max_x(handle.x), 7.0, style::ACCENT);
+        painter.circle_filled(handle, radius, if hovered { Color32::WHITE } else { style::TEXT });
+    }
+    held
+}
+
+/// Position, frame and length below the ends of the track.
+fn times(painter: &Painter, y: f32, player: &Player) {
+    let long = player.duration_s() >= 60.0;
+    let (left, right) = (MARGIN + 8.0, SIZE.x - MARGIN - 8.0);
+    let text = |x, anchor, text: String, color| {
+        painter.text(pos2(x, y), anchor, text, style::digits(21.0), color);
+    };
+    text(left, Align2::LEFT_TOP, time_text(player.position_s(), long), style::TEXT);
+    text(right, Align2::RIGHT_TOP, time_text(player.duration_s(), long), style::QUIET);
+    let frames = format!("frame {} / {}", player.frame(), player.last_frame());
+    text(0.5 * SIZE.x, Align2::CENTER_TOP, frames, style::QUIET);
+}
+
+/// Hundredths of a second, with minutes where the clip has some: `1.25 s`, `0:59.20`.
+pub(super) fn time_text(seconds: f64, minutes: bool) -> String {
+    if !minutes {
+        return format!("{seconds:.2} s");
+    }
+    let hundredths = (seconds * 100.0).round() as u64;
+    format!("{}:{:02}.{:02}", hundredths / 6000, hundredths / 100 % 60, hundredths % 100)
+}
+
+fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
+    let player = state.player;
+    let still = player.duration_s() <= 0.0;
+    let plain = State { disabled: still, ..State::default() };
+    let mut press = |pressed: bool, command: Command| {
+        if pressed {
+            commands.push(command);
+        }
+    };
+
+    let slower = rect(MARGIN, y, 64.0, ROW);
+    let speed = rect(slower.right() + GAP, y, 80.0, ROW);
+    let faster = rect(speed.right() + GAP, y, 64.0, ROW);
+    press(symbol_button(ui, slower, "Slower", plain, Symbol::Slower, 28.0), Command::Slower);
+    let normal = button(ui, speed, "Speed", plain, |painter, color| {
+        let text = format!("{}x", player.speed());
+        painter.text(speed.center() - vec2(0.0, 10.0), Align2::CENTER_CENTER, text, style::font(24.0), color);
+        let at = speed.center_bottom() - vec2(0.0, 20.0);
+        painter.text(at, Align2::CENTER_CENTER, "Speed", style::font(16.0), color);
+    });
+    press(normal, Command::NormalSpeed);
+    press(symbol_button(ui, faster, "Faster", plain, Symbol::Faster, 28.0), Command::Faster);
+
+    let play = Rect::from_center_size(pos2(0.5 * SIZE.x, y + 0.5 * ROW), vec2(116.0, ROW));
+    let back = rect(play.left() - GAP - 72.0, y, 72.0, ROW);
+    let on = rect(play.right() + GAP, y, 72.0, ROW);
+    press(symbol_button(ui, back, "Frame back", plain, Symbol::StepBack, 32.0), Command::StepBack);
+    let symbol = if player.is_playing() { Symbol::Pause } else { Symbol::Play };
+    press(symbol_button(ui, play, "Play", plain, symbol, 46.0), Command::TogglePlaying);
+    press(symbol_button(ui, on, "Frame on", plain, Symbol::StepForward, 32.0), Command::StepForward);
+
+    let next = rect(SIZE.x - MARGIN - 104.0, y, 104.0, ROW);
+    let repeat = rect(next.left() - GAP - 104.0, y, 104.0, ROW);
+    let looping = State { chosen: player.is_looping() && !still, ..plain };
+    press(tile(ui, repeat, "Loop", looping, Symbol::Loop), Command::ToggleLoop);
+    let has_next = State { disabled: !state.has_next, ..State::default() };
+    press(tile(ui, next, "Next clip", has_next, Symbol::Next), Command::NextClip);
+}
+
+/// Quality on the left, tiles on the right; whether "Exit" was pressed.
+fn tiles(ui: &Ui, y: f32, state: &PanelState, shown: Shown, commands: &mut Vec<Command>) -> bool {
+    let mut x = SIZE.x - MARGIN;
+    let mut place = || {
+        x -= TILE_WIDTH;
+        let area = rect(x, y, TILE_WIDTH, ROW);
+        x -= GAP;
+        area
+    };
+    let chosen = |chosen: bool| State { chosen, ..State::default() };
+    let leaving = State { warning: shown.leaving, ..State::default() };
+    let caption = if shown.leaving { "Sure?" } else { "Exit" };
+    let exit = captioned_tile(ui, place(), "Exit", caption, leaving, Symbol::Exit);
+    let mut toggle = |area: Rect, name: &str, symbol: Symbol, on: bool, command: Command| {
+        if tile(ui, area, name, chosen(on), symbol) {
+            commands.push(command);
+        }
+    };
+    toggle(place(), "Recentre", Symbol::Recentre, false, Command::Recentre);
+    if let Some(on) = state.passthrough {
+        toggle(place(), "Room", Symbol::Room, on, Command::TogglePassthrough);
+    }
+    let page = |page| shown.page == Some(page);
+    toggle(place(), "Buttons", Symbol::Buttons, page(Page::Buttons), Command::ToggleButtons);
+    toggle(place(), "Statistics", Symbol::Statistics, page(Page::Statistics), Command::ToggleStatistics);
+    quality(ui, Rect::from_min_max(pos2(MARGIN, y), pos2(x - GAP, y + ROW)), state, commands);
+    exit
+}
+
+/// The qualities side by side, the chosen one marked.
+fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>) {
+    let count = state.qualities.len();
+    if count == 0 {
+        return;
+    }
+    let width = (area.width() - GAP * (count - 1) as f32) / count as f32;
+    for (number, name) in state.qualities.iter().enumerate() {
+        let x = area.left() + number as f32 * (width + GAP);
+        let choice = rect(x, area.top(), width, area.height());
+        let state = State { chosen: number == state.quality, ..State::default() };
+        let chosen = button(ui, choice, &format!("Quality {number}"), state, |painter, color| {
+            let (at, room) = (choice.center() - vec2(0.0, 10.0), width - 8.0);
+            fitted(painter, at, Align2::CENTER_CENTER, name, style::font(20.0), color, room);
+            let at = choice.center_bottom() - vec2(0.0, 20.0);
+            painter.text(at, Align2::CENTER_CENTER, "quality", style::font(15.0), color.gamma_multiply(0.75));
+        });
+        if chosen {
+            commands.push(Command::SetQuality(number));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_minutes_where_the_clip_has() {
+        assert_eq!(time_text(1.254, false), "1.25 s");
+        assert_eq!(time_text(0.0, true), "0:00.00");
+        assert_eq!(time_text(59.999, true), "1:00.00");
+        assert_eq!(time_text(83.5, true), "1:23.50");
+    }
+}

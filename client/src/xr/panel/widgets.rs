@@ -1,0 +1,110 @@
+//! What the panel is made of: cards, text that fits, and buttons with a symbol and a caption.
+
+use egui::text::{LayoutJob, TextWrapping};
+use egui::{Align2, Color32, FontId, Id, Painter, Pos2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+
+use super::style;
+use super::symbols::{self, Symbol};
+
+/// Distance between neighbouring buttons, in points.
+pub(super) const GAP: f32 = 6.0;
+
+/// How a button is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct State {
+    /// Marked as what holds now.
+    pub(super) chosen: bool,
+    /// Drawn to warn.
+    pub(super) warning: bool,
+    /// Takes no presses.
+    pub(super) disabled: bool,
+}
+
+/// What identifies a button.
+pub(super) fn id(name: &str) -> Id {
+    Id::unique(("panel", name))
+}
+
+/// A rectangle of the width of the panel with round corners.
+pub(super) fn card(painter: &Painter, rect: Rect) {
+    painter.rect_filled(rect, style::CARD_RADIUS, style::SURFACE.gamma_multiply(0.94));
+}
+
+/// A button that says what it is by `contents`, which draws in the colour it is given; whether it
+/// was pressed and let go.
+pub(super) fn button(
+    ui: &Ui,
+    rect: Rect,
+    name: &str,
+    state: State,
+    contents: impl FnOnce(&Painter, Color32),
+) -> bool {
+    let sense = if state.disabled { Sense::hover() } else { Sense::click() };
+    let response = ui.interact(rect, id(name), sense);
+    response.widget_info(|| WidgetInfo::selected(Role::Button, !state.disabled, state.chosen, name));
+    let (fill, color) = match state {
+        State { disabled: true, .. } => (style::BUTTON.gamma_multiply(0.5), style::DISABLED),
+        _ if response.is_pointer_button_down_on() => (style::BUTTON_PRESSED, Color32::WHITE),
+        State { warning: true, .. } => (style::ERROR, style::SURFACE),
+        State { chosen: true, .. } => (style::ACCENT, style::SURFACE),
+        _ if response.hovered() => (style::BUTTON_HOVERED, Color32::WHITE),
+        _ => (style::BUTTON, style::TEXT),
+    };
+    ui.painter().rect_filled(rect, style::BUTTON_RADIUS, fill);
+    if response.hovered() && !state.disabled {
+        let stroke = egui::Stroke::new(3.0, Color32::WHITE.gamma_multiply(0.8));
+        ui.painter().rect_stroke(rect, style::BUTTON_RADIUS, stroke, egui::StrokeKind::Inside);
+    }
+    contents(ui.painter(), color);
+    response.clicked()
+}
+
+/// A button with a symbol of `size` points.
+pub(super) fn symbol_button(
+    ui: &Ui,
+    rect: Rect,
+    name: &str,
+    state: State,
+    symbol: Symbol,
+    size: f32,
+) -> bool {
+    button(ui, rect, name, state, |painter, color| symbols::draw(painter, symbol, rect.center(), size, color))
+}
+
+/// A button with a symbol above its name.
+pub(super) fn tile(ui: &Ui, rect: Rect, name: &str, state: State, symbol: Symbol) -> bool {
+    captioned_tile(ui, rect, name, name, state, symbol)
+}
+
+/// A tile whose caption may change while what it is stays the same.
+pub(super) fn captioned_tile(
+    ui: &Ui,
+    rect: Rect,
+    name: &str,
+    caption: &str,
+    state: State,
+    symbol: Symbol,
+) -> bool {
+    button(ui, rect, name, state, |painter, color| {
+        symbols::draw(painter, symbol, rect.center() - vec2(0.0, 12.0), 28.0, color);
+        let at = rect.center_bottom() - vec2(0.0, 20.0);
+        fitted(painter, at, Align2::CENTER_CENTER, caption, style::font(16.0), color, rect.width() - 8.0);
+    })
+}
+
+/// One line of text, cut off with an ellipsis where it is wider than `width`.
+pub(super) fn fitted(
+    painter: &Painter,
+    at: Pos2,
+    anchor: Align2,
+    text: &str,
+    font: FontId,
+    color: Color32,
+    width: f32,
+) {
+    let mut job = LayoutJob::simple_singleline(text.replace(char::is_control, " "), font, color);
+    job.wrap = TextWrapping::truncate_at_width(width);
+    let galley = painter.layout_job(job);
+    let rect = anchor.anchor_size(at, galley.size());
+    painter.galley(rect.min, galley, color);
+}
