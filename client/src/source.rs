@@ -2,9 +2,11 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::num::NonZero;
 use std::path::Path;
+use std::thread;
 
-use codec::{Clip, Limits, decode};
+use codec::{Clip, Error, Limits, decode_parallel};
 
 use crate::fault::Fault;
 
@@ -17,7 +19,7 @@ static DEMO: &[u8] = include_bytes!("../../assets/demo.aarc");
 /// [`Fault::Network`] for a URL, and as [`load_file`].
 pub fn load(name: Option<&str>) -> Result<Clip, Fault> {
     match name {
-        None => decode(DEMO, &Limits::default()).map_err(|error| Fault::Data(format!("demo clip: {error}"))),
+        None => decode(DEMO).map_err(|error| Fault::Data(format!("demo clip: {error}"))),
         Some(url) if url.starts_with("http://") || url.starts_with("https://") => {
             Err(Fault::Network(format!("{url}: addresses are not supported yet: download it first")))
         }
@@ -42,7 +44,13 @@ pub fn load_file(path: &Path) -> Result<Clip, Fault> {
     if bytes.len() as u64 > most {
         return Err(fault(format!("larger than {} MiB, the most that is read", most >> 20)));
     }
-    decode(&bytes, &limits).map_err(|error| fault(error.to_string()))
+    decode(&bytes).map_err(|error| fault(error.to_string()))
+}
+
+/// Decodes a package on all cores.
+fn decode(bytes: &[u8]) -> Result<Clip, Error> {
+    let threads = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    decode_parallel(bytes, &Limits::default(), threads)
 }
 
 #[cfg(test)]

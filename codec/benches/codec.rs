@@ -1,13 +1,13 @@
-//! Throughput of the package: 40,000 procedural Gaussians, encoded and decoded, in Gaussians and
-//! in bytes of package per second.
+//! Throughput of the package: 40,000 procedural Gaussians, encoded and decoded by one thread and by two,
+//! in Gaussians and in bytes of package per second.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use codec::{Coder, EncodeOptions, Limits, Source, decode, encode};
+use codec::{Coder, EncodeOptions, Limits, Source, decode_parallel, encode, encode_parallel};
 use common::{Shape, field, info};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use std::hint::black_box;
+use std::{hint::black_box, num::NonZero};
 
 fn benches(criterion: &mut Criterion) {
     let info = info();
@@ -23,8 +23,14 @@ fn benches(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("codec/{}/sh{sh_degree}", coder.name()));
         let (elements, bytes) = (field.len() as u64, package.len() as u64);
         group.sample_size(10).throughput(Throughput::ElementsAndBytes { elements, bytes });
-        group.bench_function("decode", |b| b.iter(|| decode(black_box(&package), &Limits::default())));
-        group.bench_function("encode", |b| b.iter(|| encode(black_box(&source), &options)));
+        for threads in [1, 2].into_iter().filter_map(NonZero::new) {
+            let name = |what| format!("{what}/{threads} thread{}", if threads.get() > 1 { "s" } else { "" });
+            let limits = Limits::default();
+            let decode = || decode_parallel(black_box(&package), &limits, threads);
+            let encode = || encode_parallel(black_box(&source), &options, threads);
+            group.bench_function(name("decode"), |b| b.iter(decode));
+            group.bench_function(name("encode"), |b| b.iter(encode));
+        }
         group.finish();
     }
 }

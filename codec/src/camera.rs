@@ -37,7 +37,7 @@ impl Camera {
             .unwrap_or([1.0, 0.0, 0.0]);
         let down = cross(forward, right);
         let row = |axis: [f64; 3]| [axis[0], axis[1], axis[2], -dot(axis, position)];
-        let focal = 0.5 * f64::from(height) / (0.5 * fov_y).tan();
+        let focal = 0.5 * f64::from(height) / libm::tan(0.5 * fov_y);
         Camera {
             width,
             height,

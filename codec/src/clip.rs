@@ -49,7 +49,7 @@ impl Viewpoint {
         let [x, y, z] =
             [0, 1, 2].map(|row| (0..3).map(|axis| axes[row][axis].abs() * half[axis]).sum::<f64>());
         // The near side of the box fills the view with a margin; a point gets a unit of distance.
-        let reach = FRAMING_MARGIN * x.max(y) / (0.5 * FRAMING_FOV_Y).tan() + z;
+        let reach = FRAMING_MARGIN * x.max(y) / libm::tan(0.5 * FRAMING_FOV_Y) + z;
         let distance = if reach > 0.0 { reach } else { 1.0 };
         let position = std::array::from_fn(|axis| (center[axis] - distance * axes[2][axis]) as f32);
         let target = center.map(|x| x as f32);

@@ -3,8 +3,11 @@
 //! Nothing in a package is believed: the head is checked against itself, the length of the file
 //! and the caller's limits before anything is allocated, every section against its checksum and
 //! its planned length, every decoded number against its range, and the time index against the
-//! rows it describes. Columns are allocated once, at their final size, and filled from one chunk
-//! of work space, so that peak memory is the decoded clip and little more.
+//! rows it describes. Columns are allocated once, at their final size, and every chunk writes rows
+//! of its own, so that chunks decode on several threads and peak memory is the decoded clip and
+//! little more.
+
+use std::num::NonZero;
 
 use crate::{
     Clip, Coder, Error, Field, LayerEnd, Limits, Temporal, TimeIndex,
@@ -12,8 +15,10 @@ use crate::{
     context,
     error::Fault,
     fixed::{self, Columns, TemporalColumns},
-    header::{Contents, LAYERS_MAX, contents},
+    header::{Contents, Planned, contents},
     limits::Budget,
+    parallel::try_for_each,
+    rows::Rows,
     section::{Region, Section, SectionKind},
     sh_coefficients,
     time_index::CELLS,
@@ -24,38 +29,58 @@ use crate::{
 /// # Errors
 /// If the first layer is not complete, or anything in the complete layers is wrong.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
+    decode_parallel(bytes, limits, NonZero::<usize>::MIN)
+}
+
+/// Decodes a package as [`decode`] does, its chunks on up to `threads` threads: as many as there
+/// are chunks, the limits have memory for and the system gives. The result is the same for any
+/// number. The stacks of the threads do not count toward the limits.
+///
+/// # Errors
+/// Those of [`decode`], and the same ones for any number of threads.
+pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -> Result<Clip, Error> {
     let contents = contents(bytes, limits)?;
     let complete = complete_layers(&contents, bytes.len())?;
-    let rows = contents.layers[complete - 1];
+    let layers = &contents.layers[..complete];
+    let rows = layers[complete - 1];
 
     let mut budget = Budget::new(limits);
-    let mut decoder = ChunkDecoder::new(&contents, &mut budget)?;
-    let mut region = |region, rows| empty_field(contents.columns(region), rows, &mut budget);
+    let mut region = |region, rows| blank_field(contents.columns(region), rows, &mut budget);
     let mut still = region(Region::Still, rows.still)?;
     let mut moving = region(Region::Moving, rows.moving)?;
     let mut plate = region(Region::Plate, contents.plate_len)?;
-    let mut index_sections = [None; LAYERS_MAX];
-    for (planned, section) in contents.planned_sections() {
-        if usize::from(planned.layer) == complete {
-            break;
-        }
-        let payload = section.payload(bytes)?;
-        let field = match (planned.kind, planned.region) {
-            (SectionKind::TimeIndex, _) => {
-                index_sections[usize::from(planned.layer)] = Some((payload, section.offset));
-                continue;
-            }
-            (_, Region::Still) => &mut still,
-            (_, Region::Moving) => &mut moving,
-            (_, Region::Plate) => &mut plate,
-        };
-        decoder.decode(payload, section, contents.columns(planned.region), planned.rows, field)?;
-    }
+    let places = match contents.coder {
+        Coder::Fixed => Vec::new(),
+        Coder::Context => budget.vec(largest_layer(layers))?,
+    };
 
-    let layers = &contents.layers[..complete];
+    let sections =
+        || contents.planned_sections().take_while(|(planned, _)| usize::from(planned.layer) < complete);
+    let chunks = || sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
+    let decoders = chunk_decoders(&contents, threads.get().min(chunks().count()), &mut budget)?;
+    let decode = |mut decoder: ChunkDecoder| {
+        move |(section, columns, rows): (&Section, Columns, Rows)| {
+            decoder.decode(section.payload(bytes)?, section, columns, rows)
+        }
+    };
+    let mut rest = [&mut still, &mut moving, &mut plate].map(Rows::of);
+    let with_rows = |(planned, section): (Planned, _)| {
+        let [still, moving, plate] = &mut rest;
+        let rest = match planned.region {
+            Region::Still => still,
+            Region::Moving => moving,
+            Region::Plate => plate,
+        };
+        (section, contents.columns(planned.region), rest.take(planned.rows))
+    };
+    try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
+
     let time_index = match contents.coder {
-        Coder::Fixed => read_time_index(&moving, layers, &index_sections)?,
-        Coder::Context => arrange(&mut moving, layers, &mut budget)?,
+        Coder::Fixed => {
+            let indices = sections().filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
+            read_time_index(bytes, &moving, layers, indices)?
+        }
+        Coder::Context => arrange(&mut moving, layers, places),
     };
     Ok(Clip {
         bounds: contents.bounds,
@@ -87,63 +112,73 @@ fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error
     Ok(complete)
 }
 
-/// A field with the columns named and room for `rows` Gaussians.
-fn empty_field(columns: Columns, rows: usize, budget: &mut Budget) -> Result<Field, Error> {
+/// A field with the columns named and `rows` rows of zeros.
+pub(crate) fn blank_field(columns: Columns, rows: usize, budget: &mut Budget) -> Result<Field, Error> {
     Ok(Field {
-        centers: budget.vec(rows)?,
-        rotations: budget.vec(rows)?,
-        log_scales: budget.vec(rows)?,
-        opacities: budget.vec(rows)?,
+        centers: budget.zeros(rows)?,
+        rotations: budget.zeros(rows)?,
+        log_scales: budget.zeros(rows)?,
+        opacities: budget.zeros(rows)?,
         sh_degree: columns.sh_degree,
-        sh: budget.vec(rows * sh_coefficients(columns.sh_degree))?,
+        sh: budget.zeros(rows * sh_coefficients(columns.sh_degree))?,
         temporal: match columns.temporal {
             None => None,
             Some(TemporalColumns { motion_order, rotation_rates }) => Some(Temporal {
-                tau: budget.vec(rows)?,
-                s: budget.vec(rows)?,
+                tau: budget.zeros(rows)?,
+                s: budget.zeros(rows)?,
                 motion_order,
-                motion: budget.vec(rows * usize::from(motion_order))?,
-                rotation_rates: if rotation_rates { Some(budget.vec(rows)?) } else { None },
+                motion: budget.zeros(rows * usize::from(motion_order))?,
+                rotation_rates: if rotation_rates { Some(budget.zeros(rows)?) } else { None },
             }),
         },
     })
 }
 
+/// The layers, each as where its rows of the moving region start and end.
+fn moving_rows(layers: &[LayerEnd]) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let starts = [0].into_iter().chain(layers.iter().map(|end| end.moving));
+    starts.zip(layers).map(|(start, end)| start..end.moving)
+}
+
+/// Most moving Gaussians of a layer.
+fn largest_layer(layers: &[LayerEnd]) -> usize {
+    moving_rows(layers).map(|rows| rows.len()).max().unwrap_or(0)
+}
+
 /// Checks the stored time index of each layer against the rows.
-fn read_time_index(
+fn read_time_index<'a>(
+    bytes: &[u8],
     moving: &Field,
     layers: &[LayerEnd],
-    sections: &[Option<(&[u8], usize)>],
+    mut indices: impl Iterator<Item = (Planned, &'a Section)>,
 ) -> Result<TimeIndex, Error> {
     let mut time_index = TimeIndex::default();
-    let mut start = 0;
-    for (end, section) in layers.iter().zip(sections) {
-        let counts = match section {
-            Some((payload, offset)) => read_cells(payload, *offset, end.moving - start)?,
-            None => [0; CELLS],
+    for rows in moving_rows(layers) {
+        // Layers without moving Gaussians have no index.
+        let index = if rows.is_empty() { None } else { indices.next() };
+        let Some((_, section)) = index else {
+            time_index.push_layer(&[0; CELLS]);
+            continue;
         };
-        time_index.push_layer(&counts);
-        if let (Some(row), Some((_, offset))) = (time_index.first_misplaced(moving), section) {
-            return Err(Error::format(*offset, Fault::TimeIndex { row }));
+        time_index.push_layer(&read_cells(section.payload(bytes)?, section.offset, rows.len())?);
+        if let Some(row) = time_index.first_misplaced(moving) {
+            return Err(Error::format(section.offset, Fault::TimeIndex { row }));
         }
-        start = end.moving;
     }
     Ok(time_index)
 }
 
-/// Puts the rows of each layer in the order of the time index.
-fn arrange(moving: &mut Field, layers: &[LayerEnd], budget: &mut Budget) -> Result<TimeIndex, Error> {
-    let starts = || [0].into_iter().chain(layers.iter().map(|end| end.moving));
-    let largest = layers.iter().zip(starts()).map(|(end, start)| end.moving - start).max();
-    let mut places = budget.vec(largest.unwrap_or(0))?;
+/// Puts the rows of each layer in the order of the time index. `places` has room for a number for
+/// each row of the largest.
+fn arrange(moving: &mut Field, layers: &[LayerEnd], mut places: Vec<u32>) -> TimeIndex {
     let mut time_index = TimeIndex::default();
-    for (end, start) in layers.iter().zip(starts()) {
-        time_index.arrange_layer(moving, start..end.moving, &mut places);
+    for rows in moving_rows(layers) {
+        time_index.arrange_layer(moving, rows, &mut places);
     }
-    Ok(time_index)
+    time_index
 }
 
-/// Decodes chunks.
+/// Decodes chunks, one at a time.
 enum ChunkDecoder {
     /// Decompresses them into one buffer first.
     Fixed {
@@ -151,6 +186,21 @@ enum ChunkDecoder {
         raw: Vec<u8>,
     },
     Context,
+}
+
+/// At least one decoder, and up to `count` if there is memory for them.
+fn chunk_decoders(
+    contents: &Contents,
+    count: usize,
+    budget: &mut Budget,
+) -> Result<Vec<ChunkDecoder>, Error> {
+    let mut decoders = vec![ChunkDecoder::new(contents, budget)?];
+    while decoders.len() < count
+        && let Ok(decoder) = ChunkDecoder::new(contents, budget)
+    {
+        decoders.push(decoder);
+    }
+    Ok(decoders)
 }
 
 impl ChunkDecoder {
@@ -167,26 +217,25 @@ impl ChunkDecoder {
         Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })
     }
 
-    /// Appends the Gaussians of a chunk to `field`.
+    /// Decodes the Gaussians of a chunk into `rows`, which are as many.
     fn decode(
         &mut self,
         payload: &[u8],
         section: &Section,
         columns: Columns,
-        rows: usize,
-        field: &mut Field,
+        rows: Rows,
     ) -> Result<(), Error> {
         let ChunkDecoder::Fixed { zstd, raw } = self else {
-            return context::decode(payload, columns, rows, section.offset, field);
+            return context::decode(payload, columns, section.offset, rows);
         };
         let damaged = |reason| Error::format(section.offset, Fault::Payload { reason });
-        // The table was checked: this is the length of `rows` Gaussians, and the buffer has it.
+        // The table was checked: this is the length of the rows, and the buffer has it.
         raw.resize(section.raw_length, 0);
         let length = zstd.decompress_to_buffer(payload, &mut raw[..]).map_err(|e| damaged(e.to_string()))?;
         if length != section.raw_length {
             return Err(damaged(format!("expands to {length} bytes instead of {}", section.raw_length)));
         }
-        fixed::decode(raw, columns, rows, section.offset, field)
+        fixed::decode(raw, columns, section.offset, rows)
     }
 }
 

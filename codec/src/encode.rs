@@ -3,15 +3,19 @@
 //! Rows arrive most important first and are cut into layers; in a layer, motionless Gaussians
 //! that are always on part from the others, and each group is put along a Morton curve and cut
 //! into chunks; the coder `fixed` stores moving ones by cell of the time index first. The same
-//! field gives the same bytes on any machine: there is one thread, and
+//! field gives the same bytes on any machine and any number of threads: chunks are independent, and
 //! every decision rests on arithmetic that IEEE 754 defines.
+
+use std::convert::Infallible;
+use std::num::NonZero;
 
 use crate::{
     ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Precision,
     bytes::Writer,
     context::{self, Prepared},
     fixed::{self, Columns, TemporalColumns},
-    header::{CHUNK_ROWS, LAYERS_MAX, VERSION_MINOR, check_info},
+    header::{CHUNK_ROWS, LAYERS_MAX, Planned, VERSION_MINOR, check_info},
+    parallel::try_for_each,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
     section::{Region, Section, SectionKind},
     time_index::{CELLS, cell_of},
@@ -53,6 +57,19 @@ pub struct EncodeOptions {
 /// If the source breaks its own invariants, holds no Gaussians or numbers beyond 1e9, the layers
 /// do not rise, or there are sensitivities but not one positive number for each Gaussian.
 pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, EncodeError> {
+    encode_parallel(source, options, NonZero::<usize>::MIN)
+}
+
+/// Packages a field as [`encode`] does, its chunks on up to `threads` threads. The bytes are the
+/// same for any number.
+///
+/// # Errors
+/// Those of [`encode`].
+pub fn encode_parallel(
+    source: &Source,
+    options: &EncodeOptions,
+    threads: NonZero<usize>,
+) -> Result<Vec<u8>, EncodeError> {
     let Source { info, field, plate } = *source;
     check_info(info).map_err(|(field, value)| EncodeError::Info { field, value })?;
     check_field("field", field)?;
@@ -83,39 +100,46 @@ pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, Encod
     let plate_rows = plate.as_ref().map_or(Vec::new(), Part::rows_by_place);
     let mut contents = describe(info, coder, bounds, &subject, &layers, plate.as_ref(), &plate_rows);
 
-    let mut payloads = Vec::new();
-    let mut sections = Vec::new();
-    for planned in contents.plan() {
+    let plan: Vec<Planned> = contents.plan().collect();
+    let payload = |planned: &Planned| {
         let layer = &layers[usize::from(planned.layer)];
         let (part, rows) = match planned.region {
             Region::Still => (&subject, &layer.still),
             Region::Moving => (&subject, &layer.moving),
             Region::Plate => (plate.as_ref().expect("a planned plate is there"), &plate_rows),
         };
-        let (payload, raw_length) = match planned.kind {
+        match planned.kind {
             SectionKind::TimeIndex => time_index_payload(&layer.cells),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
                 part.encode(&rows[start..start + planned.rows], contents.columns(planned.region))
             }
-        };
-        sections.push(Section {
-            kind: planned.kind,
-            critical: true,
-            layer: planned.layer,
-            region: planned.region,
-            chunk: planned.chunk,
-            // Known once the length of the table is.
-            offset: 0,
-            length: payload.len(),
-            raw_length,
-            crc: crc32fast::hash(&payload),
-        });
-        payloads.push(payload);
-    }
-    contents.sections = sections;
+        }
+    };
+    let mut payloads = vec![(Vec::new(), 0); plan.len()];
+    let encode = |(planned, coded): (&Planned, &mut (Vec<u8>, usize))| -> Result<(), Infallible> {
+        *coded = payload(planned);
+        Ok(())
+    };
+    let threads = threads.get().min(plan.len());
+    try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
+        .unwrap_or_else(|never| match never {});
+
+    let section = |(planned, (payload, raw_length)): (&Planned, &(Vec<u8>, usize))| Section {
+        kind: planned.kind,
+        critical: true,
+        layer: planned.layer,
+        region: planned.region,
+        chunk: planned.chunk,
+        // Known once the length of the table is.
+        offset: 0,
+        length: payload.len(),
+        raw_length: *raw_length,
+        crc: crc32fast::hash(payload),
+    };
+    contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
-    payloads.iter().for_each(|payload| package.extend_from_slice(payload));
+    payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
     Ok(package)
 }
 

@@ -108,7 +108,7 @@ impl Field {
             return opacity;
         };
         let z = (t - f64::from(temporal.tau[i])) / f64::from(temporal.s[i]);
-        opacity * (-0.5 * z * z).exp()
+        opacity * libm::exp(-0.5 * z * z)
     }
 
     /// Unit quaternion `w, x, y, z` of Gaussian `i` at clip time `t`.

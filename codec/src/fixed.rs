@@ -6,9 +6,10 @@
 //! outlier costs precision in its own chunk only.
 
 use crate::{
-    Error, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal,
+    Error, MOTION_ORDER_MAX, SH_DEGREE_MAX,
     bytes::Reader,
     quant::{Range8, Signed, f16_value, opacity_value, rotation_value},
+    rows::{Rows, TemporalRows},
     sh_coefficients,
 };
 
@@ -142,59 +143,58 @@ impl<'a> Planes<'a> {
     }
 }
 
-/// Appends the `rows` Gaussians of a chunk to `out`, which has the columns named.
+/// Decodes the Gaussians of a chunk into `out`, which are as many and have the columns named.
 ///
 /// `raw` is the decompressed payload of [`raw_bytes`] bytes; `offset`, where its section starts,
 /// is for errors.
 ///
 /// # Errors
 /// If a number in it is out of range.
-pub(crate) fn decode(
-    raw: &[u8],
-    columns: Columns,
-    rows: usize,
-    offset: usize,
-    out: &mut Field,
-) -> Result<(), Error> {
+pub(crate) fn decode(raw: &[u8], columns: Columns, offset: usize, out: Rows) -> Result<(), Error> {
     let mut reader = Reader::new(raw, offset, "chunk of Gaussians");
     let ranges = Ranges::read(&mut reader, columns)?;
     ranges.check(offset)?;
-    let mut planes = Planes { reader, rows };
+    let mut planes = Planes { reader, rows: out.centers.len() };
 
     let centers = [planes.sixteen()?, planes.sixteen()?, planes.sixteen()?];
-    for i in 0..rows {
+    for (i, out) in out.centers.iter_mut().enumerate() {
         let offsets = centers.map(|axis| f16_value(axis.code(i)));
-        let center = [0, 1, 2].map(|axis| ranges.origin[axis] + ranges.extent * offsets[axis]);
-        if !center.iter().all(|x| x.is_finite()) {
-            return Err(Error::value(offset, "centre", center));
+        *out = [0, 1, 2].map(|axis| ranges.origin[axis] + ranges.extent * offsets[axis]);
+        if !out.iter().all(|x| x.is_finite()) {
+            return Err(Error::value(offset, "centre", out));
         }
-        out.centers.push(center);
     }
     let log_scales = [planes.eight()?, planes.eight()?, planes.eight()?];
-    out.log_scales.extend((0..rows).map(|i| log_scales.map(|axis| ranges.log_scale.value(axis[i]))));
-    let rotations = [planes.eight()?, planes.eight()?, planes.eight()?, planes.eight()?];
-    for i in 0..rows {
-        let rotation = rotation_value(rotations.map(|component| component[i]));
-        out.rotations.push(rotation.ok_or_else(|| Error::value(offset, "length of a quaternion", 0))?);
+    for (i, out) in out.log_scales.iter_mut().enumerate() {
+        *out = log_scales.map(|axis| ranges.log_scale.value(axis[i]));
     }
-    out.opacities.extend(planes.eight()?.iter().map(|&code| opacity_value(code)));
-    decode_sh(&mut planes, columns.sh_degree, &ranges, out)?;
-    if let Some(temporal) = &mut out.temporal {
+    let rotations = [planes.eight()?, planes.eight()?, planes.eight()?, planes.eight()?];
+    for (i, out) in out.rotations.iter_mut().enumerate() {
+        let rotation = rotation_value(rotations.map(|component| component[i]));
+        *out = rotation.ok_or_else(|| Error::value(offset, "length of a quaternion", 0))?;
+    }
+    for (out, &code) in out.opacities.iter_mut().zip(planes.eight()?) {
+        *out = opacity_value(code);
+    }
+    decode_sh(&mut planes, columns.sh_degree, &ranges, out.sh)?;
+    if let Some(temporal) = out.temporal {
         decode_temporal(&mut planes, &ranges, offset, temporal)?;
     }
     planes.reader.finish()
 }
 
-fn decode_sh(planes: &mut Planes, sh_degree: u8, ranges: &Ranges, out: &mut Field) -> Result<(), Error> {
+fn decode_sh(planes: &mut Planes, sh_degree: u8, ranges: &Ranges, out: &mut [[f32; 3]]) -> Result<(), Error> {
     let mut coefficients = Vec::with_capacity(sh_coefficients(sh_degree));
     for _ in 0..sh_coefficients(sh_degree) {
         coefficients.push([planes.eight()?, planes.eight()?, planes.eight()?]);
     }
-    for i in 0..planes.rows {
-        out.sh.push(coefficients[0].map(|channel| ranges.dc.value(channel[i])));
+    for (i, out) in out.chunks_exact_mut(sh_coefficients(sh_degree)).enumerate() {
+        out[0] = coefficients[0].map(|channel| ranges.dc.value(channel[i]));
         for (degree, range) in (1..=sh_degree).zip(ranges.sh) {
-            let band = &coefficients[sh_coefficients(degree - 1)..sh_coefficients(degree)];
-            out.sh.extend(band.iter().map(|k| k.map(|channel| range.value(u16::from(channel[i])))));
+            let band = sh_coefficients(degree - 1)..sh_coefficients(degree);
+            for (out, k) in out[band.clone()].iter_mut().zip(&coefficients[band]) {
+                *out = k.map(|channel| range.value(u16::from(channel[i])));
+            }
         }
     }
     Ok(())
@@ -204,29 +204,29 @@ fn decode_temporal(
     planes: &mut Planes,
     ranges: &Ranges,
     offset: usize,
-    out: &mut Temporal,
+    out: TemporalRows,
 ) -> Result<(), Error> {
-    let (tau, s) = (planes.sixteen()?, planes.sixteen()?);
-    for i in 0..planes.rows {
-        let (tau, s) = (f16_value(tau.code(i)), f16_value(s.code(i)));
+    let (tau_codes, s_codes) = (planes.sixteen()?, planes.sixteen()?);
+    for (i, (out_tau, out_s)) in out.tau.iter_mut().zip(out.s).enumerate() {
+        let (tau, s) = (f16_value(tau_codes.code(i)), f16_value(s_codes.code(i)));
         // The width may be infinite: always on.
         if !tau.is_finite() || s.is_nan() || s <= 0.0 {
             return Err(Error::value(offset, "window (centre, width)", (tau, s)));
         }
-        out.tau.push(tau);
-        out.s.push(s);
+        (*out_tau, *out_s) = (tau, s);
     }
-    let mut powers = Vec::with_capacity(usize::from(out.motion_order));
-    for range in &ranges.motion[..usize::from(out.motion_order)] {
-        powers.push((range, [planes.ten()?, planes.ten()?, planes.ten()?]));
+    let order = usize::from(out.motion_order);
+    for (k, range) in ranges.motion[..order].iter().enumerate() {
+        let v = [planes.ten()?, planes.ten()?, planes.ten()?];
+        for (i, out) in out.motion.iter_mut().skip(k).step_by(order).enumerate() {
+            *out = v.map(|axis| range.value(axis.code(i)));
+        }
     }
-    for i in 0..planes.rows {
-        out.motion.extend(powers.iter().map(|(range, v)| v.map(|axis| range.value(axis.code(i)))));
-    }
-    if let Some(rates) = &mut out.rotation_rates {
+    if let Some(rates) = out.rotation_rates {
         let components = [planes.eight()?, planes.eight()?, planes.eight()?, planes.eight()?];
-        let rate = |i: usize| components.map(|component| ranges.rates.value(u16::from(component[i])));
-        rates.extend((0..planes.rows).map(rate));
+        for (i, out) in rates.iter_mut().enumerate() {
+            *out = components.map(|component| ranges.rates.value(u16::from(component[i])));
+        }
     }
     Ok(())
 }

@@ -55,17 +55,19 @@ mod field;
 mod fixed;
 mod header;
 mod limits;
+mod parallel;
 #[cfg(feature = "encode")]
 mod precision;
 mod quant;
+mod rows;
 mod section;
 mod time_index;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};
-pub use decode::decode;
+pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
-pub use encode::{EncodeOptions, Source, encode};
+pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
 pub use error::{Error, Fault};

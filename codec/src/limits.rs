@@ -44,6 +44,16 @@ impl Budget {
         }
     }
 
+    /// A vector of `count` zeros.
+    ///
+    /// # Errors
+    /// Those of [`Budget::vec`].
+    pub(crate) fn zeros<T: Clone + Default>(&mut self, count: usize) -> Result<Vec<T>, Error> {
+        let mut vec = self.vec(count)?;
+        vec.resize(count, T::default());
+        Ok(vec)
+    }
+
     /// Counts memory that is allocated elsewhere.
     ///
     /// # Errors

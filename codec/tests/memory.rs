@@ -3,7 +3,9 @@
 
 mod common;
 
-use codec::{Clip, EncodeOptions, Error, Field, Limits, Source, decode, encode};
+use std::num::NonZero;
+
+use codec::{Clip, Coder, EncodeOptions, Error, Field, Limits, Source, decode, decode_parallel, encode};
 use common::{Parts, Shape, field, info, static_field};
 use peak_alloc::PeakAlloc;
 
@@ -27,20 +29,38 @@ fn bytes_of(field: &Field) -> usize {
     field.len() * (12 + 16 + 12 + 4) + 12 * field.sh.len() + temporal
 }
 
+/// Most memory that decoding 45,000 Gaussians takes on up to four threads, relative to the clip.
+const MOST: f64 = 1.5;
+
+/// The head and what threads cost: not counted against the limits.
+const SMALL: usize = 64 << 10;
+
 #[test]
 fn memory_is_bounded() {
     let info = info();
-    for sh_degree in [0, 3] {
+    for (coder, sh_degree) in [(Coder::Fixed, 0), (Coder::Fixed, 3), (Coder::Context, 0), (Coder::Context, 3)]
+    {
         let field = field(Shape { sh_degree, ..Shape::full(40_000) }, 1);
         let plate = static_field(5_000, sh_degree, 2);
-        let options = EncodeOptions { layers: vec![5_000, 20_000], ..EncodeOptions::default() };
+        let options = EncodeOptions { coder, layers: vec![5_000, 20_000], ..EncodeOptions::default() };
         let package = encode(&Source { info: &info, field: &field, plate: Some(&plate) }, &options).unwrap();
-        let (clip, peak): (Clip, _) = peak_of(|| decode(&package, &Limits::default()).unwrap());
-        let decoded = bytes_of(&clip.still) + bytes_of(&clip.moving) + bytes_of(clip.plate.as_ref().unwrap());
-        let ratio = peak as f64 / decoded as f64;
-        println!("SH {sh_degree}: {decoded} bytes decoded, peak {peak}, {ratio:.3} times");
-        assert!(ratio >= 1.0, "the counter does not count");
-        assert!(ratio <= 1.2, "peak is {ratio} times the decoded size");
+        for threads in [1, 4] {
+            let threads = NonZero::new(threads).unwrap();
+            let (clip, peak): (Clip, _) =
+                peak_of(|| decode_parallel(&package, &Limits::default(), threads).unwrap());
+            let decoded =
+                bytes_of(&clip.still) + bytes_of(&clip.moving) + bytes_of(clip.plate.as_ref().unwrap());
+            let ratio = peak as f64 / decoded as f64;
+            println!(
+                "{coder:?}, SH {sh_degree}, {threads} threads: {decoded} bytes decoded, peak {ratio:.3}"
+            );
+            assert!(ratio >= 1.0, "the counter does not count");
+            assert!(ratio <= MOST, "peak is {ratio} times the decoded size");
+            // The work space counts in full, whatever the chunks make of it.
+            let limits = Limits { max_bytes: peak, ..Limits::default() };
+            let (_, peak) = peak_of(|| decode_parallel(&package, &limits, threads));
+            assert!(peak <= limits.max_bytes + SMALL, "peak {peak} of {limits:?}");
+        }
     }
 
     // A bomb: 200,000 equal Gaussians, of which little is left after compression.

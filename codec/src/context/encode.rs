@@ -9,9 +9,12 @@ use super::{
     trajectory::{self, Span},
 };
 use crate::{
-    ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Sensitivity, Temporal,
+    ALPHA_MIN, Field, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Sensitivity,
     bytes::Writer,
+    decode::blank_field,
     fixed::{Columns, TemporalColumns},
+    limits::Budget,
+    rows::Rows,
     sh_coefficients,
 };
 
@@ -84,31 +87,27 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Vec
     let mut cells: Vec<u64> = order.iter().map(|(cell, _)| *cell).collect();
     grid::code(&mut encoder, u32::from(chunk.axis_bits), &mut cells);
     let mut coder = RowCoder::new(&chunk, columns);
-    let mut expected = cfg!(debug_assertions).then(|| empty_field(columns));
-    for (cell, wanted) in order {
+    let mut expected = cfg!(debug_assertions).then(|| blank(columns, rows.len()));
+    for (i, (cell, wanted)) in order.into_iter().enumerate() {
         let row = coder.code(&mut encoder, grid::cell(cell), Some(wanted));
         let row = row.expect("the numbers of a valid field can be coded");
         if let Some(expected) = &mut expected {
-            row.append_to(expected);
+            row.write_to(&mut Rows::of(expected), i);
         }
     }
     let payload = encoder.finish();
     if let Some(expected) = expected {
-        let mut decoded = empty_field(columns);
-        super::decode(&payload, columns, rows.len(), 0, &mut decoded).expect("what was encoded decodes");
+        let mut decoded = blank(columns, rows.len());
+        super::decode(&payload, columns, 0, Rows::of(&mut decoded)).expect("what was encoded decodes");
         assert!(decoded == expected, "the decoder gets what the encoder told");
     }
     payload
 }
 
-/// A field with the columns named.
-fn empty_field(columns: Columns) -> Field {
-    let temporal = |t: TemporalColumns| Temporal {
-        motion_order: t.motion_order,
-        rotation_rates: t.rotation_rates.then(Vec::new),
-        ..Temporal::default()
-    };
-    Field { sh_degree: columns.sh_degree, temporal: columns.temporal.map(temporal), ..Field::default() }
+/// Rows of zeros.
+fn blank(columns: Columns, rows: usize) -> Field {
+    let mut budget = Budget::new(&Limits::default());
+    blank_field(columns, rows, &mut budget).expect("a chunk is small")
 }
 
 /// Half octaves that a sensitivity is below 1.

@@ -23,7 +23,7 @@ mod trajectory;
 #[cfg(feature = "encode")]
 pub(crate) use encode::{Prepared, columns_needed, encode};
 
-use crate::{Error, Field, bytes::Reader, error::Fault, fixed::Columns};
+use crate::{Error, bytes::Reader, error::Fault, fixed::Columns, rows::Rows};
 use range::Decoder;
 use row::RowCoder;
 
@@ -85,35 +85,29 @@ impl Chunk {
     }
 }
 
-/// Appends the `rows` Gaussians of a chunk to `out`, which has the columns named and room for
-/// them. `offset`, where the section of `payload` starts, is for errors.
+/// Decodes the Gaussians of a chunk into `out`, which are as many and have the columns named.
+/// `offset`, where the section of `payload` starts, is for errors.
 ///
 /// # Errors
 /// If the payload is too short or too long, or a number in it is out of range.
-pub(crate) fn decode(
-    payload: &[u8],
-    columns: Columns,
-    rows: usize,
-    offset: usize,
-    out: &mut Field,
-) -> Result<(), Error> {
+pub(crate) fn decode(payload: &[u8], columns: Columns, offset: usize, mut out: Rows) -> Result<(), Error> {
     let mut reader = Reader::new(payload, offset, "chunk of Gaussians");
     let chunk = Chunk::read(&mut reader)?;
     let symbols_at = reader.at();
     let mut decoder = Decoder::new(reader.rest());
     let short = || Error::format(offset + payload.len(), Fault::Short { part: "chunk of Gaussians" });
 
-    let mut cells = vec![0; rows];
+    let mut cells = vec![0; out.centers.len()];
     grid::code(&mut decoder, u32::from(chunk.axis_bits), &mut cells);
     let mut coder = RowCoder::new(&chunk, columns);
-    for cell in cells {
+    for (i, cell) in cells.into_iter().enumerate() {
         if decoder.overrun() {
             return Err(short());
         }
         let row = coder
             .code(&mut decoder, grid::cell(cell), None)
             .ok_or_else(|| Error::value(symbols_at, "Gaussian", "a number out of range"))?;
-        row.append_to(out);
+        row.write_to(&mut out, i);
     }
     match decoder.left() {
         _ if decoder.overrun() => Err(short()),

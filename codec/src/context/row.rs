@@ -10,7 +10,7 @@ use super::{
     rotation::{self, Shape},
     trajectory::{self, Span},
 };
-use crate::{Field, fixed::Columns, sh_coefficients};
+use crate::{fixed::Columns, rows::Rows, sh_coefficients};
 
 /// Steps of the attributes, in units of what their visibility allows; found by minimising the
 /// size at equal fidelity on captured fields. Format.
@@ -355,19 +355,20 @@ impl<'a> RowCoder<'a> {
 }
 
 impl Row {
-    /// Appends the row to a field, which has the columns of the chunk.
-    pub(super) fn append_to(&self, out: &mut Field) {
-        out.centers.push(self.center);
-        out.rotations.push(self.rotation);
-        out.log_scales.push(self.log_scales);
-        out.opacities.push(self.opacity);
-        out.sh.extend_from_slice(&self.sh);
+    /// Writes the row to row `i` of `out`, which has the columns of the chunk.
+    pub(super) fn write_to(&self, out: &mut Rows, i: usize) {
+        out.centers[i] = self.center;
+        out.rotations[i] = self.rotation;
+        out.log_scales[i] = self.log_scales;
+        out.opacities[i] = self.opacity;
+        out.sh[i * self.sh.len()..][..self.sh.len()].copy_from_slice(&self.sh);
         if let Some(temporal) = &mut out.temporal {
-            temporal.tau.push(self.tau);
-            temporal.s.push(self.s);
-            temporal.motion.extend_from_slice(&self.motion[..usize::from(temporal.motion_order)]);
+            temporal.tau[i] = self.tau;
+            temporal.s[i] = self.s;
+            let order = usize::from(temporal.motion_order);
+            temporal.motion[i * order..][..order].copy_from_slice(&self.motion[..order]);
             if let Some(rates) = &mut temporal.rotation_rates {
-                rates.push(self.rotation_rate);
+                rates[i] = self.rotation_rate;
             }
         }
     }

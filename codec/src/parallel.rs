@@ -1,0 +1,89 @@
+//! [`try_for_each`]: the chunks of a package on several threads.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+/// Hands out `items` in order to `workers`, each on a thread of its own but the last one, which is
+/// on this. Where the system has no more threads the others do the work.
+///
+/// # Errors
+/// That of the first item in order that a worker fails on: the same one for any number of workers.
+/// Not all items after it are worked on.
+pub(crate) fn try_for_each<T: Send, E: Send, W: FnMut(T) -> Result<(), E> + Send>(
+    items: impl Iterator<Item = T> + Send,
+    mut workers: Vec<W>,
+) -> Result<(), E> {
+    let queue = Mutex::new(Queue { items: items.enumerate(), failed: None });
+    // By a function, which gives the queue back before the work begins.
+    let next = || lock(&queue).next();
+    let run = |mut work: W| {
+        while let Some((number, item)) = next() {
+            if let Err(error) = work(item) {
+                lock(&queue).fail(number, error);
+            }
+        }
+    };
+    thread::scope(|scope| {
+        let last = workers.pop();
+        for work in workers {
+            let _ = thread::Builder::new().spawn_scoped(scope, || run(work));
+        }
+        last.map(run);
+    });
+    let failed = queue.into_inner().unwrap_or_else(PoisonError::into_inner).failed;
+    failed.map_or(Ok(()), |(_, error)| Err(error))
+}
+
+/// Items still to be worked on, and the first one known to have failed.
+struct Queue<I, E> {
+    items: I,
+    failed: Option<(usize, E)>,
+}
+
+impl<T, E, I: Iterator<Item = (usize, T)>> Queue<I, E> {
+    fn next(&mut self) -> Option<(usize, T)> {
+        // All items before one that failed have been handed out.
+        if self.failed.is_some() { None } else { self.items.next() }
+    }
+
+    fn fail(&mut self, number: usize, error: E) {
+        if self.failed.as_ref().is_none_or(|(first, _)| number < *first) {
+            self.failed = Some((number, error));
+        }
+    }
+}
+
+/// A panic of another thread reaches the caller when the scope ends; until then the queue is whole.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_worked_on_once() {
+        for threads in [1, 2, 3, 16] {
+            let mut seen = [0; 100];
+            let work = |(place, number): (&mut usize, usize)| {
+                *place += number;
+                Ok::<(), ()>(())
+            };
+            try_for_each(seen.iter_mut().zip(1..), vec![work; threads]).unwrap();
+            assert!(seen.into_iter().eq(1..=100));
+        }
+    }
+
+    #[test]
+    fn the_first_failure_in_order_decides() {
+        for threads in [1, 2, 3, 16] {
+            let work = |number: u64| {
+                // The later an item, the sooner it fails.
+                thread::sleep(std::time::Duration::from_micros(10 * (100 - number)));
+                if number >= 20 { Err(number) } else { Ok(()) }
+            };
+            assert_eq!(try_for_each(0..100, vec![work; threads]), Err(20));
+        }
+    }
+}
