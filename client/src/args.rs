@@ -8,7 +8,7 @@ use glam::UVec2;
 
 use crate::gpu::{Cutoff, Depth, Settings, SortOrder};
 
-/// Plays a clip of 4D Gaussians in a window, or renders images of it.
+/// Plays a clip of 4D Gaussians in a window or a headset, or renders images of it.
 ///
 /// Exit codes: 0 done, 2 usage, 3 bad data, 4 network, 5 no device or display.
 #[derive(Clone, Debug, Parser)]
@@ -18,11 +18,17 @@ pub struct Args {
     pub clip: Option<String>,
 
     /// Render to images instead of opening a window.
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", group = "windowless")]
     pub headless: bool,
 
-    /// Image to write, or folder for several (frame_0000.png, ...).
-    #[arg(long, value_name = "PATH", requires = "headless")]
+    /// Play in a headset, on the OpenXR runtime of this machine.
+    #[arg(long, group = "windowless", conflicts_with_all = ["size", "view", "fps"])]
+    pub xr: bool,
+
+    /// Image to write, or folder for several (frame_0000.png, ...). With --xr, folder for what both
+    /// eyes saw in the last of --frames: left.png and right.png, and their cameras, left.json and
+    /// right.json, each with the time in seconds.
+    #[arg(long, value_name = "PATH", requires = "windowless")]
     pub out: Option<PathBuf>,
 
     /// Times to render, in seconds from the start of the clip [default: 0].
@@ -30,8 +36,9 @@ pub struct Args {
     #[arg(allow_negative_numbers = true)]
     pub time: Vec<f64>,
 
-    /// Frames to render: A to B - 1, frame i at i / fps seconds.
-    #[arg(long, value_name = "A..B", value_parser = frames, requires = "headless", conflicts_with = "time")]
+    /// Frames to render: A to B - 1, frame i at i / fps seconds. With --xr: leave after showing B
+    /// frames of the clip, of which the first A count in no statistics.
+    #[arg(long, value_name = "A..B", value_parser = frames, requires = "windowless", conflicts_with = "time")]
     pub frames: Option<Range<u32>>,
 
     /// Frames per second for --frames [default: as captured].
@@ -58,9 +65,10 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub layer: Option<u32>,
 
-    /// What Gaussians are sorted by: distance along the view axis, or from the eye.
-    #[arg(long, value_enum, default_value_t)]
-    pub sort: SortOrder,
+    /// What Gaussians are sorted by: distance along the view axis, or from the eye [default: depth;
+    /// with --xr, radial].
+    #[arg(long, value_enum)]
+    pub sort: Option<SortOrder>,
 
     /// How far Gaussians reach: to where alpha falls to 1/255, or at most sqrt(8) or sqrt(5) sigma.
     #[arg(long, value_enum, default_value_t)]
@@ -72,14 +80,20 @@ pub struct Args {
     pub target: Depth,
 
     /// Write counts and timings.
-    #[arg(long, value_name = "FILE.json", requires = "headless")]
+    #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
 }
 
 impl Args {
     /// The settings of the renderer.
     pub fn settings(&self) -> Settings {
-        Settings { sort: self.sort, cutoff: self.cutoff, layers: self.layer.map(|layers| layers as usize) }
+        // Turning the head must not change what lies over what.
+        let usual = if self.xr { SortOrder::Radial } else { SortOrder::Depth };
+        Settings {
+            sort: self.sort.unwrap_or(usual),
+            cutoff: self.cutoff,
+            layers: self.layer.map(|layers| layers as usize),
+        }
     }
 }
 
@@ -163,5 +177,18 @@ mod tests {
         }
         assert!(parse("client a --headless").is_err(), "headless needs somewhere to write to");
         assert!(parse("client a --out o").is_err(), "a window writes no images");
+        for line in
+            ["--xr --headless --out o", "--xr --time 0", "--xr --frames 0..9 --fps 3", "--xr --size 9x9"]
+        {
+            assert!(parse(&format!("client a {line}")).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_headset_sorts_so_that_turning_changes_nothing() {
+        let sort = |line: &str| parse(line).unwrap().settings().sort;
+        assert_eq!(sort("client a"), SortOrder::Depth);
+        assert_eq!(sort("client a --xr"), SortOrder::Radial);
+        assert_eq!(sort("client a --xr --sort depth --frames 0..9 --out o --stats s"), SortOrder::Depth);
     }
 }

@@ -1,8 +1,8 @@
 //! Player of 4D Gaussian clips.
 //!
 //! [`source`] brings the bytes of a clip, [`gpu`] uploads the decoded clip once and draws frames
-//! of it, [`headless`] drives that into images. Only [`gpu`] knows the graphics API; it knows
-//! nothing of files and windows.
+//! of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. Only
+//! [`gpu`] knows the graphics API; it knows nothing of files and windows.
 
 pub mod args;
 pub mod fault;
@@ -16,3 +16,5 @@ pub mod view;
 pub mod viewpoint;
 #[cfg(feature = "window")]
 pub mod window;
+#[cfg(feature = "xr")]
+pub mod xr;

@@ -11,7 +11,13 @@ fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     env_logger::Builder::from_env(quiet).init();
     let args = Args::parse();
-    let result = if args.headless { headless::run(&args) } else { window(&args) };
+    let result = if args.headless {
+        headless::run(&args)
+    } else if args.xr {
+        headset(&args)
+    } else {
+        window(&args)
+    };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(fault) => {
@@ -28,5 +34,15 @@ fn window(args: &Args) -> Result<(), Fault> {
 
 #[cfg(not(feature = "window"))]
 fn window(_args: &Args) -> Result<(), Fault> {
-    Err(Fault::Usage("built without a window: give --headless --out PATH".into()))
+    Err(Fault::Usage("built without a window: give --headless --out PATH, or --xr".into()))
+}
+
+#[cfg(feature = "xr")]
+fn headset(args: &Args) -> Result<(), Fault> {
+    client::xr::run(args)
+}
+
+#[cfg(not(feature = "xr"))]
+fn headset(_args: &Args) -> Result<(), Fault> {
+    Err(Fault::Usage("built without headsets: build with the feature xr".into()))
 }

@@ -6,9 +6,13 @@
 
 mod clip;
 mod device;
+#[cfg(feature = "xr")]
+mod eyes;
+mod layers;
 mod pack;
 #[cfg(feature = "window")]
 mod picture;
+mod readback;
 mod renderer;
 mod settings;
 mod stages;
@@ -21,9 +25,16 @@ mod ui;
 
 pub use clip::GpuClip;
 pub use device::{Caps, Gpu, LOG_FILTER};
+pub use readback::Pixels;
 pub use renderer::{Coverage, FrameCounts, Renderer};
 pub use settings::{Cutoff, Settings, SortOrder};
-pub use target::{Depth, Offscreen, Pixels};
+pub use target::{Depth, Offscreen};
+#[cfg(feature = "xr")]
+pub(crate) use {
+    device::Failures,
+    device::vulkan::{RuntimeFormat, RuntimeImages, VulkanHandles, VulkanRuntime},
+    eyes::EyeImages,
+};
 #[cfg(feature = "window")]
 pub(crate) use {
     picture::Picture,

@@ -1,10 +1,10 @@
 //! [`WindowSurface`]: a window as something to draw into.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use winit::window::Window;
 
-use super::device::Gpu;
+use super::device::{Failures, Gpu};
 use crate::fault::Fault;
 
 /// Formats that take display-referred colours as they are, in the order of preference.
@@ -26,7 +26,7 @@ pub(crate) struct WindowSurface {
     alpha_mode: wgpu::CompositeAlphaMode,
     /// Size that the surface is configured for; `None` where it must be configured anew.
     configured: Option<[u32; 2]>,
-    failure: Arc<Mutex<Option<String>>>,
+    failures: Failures,
 }
 
 /// An image of the window, to be drawn and shown.
@@ -65,7 +65,7 @@ impl WindowSurface {
             format,
             alpha_mode: if offered.alpha_modes.contains(&opaque) { opaque } else { Default::default() },
             configured: None,
-            failure: watch(&gpu),
+            failures: Failures::watch(&gpu),
         };
         Ok((gpu, surface))
     }
@@ -81,9 +81,7 @@ impl WindowSurface {
     /// # Errors
     /// [`Fault::Device`] if the device was lost or has failed.
     pub(crate) fn acquire(&mut self, gpu: &Gpu) -> Result<Option<SurfaceFrame>, Fault> {
-        if let Some(failure) = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            return Err(Fault::Device(format!("graphics device {}: {failure}", gpu.adapter_name)));
-        }
+        self.failures.check(gpu)?;
         let size = <[u32; 2]>::from(self.window.inner_size()).map(|side| side.min(gpu.caps.max_image_side));
         if size.contains(&0) {
             return Ok(None);
@@ -163,21 +161,4 @@ fn create(instance: &wgpu::Instance, window: &Arc<Window>) -> Result<wgpu::Surfa
     instance
         .create_surface(window.clone())
         .map_err(|error| Fault::Device(format!("cannot draw into a window: {error}; try --headless")))
-}
-
-/// Keeps the first failure of the device, which would otherwise end the program in a panic.
-fn watch(gpu: &Gpu) -> Arc<Mutex<Option<String>>> {
-    let failure: Arc<Mutex<Option<String>>> = Arc::default();
-    let keep = |failure: &Mutex<Option<String>>, message: String| {
-        failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
-    };
-    let uncaptured = failure.clone();
-    gpu.device.on_uncaptured_error(Arc::new(move |error| keep(&uncaptured, error.to_string())));
-    let lost = failure.clone();
-    gpu.device.set_device_lost_callback(move |reason, message| {
-        if reason != wgpu::DeviceLostReason::Destroyed {
-            keep(&lost, format!("lost: {message}"));
-        }
-    });
-    failure
 }

@@ -21,7 +21,7 @@ const SWUNG: f64 = 0.5;
 
 /// What the hands hold.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Grab {
+pub(super) struct Grab {
     hold: Hold,
     /// What the last frame made of the clip.
     placement: Placement,
@@ -93,7 +93,7 @@ impl Span {
 impl Grab {
     /// Where hands with the grip poses `hands`, `None` for one that holds nothing, left then right,
     /// take a clip at `placement`. Taking hold and letting go are felt.
-    pub fn update(
+    pub(super) fn update(
         &mut self,
         hands: [Option<Pose>; 2],
         placement: Placement,
@@ -115,7 +115,7 @@ impl Grab {
     }
 
     /// Whether any hand holds the clip.
-    pub fn is_holding(&self) -> bool {
+    pub(super) fn is_holding(&self) -> bool {
         self.hold != Hold::Nothing
     }
 

@@ -92,7 +92,7 @@ pub const GESTURES: [(&str, &str); 8] = [
 
 /// The stick that steps and scrubs.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Playback {
+pub(super) struct Playback {
     /// How long the left stick is pushed sideways, in seconds.
     pushed_s: f64,
 }
@@ -147,7 +147,7 @@ impl Playback {
     }
 
     /// Whether the stick holds the clock.
-    pub fn is_scrubbing(&self) -> bool {
+    pub(super) fn is_scrubbing(&self) -> bool {
         self.pushed_s >= SCRUB_AFTER_S
     }
 }

@@ -10,7 +10,7 @@ const STICK_PUSHED: f32 = 0.7;
 
 /// Where a stick is pushed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Push {
+pub(super) enum Push {
     /// To the left.
     Left,
     /// To the right.
@@ -23,13 +23,13 @@ pub enum Push {
 
 /// A stick that steps once for each push: it has to come back to the middle in between.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StickSnap {
+pub(super) struct StickSnap {
     pushed: Option<Push>,
 }
 
 impl StickSnap {
     /// Takes in where the stick is; the push that begins in this frame.
-    pub fn update(&mut self, stick: Vec2) -> Option<Push> {
+    pub(super) fn update(&mut self, stick: Vec2) -> Option<Push> {
         let deflection = stick.abs().max_element();
         if deflection < STICK_CENTRE {
             self.pushed = None;
@@ -44,7 +44,7 @@ impl StickSnap {
     }
 
     /// The push that lasts.
-    pub fn pushed(&self) -> Option<Push> {
+    pub(super) fn pushed(&self) -> Option<Push> {
         self.pushed
     }
 }

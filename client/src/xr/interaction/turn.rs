@@ -10,7 +10,7 @@ const STEP: f64 = 30.0 * std::f64::consts::PI / 180.0;
 
 /// `placement` after a push of the stick, for a viewer whose head is at `head`; `None` where the
 /// push does not turn.
-pub fn snap_turn(placement: &Placement, head: &Pose, push: Push) -> Option<Placement> {
+pub(super) fn snap_turn(placement: &Placement, head: &Pose, push: Push) -> Option<Placement> {
     // As the viewer turns right, the clip goes round to the left.
     let angle = match push {
         Push::Right => STEP,

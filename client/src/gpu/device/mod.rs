@@ -1,4 +1,14 @@
 //! [`Gpu`]: the graphics device and what it can do.
+//!
+//! Whoever opens it, the device is asked for the same: [`Wanted`] decides from what an adapter
+//! offers. In [`vulkan`] a headset's runtime opens it.
+
+#[cfg(feature = "xr")]
+pub(crate) mod vulkan;
+
+#[cfg(any(feature = "window", feature = "xr"))]
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::ThreadId;
 
 use crate::fault::Fault;
 
@@ -31,6 +41,40 @@ pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
+    /// The only thread that may hand over work; `None` where any may.
+    submitter: Option<ThreadId>,
+}
+
+/// What to ask of an adapter.
+struct Wanted {
+    features: wgpu::Features,
+    limits: wgpu::Limits,
+}
+
+impl Wanted {
+    /// What the renderer makes use of and the adapter `info`, which has `features` and `limits`, offers.
+    fn of(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> Wanted {
+        let mut features = features & (wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY);
+        if !draws_multiview_right(info) {
+            features.remove(wgpu::Features::MULTIVIEW);
+        }
+        let limits = wgpu::Limits {
+            max_buffer_size: limits.max_buffer_size,
+            max_storage_buffer_binding_size: limits.max_storage_buffer_binding_size,
+            max_texture_dimension_2d: limits.max_texture_dimension_2d,
+            max_multiview_view_count: limits.max_multiview_view_count,
+            ..wgpu::Limits::downlevel_defaults()
+        };
+        Wanted { features, limits }
+    }
+
+    fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
+        wgpu::DeviceDescriptor {
+            required_features: self.features,
+            required_limits: self.limits.clone(),
+            ..Default::default()
+        }
+    }
 }
 
 impl Gpu {
@@ -65,26 +109,22 @@ impl Gpu {
             )
         })?;
         let info = adapter.get_info();
-        let mut features = adapter.features() & (wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY);
-        if !draws_multiview_right(&info) {
-            features.remove(wgpu::Features::MULTIVIEW);
-        }
-        let offered = adapter.limits();
-        let limits = wgpu::Limits {
-            max_buffer_size: offered.max_buffer_size,
-            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-            max_texture_dimension_2d: offered.max_texture_dimension_2d,
-            max_multiview_view_count: offered.max_multiview_view_count,
-            ..wgpu::Limits::downlevel_defaults()
-        };
-        let descriptor = wgpu::DeviceDescriptor {
-            required_features: features,
-            required_limits: limits.clone(),
-            ..Default::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        let wanted = Wanted::of(&info, adapter.features(), &adapter.limits());
+        let opened = pollster::block_on(adapter.request_device(&wanted.descriptor()))
             .map_err(|error| Fault::Device(format!("graphics device {}: {error}", info.name)))?;
-        Ok(Gpu {
+        Ok(Gpu::opened(adapter, &wanted, opened, None))
+    }
+
+    /// The device `opened` of `adapter`, which has been given what was `wanted`.
+    fn opened(
+        adapter: wgpu::Adapter,
+        wanted: &Wanted,
+        (device, queue): (wgpu::Device, wgpu::Queue),
+        submitter: Option<ThreadId>,
+    ) -> Gpu {
+        let info = adapter.get_info();
+        let Wanted { features, limits } = wanted;
+        Gpu {
             caps: Caps {
                 multiview: features.contains(wgpu::Features::MULTIVIEW),
                 timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
@@ -97,7 +137,8 @@ impl Gpu {
             adapter,
             device,
             queue,
-        })
+            submitter,
+        }
     }
 
     /// A recorder of GPU work.
@@ -106,7 +147,13 @@ impl Gpu {
     }
 
     /// Hands recorded work to the GPU.
+    ///
+    /// # Panics
+    /// If a headset's runtime shares the device, and this is not the thread that opened it: the
+    /// runtime uses the same queue within the calls that thread makes, and nobody guards it.
     pub fn submit(&self, encoder: wgpu::CommandEncoder) {
+        let here = std::thread::current().id();
+        assert!(self.submitter.is_none_or(|thread| thread == here), "only the thread of the frames submits");
         self.queue.submit([encoder.finish()]);
     }
 
@@ -131,6 +178,41 @@ impl Gpu {
                 "graphics device {}: not enough memory for {what}",
                 self.adapter_name
             ))),
+        }
+    }
+}
+
+/// The first failure that a device reports by itself, from any thread.
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) struct Failures(Arc<Mutex<Option<String>>>);
+
+#[cfg(any(feature = "window", feature = "xr"))]
+impl Failures {
+    /// Keeps what would otherwise end the program in a panic.
+    pub(crate) fn watch(gpu: &Gpu) -> Failures {
+        let failure: Arc<Mutex<Option<String>>> = Arc::default();
+        let keep = |failure: &Mutex<Option<String>>, message: String| {
+            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+        };
+        let uncaptured = failure.clone();
+        gpu.device.on_uncaptured_error(Arc::new(move |error| keep(&uncaptured, error.to_string())));
+        let lost = failure.clone();
+        gpu.device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                keep(&lost, format!("lost: {message}"));
+            }
+        });
+        Failures(failure)
+    }
+
+    /// Whether all is well with `gpu`.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] with the failure, once.
+    pub(crate) fn check(&self, gpu: &Gpu) -> Result<(), Fault> {
+        match self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            None => Ok(()),
+            Some(failure) => Err(Fault::Device(format!("graphics device {}: {failure}", gpu.adapter_name))),
         }
     }
 }

@@ -1,0 +1,93 @@
+//! [`EyeImages`]: the images that a headset's runtime shows, as targets of a [`Renderer`].
+//!
+//! [`Renderer`]: super::Renderer
+
+use super::device::Gpu;
+use super::device::vulkan::RuntimeImages;
+use super::layers::layer_views;
+use super::readback::{Pixels, Readback};
+use super::stages::splat::multiview_mask;
+use crate::fault::Fault;
+
+/// Images with one layer per eye. They take turns in being drawn and shown.
+pub(crate) struct EyeImages {
+    images: Vec<EyeImage>,
+    eyes_per_pass: u32,
+    readbacks: Vec<Readback>,
+}
+
+struct EyeImage {
+    texture: wgpu::Texture,
+    /// One for each pass.
+    targets: Vec<wgpu::TextureView>,
+}
+
+impl EyeImages {
+    /// Makes targets of `images`.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub(crate) fn new(gpu: &Gpu, images: &RuntimeImages) -> Result<EyeImages, Fault> {
+        let eyes_per_pass = if gpu.caps.multiview { images.layers() } else { 1 };
+        let drawn = images.format().drawn();
+        let wrap = |texture: wgpu::Texture| {
+            let targets = layer_views(&texture, drawn, eyes_per_pass);
+            EyeImage { texture, targets }
+        };
+        let readbacks = if images.readable() { images.layers() } else { 0 };
+        Ok(EyeImages {
+            images: images.wrap(gpu).into_iter().map(wrap).collect(),
+            eyes_per_pass,
+            readbacks: (0..readbacks)
+                .map(|_| Readback::new(gpu, images.size(), drawn))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// What to draw into for image `index`: a target for each pass of a renderer of this device.
+    pub(crate) fn targets(&self, index: usize) -> &[wgpu::TextureView] {
+        &self.images[index].targets
+    }
+
+    /// Records the filling of image `index` with a premultiplied colour.
+    pub(crate) fn fill(&self, encoder: &mut wgpu::CommandEncoder, index: usize, rgba: [f64; 4]) {
+        let [r, g, b, a] = rgba;
+        for view in self.targets(index) {
+            encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("fill"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                multiview_mask: multiview_mask(self.eyes_per_pass),
+                ..Default::default()
+            });
+        }
+    }
+
+    /// Records the reading back of image `index`, after which it is a colour target again, as its
+    /// owner expects it.
+    pub(crate) fn record_read(&self, encoder: &mut wgpu::CommandEncoder, index: usize) {
+        let texture = &self.images[index].texture;
+        for (layer, readback) in self.readbacks.iter().enumerate() {
+            readback.record(encoder, texture, layer as u32);
+        }
+        let state = wgpu::TextureUses::COLOR_TARGET;
+        let back = wgpu::TextureTransition { texture, selector: None, state };
+        encoder.transition_resources(std::iter::empty(), std::iter::once(back));
+    }
+
+    /// Waits for what was recorded and has been submitted: an image for each eye, none where the
+    /// images are not readable.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost.
+    pub(crate) fn read(&self, gpu: &Gpu) -> Result<Vec<Pixels>, Fault> {
+        self.readbacks.iter().map(|readback| readback.read(gpu)).collect()
+    }
+}

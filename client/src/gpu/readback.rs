@@ -1,0 +1,117 @@
+//! [`Readback`]: one layer of an image on its way back from the GPU, and [`Pixels`], what arrives.
+
+use glam::UVec2;
+use half::f16;
+
+use super::device::Gpu;
+use crate::fault::Fault;
+
+/// An image that was read back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Width and height.
+    pub size: UVec2,
+    /// Rows from the top: red, green, blue premultiplied by alpha, and alpha. Display-referred,
+    /// nominally 0 to 1.
+    pub rgba: Vec<[f32; 4]>,
+}
+
+impl Pixels {
+    /// The colours over black as bytes, red, green, blue: `size.x * size.y * 3`.
+    pub fn to_rgb8(&self) -> Vec<u8> {
+        let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        self.rgba.iter().flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b)]).collect()
+    }
+}
+
+/// Memory that takes one layer of an image.
+pub(super) struct Readback {
+    size: UVec2,
+    format: wgpu::TextureFormat,
+    buffer: wgpu::Buffer,
+}
+
+impl Readback {
+    /// For images of `size` pixels whose channels are stored as `format` says, 8-bit or 16-bit
+    /// float.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub(super) fn new(gpu: &Gpu, size: UVec2, format: wgpu::TextureFormat) -> Result<Readback, Fault> {
+        let bytes = u64::from(bytes_per_row(size.x, format)) * u64::from(size.y);
+        gpu.allocate("reading an image back", || Readback {
+            size,
+            format,
+            buffer: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("readback"),
+                size: bytes,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        })
+    }
+
+    /// Records the copying of a layer of `texture`.
+    pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, layer: u32) {
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                aspect: wgpu::TextureAspect::All,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &self.buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(bytes_per_row(self.size.x, self.format)),
+                    rows_per_image: None,
+                },
+            },
+            wgpu::Extent3d { width: self.size.x, height: self.size.y, depth_or_array_layers: 1 },
+        );
+    }
+
+    /// Waits for what was recorded and has been submitted.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost.
+    pub(super) fn read(&self, gpu: &Gpu) -> Result<Pixels, Fault> {
+        self.buffer.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+        gpu.wait()?;
+        let mapped = self
+            .buffer
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| Fault::Device(format!("graphics device {}: {error}", gpu.adapter_name)))?;
+        let row_bytes = (self.size.x * bytes_per_pixel(self.format)) as usize;
+        let rows =
+            mapped.chunks(bytes_per_row(self.size.x, self.format) as usize).map(|row| &row[..row_bytes]);
+        let eight = |order: [usize; 4]| {
+            let pixels = rows.clone().flat_map(|row| row.chunks_exact(4));
+            pixels.map(|pixel| order.map(|c| f32::from(pixel[c]) / 255.0)).collect()
+        };
+        let rgba = match self.format {
+            wgpu::TextureFormat::Rgba16Float => rows
+                .flat_map(|row| row.chunks_exact(8))
+                .map(|pixel| {
+                    std::array::from_fn(|c| f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32())
+                })
+                .collect(),
+            wgpu::TextureFormat::Bgra8Unorm => eight([2, 1, 0, 3]),
+            _ => eight([0, 1, 2, 3]),
+        };
+        drop(mapped);
+        self.buffer.unmap();
+        Ok(Pixels { size: self.size, rgba })
+    }
+}
+
+fn bytes_per_pixel(format: wgpu::TextureFormat) -> u32 {
+    if format == wgpu::TextureFormat::Rgba16Float { 8 } else { 4 }
+}
+
+/// Bytes from row to row of an image that is read back.
+pub(super) fn bytes_per_row(width: u32, format: wgpu::TextureFormat) -> u32 {
+    (width * bytes_per_pixel(format)).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+}

@@ -1,0 +1,106 @@
+//! [`Halt`]: why a session stops, and what results of the runtime mean to a person.
+
+use openxr::sys::Result as Code;
+
+use crate::fault::Fault;
+
+/// Why a session cannot go on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Halt {
+    /// The runtime has dropped it; another one may be opened.
+    SessionLost,
+    /// It is over.
+    Fault(Fault),
+}
+
+impl From<Fault> for Halt {
+    fn from(fault: Fault) -> Halt {
+        Halt::Fault(fault)
+    }
+}
+
+/// Adds what was being done to a result of the runtime.
+pub(super) trait During<T> {
+    /// The same, with the sentence that a person is told.
+    ///
+    /// # Errors
+    /// [`Fault::Device`].
+    fn fault(self, what: &str) -> Result<T, Fault>;
+
+    /// The same within a session, which may be lost.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    fn halt(self, what: &str) -> Result<T, Halt>;
+}
+
+impl<T> During<T> for Result<T, Code> {
+    fn fault(self, what: &str) -> Result<T, Fault> {
+        self.map_err(|code| fault(what, code))
+    }
+
+    fn halt(self, what: &str) -> Result<T, Halt> {
+        self.map_err(|code| match code {
+            Code::ERROR_SESSION_LOST => Halt::SessionLost,
+            code => Halt::Fault(fault(what, code)),
+        })
+    }
+}
+
+/// The runtime went away below a running program.
+pub(super) fn instance_lost() -> Fault {
+    Fault::Device("the OpenXR runtime went away: start it again, then this program".into())
+}
+
+fn fault(what: &str, code: Code) -> Fault {
+    Fault::Device(match code {
+        Code::ERROR_INSTANCE_LOST => return instance_lost(),
+        Code::ERROR_RUNTIME_UNAVAILABLE => {
+            "no OpenXR runtime is active: start one and make it the system's, \
+                                            or let XR_RUNTIME_JSON name its description"
+                .into()
+        }
+        Code::ERROR_RUNTIME_FAILURE if what == STARTING => {
+            "the OpenXR runtime does not start: see that its service is running and the headset connected"
+                .into()
+        }
+        Code::ERROR_FORM_FACTOR_UNSUPPORTED => {
+            "the OpenXR runtime knows no headset: connect one, or choose another runtime".into()
+        }
+        Code::ERROR_FORM_FACTOR_UNAVAILABLE => {
+            "the headset is not available: connect it and switch it on, then start again".into()
+        }
+        code => format!("OpenXR runtime: {what} failed: {code:?}"),
+    })
+}
+
+/// What is being done while a runtime starts.
+pub(super) const STARTING: &str = "starting";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_failure_has_a_sentence() {
+        let sentence = |what: &str, code: Code| {
+            let Err(Fault::Device(sentence)) = Err::<(), _>(code).fault(what) else { panic!("{code:?}") };
+            sentence
+        };
+        assert!(
+            sentence(STARTING, Code::ERROR_RUNTIME_UNAVAILABLE).starts_with("no OpenXR runtime is active")
+        );
+        assert!(sentence(STARTING, Code::ERROR_RUNTIME_FAILURE).contains("does not start"));
+        assert!(sentence("finding it", Code::ERROR_FORM_FACTOR_UNSUPPORTED).contains("no headset"));
+        assert!(sentence("a frame", Code::ERROR_INSTANCE_LOST).contains("went away"));
+        let other = sentence("a frame", Code::ERROR_CALL_ORDER_INVALID);
+        assert!(other.contains("a frame failed") && other.contains("CALL_ORDER_INVALID"), "{other}");
+    }
+
+    #[test]
+    fn only_a_lost_session_may_be_renewed() {
+        assert_eq!(Err::<(), _>(Code::ERROR_SESSION_LOST).halt("x"), Err(Halt::SessionLost));
+        assert_eq!(Err::<(), _>(Code::ERROR_INSTANCE_LOST).halt("x"), Err(Halt::Fault(instance_lost())));
+        assert_eq!(Ok::<_, Code>(3).halt("x"), Ok(3));
+    }
+}

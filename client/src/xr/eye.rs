@@ -1,0 +1,170 @@
+//! Where an eye looks: [`View`]s from the poses and angles that a runtime gives.
+
+use codec::Camera;
+use glam::{Mat4, Quat, UVec2, vec2};
+use openxr as xr;
+
+use super::interaction::{Pose, Similarity};
+use crate::view::View;
+
+/// Four half angles from the view axis, in radians, right and up positive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fov {
+    pub(super) left: f32,
+    pub(super) right: f32,
+    pub(super) up: f32,
+    pub(super) down: f32,
+}
+
+impl From<xr::Fovf> for Fov {
+    fn from(fov: xr::Fovf) -> Fov {
+        Fov { left: fov.angle_left, right: fov.angle_right, up: fov.angle_up, down: fov.angle_down }
+    }
+}
+
+/// A pose of the runtime.
+pub(super) fn pose(pose: xr::Posef) -> Pose {
+    let (p, q) = (pose.position, pose.orientation);
+    Pose { position: [p.x, p.y, p.z].into(), orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w) }
+}
+
+/// What an eye at `eye` in the stage sees of a clip, in an image of `size` pixels whose edges are
+/// at the angles of `fov`. `None` where pose or angles make no image: the view axis may lie outside
+/// it, but left must be left of right.
+pub(super) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similarity) -> Option<View> {
+    let [left, right, up, down] = [fov.left, fov.right, fov.up, fov.down].map(f32::tan);
+    let image = size.as_vec2();
+    let focal = image / vec2(right - left, up - down);
+    let principal = vec2(-left, up) * focal;
+    let ahead =
+        [fov.left, fov.right, fov.up, fov.down].iter().all(|angle| angle.abs() < std::f32::consts::FRAC_PI_2);
+    let good = ahead && focal.is_finite() && focal.min_element() > 0.0 && eye.is_valid();
+    good.then(|| View { view_from_world: stage_from_clip.view_from_clip(eye), focal, principal, size })
+}
+
+/// Between the eyes, turned as they are.
+pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
+    Pose {
+        position: 0.5 * (eyes[0].position + eyes[1].position),
+        orientation: eyes[0].orientation.slerp(eyes[1].orientation, 0.5).normalize(),
+    }
+}
+
+/// The same view as a camera file holds it.
+pub(super) fn camera(view: &View) -> Camera {
+    let rows = Mat4::transpose(&view.view_from_world).to_cols_array_2d();
+    let [fx, fy, cx, cy] = [view.focal.x, view.focal.y, view.principal.x, view.principal.y].map(f64::from);
+    Camera {
+        width: view.size.x,
+        height: view.size.y,
+        k: [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
+        camera_from_world: rows.map(|row| row.map(f64::from)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3, Vec2, Vec3, vec3};
+
+    use super::*;
+
+    const SIZE: UVec2 = UVec2::new(320, 240);
+    /// Wider outwards than inwards, as the left eye of a headset.
+    const FOV: Fov = Fov { left: -0.9, right: 0.7, up: 0.6, down: -0.8 };
+    const SAME: Similarity = Similarity { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    fn at(position: Vec3) -> Pose {
+        Pose { position, ..Pose::IDENTITY }
+    }
+
+    /// Where a point of the stage falls in the image of `view`, which must be one of [`SAME`].
+    fn project(view: &View, point: Vec3) -> Vec2 {
+        let p = view.view_from_world.transform_point3(point);
+        assert!(p.z > 0.0, "{p}");
+        view.focal * p.truncate() / p.z + view.principal
+    }
+
+    #[test]
+    fn the_edges_of_the_image_are_at_the_four_angles() {
+        let eye = at(vec3(0.3, 1.6, 0.2));
+        let view = view(&eye, FOV, SIZE, &SAME).unwrap();
+        for (horizontal, vertical, corner) in [
+            (FOV.left, FOV.up, vec2(0.0, 0.0)),
+            (FOV.right, FOV.up, vec2(320.0, 0.0)),
+            (FOV.left, FOV.down, vec2(0.0, 240.0)),
+            (FOV.right, FOV.down, vec2(320.0, 240.0)),
+        ] {
+            // Two metres ahead, which is -z in the stage.
+            let point = eye.position + 2.0 * vec3(horizontal.tan(), vertical.tan(), -1.0);
+            assert!(project(&view, point).distance(corner) < 1e-3, "{corner}");
+        }
+    }
+
+    #[test]
+    fn turning_the_head_moves_the_picture_the_other_way() {
+        let point = vec3(0.0, 1.6, -2.0);
+        let turned = |orientation| {
+            let eye = Pose { orientation, ..at(vec3(0.0, 1.6, 0.0)) };
+            project(&view(&eye, FOV, SIZE, &SAME).unwrap(), point)
+        };
+        let straight = turned(Quat::IDENTITY);
+        assert!(turned(Quat::from_rotation_y(0.2)).x > straight.x, "to the left");
+        assert!(turned(Quat::from_rotation_x(0.2)).y > straight.y, "upwards");
+        assert!(turned(Quat::from_rotation_z(0.2)).distance(straight) < 1e-3, "on the axis nothing rolls");
+    }
+
+    #[test]
+    fn eyes_apart_see_the_disparity_of_the_depth() {
+        let eyes = [-0.032, 0.032].map(|x| at(vec3(x, 1.6, 0.0)));
+        let views = eyes.map(|eye| view(&eye, FOV, SIZE, &SAME).unwrap());
+        let point = vec3(0.1, 1.5, -1.5);
+        let disparity = project(&views[0], point) - project(&views[1], point);
+        assert!(disparity.distance(vec2(views[0].focal.x * 0.064 / 1.5, 0.0)) < 1e-3, "{disparity}");
+        assert!(head(&eyes).position.distance(vec3(0.0, 1.6, 0.0)) < 1e-6);
+    }
+
+    #[test]
+    fn a_clip_of_any_unit_looks_the_same_from_where_it_stands() {
+        // In millimetres, z up, and moved.
+        let stage_from_clip = Similarity {
+            scale: 0.001,
+            rotation: DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+            translation: DVec3::new(0.5, 0.0, -2.0),
+        };
+        let eye = at(vec3(0.0, 1.6, 0.0));
+        let in_stage = view(&eye, FOV, SIZE, &SAME).unwrap();
+        let in_clip = view(&eye, FOV, SIZE, &stage_from_clip).unwrap();
+        let clip_point = DVec3::new(100.0, 200.0, 1700.0);
+        let stage_point = stage_from_clip.point(clip_point).as_vec3();
+        let (a, b) = (project(&in_clip, clip_point.as_vec3()), project(&in_stage, stage_point));
+        assert!(a.distance(b) < 1e-2, "{a} {b}");
+        let rotation = glam::Mat3::from_mat4(in_clip.view_from_world);
+        assert!((rotation.determinant() - 1.0).abs() < 1e-5, "rigid");
+    }
+
+    #[test]
+    fn angles_that_make_no_image_are_refused() {
+        let eye = at(Vec3::Y);
+        for fov in [
+            Fov { left: 0.7, right: -0.9, ..FOV },
+            Fov { up: -0.8, down: 0.6, ..FOV },
+            Fov { left: 0.1, right: 0.1, ..FOV },
+            Fov { right: f32::NAN, ..FOV },
+            Fov { right: 1.6, ..FOV },
+        ] {
+            assert_eq!(view(&eye, fov, SIZE, &SAME), None, "{fov:?}");
+        }
+        assert_eq!(view(&at(Vec3::NAN), FOV, SIZE, &SAME), None);
+        // The axis need not lie within the image.
+        assert!(view(&eye, Fov { left: 0.1, ..FOV }, SIZE, &SAME).is_some());
+    }
+
+    #[test]
+    fn a_camera_file_holds_the_very_view() {
+        let eye = Pose { orientation: Quat::from_rotation_y(0.4), ..at(vec3(0.3, 1.6, 0.2)) };
+        let view = view(&eye, FOV, SIZE, &SAME).unwrap();
+        let camera = camera(&view);
+        assert_eq!(camera.check(), Ok(()));
+        assert_eq!(View::from_camera(&camera), view);
+    }
+}

@@ -1,0 +1,112 @@
+//! The headset: plays a clip on any OpenXR runtime. The only part that names that interface.
+//!
+//! [`runtime`] finds runtime and headset and has them open the graphics device; [`session`] is what
+//! is drawn into and where hands come from; [`show`] is the clip, its clock and what hands did to
+//! it; this file runs the frames. What follows from the runtime's events is decided in [`state`],
+//! where an eye looks in [`eye`], both without a runtime.
+//!
+//! One thread does all that is seen: it alone submits to the GPU, because a runtime uses the same
+//! queue within the calls it is given ([`Gpu::submit`] checks it). Clips are loaded on another, up
+//! to buffers and pipelines, which takes no submission; frames go on meanwhile.
+
+mod calls;
+mod error;
+mod extensions;
+mod eye;
+mod frame;
+mod input;
+pub mod interaction;
+mod loading;
+mod pacing;
+mod report;
+mod runtime;
+mod session;
+mod show;
+mod space;
+mod state;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::args::Args;
+use crate::fault::Fault;
+use crate::gpu::{Failures, Gpu};
+use crate::output;
+use error::Halt;
+use report::Report;
+use runtime::Runtime;
+use session::{Asked, Session};
+use show::Show;
+use state::{Action, Life};
+
+/// How often to look for events while the runtime wants no frames.
+const IDLE_POLL: Duration = Duration::from_millis(10);
+
+/// Plays the clip that `args` name in a headset, until the runtime or the viewer ends it.
+///
+/// # Errors
+/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::source::load`].
+pub fn run(args: &Args) -> Result<(), Fault> {
+    if args.out.is_some() && args.frames.is_none() {
+        return Err(Fault::Usage("--xr --out writes the last of the frames: give --frames A..B".into()));
+    }
+    args.out.as_ref().map_or(Ok(()), |folder| output::check_folder(folder))?;
+    args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
+    let started = Instant::now();
+    let runtime = Runtime::open()?;
+    let (gpu, handles) = Gpu::from_vulkan(&runtime)?;
+    let gpu = Arc::new(gpu);
+    let failures = Failures::watch(&gpu);
+    let mut show = Show::new(gpu.clone(), args.clip.clone(), args.settings());
+    let mut report = Report::new(args, started);
+    loop {
+        let mut session = Session::open(&runtime, &gpu, &handles, args.out.is_some())?;
+        show.prepare(session.format())?;
+        match watch(&runtime, &mut session, &mut show, &mut report, &failures) {
+            Ok(()) => break,
+            Err(Halt::SessionLost) => {
+                log::warn!("the headset's session was lost: starting another");
+                report.lose_session();
+                drop(session);
+                runtime.wait_for_headset()?;
+            }
+            Err(Halt::Fault(fault)) => return Err(fault),
+        }
+    }
+    report.write(args, &runtime, &gpu, &mut show)
+}
+
+/// Runs a session to its end.
+fn watch(
+    runtime: &Runtime,
+    session: &mut Session,
+    show: &mut Show,
+    report: &mut Report,
+    failures: &Failures,
+) -> Result<(), Halt> {
+    let mut life = Life::default();
+    loop {
+        while let Some(event) = session.poll(runtime)? {
+            let (next, action) = life.on(event);
+            life = next;
+            match action {
+                None => {}
+                Some(Action::Begin) => session.begin()?,
+                Some(Action::End) => session.end()?,
+                Some(Action::Leave) => return Ok(()),
+                Some(Action::Renew) => return Err(Halt::SessionLost),
+                Some(Action::Replace { at_ns }) => show.replace_at(at_ns),
+                Some(Action::Fail) => return Err(Halt::Fault(error::instance_lost())),
+            }
+        }
+        failures.check(show.gpu()).map_err(Halt::Fault)?;
+        if !life.wants_frames() {
+            std::thread::sleep(IDLE_POLL);
+            continue;
+        }
+        let asked = session.frame(show, report, life.has_focus())?;
+        if asked == Asked::Exit && life.ask_exit() {
+            session.request_exit()?;
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! [`Runtime`]: the OpenXR runtime and its headset, and the graphics device that they open.
+
+#![allow(unsafe_code, reason = "a library is loaded, and handles of Vulkan are handed over")]
+
+use std::ffi::c_void;
+use std::time::Duration;
+
+use ash::vk::{self, Handle as _};
+use glam::{UVec2, uvec2};
+use openxr as xr;
+
+use super::error::{During, STARTING};
+use super::extensions;
+use crate::fault::Fault;
+use crate::gpu::VulkanRuntime;
+
+/// How a headset with two eyes is drawn for.
+pub(super) const EYES: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+
+/// How often, and after how long, to ask whether a headset that is known has come.
+const RETRIES: u32 = 60;
+const RETRY_DELAY: Duration = Duration::from_millis(500);
+
+/// A runtime and the headset that it drives.
+pub(super) struct Runtime {
+    pub(super) instance: xr::Instance,
+    pub(super) system: xr::SystemId,
+    pub(super) extensions: xr::ExtensionSet,
+    pub(super) blends: Blends,
+    /// Pixels of an eye's image that the runtime would like.
+    pub(super) eye_size: UVec2,
+    /// Name and version of the runtime.
+    pub(super) name: String,
+    /// Name of the headset.
+    pub(super) headset: String,
+}
+
+impl Runtime {
+    /// Starts the system's runtime and waits, for half a minute, for its headset.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] that says what is missing.
+    pub(super) fn open() -> Result<Runtime, Fault> {
+        // SAFETY: the OpenXR loader of the system is what it says.
+        let entry = unsafe { xr::Entry::load(&()) }.map_err(|error| {
+            log::info!("{error}");
+            Fault::Device(
+                "no OpenXR loader was found: install it (Debian and Ubuntu: apt-get install libopenxr-loader1)"
+                    .into(),
+            )
+        })?;
+        let offered = entry.enumerate_extensions().fault(STARTING)?;
+        if !offered.khr_vulkan_enable2 {
+            return Err(Fault::Device(
+                "the OpenXR runtime lacks XR_KHR_vulkan_enable2, which drawing goes through: update it, or \
+                 choose another"
+                    .into(),
+            ));
+        }
+        let extensions = extensions::wanted(&offered);
+        let application = xr::ApplicationInfo {
+            application_name: "aarc client",
+            application_version: 1,
+            engine_name: "",
+            engine_version: 0,
+            // What is used of later versions is there as extensions; old loaders refuse more.
+            api_version: xr::Version::new(1, 0, 0),
+        };
+        let instance = entry.create_instance(&application, &extensions, &[], &()).fault(STARTING)?;
+        let properties = instance.properties().fault(STARTING)?;
+        let name = format!("{} {}", properties.runtime_name, properties.runtime_version);
+        let system = find_headset(&instance)?;
+        let headset = instance.system_properties(system).fault("looking at the headset")?.system_name;
+
+        let views = instance.enumerate_view_configuration_views(system, EYES).fault("counting the eyes")?;
+        if views.len() != 2 {
+            let count = views.len();
+            return Err(Fault::Device(format!("the headset has {count} eyes: two are drawn for")));
+        }
+        let sizes = views
+            .iter()
+            .map(|view| uvec2(view.recommended_image_rect_width, view.recommended_image_rect_height));
+        let blends =
+            instance.enumerate_environment_blend_modes(system, EYES).fault("asking how it blends")?;
+        Ok(Runtime {
+            blends: Blends::of(&blends),
+            eye_size: sizes.fold(UVec2::ONE, UVec2::max),
+            instance,
+            system,
+            extensions,
+            name,
+            headset,
+        })
+    }
+
+    /// Waits, for half a minute, until the headset is there again.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if it does not come.
+    pub(super) fn wait_for_headset(&self) -> Result<(), Fault> {
+        find_headset(&self.instance).map(drop)
+    }
+}
+
+/// The headset of a runtime. Where it is known and not available, waits for it and says so.
+fn find_headset(instance: &xr::Instance) -> Result<xr::SystemId, Fault> {
+    let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
+    retry(ask, |attempt| {
+        if attempt == 0 {
+            eprintln!("waiting for the headset: connect it, switch it on, put it on");
+        }
+        std::thread::sleep(RETRY_DELAY);
+    })
+    .fault("looking for the headset")
+}
+
+/// Asks until the answer is another than that the headset is not available now, [`RETRIES`] times
+/// more at most, with `wait` for the number of the attempt in between.
+fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32)) -> xr::Result<T> {
+    for attempt in 0..RETRIES {
+        match ask() {
+            Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE) => wait(attempt),
+            answer => return answer,
+        }
+    }
+    ask()
+}
+
+/// How images are laid over what the eye sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Blends {
+    usual: xr::EnvironmentBlendMode,
+    see_through: Option<xr::EnvironmentBlendMode>,
+}
+
+impl Blends {
+    /// Of those that a runtime offers, the one it likes best first.
+    fn of(offered: &[xr::EnvironmentBlendMode]) -> Blends {
+        use xr::EnvironmentBlendMode as Mode;
+        let usual = [Mode::OPAQUE].into_iter().find(|mode| offered.contains(mode));
+        let see_through = [Mode::ALPHA_BLEND].into_iter().find(|mode| offered.contains(mode));
+        // Glasses that only add light have but that one.
+        Blends { usual: usual.or(offered.first().copied()).unwrap_or(Mode::OPAQUE), see_through }
+    }
+
+    /// Whether the room can be shown behind the clip.
+    pub(super) fn can_see_through(&self) -> bool {
+        self.see_through.is_some()
+    }
+
+    /// With or without the room, as far as there is one.
+    pub(super) fn mode(&self, see_through: bool) -> xr::EnvironmentBlendMode {
+        self.see_through.filter(|_| see_through).unwrap_or(self.usual)
+    }
+}
+
+// SAFETY: the handles are those that the runtime makes for its headset.
+unsafe impl VulkanRuntime for Runtime {
+    fn version_min(&self) -> Result<u32, Fault> {
+        let needs = self
+            .instance
+            .graphics_requirements::<xr::Vulkan>(self.system)
+            .fault("asking what it needs of Vulkan")?;
+        let least = needs.min_api_version_supported;
+        Ok(vk::make_api_version(0, u32::from(least.major()), u32::from(least.minor()), 0))
+    }
+
+    unsafe fn create_instance(
+        &self,
+        loader: vk::PFN_vkGetInstanceProcAddr,
+        info: &vk::InstanceCreateInfo<'_>,
+    ) -> Result<vk::Instance, Fault> {
+        // SAFETY: the types differ only in the names of handles and of void functions.
+        let loader = unsafe {
+            std::mem::transmute::<vk::PFN_vkGetInstanceProcAddr, xr::sys::platform::VkGetInstanceProcAddr>(
+                loader,
+            )
+        };
+        // SAFETY: the caller vouches for both.
+        let made = unsafe {
+            self.instance.create_vulkan_instance(self.system, loader, std::ptr::from_ref(info).cast())
+        };
+        let instance = made_by_vulkan(made, "making a Vulkan instance")?;
+        Ok(vk::Instance::from_raw(instance as u64))
+    }
+
+    unsafe fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, Fault> {
+        // SAFETY: the caller vouches for the instance.
+        let device = unsafe { self.instance.vulkan_graphics_device(self.system, raw(instance)) };
+        Ok(vk::PhysicalDevice::from_raw(device.fault("choosing a graphics device")? as u64))
+    }
+
+    unsafe fn create_device(
+        &self,
+        loader: vk::PFN_vkGetInstanceProcAddr,
+        physical: vk::PhysicalDevice,
+        info: &vk::DeviceCreateInfo<'_>,
+    ) -> Result<vk::Device, Fault> {
+        // SAFETY: as above.
+        let loader = unsafe {
+            std::mem::transmute::<vk::PFN_vkGetInstanceProcAddr, xr::sys::platform::VkGetInstanceProcAddr>(
+                loader,
+            )
+        };
+        let info = std::ptr::from_ref(info).cast();
+        // SAFETY: the caller vouches for all of them.
+        let made = unsafe { self.instance.create_vulkan_device(self.system, loader, raw(physical), info) };
+        let device = made_by_vulkan(made, "making a Vulkan device")?;
+        Ok(vk::Device::from_raw(device as u64))
+    }
+}
+
+/// A dispatchable handle of Vulkan as the runtime takes it.
+pub(super) fn raw(handle: impl vk::Handle) -> *const c_void {
+    handle.as_raw() as *const c_void
+}
+
+/// What Vulkan made for the runtime.
+fn made_by_vulkan<T>(made: xr::Result<Result<T, i32>>, what: &str) -> Result<T, Fault> {
+    made.fault(what)?.map_err(|code| {
+        Fault::Device(format!("OpenXR runtime: {what} failed: {:?}", vk::Result::from_raw(code)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use xr::EnvironmentBlendMode as Mode;
+
+    use super::*;
+
+    #[test]
+    fn a_headset_that_comes_later_is_waited_for() {
+        let unavailable = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE);
+        let answer_after = |refusals: u32, answer: xr::Result<u8>| {
+            let (mut asked, mut waited) = (0, 0);
+            let ask = || {
+                asked += 1;
+                if asked > refusals { answer } else { unavailable }
+            };
+            let answer = retry(ask, |attempt| {
+                assert_eq!(attempt, waited);
+                waited += 1;
+            });
+            (answer, waited)
+        };
+        assert_eq!(answer_after(0, Ok(1)), (Ok(1), 0));
+        assert_eq!(answer_after(7, Ok(1)), (Ok(1), 7));
+        assert_eq!(answer_after(u32::MAX, Ok(1)), (unavailable, RETRIES), "not for ever");
+        let unsupported = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNSUPPORTED);
+        assert_eq!(answer_after(1, unsupported), (unsupported, 1), "another reason is none to wait");
+    }
+
+    #[test]
+    fn images_are_opaque_unless_the_room_is_asked_for_and_offered() {
+        let blends = Blends::of(&[Mode::ALPHA_BLEND, Mode::OPAQUE]);
+        assert!(blends.can_see_through());
+        assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE, Mode::ALPHA_BLEND]);
+        let blends = Blends::of(&[Mode::OPAQUE]);
+        assert!(!blends.can_see_through());
+        assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE; 2]);
+        assert_eq!(Blends::of(&[Mode::ADDITIVE]).mode(true), Mode::ADDITIVE);
+    }
+}

@@ -1,0 +1,316 @@
+//! [`Session`]: what is drawn into and where hands come from, and the course of a frame.
+
+#![allow(unsafe_code, reason = "handles of Vulkan are handed over, and images of the runtime wrapped")]
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use ash::vk::{self, Handle as _};
+use glam::{UVec2, uvec2};
+use openxr as xr;
+
+use super::calls::{Layers, SessionFrames, SwapchainImages, Watch};
+use super::error::{During, Halt};
+use super::extensions::{performance, refresh_rate};
+use super::eye;
+use super::frame::{Frames, Images};
+use super::input::Input;
+use super::interaction::{Hands, Haptics};
+use super::report::{Report, Shown, Work};
+use super::runtime::{EYES, Runtime, raw};
+use super::show::{Show, Viewer};
+use super::space;
+use super::state::{Event, State};
+use crate::fault::Fault;
+use crate::gpu::{EyeImages, Gpu, RuntimeFormat, RuntimeImages, VulkanHandles};
+
+/// Colour of the emptiness while there is no clip yet: dark, and not the black of something broken.
+const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
+
+/// A session with a headset.
+pub(super) struct Session {
+    // In the order in which they must go: textures before the images that they wrap, everything
+    // before the session, which holds the device.
+    eyes: EyeImages,
+    images: Images<SwapchainImages>,
+    input: Input,
+    stage: xr::Space,
+    frames: Frames<SessionFrames>,
+    session: xr::Session<xr::Vulkan>,
+    format: RuntimeFormat,
+    size: UVec2,
+    events: xr::EventDataBuffer,
+    watch: Watch,
+    see_through: bool,
+}
+
+/// What a frame asks of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    Nothing,
+    /// To leave.
+    Exit,
+}
+
+impl Session {
+    /// Opens a session, with images that can be read back if `readable`.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the runtime refuses, or has no images that can be drawn into.
+    pub(super) fn open(
+        runtime: &Runtime,
+        gpu: &Arc<Gpu>,
+        handles: &VulkanHandles,
+        readable: bool,
+    ) -> Result<Session, Fault> {
+        Session::try_open(runtime, gpu, handles, readable).map_err(|halt| match halt {
+            Halt::Fault(fault) => fault,
+            Halt::SessionLost => {
+                Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
+            }
+        })
+    }
+
+    fn try_open(
+        runtime: &Runtime,
+        gpu: &Arc<Gpu>,
+        handles: &VulkanHandles,
+        readable: bool,
+    ) -> Result<Session, Halt> {
+        let info = xr::vulkan::SessionCreateInfo {
+            instance: raw(handles.instance),
+            physical_device: raw(handles.physical),
+            device: raw(handles.device),
+            queue_family_index: handles.queue_family,
+            queue_index: handles.queue,
+        };
+        // SAFETY: the handles are those of `gpu`, which the session keeps, made by this runtime; the
+        // queue is used by this thread only, outside the calls of the session.
+        let (session, waiter, stream) = unsafe {
+            let guard = Box::new(gpu.clone());
+            runtime.instance.create_session_with_guard::<xr::Vulkan>(runtime.system, &info, guard)
+        }
+        .halt("opening a session")?;
+
+        let offered = session.enumerate_swapchain_formats().halt("asking for its formats")?;
+        let offered: Vec<_> = offered.into_iter().map(|format| vk::Format::from_raw(format as i32)).collect();
+        let format = RuntimeFormat::choose(&offered).ok_or_else(|| {
+            Fault::Device("the OpenXR runtime takes no 8-bit images with red, green, blue and alpha".into())
+        })?;
+        let size = runtime.eye_size.min(uvec2(gpu.caps.max_image_side, gpu.caps.max_image_side));
+        let mut usage = xr::SwapchainUsageFlags::COLOR_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED;
+        if format.is_reinterpreted() {
+            usage |= xr::SwapchainUsageFlags::MUTABLE_FORMAT;
+        }
+        if readable {
+            usage |= xr::SwapchainUsageFlags::TRANSFER_SRC;
+        }
+        let swapchain = session
+            .create_swapchain(&xr::SwapchainCreateInfo {
+                create_flags: xr::SwapchainCreateFlags::EMPTY,
+                usage_flags: usage,
+                format: format.vulkan.as_raw() as u32,
+                sample_count: 1,
+                width: size.x,
+                height: size.y,
+                face_count: 1,
+                array_size: 2,
+                mip_count: 1,
+            })
+            .halt("making images")?;
+        let raw_images = swapchain.enumerate_images().halt("making images")?;
+        let raw_images = raw_images.into_iter().map(|image| vk::Image::from_raw(image as _)).collect();
+        // SAFETY: the images were just made so, on the device of `gpu`; the swapchain that owns them
+        // goes after the textures; they are drawn into and read only between acquiring, when the
+        // runtime has put them into that layout, and releasing.
+        let images = unsafe { RuntimeImages::new(raw_images, size, 2, format, readable) };
+
+        performance::request(&session);
+        let rate = runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::request(&session));
+        if let Some(rate_hz) = rate.flatten() {
+            log::info!("{rate_hz} Hz");
+        }
+        let watch = Watch::default();
+        Ok(Session {
+            eyes: EyeImages::new(gpu, &images)?,
+            input: Input::attach(&session, &runtime.extensions)?,
+            stage: space::open(&session)?,
+            frames: Frames::new(SessionFrames {
+                waiter,
+                stream,
+                blends: runtime.blends,
+                watch: watch.clone(),
+            }),
+            images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
+            see_through: runtime.blends.can_see_through(),
+            events: xr::EventDataBuffer::new(),
+            session,
+            format,
+            size,
+            watch,
+        })
+    }
+
+    /// The next thing that the runtime has to tell.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn poll(&mut self, runtime: &Runtime) -> Result<Option<Event>, Halt> {
+        let ours = self.session.as_raw();
+        while let Some(event) = runtime.instance.poll_event(&mut self.events).halt("telling its events")? {
+            match event {
+                xr::Event::SessionStateChanged(change) if change.session() == ours => {
+                    let state = match change.state() {
+                        xr::SessionState::READY => State::Ready,
+                        xr::SessionState::SYNCHRONIZED => State::Synchronized,
+                        xr::SessionState::VISIBLE => State::Visible,
+                        xr::SessionState::FOCUSED => State::Focused,
+                        xr::SessionState::STOPPING => State::Stopping,
+                        xr::SessionState::LOSS_PENDING => State::LossPending,
+                        xr::SessionState::EXITING => State::Exiting,
+                        _ => State::Idle,
+                    };
+                    log::info!("session {state:?}");
+                    return Ok(Some(Event::State(state)));
+                }
+                xr::Event::ReferenceSpaceChangePending(change) if change.session() == ours => {
+                    return Ok(Some(Event::SpaceChanges { at_ns: change.change_time().as_nanos() }));
+                }
+                xr::Event::InstanceLossPending(_) => return Ok(Some(Event::InstanceLossPending)),
+                xr::Event::EventsLost(lost) => log::warn!("{} events lost", lost.lost_event_count()),
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// Lets frames run.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn begin(&self) -> Result<(), Halt> {
+        self.session.begin(EYES).halt("beginning the session").map(drop)
+    }
+
+    /// Lets frames stop.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn end(&self) -> Result<(), Halt> {
+        self.session.end().halt("ending the session").map(drop)
+    }
+
+    /// Asks the runtime to let this session go, which it does by events.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn request_exit(&self) -> Result<(), Halt> {
+        self.session.request_exit().halt("leaving")
+    }
+
+    /// The format that is drawn in.
+    pub(super) fn format(&self) -> RuntimeFormat {
+        self.format
+    }
+
+    /// A frame: waits for its time, moves the clip on, draws it for both eyes and shows it. `focus`
+    /// is whether hands are for this program.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn frame(&mut self, show: &mut Show, report: &mut Report, focus: bool) -> Result<Asked, Halt> {
+        let Session { frames, images, watch, session, .. } = self;
+        let frame = frames.begin().halt("beginning a frame")?;
+        let (start, timing) = (Instant::now(), frame.timing());
+        watch.take();
+        show.receive()?;
+
+        let time = xr::Time::from_nanos(timing.display_ns);
+        let located = watch.time(|| session.locate_views(EYES, time, &self.stage));
+        let (flags, located) = located.halt("locating the eyes")?;
+        let needed = xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID;
+        let located = <[xr::View; 2]>::try_from(located).ok().filter(|_| flags.contains(needed));
+        let poses = located.map(|views| views.map(|view| eye::pose(view.pose)));
+        let head = poses.as_ref().map(eye::head);
+        let hands = if focus {
+            watch.time(|| self.input.hands(session, &self.stage, time))?
+        } else {
+            Hands::default()
+        };
+        let mut haptics = Haptics::default();
+        let viewer = Viewer { attends: focus && head.is_some(), head: head.as_ref(), hands: &hands };
+        let leave = show.advance(timing.display_ns, &viewer, &mut haptics);
+        watch.time(|| self.input.feel(session, &haptics));
+
+        let asked = if leave || report.is_complete() { Asked::Exit } else { Asked::Nothing };
+        let Some((located, poses)) = located.zip(poses).filter(|_| timing.visible) else {
+            report.unseen();
+            frame.end(Layers::default()).halt("ending a frame")?;
+            return Ok(asked);
+        };
+
+        let see_through = show.see_through() && self.see_through;
+        let views = show.stage_from_clip().and_then(|stage_from_clip| {
+            let view = |i: usize| eye::view(&poses[i], located[i].fov.into(), self.size, &stage_from_clip);
+            Some([view(0)?, view(1)?])
+        });
+        let image = images.acquire().halt("taking an image")?;
+        let gpu = show.gpu().clone();
+        let mut encoder = gpu.encoder();
+        let (t, settings, position_s) =
+            (show.player().clip_time(), show.settings(), show.player().position_s());
+        let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
+            let targets = self.eyes.targets(image.index());
+            (views, renderer.draw(&gpu, &mut encoder, t, &views, &settings, targets))
+        });
+        if drawn.is_none() {
+            let color = if see_through { [0.0; 4] } else { EMPTY };
+            self.eyes.fill(&mut encoder, image.index(), color);
+        }
+        let capture = drawn.is_some() && report.is_last();
+        if capture {
+            self.eyes.record_read(&mut encoder, image.index());
+        }
+        watch.time(|| gpu.submit(encoder));
+        image.release().halt("handing an image over")?;
+
+        let extent = xr::Extent2Di { width: self.size.x as i32, height: self.size.y as i32 };
+        let rect = xr::Rect2Di { offset: xr::Offset2Di::default(), extent };
+        let swapchain = &images.calls().swapchain;
+        let projections = [0, 1].map(|i: usize| {
+            let sub_image = xr::SwapchainSubImage::new()
+                .swapchain(swapchain)
+                .image_array_index(i as u32)
+                .image_rect(rect);
+            xr::CompositionLayerProjectionView::new()
+                .pose(located[i].pose)
+                .fov(located[i].fov)
+                .sub_image(sub_image)
+        });
+        let alpha = if see_through {
+            xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
+        } else {
+            xr::CompositionLayerFlags::EMPTY
+        };
+        let layer =
+            xr::CompositionLayerProjection::new().layer_flags(alpha).space(&self.stage).views(&projections);
+        frame.end(Layers { layers: &[&layer], see_through }).halt("ending a frame")?;
+
+        let work = Work {
+            cpu_s: (start.elapsed().saturating_sub(watch.take())).as_secs_f64(),
+            display_ns: timing.display_ns,
+            period_ns: timing.period_ns,
+        };
+        match drawn {
+            None => report.empty(work),
+            Some((views, counts)) => {
+                report.shown(work, counts, show.renderer().and_then(|renderer| renderer.gpu_ms()));
+                if capture {
+                    let pixels = self.eyes.read(&gpu)?;
+                    report.capture(Shown { views, t, position_s, settings, pixels });
+                }
+            }
+        }
+        Ok(if report.is_complete() { Asked::Exit } else { asked })
+    }
+}
