@@ -6,21 +6,21 @@
 
 mod clip;
 mod device;
-#[cfg(feature = "xr")]
-mod eyes;
 mod layers;
 mod pack;
 #[cfg(feature = "window")]
 mod picture;
 mod readback;
 mod renderer;
+#[cfg(feature = "xr")]
+mod runtime_targets;
 mod settings;
 mod stages;
 #[cfg(feature = "window")]
 mod surface;
 mod target;
 mod timing;
-#[cfg(feature = "window")]
+#[cfg(any(feature = "window", feature = "xr"))]
 mod ui;
 
 pub use clip::GpuClip;
@@ -29,15 +29,16 @@ pub use readback::Pixels;
 pub use renderer::{Coverage, FrameCounts, Renderer};
 pub use settings::{Cutoff, Settings, SortOrder};
 pub use target::{Depth, Offscreen};
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) use ui::UiPainter;
 #[cfg(feature = "xr")]
 pub(crate) use {
     device::Failures,
     device::vulkan::{RuntimeFormat, RuntimeImages, VulkanHandles, VulkanRuntime},
-    eyes::EyeImages,
+    runtime_targets::RuntimeTargets,
 };
 #[cfg(feature = "window")]
 pub(crate) use {
     picture::Picture,
     surface::{Format, WindowSurface},
-    ui::UiPainter,
 };

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use winit::window::Window;
 
 use super::device::{Failures, Gpu};
+use super::ui::UiTarget;
 use crate::fault::Fault;
 
 /// Formats that take display-referred colours as they are, in the order of preference.
@@ -150,6 +151,11 @@ impl SurfaceFrame {
     fn new(texture: wgpu::SurfaceTexture, size: [u32; 2]) -> SurfaceFrame {
         let view = texture.texture.create_view(&Default::default());
         SurfaceFrame { texture, view, size }
+    }
+
+    /// The interface goes over what was drawn.
+    pub(crate) fn ui_target(&self) -> UiTarget<'_> {
+        UiTarget { view: &self.view, size: self.size, keeps: true }
     }
 
     pub(super) fn texture(&self) -> &wgpu::Texture {

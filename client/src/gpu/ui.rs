@@ -1,7 +1,15 @@
-//! [`UiPainter`]: draws the interface over a picture.
+//! [`UiPainter`]: draws the interface, over a picture or by itself.
 
 use super::device::Gpu;
-use super::surface::SurfaceFrame;
+
+/// What the interface is drawn into.
+pub(crate) struct UiTarget<'a> {
+    pub(super) view: &'a wgpu::TextureView,
+    /// Width and height in pixels.
+    pub(super) size: [u32; 2],
+    /// Whether what it holds shows below the interface.
+    pub(super) keeps: bool,
+}
 
 /// Draws what egui laid out.
 pub(crate) struct UiPainter {
@@ -16,13 +24,18 @@ impl UiPainter {
         UiPainter { renderer: egui_wgpu::Renderer::new(&gpu.device, format, options) }
     }
 
-    /// Records the drawing of `triangles` over what `frame` holds, after bringing the textures up
-    /// to date.
+    /// A painter into images that a headset's runtime shows.
+    #[cfg(feature = "xr")]
+    pub(crate) fn for_runtime(gpu: &Gpu, format: super::RuntimeFormat) -> UiPainter {
+        UiPainter::new(gpu, format.drawn())
+    }
+
+    /// Records the drawing of `triangles` into `target`, after bringing the textures up to date.
     pub(crate) fn draw(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &SurfaceFrame,
+        target: &UiTarget<'_>,
         triangles: &[egui::ClippedPrimitive],
         pixels_per_point: f32,
         mut textures: egui::TexturesDelta,
@@ -32,15 +45,22 @@ impl UiPainter {
                 self.renderer.update_texture(&gpu.device, &gpu.queue, id, delta);
             }
         }
-        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: frame.size, pixels_per_point };
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: target.size, pixels_per_point };
         self.renderer.update_buffers(&gpu.device, &gpu.queue, encoder, triangles, &screen);
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("interface"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &frame.view,
+                view: target.view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: if target.keeps {
+                        wgpu::LoadOp::Load
+                    } else {
+                        wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)
+                    },
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             ..Default::default()
         });

@@ -254,7 +254,8 @@ impl Session {
         self.picture.show(&mut encoder, &frame);
         let triangles = ctx.tessellate(output.shapes, output.pixels_per_point);
         let scale = output.pixels_per_point;
-        self.painter.draw(&self.gpu, &mut encoder, &frame, &triangles, scale, output.textures_delta);
+        let target = frame.ui_target();
+        self.painter.draw(&self.gpu, &mut encoder, &target, &triangles, scale, output.textures_delta);
         self.gpu.submit(encoder);
         self.surface.present(&self.gpu, frame);
         self.input.handle_platform_output(&self.window, output.platform_output);

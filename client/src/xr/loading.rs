@@ -3,6 +3,7 @@
 //! Buffers are filled and pipelines are built there without a submission: what is to be copied goes
 //! along with the next frame.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread::JoinHandle;
@@ -14,12 +15,34 @@ use crate::source;
 
 /// A clip that can be drawn.
 pub(super) struct Loaded {
+    /// Its path; `None` for the demo.
+    pub(super) name: Option<String>,
+    /// The clip to play after it.
+    pub(super) next: Option<String>,
     pub(super) subject: Subject,
     pub(super) renderer: Renderer,
     pub(super) duration_s: f64,
     pub(super) fps: f64,
     pub(super) layers: usize,
     pub(super) gaussians: usize,
+}
+
+/// The clip after this one in its folder, by name, the first after the last; `None` where it is the
+/// only one.
+fn next_clip(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut clips: Vec<PathBuf> = folder
+        .read_dir()
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|clip| {
+            clip.extension().is_some_and(|end| end == "aarc") && clip.file_name() != path.file_name()
+        })
+        .collect();
+    clips.sort();
+    let after = clips.iter().find(|clip| clip.file_name() > path.file_name());
+    after.or(clips.first())?.to_str().map(String::from)
 }
 
 /// A thread that loads a clip.
@@ -45,6 +68,8 @@ impl Loading {
             Ok(Loaded {
                 subject: Subject::of(&clip),
                 renderer: Renderer::new(&gpu, on_gpu, format.drawn(), 2)?,
+                next: name.as_deref().and_then(|name| next_clip(Path::new(name))),
+                name,
                 duration_s: clip.info.duration_s.into(),
                 fps: clip.info.fps.into(),
                 layers: clip.layers.len(),
@@ -77,5 +102,29 @@ impl Drop for Loading {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clips_of_a_folder_follow_one_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["b.aarc", "a.aarc", "c.aarc", "b.ply"] {
+            std::fs::write(path(name), "").unwrap();
+        }
+        let after = |name: &str| next_clip(&path(name)).map(PathBuf::from);
+        assert_eq!(after("a.aarc"), Some(path("b.aarc")));
+        assert_eq!(after("b.aarc"), Some(path("c.aarc")));
+        assert_eq!(after("c.aarc"), Some(path("a.aarc")));
+        assert_eq!(after("b.other"), Some(path("c.aarc")), "of whatever name");
+        assert_eq!(next_clip(Path::new("/nowhere/a.aarc")), None);
+        for name in ["a.aarc", "b.aarc"] {
+            std::fs::remove_file(path(name)).unwrap();
+        }
+        assert_eq!(after("c.aarc"), None);
     }
 }

@@ -18,12 +18,17 @@ mod input;
 pub mod interaction;
 mod loading;
 mod pacing;
+pub mod panel;
+mod panel_layer;
+mod quality;
 mod report;
 mod runtime;
 mod session;
 mod show;
 mod space;
 mod state;
+mod store;
+mod swapchain;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -33,6 +38,7 @@ use crate::fault::Fault;
 use crate::gpu::{Failures, Gpu};
 use crate::output;
 use error::Halt;
+use quality::Quality;
 use report::Report;
 use runtime::Runtime;
 use session::{Asked, Session};
@@ -57,11 +63,16 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let (gpu, handles) = Gpu::from_vulkan(&runtime)?;
     let gpu = Arc::new(gpu);
     let failures = Failures::watch(&gpu);
-    let mut show = Show::new(gpu.clone(), args.clip.clone(), args.settings());
+    // A run of a number of frames is for measuring: it neither adapts nor remembers.
+    let (adapts, store) = match args.frames {
+        None => (true, store::open()),
+        Some(_) => (false, None),
+    };
+    let mut show = Show::new(gpu.clone(), args.clip.clone(), Quality::new(args.settings(), adapts), store);
     let mut report = Report::new(args, started);
     loop {
         let mut session = Session::open(&runtime, &gpu, &handles, args.out.is_some())?;
-        show.prepare(session.format())?;
+        show.prepare(session.format(), session.can_see_through())?;
         match watch(&runtime, &mut session, &mut show, &mut report, &failures) {
             Ok(()) => break,
             Err(Halt::SessionLost) => {
@@ -73,6 +84,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
             Err(Halt::Fault(fault)) => return Err(fault),
         }
     }
+    show.save();
     report.write(args, &runtime, &gpu, &mut show)
 }
 
@@ -92,7 +104,11 @@ fn watch(
             match action {
                 None => {}
                 Some(Action::Begin) => session.begin()?,
-                Some(Action::End) => session.end()?,
+                Some(Action::End) => {
+                    session.end()?;
+                    // No frame waits for the disk now.
+                    show.save();
+                }
                 Some(Action::Leave) => return Ok(()),
                 Some(Action::Renew) => return Err(Halt::SessionLost),
                 Some(Action::Replace { at_ns }) => show.replace_at(at_ns),

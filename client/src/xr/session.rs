@@ -5,8 +5,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use ash::vk::{self, Handle as _};
-use glam::{UVec2, uvec2};
+use glam::UVec2;
 use openxr as xr;
 
 use super::calls::{Layers, SessionFrames, SwapchainImages, Watch};
@@ -16,13 +15,14 @@ use super::eye;
 use super::frame::{Frames, Images};
 use super::input::Input;
 use super::interaction::{Hands, Haptics};
+use super::panel_layer::PanelLayer;
 use super::report::{Report, Shown, Work};
 use super::runtime::{EYES, Runtime, raw};
-use super::show::{Show, Viewer};
-use super::space;
+use super::show::{Moved, Show, Viewer};
 use super::state::{Event, State};
+use super::{space, swapchain};
 use crate::fault::Fault;
-use crate::gpu::{EyeImages, Gpu, RuntimeFormat, RuntimeImages, VulkanHandles};
+use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
 
 /// Colour of the emptiness while there is no clip yet: dark, and not the black of something broken.
 const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
@@ -31,7 +31,8 @@ const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
 pub(super) struct Session {
     // In the order in which they must go: textures before the images that they wrap, everything
     // before the session, which holds the device.
-    eyes: EyeImages,
+    panel: PanelLayer,
+    eyes: RuntimeTargets,
     images: Images<SwapchainImages>,
     input: Input,
     stage: xr::Space,
@@ -41,7 +42,7 @@ pub(super) struct Session {
     size: UVec2,
     events: xr::EventDataBuffer,
     watch: Watch,
-    see_through: bool,
+    can_see_through: bool,
 }
 
 /// What a frame asks of the program.
@@ -92,38 +93,12 @@ impl Session {
         }
         .halt("opening a session")?;
 
-        let offered = session.enumerate_swapchain_formats().halt("asking for its formats")?;
-        let offered: Vec<_> = offered.into_iter().map(|format| vk::Format::from_raw(format as i32)).collect();
-        let format = RuntimeFormat::choose(&offered).ok_or_else(|| {
-            Fault::Device("the OpenXR runtime takes no 8-bit images with red, green, blue and alpha".into())
-        })?;
-        let size = runtime.eye_size.min(uvec2(gpu.caps.max_image_side, gpu.caps.max_image_side));
-        let mut usage = xr::SwapchainUsageFlags::COLOR_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED;
-        if format.is_reinterpreted() {
-            usage |= xr::SwapchainUsageFlags::MUTABLE_FORMAT;
-        }
-        if readable {
-            usage |= xr::SwapchainUsageFlags::TRANSFER_SRC;
-        }
-        let swapchain = session
-            .create_swapchain(&xr::SwapchainCreateInfo {
-                create_flags: xr::SwapchainCreateFlags::EMPTY,
-                usage_flags: usage,
-                format: format.vulkan.as_raw() as u32,
-                sample_count: 1,
-                width: size.x,
-                height: size.y,
-                face_count: 1,
-                array_size: 2,
-                mip_count: 1,
-            })
-            .halt("making images")?;
-        let raw_images = swapchain.enumerate_images().halt("making images")?;
-        let raw_images = raw_images.into_iter().map(|image| vk::Image::from_raw(image as _)).collect();
-        // SAFETY: the images were just made so, on the device of `gpu`; the swapchain that owns them
-        // goes after the textures; they are drawn into and read only between acquiring, when the
-        // runtime has put them into that layout, and releasing.
-        let images = unsafe { RuntimeImages::new(raw_images, size, 2, format, readable) };
+        let format = swapchain::choose_format(&session)?;
+        let size = runtime.eye_size.min(UVec2::splat(gpu.caps.max_image_side));
+        let swapchain = swapchain::make(&session, format, size, 2, readable)?;
+        // SAFETY: `eyes` goes before `images`, which owns them, and is drawn into and read only
+        // between acquiring and releasing.
+        let images = unsafe { swapchain::wrap(&swapchain, size, 2, format, readable) }?;
 
         performance::request(&session);
         let rate = runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::request(&session));
@@ -132,7 +107,8 @@ impl Session {
         }
         let watch = Watch::default();
         Ok(Session {
-            eyes: EyeImages::new(gpu, &images)?,
+            panel: PanelLayer::open(&session, gpu, format, watch.clone())?,
+            eyes: RuntimeTargets::new(gpu, &images)?,
             input: Input::attach(&session, &runtime.extensions)?,
             stage: space::open(&session)?,
             frames: Frames::new(SessionFrames {
@@ -142,7 +118,7 @@ impl Session {
                 watch: watch.clone(),
             }),
             images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
-            see_through: runtime.blends.can_see_through(),
+            can_see_through: runtime.blends.can_see_through(),
             events: xr::EventDataBuffer::new(),
             session,
             format,
@@ -208,6 +184,11 @@ impl Session {
         self.session.request_exit().halt("leaving")
     }
 
+    /// Whether the room can be shown behind the clip.
+    pub(super) fn can_see_through(&self) -> bool {
+        self.can_see_through
+    }
+
     /// The format that is drawn in.
     pub(super) fn format(&self) -> RuntimeFormat {
         self.format
@@ -238,18 +219,23 @@ impl Session {
             Hands::default()
         };
         let mut haptics = Haptics::default();
-        let viewer = Viewer { attends: focus && head.is_some(), head: head.as_ref(), hands: &hands };
-        let leave = show.advance(timing.display_ns, &viewer, &mut haptics);
+        let viewer = Viewer {
+            attends: focus && head.is_some(),
+            looks: timing.visible,
+            head: head.as_ref(),
+            hands: &hands,
+        };
+        let Moved { leaves, painting } = show.advance(timing.display_ns, &viewer, &mut haptics);
         watch.time(|| self.input.feel(session, &haptics));
 
-        let asked = if leave || report.is_complete() { Asked::Exit } else { Asked::Nothing };
+        let asked = if leaves || report.is_complete() { Asked::Exit } else { Asked::Nothing };
         let Some((located, poses)) = located.zip(poses).filter(|_| timing.visible) else {
             report.unseen();
             frame.end(Layers::default()).halt("ending a frame")?;
             return Ok(asked);
         };
 
-        let see_through = show.see_through() && self.see_through;
+        let see_through = show.see_through();
         let views = show.stage_from_clip().and_then(|stage_from_clip| {
             let view = |i: usize| eye::view(&poses[i], located[i].fov.into(), self.size, &stage_from_clip);
             Some([view(0)?, view(1)?])
@@ -273,6 +259,9 @@ impl Session {
         }
         watch.time(|| gpu.submit(encoder));
         image.release().halt("handing an image over")?;
+        if let Some((painter, painting)) = show.painter().zip(painting) {
+            self.panel.paint(&gpu, painter, painting)?;
+        }
 
         let extent = xr::Extent2Di { width: self.size.x as i32, height: self.size.y as i32 };
         let rect = xr::Rect2Di { offset: xr::Offset2Di::default(), extent };
@@ -294,7 +283,12 @@ impl Session {
         };
         let layer =
             xr::CompositionLayerProjection::new().layer_flags(alpha).space(&self.stage).views(&projections);
-        frame.end(Layers { layers: &[&layer], see_through }).halt("ending a frame")?;
+        let quad = show.board().and_then(|board| self.panel.quad(&self.stage, board));
+        let layers = match &quad {
+            Some(quad) => &[&*layer, &**quad][..],
+            None => &[&*layer],
+        };
+        frame.end(Layers { layers, see_through }).halt("ending a frame")?;
 
         let work = Work {
             cpu_s: (start.elapsed().saturating_sub(watch.take())).as_secs_f64(),
@@ -304,7 +298,8 @@ impl Session {
         match drawn {
             None => report.empty(work),
             Some((views, counts)) => {
-                report.shown(work, counts, show.renderer().and_then(|renderer| renderer.gpu_ms()));
+                let gpu_ms = show.measure(counts, timing.period_ns);
+                report.shown(work, counts, gpu_ms);
                 if capture {
                     let pixels = self.eyes.read(&gpu)?;
                     report.capture(Shown { views, t, position_s, settings, pixels });

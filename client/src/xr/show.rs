@@ -3,61 +3,114 @@
 //! It outlives sessions: one that was lost is followed by another with the same clip at the same
 //! instant and place.
 
+use std::path::Path;
 use std::sync::Arc;
 
-use super::interaction::{Command, Hands, Haptics, Interaction, Pose, Similarity};
+use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
 use super::loading::{Loaded, Loading};
 use super::pacing::Clock;
+use super::panel::{Board, Notice, Painting, Panel, PanelState};
+use super::quality::Quality;
 use crate::fault::Fault;
-use crate::gpu::{Gpu, Renderer, RuntimeFormat, Settings};
+use crate::gpu::{FrameCounts, Gpu, Renderer, RuntimeFormat, Settings, UiPainter};
 use crate::player::Player;
+
+/// Seconds between new numbers among the statistics: as fast as they can be read.
+const STATISTICS_S: f64 = 0.5;
 
 /// What the viewer sees and does.
 pub(super) struct Show {
     // Before the device that they are on.
     playing: Option<Playing>,
     loading: Option<Loading>,
+    panel: Option<Panel>,
+    painter: Option<UiPainter>,
     gpu: Arc<Gpu>,
+    /// The clip named on the command line.
     name: Option<String>,
     format: Option<RuntimeFormat>,
-    settings: Settings,
+    quality: Quality,
+    store: Option<PlacementStore>,
     player: Player,
     clock: Clock,
+    /// Time for the panel, which goes on while the clip waits.
+    panel_clock: Clock,
     commands: Vec<Command>,
     replace_at_ns: Option<i64>,
-    see_through: bool,
+    /// Whether the room is seen behind the clip; `None` where it cannot be.
+    room: Option<bool>,
+    notice: Option<Told>,
+    statistics: Statistics,
 }
 
 /// A clip that is there.
 struct Playing {
     loaded: Loaded,
+    /// What it is called: for people, and in the store.
+    title: String,
+    key: String,
     /// From when the head is first seen.
     interaction: Option<Interaction>,
+}
+
+/// Something the panel tells.
+enum Told {
+    Loading(String),
+    Failed(String),
+}
+
+/// Numbers for the panel.
+#[derive(Default)]
+struct Statistics {
+    rows: Vec<(&'static str, String)>,
+    age_s: f64,
+    latest: Option<(FrameCounts, Option<f64>, f64)>,
 }
 
 /// What a frame knows of the viewer.
 pub(super) struct Viewer<'a> {
     /// Whether the viewer is with this program: tracked, and not in the system's menu.
     pub(super) attends: bool,
+    /// Whether the frame will be seen.
+    pub(super) looks: bool,
     pub(super) head: Option<&'a Pose>,
     pub(super) hands: &'a Hands,
 }
 
+/// What came of moving on.
+pub(super) struct Moved {
+    /// Whether the viewer wants to leave.
+    pub(super) leaves: bool,
+    /// A new picture of the panel, which must be drawn.
+    pub(super) painting: Option<Painting>,
+}
+
 impl Show {
     /// Of the clip `name`, which begins to load with the first session.
-    pub(super) fn new(gpu: Arc<Gpu>, name: Option<String>, settings: Settings) -> Show {
+    pub(super) fn new(
+        gpu: Arc<Gpu>,
+        name: Option<String>,
+        quality: Quality,
+        store: Option<PlacementStore>,
+    ) -> Show {
         Show {
             playing: None,
             loading: None,
+            panel: None,
+            painter: None,
             gpu,
             name,
             format: None,
-            settings,
+            quality,
+            store,
             player: Player::new(0.0, 0.0),
             clock: Clock::default(),
+            panel_clock: Clock::default(),
             commands: Vec::new(),
             replace_at_ns: None,
-            see_through: false,
+            room: None,
+            notice: None,
+            statistics: Statistics::default(),
         }
     }
 
@@ -65,34 +118,62 @@ impl Show {
         &self.gpu
     }
 
-    /// Makes sure that the clip is drawn in `format`.
+    /// Makes ready for a session that is drawn in `format` and may show the room.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
-    pub(super) fn prepare(&mut self, format: RuntimeFormat) -> Result<(), Fault> {
+    pub(super) fn prepare(&mut self, format: RuntimeFormat, can_see_through: bool) -> Result<(), Fault> {
         self.clock = Clock::default();
+        self.room = can_see_through.then(|| self.see_through());
+        // The images of the session before are gone, and with them the picture of the panel.
+        self.panel = None;
+        self.painter = Some(UiPainter::for_runtime(&self.gpu, format));
         if self.format != Some(format) {
             self.format = Some(format);
             self.playing = None;
-            self.loading = Some(Loading::start(self.gpu.clone(), self.name.clone(), format)?);
+            self.load(self.name.clone())?;
         }
         Ok(())
     }
 
-    /// Takes in a clip that has arrived, which then plays from its start.
+    fn load(&mut self, name: Option<String>) -> Result<(), Fault> {
+        let Some(format) = self.format else { return Ok(()) };
+        self.notice = Some(Told::Loading(format!("Opening {}", title(name.as_deref()))));
+        self.loading = Some(Loading::start(self.gpu.clone(), name, format)?);
+        Ok(())
+    }
+
+    /// Takes in a clip that has arrived, which then plays from its start. One that cannot be loaded
+    /// is told on the panel, as long as another one plays.
     ///
     /// # Errors
-    /// Why it could not be loaded, and [`Fault::Usage`] if it has not the layers asked for.
+    /// Why the first clip could not be loaded, and [`Fault::Usage`] if it has not the layers asked
+    /// for.
     pub(super) fn receive(&mut self) -> Result<(), Fault> {
         let Some(arrived) = self.loading.as_ref().and_then(Loading::poll) else { return Ok(()) };
         self.loading = None;
-        let loaded = arrived?;
-        if let Some(layers) = self.settings.layers.filter(|&layers| layers > loaded.layers) {
-            return Err(Fault::Usage(format!("--layer {layers}: the clip has {} layers", loaded.layers)));
-        }
+        let layers = self.quality.settings().layers;
+        let arrived = arrived.and_then(|loaded| match layers.filter(|&layers| layers > loaded.layers) {
+            Some(layers) => {
+                Err(Fault::Usage(format!("--layer {layers}: the clip has {} layers", loaded.layers)))
+            }
+            None => Ok(loaded),
+        });
+        let loaded = match arrived {
+            Ok(loaded) => loaded,
+            Err(fault) if self.playing.is_some() => {
+                log::warn!("{fault}");
+                self.notice = Some(Told::Failed(fault.to_string()));
+                return Ok(());
+            }
+            Err(fault) => return Err(fault),
+        };
+        self.remember();
+        self.notice = None;
         self.player.change_clip(loaded.duration_s, loaded.fps);
         self.clock = Clock::default();
-        self.playing = Some(Playing { loaded, interaction: None });
+        let (title, key) = (title(loaded.name.as_deref()), key(loaded.name.as_deref()));
+        self.playing = Some(Playing { loaded, title, key, interaction: None });
         Ok(())
     }
 
@@ -101,32 +182,116 @@ impl Show {
         self.replace_at_ns = Some(at_ns);
     }
 
-    /// Moves on to the frame seen at `display_ns`; whether the viewer wants to leave.
-    pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> bool {
+    /// Moves on to the frame seen at `display_ns`.
+    pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
         let elapsed_s = self.clock.elapsed_s(display_ns, viewer.attends);
-        let (Some(playing), Some(head)) = (&mut self.playing, viewer.head) else { return false };
-        let subject = playing.loaded.subject;
-        let interaction =
-            playing.interaction.get_or_insert_with(|| Interaction::new(subject, subject.start(head)));
+        let panel_elapsed_s = self.panel_clock.elapsed_s(display_ns, true);
+        let mut moved = Moved { leaves: false, painting: None };
+        let Some(head) = viewer.head else { return moved };
+        let mut commands = std::mem::take(&mut self.commands);
+        let panel = self.panel.get_or_insert_with(|| Panel::new(head));
+        let mut scrubbing = panel.is_scrubbing();
+        if let Some(playing) = &mut self.playing {
+            let interaction = playing.interaction.get_or_insert_with(|| {
+                let subject = playing.loaded.subject;
+                let left = self.store.as_ref().and_then(|store| store.get(&playing.key));
+                Interaction::new(subject, left.unwrap_or_else(|| subject.start(head)))
+            });
+            interaction.take(viewer.hands, viewer.attends, elapsed_s);
+            let on_panel = panel.point(interaction.inputs(), haptics);
+            interaction.update(head, on_panel, &self.player, &mut commands, haptics);
+            scrubbing |= interaction.is_scrubbing();
+        }
         if self.replace_at_ns.take_if(|at_ns| *at_ns <= display_ns).is_some() {
-            interaction.recentre(head);
+            commands.push(Command::Recentre);
         }
-        interaction.take(viewer.hands, viewer.attends, elapsed_s);
-        self.commands.clear();
-        interaction.update(head, [false; 2], &self.player, &mut self.commands, haptics);
-        let mut leave = false;
-        for command in &self.commands {
-            match command {
-                Command::Exit => leave = true,
-                Command::Recentre => interaction.recentre(head),
-                Command::TogglePassthrough => self.see_through = !self.see_through,
-                command => drop(command.play(&mut self.player)),
-            }
+        if viewer.looks {
+            self.statistics.refresh(panel_elapsed_s);
+            let state = PanelState {
+                title: self.playing.as_ref().map_or("", |playing| &playing.title),
+                player: &self.player,
+                qualities: self.quality.names(),
+                quality: self.quality.level(),
+                passthrough: self.room,
+                has_next: self.playing.as_ref().is_some_and(|playing| playing.loaded.next.is_some()),
+                statistics: &self.statistics.rows,
+                notice: self.notice.as_ref().map(|told| match told {
+                    Told::Loading(text) => Notice::Working { text, part: None },
+                    Told::Failed(text) => Notice::Error(text),
+                }),
+            };
+            moved.painting = panel.frame(&state, panel_elapsed_s, &mut commands);
+            scrubbing |= panel.is_scrubbing();
         }
-        if !interaction.is_scrubbing() {
+        for &command in &commands {
+            moved.leaves |= self.carry_out(command, head);
+        }
+        commands.clear();
+        self.commands = commands;
+        if !scrubbing {
             self.player.advance(elapsed_s);
         }
-        leave
+        moved
+    }
+
+    /// Does what the viewer wants; whether that is to leave.
+    fn carry_out(&mut self, command: Command, head: &Pose) -> bool {
+        if self.panel.as_mut().is_some_and(|panel| panel.apply(command, head))
+            || command.play(&mut self.player)
+        {
+            return false;
+        }
+        match command {
+            Command::Exit => return true,
+            Command::Recentre => {
+                if let Some(interaction) =
+                    self.playing.as_mut().and_then(|playing| playing.interaction.as_mut())
+                {
+                    interaction.recentre(head);
+                }
+            }
+            Command::NextClip => {
+                let next = self.playing.as_ref().and_then(|playing| playing.loaded.next.clone());
+                if let (Some(next), None) = (next, &self.loading)
+                    && let Err(fault) = self.load(Some(next))
+                {
+                    self.notice = Some(Told::Failed(fault.to_string()));
+                }
+            }
+            Command::Better => self.quality.choose(self.quality.level().saturating_sub(1)),
+            Command::Coarser => self.quality.choose(self.quality.level() + 1),
+            Command::SetQuality(level) => self.quality.choose(level),
+            Command::TogglePassthrough => self.room = self.room.map(|seen| !seen),
+            Command::Dismiss if self.loading.is_none() => self.notice = None,
+            _ => {}
+        }
+        false
+    }
+
+    /// Takes in what drawing a frame took, where the display shows one every `period_ns`;
+    /// milliseconds of the GPU, if it can tell.
+    pub(super) fn measure(&mut self, counts: FrameCounts, period_ns: i64) -> Option<f64> {
+        let gpu_ms = self.renderer().and_then(Renderer::gpu_ms);
+        let period_ms = period_ns as f64 * 1e-6;
+        self.quality.measure(gpu_ms, period_ms);
+        self.statistics.latest = Some((counts, gpu_ms, period_ms));
+        gpu_ms
+    }
+
+    /// Keeps where the clip stands.
+    fn remember(&mut self) {
+        let Some(playing) = &self.playing else { return };
+        if let (Some(store), Some(interaction)) = (&mut self.store, &playing.interaction) {
+            store.set(&playing.key, interaction.placement());
+        }
+    }
+
+    /// Writes down where clips stand. May wait for the disk.
+    pub(super) fn save(&mut self) {
+        self.remember();
+        if let Some(Err(error)) = self.store.as_mut().map(PlacementStore::save) {
+            log::warn!("{error}");
+        }
     }
 
     /// Where the clip stands, once it is there and has a place.
@@ -139,20 +304,63 @@ impl Show {
         self.playing.as_mut().map(|playing| &mut playing.loaded.renderer)
     }
 
+    /// What draws the panel.
+    pub(super) fn painter(&mut self) -> Option<&mut UiPainter> {
+        self.painter.as_mut()
+    }
+
+    /// Where the panel is, if it is to be seen.
+    pub(super) fn board(&self) -> Option<&Board> {
+        self.panel.as_ref().filter(|panel| panel.is_shown()).map(Panel::board)
+    }
+
     pub(super) fn gaussians(&self) -> usize {
         self.playing.as_ref().map_or(0, |playing| playing.loaded.gaussians)
     }
 
     pub(super) fn settings(&self) -> Settings {
-        self.settings
+        self.quality.settings()
     }
 
     pub(super) fn player(&self) -> &Player {
         &self.player
     }
 
-    /// Whether the viewer wants to see the room behind the clip.
+    /// Whether the room is to be seen behind the clip.
     pub(super) fn see_through(&self) -> bool {
-        self.see_through
+        self.room.unwrap_or(false)
     }
+}
+
+impl Statistics {
+    /// Brings the rows up to date from time to time.
+    fn refresh(&mut self, elapsed_s: f64) {
+        self.age_s += elapsed_s;
+        let Some((counts, gpu_ms, period_ms)) = self.latest.filter(|_| self.age_s >= STATISTICS_S) else {
+            return;
+        };
+        self.age_s = 0.0;
+        let gpu = gpu_ms.map_or("unknown".into(), |ms| format!("{ms:.1} of {period_ms:.1} ms"));
+        self.rows.clear();
+        self.rows.extend([
+            ("alive now", counts.alive.to_string()),
+            ("sorted, drawn", counts.sorted.to_string()),
+            ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
+            ("GPU", gpu),
+        ]);
+    }
+}
+
+/// What a clip is called.
+fn title(name: Option<&str>) -> String {
+    name.map_or("demo".into(), |name| {
+        Path::new(name).file_name().map_or(name.into(), |file| file.to_string_lossy().into_owned())
+    })
+}
+
+/// What a clip is called in the store: the same from wherever the program is started.
+fn key(name: Option<&str>) -> String {
+    name.map_or("demo".into(), |name| {
+        std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
+    })
 }

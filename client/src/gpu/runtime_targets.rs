@@ -1,43 +1,45 @@
-//! [`EyeImages`]: the images that a headset's runtime shows, as targets of a [`Renderer`].
-//!
-//! [`Renderer`]: super::Renderer
+//! [`RuntimeTargets`]: the images that a headset's runtime shows, as something to draw into: the
+//! eyes' by a [`Renderer`](super::Renderer), the panel's by a [`UiPainter`](super::UiPainter).
 
 use super::device::Gpu;
 use super::device::vulkan::RuntimeImages;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback};
 use super::stages::splat::multiview_mask;
+use super::ui::UiTarget;
 use crate::fault::Fault;
 
-/// Images with one layer per eye. They take turns in being drawn and shown.
-pub(crate) struct EyeImages {
-    images: Vec<EyeImage>,
-    eyes_per_pass: u32,
+/// Images, those for the eyes with a layer for each. They take turns in being drawn and shown.
+pub(crate) struct RuntimeTargets {
+    images: Vec<Target>,
+    size: [u32; 2],
+    layers_per_pass: u32,
     readbacks: Vec<Readback>,
 }
 
-struct EyeImage {
+struct Target {
     texture: wgpu::Texture,
     /// One for each pass.
     targets: Vec<wgpu::TextureView>,
 }
 
-impl EyeImages {
+impl RuntimeTargets {
     /// Makes targets of `images`.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
-    pub(crate) fn new(gpu: &Gpu, images: &RuntimeImages) -> Result<EyeImages, Fault> {
-        let eyes_per_pass = if gpu.caps.multiview { images.layers() } else { 1 };
+    pub(crate) fn new(gpu: &Gpu, images: &RuntimeImages) -> Result<RuntimeTargets, Fault> {
+        let layers_per_pass = if gpu.caps.multiview { images.layers() } else { 1 };
         let drawn = images.format().drawn();
         let wrap = |texture: wgpu::Texture| {
-            let targets = layer_views(&texture, drawn, eyes_per_pass);
-            EyeImage { texture, targets }
+            let targets = layer_views(&texture, drawn, layers_per_pass);
+            Target { texture, targets }
         };
         let readbacks = if images.readable() { images.layers() } else { 0 };
-        Ok(EyeImages {
+        Ok(RuntimeTargets {
+            size: images.size().to_array(),
             images: images.wrap(gpu).into_iter().map(wrap).collect(),
-            eyes_per_pass,
+            layers_per_pass,
             readbacks: (0..readbacks)
                 .map(|_| Readback::new(gpu, images.size(), drawn))
                 .collect::<Result<_, _>>()?,
@@ -47,6 +49,11 @@ impl EyeImages {
     /// What to draw into for image `index`: a target for each pass of a renderer of this device.
     pub(crate) fn targets(&self, index: usize) -> &[wgpu::TextureView] {
         &self.images[index].targets
+    }
+
+    /// What to draw the interface into for image `index`, which begins as nothing.
+    pub(crate) fn ui_target(&self, index: usize) -> UiTarget<'_> {
+        UiTarget { view: &self.targets(index)[0], size: self.size, keeps: false }
     }
 
     /// Records the filling of image `index` with a premultiplied colour.
@@ -64,7 +71,7 @@ impl EyeImages {
                         store: wgpu::StoreOp::Store,
                     },
                 })],
-                multiview_mask: multiview_mask(self.eyes_per_pass),
+                multiview_mask: multiview_mask(self.layers_per_pass),
                 ..Default::default()
             });
         }
@@ -82,7 +89,7 @@ impl EyeImages {
         encoder.transition_resources(std::iter::empty(), std::iter::once(back));
     }
 
-    /// Waits for what was recorded and has been submitted: an image for each eye, none where the
+    /// Waits for what was recorded and has been submitted: an image for each layer, none where the
     /// images are not readable.
     ///
     /// # Errors
