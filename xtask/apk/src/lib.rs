@@ -1,0 +1,4 @@
+//! Packing, signing and checking the APK of the player.
+
+pub mod identity;
+pub mod package;
