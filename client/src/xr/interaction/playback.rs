@@ -42,7 +42,7 @@ pub struct Binding {
     button: Button,
     gesture: Gesture,
     command: Command,
-    /// The button as the list shows it.
+    /// The button as the list shows it; empty where another line says so.
     pub label: &'static str,
     /// What it does.
     pub action: &'static str,
@@ -67,27 +67,26 @@ pub const BUTTONS: [Binding; 9] = {
     use Gesture::{Hold, Press, Tap};
     [
         bind(RIGHT, (Primary, Press), Command::TogglePlaying, "A", "Play or pause"),
-        bind(RIGHT, (Secondary, Tap), Command::TogglePanel, "B", "This panel"),
-        bind(RIGHT, (Secondary, Hold(EXIT_S)), Command::Exit, "Hold B", "Exit"),
+        bind(RIGHT, (Secondary, Tap), Command::TogglePanel, "B or menu", "This panel"),
+        bind(RIGHT, (Secondary, Hold(EXIT_S)), Command::Exit, "Hold B or menu", "Exit"),
         bind(LEFT, (Primary, Tap), Command::NextClip, "X", "Next clip"),
         bind(LEFT, (Primary, Hold(HOLD_S)), Command::ToggleStatistics, "Hold X", "Statistics"),
         bind(LEFT, (Secondary, Tap), Command::Recentre, "Y", "Recentre"),
         bind(LEFT, (Secondary, Hold(HOLD_S)), Command::ToggleLoop, "Hold Y", "Loop on or off"),
-        bind(&Side::BOTH, (Menu, Tap), Command::TogglePanel, "Menu", "This panel"),
-        bind(&Side::BOTH, (Menu, Hold(EXIT_S)), Command::Exit, "Hold menu", "Exit"),
+        bind(&Side::BOTH, (Menu, Tap), Command::TogglePanel, "", ""),
+        bind(&Side::BOTH, (Menu, Hold(EXIT_S)), Command::Exit, "", ""),
     ]
 };
 
 /// What sticks and held hands do, for the list.
-pub const GESTURES: [(&str, &str); 8] = [
-    ("Grip", "Carry the clip"),
-    ("Both grips", "Move, turn, scale"),
+pub const GESTURES: [(&str, &str); 7] = [
     ("Trigger", "Press on the panel"),
-    ("Trigger off it", "Carry the clip"),
-    ("Left stick, sideways", "Frame step, held: scrub"),
-    ("Left stick, up or down", "Faster, slower"),
-    ("Right stick, sideways", "Turn"),
-    ("Right stick, up or down", "Quality"),
+    ("Grip, trigger off it", "Carry the clip"),
+    ("Both grips", "Move, turn, scale"),
+    ("Left stick across", "Step, held: scrub"),
+    ("Left stick up, down", "Faster, slower"),
+    ("Right stick across", "Turn"),
+    ("Right stick up, down", "Quality"),
 ];
 
 /// The stick that steps and scrubs.
@@ -167,7 +166,7 @@ mod tests {
                     }
                     _ => false,
                 };
-                assert!(!together || apart, "{} and {}", a.label, b.label);
+                assert!(!together || apart, "{:?} and {:?}", a.command, b.command);
             }
         }
     }

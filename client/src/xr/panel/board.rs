@@ -83,6 +83,7 @@ impl Board {
     }
 
     /// The point of the stage at `at` points from the upper left corner.
+    #[cfg(test)]
     pub(super) fn stage_point(&self, at: Pos2) -> Vec3 {
         let offset = Vec3::new(at.x - 0.5 * SIZE.x, 0.5 * SIZE.y - at.y, 0.0) * METRES_PER_POINT;
         self.pose.position + self.pose.orientation * offset

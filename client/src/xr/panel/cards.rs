@@ -84,11 +84,13 @@ pub(super) fn page(ui: &Ui, page: Page, state: &PanelState, bottom: f32) -> Rect
             area
         }
         Page::Buttons => {
-            let area = page_area(painter, "What the buttons do", BUTTONS.len().max(GESTURES.len()), bottom);
+            let buttons = BUTTONS.iter().filter(|binding| !binding.label.is_empty());
+            let buttons = buttons.map(|binding| (binding.label, binding.action));
+            let lines = buttons.clone().count().max(GESTURES.len());
+            let area = page_area(painter, "What the buttons do", lines, bottom);
             let colors = [style::ACCENT, style::TEXT];
-            let buttons = BUTTONS.iter().map(|binding| (binding.label, binding.action));
-            list(painter, area, 0, 0.32, buttons, colors);
-            list(painter, area, 1, 0.52, GESTURES.into_iter(), colors);
+            list(painter, area, 0, 0.44, buttons, colors);
+            list(painter, area, 1, 0.53, GESTURES.into_iter(), colors);
             area
         }
     }

@@ -1,6 +1,6 @@
 //! The lower part of the panel: timeline, transport, quality, and the rest as tiles.
 
-use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use egui::{Align2, Color32, Painter, Rect, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::board::{CONSOLE_HEIGHT, SIZE};
 use super::style;
@@ -133,7 +133,8 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     let on = rect(play.right() + GAP, y, 72.0, ROW);
     press(symbol_button(ui, back, "Frame back", plain, Symbol::StepBack, 32.0), Command::StepBack);
     let symbol = if player.is_playing() { Symbol::Pause } else { Symbol::Play };
-    press(symbol_button(ui, play, "Play", plain, symbol, 46.0), Command::TogglePlaying);
+    let primary = State { primary: true, ..plain };
+    press(symbol_button(ui, play, "Play", primary, symbol, 44.0), Command::TogglePlaying);
     press(symbol_button(ui, on, "Frame on", plain, Symbol::StepForward, 32.0), Command::StepForward);
 
     let next = rect(SIZE.x - MARGIN - 104.0, y, 104.0, ROW);
@@ -179,16 +180,18 @@ fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>)
     if count == 0 {
         return;
     }
+    let painter = ui.painter();
+    painter.rect_filled(area, style::BUTTON_RADIUS, style::BUTTON.gamma_multiply(0.5));
+    let at = area.center_bottom() - vec2(0.0, 14.0);
+    painter.text(at, Align2::CENTER_CENTER, "Quality", style::font(16.0), style::QUIET);
     let width = (area.width() - GAP * (count - 1) as f32) / count as f32;
     for (number, name) in state.qualities.iter().enumerate() {
         let x = area.left() + number as f32 * (width + GAP);
-        let choice = rect(x, area.top(), width, area.height());
+        let choice = rect(x, area.top(), width, area.height() - 26.0);
         let state = State { chosen: number == state.quality, ..State::default() };
         let chosen = button(ui, choice, &format!("Quality {number}"), state, |painter, color| {
-            let (at, room) = (choice.center() - vec2(0.0, 10.0), width - 8.0);
+            let (at, room) = (choice.center(), width - 10.0);
             fitted(painter, at, Align2::CENTER_CENTER, name, style::font(20.0), color, room);
-            let at = choice.center_bottom() - vec2(0.0, 20.0);
-            painter.text(at, Align2::CENTER_CENTER, "quality", style::font(15.0), color.gamma_multiply(0.75));
         });
         if chosen {
             commands.push(Command::SetQuality(number));

@@ -76,21 +76,27 @@ enum Page {
     Buttons,
 }
 
-/// A picture of the panel. Its textures must be brought up to date before it is drawn, or dropped
-/// with [`Painting::discard`].
+/// A picture of the panel.
+#[must_use = "later ones draw with what this one says of textures"]
 pub struct Painting {
-    /// What to draw.
-    pub triangles: Vec<ClippedPrimitive>,
-    /// What changed in the textures since the painting before.
-    pub textures: TexturesDelta,
+    triangles: Vec<ClippedPrimitive>,
+    textures: TexturesDelta,
 }
 
 impl Painting {
     /// Size of the image in pixels.
     pub const SIZE: [u32; 2] = [(SIZE.x * PIXELS_PER_POINT) as u32, (SIZE.y * PIXELS_PER_POINT) as u32];
 
-    /// Drops it, and what it says of textures: for a panel that nobody will draw again.
-    pub fn discard(mut self) {
+    /// What to draw, and what changed in the textures since the painting before, which must be
+    /// brought up to date first.
+    pub fn into_parts(mut self) -> (Vec<ClippedPrimitive>, TexturesDelta) {
+        (std::mem::take(&mut self.triangles), std::mem::take(&mut self.textures))
+    }
+}
+
+impl Drop for Painting {
+    /// One that an error kept from being drawn was the panel's last: its textures go with it.
+    fn drop(&mut self) {
         self.textures.clear();
     }
 }
@@ -257,10 +263,13 @@ impl Panel {
             }
         }
         if let Some((at, pressing)) = self.pointer.at() {
-            let painter = ui.painter();
-            let radius = if pressing { 8.0 } else { 11.0 };
-            painter.circle_filled(at, radius, if pressing { style::ACCENT } else { Color32::WHITE });
-            painter.circle_stroke(at, radius, Stroke::new(2.5, style::SURFACE));
+            // A ring, so that what is pointed at stays to be seen.
+            let (painter, stroke) = (ui.painter(), |width, color| Stroke::new(width, color));
+            painter.circle_stroke(at, 11.0, stroke(8.0, style::SURFACE));
+            painter.circle_stroke(at, 11.0, stroke(4.0, Color32::WHITE));
+            if pressing {
+                painter.circle_filled(at, 9.0, style::ACCENT);
+            }
         }
     }
 

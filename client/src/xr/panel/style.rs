@@ -7,6 +7,8 @@ use egui::{Color32, Context, FontId, Theme};
 
 /// Marks what is chosen or already played.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(242, 142, 72);
+/// Background of what is chosen: little of it, so that the clip stays the brightest.
+pub(super) const CHOSEN: Color32 = Color32::from_rgb(84, 56, 38);
 /// Text and symbols.
 pub(super) const TEXT: Color32 = Color32::from_gray(228);
 /// Text that is there to be looked up, not read.

@@ -69,9 +69,7 @@ impl Bench {
             statistics: &[("Gaussians", "40000".into()), ("GPU", "5.1 ms".into())],
             notice: self.notice,
         };
-        let painting = self.panel.frame(&state, FRAME_S, &mut self.commands);
-        self.painted = painting.is_some();
-        painting.into_iter().for_each(Painting::discard);
+        self.painted = self.panel.frame(&state, FRAME_S, &mut self.commands).is_some();
         for command in &self.commands {
             command.play(&mut self.player);
             self.panel.apply(*command, &HEAD);

@@ -14,6 +14,8 @@ pub(super) const GAP: f32 = 6.0;
 pub(super) struct State {
     /// Marked as what holds now.
     pub(super) chosen: bool,
+    /// Drawn as the first thing to press.
+    pub(super) primary: bool,
     /// Drawn to warn.
     pub(super) warning: bool,
     /// Takes no presses.
@@ -46,7 +48,8 @@ pub(super) fn button(
         State { disabled: true, .. } => (style::BUTTON.gamma_multiply(0.5), style::DISABLED),
         _ if response.is_pointer_button_down_on() => (style::BUTTON_PRESSED, Color32::WHITE),
         State { warning: true, .. } => (style::ERROR, style::SURFACE),
-        State { chosen: true, .. } => (style::ACCENT, style::SURFACE),
+        State { primary: true, .. } => (style::ACCENT, style::SURFACE),
+        State { chosen: true, .. } => (style::CHOSEN, style::ACCENT),
         _ if response.hovered() => (style::BUTTON_HOVERED, Color32::WHITE),
         _ => (style::BUTTON, style::TEXT),
     };
@@ -92,7 +95,8 @@ pub(super) fn captioned_tile(
     })
 }
 
-/// One line of text, cut off with an ellipsis where it is wider than `width`.
+/// One line of text, smaller where it is wider than `width`, and cut off with an ellipsis where it
+/// would be less than three quarters as large.
 pub(super) fn fitted(
     painter: &Painter,
     at: Pos2,
@@ -102,9 +106,14 @@ pub(super) fn fitted(
     color: Color32,
     width: f32,
 ) {
-    let mut job = LayoutJob::simple_singleline(text.replace(char::is_control, " "), font, color);
-    job.wrap = TextWrapping::truncate_at_width(width);
-    let galley = painter.layout_job(job);
+    let text = text.replace(char::is_control, " ");
+    let mut galley = painter.layout_no_wrap(text.clone(), font.clone(), color);
+    if galley.size().x > width {
+        let size = font.size * (width / galley.size().x).max(0.75);
+        let mut job = LayoutJob::simple_singleline(text, FontId { size, ..font }, color);
+        job.wrap = TextWrapping::truncate_at_width(width);
+        galley = painter.layout_job(job);
+    }
     let rect = anchor.anchor_size(at, galley.size());
     painter.galley(rect.min, galley, color);
 }
