@@ -165,6 +165,7 @@ unsafe impl VulkanRuntime for Runtime {
         Ok(vk::make_api_version(0, u32::from(least.major()), u32::from(least.minor()), 0))
     }
 
+    // SAFETY: what the trait demands of the caller is what the runtime demands.
     unsafe fn create_instance(
         &self,
         loader: vk::PFN_vkGetInstanceProcAddr,
@@ -184,12 +185,14 @@ unsafe impl VulkanRuntime for Runtime {
         Ok(vk::Instance::from_raw(instance as u64))
     }
 
+    // SAFETY: as above.
     unsafe fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, Fault> {
         // SAFETY: the caller vouches for the instance.
         let device = unsafe { self.instance.vulkan_graphics_device(self.system, raw(instance)) };
         Ok(vk::PhysicalDevice::from_raw(device.fault("choosing a graphics device")? as u64))
     }
 
+    // SAFETY: as above.
     unsafe fn create_device(
         &self,
         loader: vk::PFN_vkGetInstanceProcAddr,

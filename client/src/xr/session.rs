@@ -43,6 +43,7 @@ pub(super) struct Session {
     events: xr::EventDataBuffer,
     watch: Watch,
     can_see_through: bool,
+    gpu: Arc<Gpu>,
 }
 
 /// What a frame asks of the program.
@@ -120,6 +121,7 @@ impl Session {
             images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
             can_see_through: runtime.blends.can_see_through(),
             events: xr::EventDataBuffer::new(),
+            gpu: gpu.clone(),
             session,
             format,
             size,
@@ -307,5 +309,14 @@ impl Session {
             }
         }
         Ok(if report.is_complete() { Asked::Exit } else { asked })
+    }
+}
+
+impl Drop for Session {
+    /// Waits for the GPU: the runtime destroys its images, whether they are being drawn into or not.
+    fn drop(&mut self) {
+        if let Err(fault) = self.gpu.wait() {
+            log::warn!("{fault}");
+        }
     }
 }
