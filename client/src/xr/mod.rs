@@ -1,9 +1,9 @@
 //! The headset: plays a clip on any OpenXR runtime. The only part that names that interface.
 //!
-//! [`runtime`] finds runtime and headset and has them open the graphics device; [`session`] is what
-//! is drawn into and where hands come from; [`show`] is the clip, its clock and what hands did to
-//! it; this file runs the frames. What follows from the runtime's events is decided in [`state`],
-//! where an eye looks in [`eye`], both without a runtime.
+//! `runtime` finds runtime and headset and has them open the graphics device; `session` is what is
+//! drawn into and where hands come from; `show` is the clip, its clock, the panel and what hands do;
+//! this file runs the frames. What follows from the runtime's events is decided in `state`, where an
+//! eye looks in `eye`, in what order frames and images are handled in `frame`, all without a runtime.
 //!
 //! One thread does all that is seen: it alone submits to the GPU, because a runtime uses the same
 //! queue within the calls it is given ([`Gpu::submit`] checks it). Clips are loaded on another, up

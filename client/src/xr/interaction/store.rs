@@ -81,7 +81,7 @@ impl PlacementStore {
         self.entries.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
     }
 
-    /// Remembers where the clip with the name `key` is; of more than [`CLIPS`] the one placed
+    /// Remembers where the clip with the name `key` is; of more than 64 the one placed
     /// longest ago is forgotten. Nothing is written yet. Names longer than a kilobyte are not kept.
     pub fn set(&mut self, key: &str, placement: &Placement) {
         if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
