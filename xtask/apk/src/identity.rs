@@ -1,10 +1,12 @@
 //! What signs: a key for trying out, made on first use, or the one of a keystore.
 
-use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
 use apk::sign::{Keystore, SigningIdentity};
+use rcgen::{CertificateParams, DistinguishedName, DnType, KeyPair};
+use tempfile::NamedTempFile;
 
 /// The key in the file, which is made if there is none.
 ///
@@ -15,14 +17,24 @@ use apk::sign::{Keystore, SigningIdentity};
 pub fn for_debugging(path: &Path) -> anyhow::Result<SigningIdentity> {
     let at = || path.display().to_string();
     if !path.exists() {
-        let made = rcgen::generate_simple_self_signed(["debug".to_owned()])?;
-        let pem = format!("{}{}", made.signing_key.serialize_pem(), made.cert.pem());
-        // Whole or not at all: half a key would sign nothing ever after.
-        let part = path.with_extension("part");
-        fs::write(&part, pem).and_then(|()| fs::rename(&part, path)).with_context(at)?;
+        make(path).with_context(at)?;
         eprintln!("made a key for trying out: {}", at());
     }
     SigningIdentity::from_pem_file(path).with_context(at)
+}
+
+/// Makes a key and its certificate, for the user's eyes alone.
+fn make(path: &Path) -> anyhow::Result<()> {
+    let key = KeyPair::generate()?;
+    let mut about = CertificateParams::default();
+    about.distinguished_name = DistinguishedName::new();
+    about.distinguished_name.push(DnType::CommonName, "aarc debug key");
+    let certificate = about.self_signed(&key)?;
+    // Whole or not at all: half a key would sign nothing ever after.
+    let mut file = NamedTempFile::new_in(path.parent().context("the key needs a folder")?)?;
+    write!(file, "{}{}", key.serialize_pem(), certificate.pem())?;
+    file.persist(path)?;
+    Ok(())
 }
 
 /// The only private key of a keystore, PKCS #12 or JKS.
