@@ -29,6 +29,7 @@ enum Command {
     Synth(commands::synth::Args),
     Bench(commands::bench::Args),
     Test(commands::test::Args),
+    Apk(commands::apk::Args),
     Ci(commands::ci::Args),
 }
 
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Command::Synth(args) => commands::synth::run(&args),
         Command::Bench(args) => commands::bench::run(&args),
         Command::Test(args) => commands::test::run(&args),
+        Command::Apk(args) => commands::apk::run(&args),
         Command::Ci(args) => commands::ci::run(&args),
     };
     match result {

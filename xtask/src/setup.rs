@@ -7,7 +7,7 @@
 //! and never fails: whoever needs the thing finds out by using it.
 
 mod apt;
-mod openxr;
+mod headset;
 mod unpacked;
 
 use std::env;
@@ -29,7 +29,7 @@ pub(crate) enum Need {
     /// A C++ compiler, for libFuzzer.
     CppCompiler,
     /// An OpenXR runtime with a simulated headset, for the tests of the headset's path.
-    OpenXr,
+    Headset,
 }
 
 /// Where something comes from.
@@ -47,7 +47,7 @@ impl Need {
             Need::WindowLibraries => "the X libraries of a window",
             Need::VirtualDisplay => "Xvfb, an X server without a screen",
             Need::CppCompiler => "c++, a C++ compiler",
-            Need::OpenXr => "Monado, an OpenXR runtime",
+            Need::Headset => "Monado, an OpenXR runtime",
         }
     }
 
@@ -59,7 +59,7 @@ impl Need {
             }
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
-            Need::OpenXr => return Source::Unpacked(openxr::runtime()),
+            Need::Headset => return Source::Unpacked(headset::runtime()),
         })
     }
 
@@ -80,7 +80,7 @@ impl Need {
             .all(|name| library_exists(name)),
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
-            Need::OpenXr => openxr::runtime().is_there(),
+            Need::Headset => headset::runtime().is_there(),
         }
     }
 }

@@ -40,8 +40,20 @@ pub fn cargo() -> Command {
 /// # Errors
 /// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
 pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
+    build_target("bin", program, profile)
+}
+
+/// As [`build`], for an example program.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_example(name: &str, profile: &str) -> Result<PathBuf, Fault> {
+    build_target("example", name, profile)
+}
+
+fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fault> {
     let output = cargo()
-        .args(["build", "--workspace", "--bin", program, "--profile", profile])
+        .args(["build", "--workspace", &format!("--{kind}"), program, "--profile", profile])
         .arg("--message-format=json-render-diagnostics")
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
@@ -49,7 +61,7 @@ pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
         .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
     let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
-        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == "bin";
+        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == kind;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
     });
     match executable {

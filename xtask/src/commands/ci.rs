@@ -40,7 +40,7 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     install_components();
     setup::satisfy(&[
         (Need::CppCompiler, "the codec cannot be fuzzed and these checks fail"),
-        (Need::OpenXr, "tests of the headset's path are ignored"),
+        (Need::Headset, "tests of the headset's path are ignored"),
     ]);
     let mut failed = Vec::new();
     let mut step = |name: &str, command: &mut Command| {
@@ -65,11 +65,26 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
             .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
             .env("RUSTDOCFLAGS", "--deny warnings"),
     );
+    packer(&mut step);
     fuzz(step);
     if !failed.is_empty() {
         bail!("failed: {}", failed.join("; "));
     }
     Ok(())
+}
+
+/// Checks the packer of APKs, a workspace of its own: its tests pack stub libraries and read the
+/// APK back.
+fn packer(mut step: impl FnMut(&str, &mut Command)) {
+    let cargo = |args: &[&str]| {
+        let mut cargo = workspace::cargo();
+        cargo.current_dir(workspace::root().join("xtask/apk")).args(args);
+        cargo
+    };
+    step("formatting, the packer", &mut cargo(&["fmt", "--check"]));
+    let lints = ["clippy", "--quiet", "--locked", "--all-targets", "--", "--deny", "warnings"];
+    step("lints, the packer", &mut cargo(&lints));
+    step("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
 }
 
 /// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds

@@ -1,5 +1,6 @@
 //! One module per subcommand: its arguments and what it does.
 
+pub(crate) mod apk;
 pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;

@@ -156,3 +156,31 @@ fn remove_all(folder: &Path) -> io::Result<()> {
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_other_packages_is_not_the_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let unpacked = |packages| Unpacked {
+            folder: folder.path().to_owned(),
+            release: "trixie",
+            packages,
+            keep: &["usr/lib"],
+            size_mb: (1, 2),
+        };
+        assert!(!unpacked(&["one"]).is_there(), "an empty folder");
+        fs::write(folder.path().join(STAMP), unpacked(&["one"]).stamp()).unwrap();
+        assert!(unpacked(&["one"]).is_there() && !unpacked(&["one", "two"]).is_there());
+    }
+
+    #[test]
+    fn apt_is_kept_to_the_folder_and_from_the_hooks_of_the_machine() {
+        let text = configuration_text(Path::new("/some where")).unwrap();
+        assert!(text.contains("Dir::State::status \"/some where/status\";"));
+        assert!(text.contains("#clear APT::Update::Post-Invoke;"));
+        assert!(configuration_text(Path::new("/a\"b")).is_err());
+    }
+}

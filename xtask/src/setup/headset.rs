@@ -22,7 +22,7 @@ pub(super) fn runtime() -> Unpacked {
         folder: workspace::openxr_folder(),
         release: "trixie",
         packages: PACKAGES,
-        keep: &["usr/bin/monado-service", "usr/lib", "usr/share/openxr", "usr/share/vulkan"],
+        keep: &["usr/bin/monado-service", "usr/lib", "usr/share/vulkan"],
         size_mb: (172, 570),
     }
 }

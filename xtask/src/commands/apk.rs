@@ -1,0 +1,255 @@
+//! `cargo xtask apk`: the player as an APK for headsets, signed and ready for `adb install`.
+//!
+//! Builds the player's library with the Android NDK, puts an OpenXR loader and the demo clip beside
+//! it and has the packer, a workspace of its own in xtask/apk, sign and check the whole. Looks for
+//! everything first, so that one error names all that is missing.
+
+use std::borrow::Cow;
+use std::env;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::Context;
+use xtask::fault::Fault;
+use xtask::workspace;
+
+const TARGET: &str = "aarch64-linux-android";
+
+/// The oldest Android that the APK runs on, as the manifest says.
+const API_LEVEL: u32 = 29;
+
+/// Name of the loader's library in an APK, and the end of its path in archives.
+const LOADER: &str = "libopenxr_loader.so";
+const LOADER_IN_ARCHIVE: &str = "arm64-v8a/libopenxr_loader.so";
+
+/// Build the player as a signed APK for headsets.
+///
+/// Signed with the keystore that APK_KEYSTORE names (.p12 or .jks with one key, its password in
+/// APK_KEYSTORE_PASSWORD), and without one with a key for trying out, which is made on first use and
+/// kept in android/debug-key.pem. Android installs an update only if the same key signed it.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Optimise, as for anything to be watched.
+    #[arg(long)]
+    release: bool,
+
+    /// libopenxr_loader.so for 64-bit ARM, or Khronos's .aar that holds it [default: what
+    /// OPENXR_LOADER names].
+    #[arg(long, value_name = "FILE")]
+    openxr_loader: Option<PathBuf>,
+
+    /// Pack this build of the player's library instead of building it.
+    #[arg(long, value_name = "FILE.so", conflicts_with = "release")]
+    library: Option<PathBuf>,
+
+    /// The APK to write.
+    #[arg(short, long, value_name = "FILE.apk", default_value = "aarc.apk")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let loader = args
+        .openxr_loader
+        .clone()
+        .or_else(|| env::var_os("OPENXR_LOADER").map(PathBuf::from))
+        .ok_or_else(|| {
+            "no OpenXR loader: download openxr_loader_for_android-VERSION.aar from the releases of Khronos's \
+             OpenXR-SDK-Source and give --openxr-loader FILE"
+                .to_owned()
+        });
+    let toolchain = if args.library.is_none() { Toolchain::find().map(Some) } else { Ok(None) };
+    let (loader, toolchain) = match (loader, toolchain) {
+        (Ok(loader), Ok(toolchain)) => (loader, toolchain),
+        (loader, toolchain) => {
+            let missing: Vec<String> = toolchain.err().into_iter().flatten().chain(loader.err()).collect();
+            return Err(Fault::Device(missing.join("; ")).into());
+        }
+    };
+    let parts = workspace::target_folder().join("apk/parts");
+    fs::create_dir_all(&parts).with_context(|| parts.display().to_string())?;
+    let loader_part = parts.join(LOADER);
+    take_loader(&loader, &loader_part)?;
+    let library = match (&args.library, toolchain) {
+        (Some(library), _) => library.clone(),
+        (None, Some(toolchain)) => toolchain.build(args.release)?,
+        (None, None) => unreachable!("there is a toolchain or a library"),
+    };
+    let library_part = parts.join("libclient.so");
+    fs::copy(&library, &library_part)
+        .map_err(|error| Fault::Data(format!("{}: {error}", library.display())))?;
+    pack(&library_part, &loader_part, &args.out)?;
+    println!("adb install -r {}", args.out.display());
+    Ok(())
+}
+
+/// What builds for Android.
+struct Toolchain {
+    /// The folder of the NDK's programs.
+    programs: PathBuf,
+}
+
+impl Toolchain {
+    /// Looks for Rust's target and the NDK.
+    ///
+    /// # Errors
+    /// All that is missing, and what to do about it.
+    fn find() -> Result<Toolchain, Vec<String>> {
+        let mut missing = Vec::new();
+        let library = Command::new("rustc")
+            .args(["--print", "target-libdir", "--target", TARGET])
+            .current_dir(workspace::root())
+            .stderr(Stdio::null())
+            .output();
+        let library = library.map(|output| PathBuf::from(String::from_utf8_lossy(&output.stdout).trim()));
+        if !library.is_ok_and(|folder| folder.is_dir()) {
+            missing.push(format!("no Rust for Android: run `rustup target add {TARGET}`"));
+        }
+        let ndk =
+            ["ANDROID_NDK_HOME", "ANDROID_NDK_ROOT"].into_iter().find_map(env::var_os).map(PathBuf::from);
+        match ndk.as_deref().map(programs_of) {
+            Some(Ok(programs)) if missing.is_empty() => return Ok(Toolchain { programs }),
+            Some(Ok(_)) => {}
+            Some(Err(problem)) => missing.push(problem),
+            None => missing.push(
+                "no Android NDK: install it (`sdkmanager 'ndk;27.2.12479018'`, or from its download page) and set \
+                 ANDROID_NDK_HOME to its folder"
+                    .into(),
+            ),
+        }
+        Err(missing)
+    }
+
+    /// Builds the player's library and returns its path.
+    fn build(&self, release: bool) -> Result<PathBuf, Fault> {
+        let program = |name: &str| self.programs.join(name);
+        let compiler = program(&format!("{TARGET}{API_LEVEL}-clang"));
+        let profile = if release { "release" } else { "dev" };
+        let status = workspace::cargo()
+            .args(["rustc", "--package", "client", "--lib", "--crate-type", "cdylib", "--target", TARGET])
+            .args(["--no-default-features", "--features", "xr", "--profile", profile, "--locked"])
+            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", &compiler)
+            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", "-Clink-arg=-Wl,-z,max-page-size=16384")
+            .env("CC_aarch64_linux_android", &compiler)
+            .env("AR_aarch64_linux_android", program("llvm-ar"))
+            .env("CARGO_PROFILE_RELEASE_STRIP", "symbols")
+            .stdin(Stdio::null())
+            .status()
+            .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
+        if !status.success() {
+            return Err(Fault::Device("cargo could not build the player; its messages are above".into()));
+        }
+        let folder = if release { "release" } else { "debug" };
+        Ok(workspace::target_folder().join(TARGET).join(folder).join("libclient.so"))
+    }
+}
+
+/// The folder of an NDK's programs for this machine.
+fn programs_of(ndk: &Path) -> Result<PathBuf, String> {
+    let hosts = ndk.join("toolchains/llvm/prebuilt");
+    let compiler = format!("{TARGET}{API_LEVEL}-clang");
+    let mut folders = hosts.read_dir().into_iter().flatten().flatten().map(|host| host.path().join("bin"));
+    folders.find(|folder| folder.join(&compiler).is_file()).ok_or_else(|| {
+        format!("{} is no Android NDK: it holds no {compiler}; set ANDROID_NDK_HOME to one", ndk.display())
+    })
+}
+
+/// Copies the loader's library, which `from` is or holds.
+fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
+    let bad = |what: String| Fault::Data(format!("{}: {what}", from.display()));
+    let mut file = File::open(from).map_err(|error| bad(error.to_string()))?;
+    let mut bytes = Vec::new();
+    match zip::ZipArchive::new(&mut file) {
+        Ok(mut archive) => {
+            let name = archive.file_names().flatten().find(|name| name.ends_with(LOADER_IN_ARCHIVE));
+            let name = name.map(Cow::into_owned);
+            let name = name.ok_or_else(|| bad(format!("holds no {LOADER_IN_ARCHIVE}")))?;
+            let entry = archive.by_name(&name).map_err(|error| bad(error.to_string()))?;
+            // Those of Khronos are of about a megabyte.
+            entry.take(64 << 20).read_to_end(&mut bytes).map_err(|error| bad(error.to_string()))?;
+        }
+        Err(_) => bytes = fs::read(from).map_err(|error| bad(error.to_string()))?,
+    }
+    if !bytes.starts_with(b"\x7fELF") {
+        return Err(bad("is neither a library nor an archive that holds one".into()));
+    }
+    fs::write(to, bytes).map_err(|error| Fault::Usage(format!("{}: {error}", to.display())))
+}
+
+/// Has the packer make the APK.
+fn pack(library: &Path, loader: &Path, out: &Path) -> anyhow::Result<()> {
+    let root = workspace::root();
+    let out = env::current_dir()?.join(out);
+    let mut packer = workspace::cargo();
+    packer
+        .current_dir(root.join("xtask/apk"))
+        .args(["run", "--quiet", "--locked", "--", "--app-version", env!("CARGO_PKG_VERSION")])
+        .arg("--manifest")
+        .arg(root.join("android/AndroidManifest.xml"))
+        .arg("--icon")
+        .arg(root.join("android/icon.png"))
+        .arg("--library")
+        .arg(library)
+        .arg("--openxr-loader")
+        .arg(loader)
+        .arg("--clip")
+        .arg(root.join("assets/demo.aarc"))
+        .arg("--out")
+        .arg(&out);
+    match env::var_os("APK_KEYSTORE") {
+        Some(keystore) => packer.arg("--keystore").arg(keystore),
+        None => packer.arg("--debug-key").arg(root.join("android/debug-key.pem")),
+    };
+    let status = packer.stdin(Stdio::null()).status().context("cannot run cargo")?;
+    if !status.success() {
+        return Err(Fault::Data("the APK could not be packed; the packer's message is above".into()).into());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    #[test]
+    fn the_loader_is_found_in_an_archive_or_taken_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let library = b"\x7fELF and so on";
+        fs::write(path("loader.so"), library).unwrap();
+        let archive = |name: &str, entry: &str, bytes: &[u8]| {
+            let mut archive = zip::ZipWriter::new(File::create(path(name)).unwrap());
+            archive.start_file(entry, zip::write::SimpleFileOptions::default()).unwrap();
+            archive.write_all(bytes).unwrap();
+            archive.finish().unwrap();
+        };
+        let inside = "prefab/modules/openxr_loader/libs/android.arm64-v8a/libopenxr_loader.so";
+        archive("good.aar", inside, library);
+        archive("other.aar", "prefab/modules/openxr_loader/libs/android.x86/libopenxr_loader.so", library);
+        archive("bad.aar", inside, b"nothing");
+        fs::write(path("bad.so"), "nothing").unwrap();
+        for name in ["loader.so", "good.aar"] {
+            take_loader(&path(name), &path("out")).unwrap();
+            assert_eq!(fs::read(path("out")).unwrap(), library, "{name}");
+            fs::remove_file(path("out")).unwrap();
+        }
+        for name in ["other.aar", "bad.aar", "bad.so", "missing"] {
+            let Err(Fault::Data(message)) = take_loader(&path(name), &path("out")) else { panic!("{name}") };
+            assert!(message.contains(name) && !path("out").exists(), "{message}");
+        }
+    }
+
+    #[test]
+    fn an_ndk_is_known_by_its_compiler() {
+        let ndk = tempfile::tempdir().unwrap();
+        assert!(programs_of(ndk.path()).unwrap_err().contains("no Android NDK"));
+        let programs = ndk.path().join("toolchains/llvm/prebuilt/linux-x86_64/bin");
+        fs::create_dir_all(&programs).unwrap();
+        assert!(programs_of(ndk.path()).is_err());
+        fs::write(programs.join("aarch64-linux-android29-clang"), "").unwrap();
+        assert_eq!(programs_of(ndk.path()).unwrap(), programs);
+    }
+}
