@@ -209,10 +209,7 @@ impl Session {
         show.receive()?;
 
         let time = xr::Time::from_nanos(timing.display_ns);
-        let located = watch.time(|| session.locate_views(EYES, time, &self.stage));
-        let (flags, located) = located.halt("locating the eyes")?;
-        let needed = xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID;
-        let located = <[xr::View; 2]>::try_from(located).ok().filter(|_| flags.contains(needed));
+        let located = watch.time(|| locate(session, &self.stage, time))?;
         let poses = located.map(|views| views.map(|view| eye::pose(view.pose)));
         let head = poses.as_ref().map(eye::head);
         let hands = if focus {
@@ -265,26 +262,13 @@ impl Session {
             self.panel.paint(&gpu, painter, painting)?;
         }
 
-        let extent = xr::Extent2Di { width: self.size.x as i32, height: self.size.y as i32 };
-        let rect = xr::Rect2Di { offset: xr::Offset2Di::default(), extent };
-        let swapchain = &images.calls().swapchain;
-        let projections = [0, 1].map(|i: usize| {
-            let sub_image = xr::SwapchainSubImage::new()
-                .swapchain(swapchain)
-                .image_array_index(i as u32)
-                .image_rect(rect);
-            xr::CompositionLayerProjectionView::new()
-                .pose(located[i].pose)
-                .fov(located[i].fov)
-                .sub_image(sub_image)
-        });
+        let eyes = projections(&images.calls().swapchain, &located, self.size);
         let alpha = if see_through {
             xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
         } else {
             xr::CompositionLayerFlags::EMPTY
         };
-        let layer =
-            xr::CompositionLayerProjection::new().layer_flags(alpha).space(&self.stage).views(&projections);
+        let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(&self.stage).views(&eyes);
         let quad = show.board().and_then(|board| self.panel.quad(&self.stage, board));
         let layers = match &quad {
             Some(quad) => &[&*layer, &**quad][..],
@@ -310,6 +294,35 @@ impl Session {
         }
         Ok(if report.is_complete() { Asked::Exit } else { asked })
     }
+}
+
+/// Where the eyes will be at `time`; `None` while the headset is not tracked.
+fn locate(
+    session: &xr::Session<xr::Vulkan>,
+    stage: &xr::Space,
+    time: xr::Time,
+) -> Result<Option<[xr::View; 2]>, Halt> {
+    let (flags, views) = session.locate_views(EYES, time, stage).halt("locating the eyes")?;
+    let needed = xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID;
+    Ok(views.try_into().ok().filter(|_| flags.contains(needed)))
+}
+
+/// Both layers of the image released last, seen from where they were drawn for.
+fn projections<'a>(
+    swapchain: &'a xr::Swapchain<xr::Vulkan>,
+    located: &[xr::View; 2],
+    size: UVec2,
+) -> [xr::CompositionLayerProjectionView<'a, xr::Vulkan>; 2] {
+    let extent = xr::Extent2Di { width: size.x as i32, height: size.y as i32 };
+    let rect = xr::Rect2Di { offset: xr::Offset2Di::default(), extent };
+    [0, 1].map(|layer: usize| {
+        let sub_image = xr::SwapchainSubImage::new()
+            .swapchain(swapchain)
+            .image_array_index(layer as u32)
+            .image_rect(rect);
+        let xr::View { pose, fov } = located[layer];
+        xr::CompositionLayerProjectionView::new().pose(pose).fov(fov).sub_image(sub_image)
+    })
 }
 
 impl Drop for Session {
