@@ -95,7 +95,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 }
 
 /// Number of layers whose sections all end within `available` bytes; at least one.
-fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
+pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
     let mut complete = contents.layers.len();
     let mut needed = 0;
     for (planned, section) in contents.planned_sections() {

@@ -55,6 +55,8 @@ mod field;
 mod fixed;
 mod header;
 mod limits;
+#[cfg(feature = "encode")]
+mod measure;
 mod parallel;
 #[cfg(feature = "encode")]
 mod precision;
@@ -74,6 +76,8 @@ pub use error::{Error, Fault};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
 pub use header::{Coder, Contents, contents};
 pub use limits::Limits;
+#[cfg(feature = "encode")]
+pub use measure::{AttributeSize, measure};
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};

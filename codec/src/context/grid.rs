@@ -3,7 +3,7 @@
 //! Cells are numbered along a Morton curve and the count of every half, quarter, ... of the curve
 //! is coded in turn, so that the order of the Gaussians, which means nothing, takes no bits.
 
-use super::{model::Tree, range::Symbols};
+use super::{model::Tree, range::Symbols, watch::Part};
 
 /// Most bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;
@@ -18,6 +18,9 @@ const UPPER_BITS: u32 = 5;
 pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
     let mut small: Vec<Tree> = (0..SMALL).map(|n| Tree::new(bits_of(n))).collect();
     let mut large: Vec<Tree> = (0..=usize::BITS).map(|_| Tree::new(UPPER_BITS)).collect();
+    symbols.begin(Part::Cells, 0);
+    // Each of a cell, if their order mattered.
+    cells.iter().for_each(|_| symbols.choice(f64::from(axis_bits).exp2().powi(3)));
     // Runs of the curve still to be coded, the next one last: first cell, bits left, first and
     // end row.
     let mut runs = vec![(0u64, 3 * axis_bits, 0, cells.len())];
@@ -100,7 +103,7 @@ mod tests {
         assert_eq!(coded, sorted);
         let bytes = encoder.finish();
         let mut decoded = vec![0; cells.len()];
-        let mut decoder = Decoder::new(&bytes);
+        let mut decoder = Decoder::new(&bytes, ());
         code(&mut decoder, axis_bits, &mut decoded);
         assert_eq!(decoded, sorted);
         assert_eq!((decoder.overrun(), decoder.left()), (false, 0));

@@ -19,13 +19,17 @@ mod range;
 mod rotation;
 mod row;
 mod trajectory;
+mod watch;
 
 #[cfg(feature = "encode")]
 pub(crate) use encode::{Prepared, columns_needed, encode};
+#[cfg(feature = "encode")]
+pub(crate) use watch::{Part, Tally};
 
 use crate::{Error, bytes::Reader, error::Fault, fixed::Columns, rows::Rows};
 use range::Decoder;
 use row::RowCoder;
+use watch::Watch;
 
 /// Memory that decoding takes besides the clip: the cells of a chunk and the models of all
 /// columns.
@@ -90,11 +94,25 @@ impl Chunk {
 ///
 /// # Errors
 /// If the payload is too short or too long, or a number in it is out of range.
-pub(crate) fn decode(payload: &[u8], columns: Columns, offset: usize, mut out: Rows) -> Result<(), Error> {
+pub(crate) fn decode(payload: &[u8], columns: Columns, offset: usize, out: Rows) -> Result<(), Error> {
+    decode_watched(payload, columns, offset, out, ())
+}
+
+/// Decodes as [`decode`] does, and tells `watch` of the symbols.
+///
+/// # Errors
+/// Those of [`decode`].
+pub(crate) fn decode_watched(
+    payload: &[u8],
+    columns: Columns,
+    offset: usize,
+    mut out: Rows,
+    watch: impl Watch,
+) -> Result<(), Error> {
     let mut reader = Reader::new(payload, offset, "chunk of Gaussians");
     let chunk = Chunk::read(&mut reader)?;
     let symbols_at = reader.at();
-    let mut decoder = Decoder::new(reader.rest());
+    let mut decoder = Decoder::new(reader.rest(), watch);
     let short = || Error::format(offset + payload.len(), Fault::Short { part: "chunk of Gaussians" });
 
     let mut cells = vec![0; out.centers.len()];

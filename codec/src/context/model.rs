@@ -69,7 +69,7 @@ impl Bit {
     }
 
     /// Bits that coding `bit` takes.
-    fn cost(self, bit: bool) -> f64 {
+    pub(super) fn cost(self, bit: bool) -> f64 {
         let p = f64::from(self.probability()) / 65536.0;
         -ln(if bit { p } else { 1.0 - p }) / std::f64::consts::LN_2
     }
@@ -240,6 +240,7 @@ impl Quantity {
         let residual = if S::ENCODES { self.choose(number / step - predicted, context, lambda) } else { 0 };
         let residual = self.integer.code(symbols, context, residual);
         let coded = predicted as i32 + residual;
+        symbols.number(coded, residual);
 
         if self.seen == 0.0 {
             (self.fast, self.slow) = (FIRST_STEPS * step, FIRST_STEPS * step);
@@ -303,7 +304,7 @@ mod tests {
             assert_eq!(integer.code(&mut encoder, i % CONTEXTS, value), value);
         }
         let bytes = encoder.finish();
-        let mut decoder = Decoder::new(&bytes);
+        let mut decoder = Decoder::new(&bytes, ());
         let mut integer = Integer::new();
         for (i, &value) in values.iter().enumerate() {
             assert_eq!(integer.code(&mut decoder, i % CONTEXTS, 0), value);

@@ -4,7 +4,10 @@
 //! code and returns the symbol coded: the encoder returns its argument, the decoder ignores it
 //! and returns what it reads. So the two directions cannot drift apart.
 
-use super::model::Bit;
+use super::{
+    model::Bit,
+    watch::{Part, Watch},
+};
 
 /// Below this the range is widened by a byte.
 const LOW: u32 = 1 << 24;
@@ -32,10 +35,20 @@ pub(super) trait Symbols {
         }
         coded
     }
+
+    /// Tells whoever watches what the next symbols are for; see [`Watch`].
+    fn begin(&mut self, _: Part, _component: usize) {}
+
+    /// Tells of a number that the last symbols made, and of its distance from the prediction.
+    fn number(&mut self, _: i32, _residual: i32) {}
+
+    /// Tells of one of so many equally likely values.
+    fn choice(&mut self, _count: f64) {}
 }
 
 /// Reads symbols. Past its end it reads zeros; [`Decoder::overrun`] then reports it.
-pub(super) struct Decoder<'a> {
+pub(super) struct Decoder<'a, W = ()> {
+    watch: W,
     bytes: &'a [u8],
     /// Bytes asked for, possibly more than there are.
     taken: usize,
@@ -44,9 +57,9 @@ pub(super) struct Decoder<'a> {
     code: u32,
 }
 
-impl<'a> Decoder<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Decoder<'a> {
-        let mut decoder = Decoder { bytes, taken: 0, range: u32::MAX, code: 0 };
+impl<'a, W: Watch> Decoder<'a, W> {
+    pub(super) fn new(bytes: &'a [u8], watch: W) -> Decoder<'a, W> {
+        let mut decoder = Decoder { watch, bytes, taken: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
             decoder.shift();
         }
@@ -76,7 +89,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl Symbols for Decoder<'_> {
+impl<W: Watch> Symbols for Decoder<'_, W> {
     const ENCODES: bool = false;
 
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
@@ -88,12 +101,26 @@ impl Symbols for Decoder<'_> {
             self.code -= bound;
             self.range -= bound;
         }
+        self.watch.coded(|| model.cost(bit));
         model.learn(bit);
         self.normalize();
         bit
     }
 
+    fn begin(&mut self, part: Part, component: usize) {
+        self.watch.begin(part, component);
+    }
+
+    fn number(&mut self, code: i32, residual: i32) {
+        self.watch.number(code, residual);
+    }
+
+    fn choice(&mut self, count: f64) {
+        self.watch.choice(count);
+    }
+
     fn uniform(&mut self, count: u32, _: u32) -> u32 {
+        self.watch.coded(|| f64::from(count).log2());
         let unit = self.range / count;
         // In a damaged stream the number can lie in the remainder above the last unit.
         let value = (self.code / unit).min(count - 1);
@@ -216,7 +243,7 @@ mod tests {
             let mut encoder = Encoder::new(Vec::new());
             let coded = run(&mut encoder, seed, count);
             let bytes = encoder.finish();
-            let mut decoder = Decoder::new(&bytes);
+            let mut decoder = Decoder::new(&bytes, ());
             assert_eq!(run(&mut decoder, seed, count), coded);
             assert!(!decoder.overrun());
             assert_eq!(decoder.left(), 0);
@@ -237,7 +264,7 @@ mod tests {
     fn any_bytes_decode_to_something_in_range() {
         for fill in [0x00, 0x55, 0xff] {
             let bytes = [fill; 16];
-            let mut decoder = Decoder::new(&bytes);
+            let mut decoder = Decoder::new(&bytes, ());
             let mut model = Bit::default();
             for count in 1..2000 {
                 decoder.bit(&mut model, false);

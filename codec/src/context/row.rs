@@ -9,6 +9,7 @@ use super::{
     range::Symbols,
     rotation::{self, Shape},
     trajectory::{self, Span},
+    watch::Part,
 };
 use crate::{fixed::Columns, rows::Rows, sh_coefficients};
 
@@ -152,9 +153,13 @@ impl<'a> RowCoder<'a> {
 
     /// The steps of colour and geometry.
     fn code_classes<S: Symbols>(&mut self, symbols: &mut S, wanted: Option<&Wanted>) -> (f64, f64) {
+        symbols.begin(Part::Classes, 0);
         let class = self.classes[self.last_class as usize].code(symbols, wanted.map_or(0, |w| w.class));
+        symbols.number(class as i32, class as i32);
+        symbols.begin(Part::Classes, 1);
         let context = 4 * (class / 4) + self.last_contrast / 4;
         let contrast = self.contrasts[context as usize].code(symbols, wanted.map_or(0, |w| w.contrast));
+        symbols.number(contrast as i32, contrast as i32);
         (self.last_class, self.last_contrast) = (class, contrast);
         let color_step = f64::from(self.chunk.step) * half_octaves(class);
         (color_step, color_step * half_octaves(contrast))
@@ -163,18 +168,22 @@ impl<'a> RowCoder<'a> {
     /// Opacity and window.
     fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, wanted: Option<&Wanted>) {
         let [opacity, width, center] = wanted.map_or([0.0; 3], |w| w.window);
+        // Zero stands for opaque and, of widths, for always on: nothing else is as frequent.
         let unit = opacity_step(step);
-        let code = self.opacity.code(symbols, opacity, Coding::near(unit, self.opacity.mean()));
+        symbols.begin(Part::Opacity, 0);
+        let code = self.opacity.code(symbols, opacity, Coding::near(unit, 0.0));
         self.row.opacity = decoded_opacity(f64::from(code) * unit);
         if self.columns.temporal.is_none() {
             return;
         }
         let unit = trajectory::width_step(step);
-        let code = self.width.code(symbols, width, Coding::near(unit, self.width.mean()));
+        symbols.begin(Part::Window, 0);
+        let code = self.width.code(symbols, width, Coding::near(unit, 0.0));
         self.row.s = trajectory::width(f64::from(code) * unit) as f32;
         self.row.tau = 0.5;
         if self.row.s.is_finite() {
             let unit = trajectory::center_step(f64::from(self.row.s), step);
+            symbols.begin(Part::Window, 1);
             let code = self.center.code(symbols, center, Coding::near(unit, self.center.mean()));
             self.row.tau = decoded_tau(f64::from(code) * unit);
         }
@@ -199,6 +208,7 @@ impl<'a> RowCoder<'a> {
             let number = wanted.map_or(0.0, |w| log_extent(w.log_scales[r], footprint) - last);
             let mean = quantity.mean();
             let pull = SCALE_PULL * (self.neighbors.mean(mean, |past| past.scales[r]) - mean);
+            symbols.begin(Part::Scales, r);
             let code = quantity.code(symbols, number, Coding::near(unit, mean + pull));
             let extent = (last + f64::from(code) * unit).max(base);
             if extent > LOG_EXTENT_MAX {
@@ -212,6 +222,8 @@ impl<'a> RowCoder<'a> {
         }
 
         let shape = Shape::new(extents, ROTATION * step);
+        symbols.begin(Part::Rotation, 0);
+        symbols.choice(f64::from(shape.direction_codes).powi(2) * f64::from(shape.roll_codes));
         let pole = self.neighbors.nearest().map_or(rotation::FIRST_POLE, |past| past.direction);
         let wanted_axes = wanted.map(|w| shape.axes.map(|axis| w.axes[axis]));
         let place = self.code_direction(symbols, &shape, wanted_axes.map(|axes| axes[2]), pole);
@@ -264,6 +276,8 @@ impl<'a> RowCoder<'a> {
         let unit = (step * size_of(extents)).min(POSITION_STEP_MAX);
         let cell_size = f64::from(self.chunk.cell_size);
         let parts = round(cell_size / unit).clamp(1.0, 65536.0);
+        symbols.begin(Part::Position, 0);
+        symbols.choice(parts.powi(3));
         let mut c = [[0.0; 3]; 4];
         for axis in 0..3 {
             let origin = f64::from(self.chunk.origin[axis]);
@@ -286,6 +300,7 @@ impl<'a> RowCoder<'a> {
             let (power, axis) = (1 + i / 3, i % 3);
             let unit = unit / span.size[power];
             let number = wanted.map_or(0.0, |w| w.trajectory[power][axis]);
+            symbols.begin(Part::Motion, i);
             let code = energy.code(symbols, quantity, number, unit, 0.0);
             c[power][axis] = f64::from(code) * unit;
         }
@@ -316,6 +331,7 @@ impl<'a> RowCoder<'a> {
         let units = [direction.min(roll), direction, direction, roll];
         let mut rate = [0.0; 4];
         for i in 0..4 {
+            symbols.begin(Part::Spin, i);
             let code = self.spin[i].code(symbols, own[i], Coding::near(units[i], 0.0));
             rate[i] = f64::from(code) * units[i];
         }
@@ -336,6 +352,7 @@ impl<'a> RowCoder<'a> {
             let unit = (step * if i == 0 { COLOR } else { COLOR * CHROMA }).min(COLOR_STEP_MAX);
             let mean = quantity.mean();
             let pull = COLOR_PULL * (self.neighbors.mean(mean, |past| past.color[i]) - mean);
+            symbols.begin(Part::Color, i);
             let code = quantity.code(symbols, color[i], Coding::near(unit, mean + pull));
             past.color[i] = f64::from(code) * unit;
         }
@@ -347,6 +364,7 @@ impl<'a> RowCoder<'a> {
             let opponents = opponents(number(k));
             let mut coded = [0.0; 3];
             for (i, quantity) in quantities.iter_mut().enumerate() {
+                symbols.begin(Part::Harmonics, 3 * k + i);
                 coded[i] = f64::from(energy.code(symbols, quantity, opponents[i], unit, SH_LAMBDA)) * unit;
             }
             self.row.sh[k] = channels(coded).map(narrowed);
