@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use codec::{
-    ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, LayerEnd, Limits, Source,
-    Temporal, contents, decode, encode, sh_coefficients,
+    ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, LayerEnd, Limits, Precision,
+    Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
 };
 
 /// Limits that no fuzzer waits for, and that small packages can come near and go beyond.
@@ -19,6 +19,12 @@ const MAGNITUDE_MAX: f32 = 1e9;
 /// Largest finite FP16 number, and where rounding to FP16 gives infinity.
 const FP16_MAX: f32 = 65504.0;
 const FP16_INFINITE: f32 = 65520.0;
+
+/// Value of the constant spherical harmonic.
+const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// Steps from zero up to which the coder `context` has a code for any number, whatever it predicts.
+const CODES: f64 = (1u32 << 22) as f64;
 
 /// Most Gaussians of an [`Input`].
 const ROWS_MAX: usize = 24;
@@ -218,6 +224,62 @@ pub fn check_round_trip(bytes: &[u8]) {
             check_rows(coder, plate, &[clip.plate.as_ref().expect("a plate that is not empty")]);
         }
     }
+    check_steps(&source);
+}
+
+/// Packages `source` with the coder `context` where all Gaussians are as visible, so that all have
+/// the same known step, and checks that opacities and colours come back to within theirs.
+///
+/// # Panics
+/// If one does not.
+fn check_steps(source: &Source) {
+    let Source { field, .. } = *source;
+    let sensitivities = vec![Sensitivity { color: 1.0, geometry: 1.0 }; field.len()];
+    let precision = Precision { psnr: 50.7, sensitivities, ..Precision::default() };
+    let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
+    let Ok(package) = encode(&Source { plate: None, ..*source }, &options) else {
+        // Numbers too large, of which the round trip has made sure.
+        return;
+    };
+    let clip = decode(&package, &LIMITS).expect("what is encoded decodes");
+    let head = contents(&package, &LIMITS).expect("what decodes has a head");
+    let chunks = head.sections.iter().map(|section| &package[section.offset..section.end()]);
+    // The step opens a chunk; few Gaussians make one chunk a region, and all have the same.
+    let step = chunks.map(|chunk| f32::from_le_bytes([chunk[0], chunk[1], chunk[2], chunk[3]]));
+    let step = f64::from(step.fold(0.0, f32::max));
+    let parts = [&clip.still, &clip.moving];
+    for i in 0..field.len() {
+        let rows = || parts.iter().flat_map(|&part| (0..part.len()).map(move |j| (part, j)));
+        let found = rows().any(|(part, j)| appearance_holds(step, field, i, part, j));
+        assert!(found, "row {i} of {field:?}\ndid not come back to within steps of {step}: {parts:?}");
+    }
+}
+
+/// Whether opacity and colours of row `j` of what was decoded may be those of row `i` of the
+/// source, where the class of both steps in FORMAT.md is 0 and the step of a chunk is `step`.
+fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
+    // What is hardly visible stays visible, what is not stays invisible: up to a step more.
+    let opacity = |x: f32| f64::from(x).max(0.5 * ALPHA_MIN).ln();
+    let off = (opacity(source.opacities[i]) - opacity(decoded.opacities[j])).abs();
+    let opacity_holds = off <= 1.5 * (1.2 * step).min(0.4) + 1e-5;
+    // Half a step of luma and a quarter of each difference; of the rest, where rounding may also
+    // go the other way, three orthogonal numbers.
+    let luma = (1.45 * step).min(0.5);
+    let chroma = (1.45 * 1.6 * step).min(0.5);
+    let color = (0.5 * luma + 0.5 * chroma) / SH_C0;
+    let harmonic = 3f64.sqrt() * 1.8 * step / SH_C0;
+    let colors_hold = (0..sh_coefficients(source.sh_degree)).all(|k| {
+        let expected = source.sh_of(i)[k];
+        let size = expected.iter().fold(0.0, |size: f64, x| size.max(f64::from(x.abs())));
+        let unit = if k == 0 { luma.min(chroma) } else { 1.8 * step } / SH_C0;
+        // Larger numbers have no code.
+        if size > unit * CODES {
+            return true;
+        }
+        let actual = decoded.sh_of(j).get(k).copied().unwrap_or_default();
+        near(&expected, &actual, if k == 0 { color } else { harmonic } + rounding(size))
+    });
+    opacity_holds && colors_hold
 }
 
 /// Whether a number of the field is too large to package.
