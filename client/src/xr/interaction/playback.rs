@@ -81,7 +81,7 @@ pub const BUTTONS: [Binding; 9] = {
 /// What sticks and held hands do, for the list.
 pub const GESTURES: [(&str, &str); 7] = [
     ("Trigger", "Press on the panel"),
-    ("Grip, trigger off it", "Carry the clip"),
+    ("Grip, trigger elsewhere", "Carry the clip"),
     ("Both grips", "Move, turn, scale"),
     ("Left stick across", "Step, held: scrub"),
     ("Left stick up, down", "Faster, slower"),

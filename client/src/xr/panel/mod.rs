@@ -264,9 +264,9 @@ impl Panel {
         }
         if let Some((at, pressing)) = self.pointer.at() {
             // A ring, so that what is pointed at stays to be seen.
-            let (painter, stroke) = (ui.painter(), |width, color| Stroke::new(width, color));
-            painter.circle_stroke(at, 11.0, stroke(8.0, style::SURFACE));
-            painter.circle_stroke(at, 11.0, stroke(4.0, Color32::WHITE));
+            let painter = ui.painter();
+            painter.circle_stroke(at, 11.0, Stroke::new(8.0, style::SURFACE));
+            painter.circle_stroke(at, 11.0, Stroke::new(4.0, Color32::WHITE));
             if pressing {
                 painter.circle_filled(at, 9.0, style::ACCENT);
             }
