@@ -7,6 +7,7 @@
 pub mod data;
 pub mod display;
 pub mod gpu;
+pub mod headset;
 pub mod image;
 pub mod programs;
 pub mod scene;

@@ -24,10 +24,17 @@ pub fn xtask() -> &'static Path {
     PATH.get_or_init(|| build("xtask"))
 }
 
-fn build(program: &str) -> PathBuf {
-    let profile = if cfg!(debug_assertions) { "dev" } else { "release" };
-    workspace::build(program, profile).unwrap_or_else(|fault| panic!("{fault}"))
+/// The executable of an example program of the workspace, built if need be.
+pub fn example(name: &str) -> PathBuf {
+    workspace::build_example(name, PROFILE).unwrap_or_else(|fault| panic!("{fault}"))
 }
+
+fn build(program: &str) -> PathBuf {
+    workspace::build(program, PROFILE).unwrap_or_else(|fault| panic!("{fault}"))
+}
+
+/// The profile that the tests themselves were built with.
+const PROFILE: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
 
 /// What came of running a program.
 #[derive(Debug)]

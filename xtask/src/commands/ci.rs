@@ -13,8 +13,8 @@ use xtask::workspace;
 
 use crate::setup::{self, Need};
 
-/// Run the checks for contributors: formatting, lints on every feature set, documentation, fuzzing
-/// of the codec.
+/// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
+/// that need an OpenXR runtime, fuzzing of the codec.
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
@@ -65,6 +65,7 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
             .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
             .env("RUSTDOCFLAGS", "--deny warnings"),
     );
+    step("tests in a headset", workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]));
     packer(&mut step);
     fuzz(step);
     if !failed.is_empty() {
