@@ -82,8 +82,10 @@ pub struct Report {
     /// PSNR in dB between pictures of the decoded package and of the whole field; `None` where
     /// nothing was left out for the budget.
     pub whole_psnr_db: Option<f64>,
-    /// The rankings that were tried for the budget.
+    /// What was tried for the budget.
     pub tried: Vec<Tried>,
+    /// Why the package holds what it holds of them; `None` where nothing was left out for the budget.
+    pub why: Option<String>,
     /// Gain in dB of the colour refit, if asked for; it is used if above 0.
     pub refit_gain_db: Option<f64>,
     /// Number of Gaussians up to the end of each layer.
@@ -147,6 +149,7 @@ pub fn package_showing(
         topology: choice.topology,
         whole_psnr_db: choice.psnr_db,
         tried: choice.tried,
+        why: choice.why,
         refit_gain_db: choice.refit_gain_db,
         layers: clip.layers.iter().map(|end| end.still + end.moving).collect(),
         duration_s: scene.info.duration_s,

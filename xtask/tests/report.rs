@@ -27,10 +27,11 @@ fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
     assert!(number(points, "mass", "recall") < 0.6);
     assert_eq!(number(points, "mass + floor", "recall"), 1.0);
     assert!(number(points, "mass + floor", "psnr_db") > number(points, "mass", "psnr_db"));
+    assert_eq!(number(points, "ours", "recall"), 1.0);
     for row in ["LightGaussian", "RadSplat", "mass", "mass + floor"] {
         assert_eq!(number(points, row, "budget"), 5000.0);
-        // Selection sees other pictures than those that are reported.
-        assert!(number(points, "ours", "psnr_db") > number(points, row, "psnr_db") - 1.0, "{row}");
+        // Selection sees other pictures than those that are reported, and those here are few.
+        assert!(number(points, "ours", "psnr_db") > number(points, row, "psnr_db") - 0.2, "{row}");
         let (bytes, mbps) = (number(points, row, "bytes"), number(points, row, "mbps"));
         assert!((mbps - bytes * 8e-6).abs() < 1e-9, "the clip is one second long");
     }

@@ -3,7 +3,9 @@
 //! Pictures tell how visible every Gaussian is; the package is made with that, decoded, rendered
 //! and compared with the field, and made again with the precision corrected.
 
-use codec::{Clip, Coder, EncodeError, EncodeOptions, Error, Limits, Precision, Source, decode, encode};
+use codec::{
+    Clip, Coder, EncodeError, EncodeOptions, Error, Limits, Precision, Sensitivity, Source, decode, encode,
+};
 
 use crate::prune::{Pictures, Shot};
 use crate::reference::{Scene, sensitivities};
@@ -48,8 +50,26 @@ pub fn code(
     judge: &Pictures,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
+    let visible = sensitivities(source.field, source.plate, seen, &mut on_step);
+    code_knowing(source, layers, psnr_db, visible, judge, on_step)
+}
+
+/// Packages `source` as [`code`] does where what matters is known: the sensitivities of its rows and
+/// the blur that they were seen with, as [`sensitivities`] finds them. `on_step` is called after
+/// each of [`TRIALS`].
+///
+/// # Errors
+/// Those of [`encode`] and [`decode`].
+pub fn code_knowing(
+    source: &Source,
+    layers: &[usize],
+    psnr_db: f64,
+    visible: Option<(Vec<Sensitivity>, f32)>,
+    judge: &Pictures,
+    mut on_step: impl FnMut(),
+) -> Result<Coded, CodeError> {
     let mut precision = Precision { psnr: psnr_db, ..Precision::default() };
-    if let Some((sensitivities, footprint)) = sensitivities(source.field, source.plate, seen, &mut on_step) {
+    if let Some((sensitivities, footprint)) = visible {
         precision.sensitivities = sensitivities;
         precision.footprint = Some(footprint);
     }

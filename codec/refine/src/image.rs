@@ -40,9 +40,17 @@ impl Image {
     /// # Panics
     /// If the sizes differ.
     pub fn psnr(&self, other: &Image) -> f64 {
+        psnr(self.squared_error(other), self.pixels.len())
+    }
+
+    /// Sum of the squared differences of the images over black, their colours cut to the
+    /// displayable `[0, 1]`, over all channels of all pixels.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn squared_error(&self, other: &Image) -> f64 {
         assert_eq!((self.width, self.height), (other.width, other.height), "images of one size");
-        let squares: f64 = self.colors(other).map(|(a, b)| (a - b) * (a - b)).sum();
-        -10.0 * (squares / (3 * self.pixels.len()) as f64).log10()
+        self.colors(other).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
     /// Largest difference between two colours of the images over black, cut to `[0, 1]`.
@@ -57,6 +65,16 @@ impl Image {
     fn colors<'a>(&'a self, other: &'a Image) -> impl Iterator<Item = (f64, f64)> + 'a {
         let pairs = self.pixels.iter().zip(&other.pixels);
         pairs.flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c].clamp(0.0, 1.0), b[c].clamp(0.0, 1.0))))
+    }
+}
+
+/// Peak signal-to-noise ratio in dB of a sum of squared errors over so many pixels of three
+/// channels; `+inf` where there is no error.
+pub(crate) fn psnr(squared_error: f64, pixels: usize) -> f64 {
+    if squared_error == 0.0 {
+        f64::INFINITY
+    } else {
+        -10.0 * libm::log10(squared_error / (3 * pixels) as f64)
     }
 }
 

@@ -17,6 +17,9 @@ use xtask::scene::Scene;
 /// Most that a part of a package may be worse than a package of its size, in dB.
 const LADDER_LOSS_DB: f64 = 0.5;
 
+/// Fidelity below which fitting colours anew is worth a hint, in dB: what is left out shows.
+const REFIT_BELOW_DB: f64 = 40.0;
+
 /// What `--help` says of scenes, at its end.
 const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key optional, in the axes and units of the field:
   {"duration_s": 1.32, "fps": 25, "up": [0, -1, 0], "metres_per_unit": 1, "viewpoints": [
@@ -34,8 +37,8 @@ pub(crate) struct Args {
     /// Most Gaussians to keep; all that can be seen by default
     #[arg(long, value_name = "N")]
     budget: Option<NonZeroUsize>,
-    /// What decides which Gaussians a budget keeps: auto tries all rankings and takes the one whose
-    /// package looks most like the whole field
+    /// What decides which Gaussians a budget keeps: auto tries all rankings, with and without the
+    /// topology floor, and takes the one whose package looks most like the whole field
     #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = rank)]
     rank: Rank,
     /// Let the ranking alone decide, though limbs break off
@@ -190,15 +193,15 @@ fn print_ladder(rungs: &[Rung]) {
 fn print_choice(report: &Report) {
     let Some(psnr) = report.whole_psnr_db else { return };
     println!(
-        "{:16} {:>8} {:>7} {:>10} {:>7} {:>9}",
+        "{:22} {:>8} {:>7} {:>10} {:>7} {:>9}",
         "tried", "dB", "recall", "precision", "drift", "restored"
     );
     for tried in &report.tried {
         let topology = tried.topology;
-        let mark = if tried.ranking == report.ranking { '*' } else { ' ' };
+        let mark = if tried.chosen { '*' } else { ' ' };
         println!(
-            "{mark} {:14} {:>8.2} {:>7.3} {:>10.3} {:>7.4} {:>9}",
-            tried.ranking,
+            "{mark} {:20} {:>8.2} {:>7.3} {:>10.3} {:>7.4} {:>9}",
+            format!("{}{}", tried.ranking, if tried.floor { " + floor" } else { "" }),
             tried.psnr_db,
             topology.recall,
             topology.precision,
@@ -206,8 +209,17 @@ fn print_choice(report: &Report) {
             tried.restored
         );
     }
-    if let Some(gain) = report.refit_gain_db {
-        println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
+    if let Some(why) = &report.why {
+        println!("{:16} {why}", "chosen");
+    }
+    match report.refit_gain_db {
+        Some(gain) => {
+            println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
+        }
+        None if psnr < REFIT_BELOW_DB => {
+            println!("{:16} not asked for; --refit helps where so much is left out", "colour refit");
+        }
+        None => {}
     }
     println!("{:16} {psnr:.2} dB against the whole field", "fidelity");
 }

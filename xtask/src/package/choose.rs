@@ -1,13 +1,14 @@
 //! [`choose`]: which Gaussians a budget keeps.
 //!
-//! Each candidate ranking prunes, the topology floor mends, the result is coded, decoded and
-//! compared with the whole field in pictures; the best package stays. Rankings look at pictures
-//! from other places and times than those that judge them.
+//! Each candidate ranking prunes, the topology floor mends; what comes of it, with and without the
+//! floor, is coded, decoded and compared with the whole field in pictures; the best package stays.
+//! Rankings look at pictures from other places than those that judge them.
 
 use codec::Field;
 use indicatif::ProgressBar;
 use refine::prune::{
-    Candidate, PASSES, Pictures, Ranking, Selection, Topology, by_importance, contributions_to, refit,
+    Candidate, Measure, PASSES, Pictures, RESOLUTION_DB, Ranking, Selection, Topology, by_importance,
+    contributions_to, refit,
 };
 use serde::Serialize;
 
@@ -19,11 +20,15 @@ use crate::scene::Scene;
 /// Share in the progress of one picture of what is coded, which is larger than those that judge.
 const FINISH_WORK: u64 = 8;
 
-/// A ranking that was tried, and how it did.
+/// A way to meet the budget that was tried, and how it did.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tried {
     /// The ranking.
     pub ranking: &'static str,
+    /// Whether the topology floor changed what it keeps.
+    pub floor: bool,
+    /// Whether this is what the package holds.
+    pub chosen: bool,
     /// PSNR in dB between pictures of the decoded package and of the whole field.
     pub psnr_db: f64,
     /// What of the topology is preserved.
@@ -65,6 +70,8 @@ pub(super) struct Choice {
     /// PSNR in dB against the whole field; `None` where nothing was left out.
     pub(super) psnr_db: Option<f64>,
     pub(super) tried: Vec<Tried>,
+    /// Why the package holds what it holds; `None` where nothing was left out.
+    pub(super) why: Option<String>,
     /// Gain of the colour refit in dB, where it was asked for; not used unless above 0.
     pub(super) refit_gain_db: Option<f64>,
 }
@@ -100,9 +107,9 @@ pub(super) fn choose(
     );
 
     let whole = Whole::look(scene, field, plate, settings, progress)?;
-    let Selection { candidates, best, package: mut chosen } = whole.select(budget)?;
-    let tried = candidates.iter().map(tried).collect();
-    let Candidate { ranking, kept, psnr_db } = &candidates[best];
+    let selection = whole.select(budget)?;
+    let Candidate { ranking, kept, psnr_db } = &selection.candidates[selection.best];
+    let mut chosen = field.select(&kept.rows);
     let mut refit_gain_db = None;
     if settings.refit {
         progress.set_message("colours");
@@ -122,7 +129,8 @@ pub(super) fn choose(
         ranking: *ranking,
         topology: Preserved::from(&kept.topology),
         psnr_db: Some(psnr_db),
-        tried,
+        tried: tried(&selection),
+        why: Some(why(&selection)),
         refit_gain_db,
     })
 }
@@ -148,15 +156,84 @@ fn keep_all(
         topology: Preserved::from(&Topology::default()),
         psnr_db: None,
         tried: Vec::new(),
+        why: None,
         refit_gain_db: None,
     })
 }
 
-fn tried(candidate: &Candidate) -> Tried {
-    Tried {
+fn tried(selection: &Selection) -> Vec<Tried> {
+    let tried = |(i, candidate): (usize, &Candidate)| Tried {
         ranking: candidate.ranking.name(),
+        floor: candidate.kept.restored > 0,
+        chosen: i == selection.best,
         psnr_db: candidate.psnr_db,
         topology: Preserved::from(&candidate.kept.topology),
         restored: candidate.kept.restored,
+    };
+    selection.candidates.iter().enumerate().map(tried).collect()
+}
+
+/// Why the best candidate is the best, and why the floor has a part in it or not.
+fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
+    let chosen = &candidates[*best];
+    let name = |candidate: &Candidate| match candidate.kept.restored {
+        0 => candidate.ranking.name().to_owned(),
+        _ => format!("{} with the floor", candidate.ranking.name()),
+    };
+    let preserved = |candidate: &Candidate| candidate.kept.topology.preserved(Measure::Strict);
+    let rival = &candidates[*most_faithful];
+    let mut why = if best != most_faithful {
+        format!(
+            "{} preserves {:.3} of the topology; {} preserves {:.3} and is {:.2} dB more faithful, which is no \
+             more than the {RESOLUTION_DB} dB that the pictures can tell",
+            name(chosen),
+            preserved(chosen),
+            name(rival),
+            preserved(rival),
+            rival.psnr_db - chosen.psnr_db
+        )
+    } else {
+        let others = candidates.iter().filter(|other| other.ranking != chosen.ranking);
+        match others.max_by(|a, b| a.psnr_db.total_cmp(&b.psnr_db)) {
+            // Nothing to see, or nothing missed.
+            _ if chosen.psnr_db == f64::INFINITY => format!("{} looks just like the whole", name(chosen)),
+            Some(next) => {
+                let gain = chosen.psnr_db - next.psnr_db;
+                match gain < 0.005 {
+                    true => format!("{} is as faithful as {}", name(chosen), name(next)),
+                    false => {
+                        format!(
+                            "{} is the most faithful, by {gain:.2} dB before {}",
+                            name(chosen),
+                            name(next)
+                        )
+                    }
+                }
+            }
+            None => name(chosen),
+        }
+    };
+    let twin = candidates.iter().enumerate().find(|(i, other)| i != best && other.ranking == chosen.ranking);
+    match twin {
+        Some((_, twin)) if chosen.kept.restored == 0 => {
+            why += &format!(
+                "; the floor would preserve {:.3} of the topology instead of {:.3} and cost {:.2} dB",
+                preserved(twin),
+                preserved(chosen),
+                chosen.psnr_db - twin.psnr_db
+            );
+        }
+        Some((i, twin)) if i != *most_faithful => {
+            why += &format!(
+                "; the floor preserves {:.3} of the topology instead of {:.3} and gains {:.2} dB",
+                preserved(chosen),
+                preserved(twin),
+                chosen.psnr_db - twin.psnr_db
+            );
+        }
+        Some(_) => {}
+        None if preserved(chosen) == 1.0 => why += "; nothing of the topology is lost",
+        None => {}
     }
+    why
 }

@@ -114,10 +114,12 @@ impl<'a> Whole<'a> {
 
     /// How far the progress advances in [`Whole::select`].
     pub(crate) fn select_work(scene: &Scene, field: &Field, settings: &Settings) -> u64 {
-        let pictures = judging_shots(scene, field).len() as u64;
-        let rounds = if settings.no_floor { 1 } else { 1 + ROUNDS as u64 };
-        let candidate = rounds * verify_work(field) + CODE_WORK + PICTURE_WORK * pictures;
-        candidate * rankings(settings).len() as u64
+        let judged = judge_work(scene, field);
+        let ranking = match settings.no_floor {
+            true => verify_work(field) + judged,
+            false => enforce_work(field) + 2 * judged,
+        };
+        ranking * rankings(settings).len() as u64
     }
 
     /// The rows by a ranking, most important first.
@@ -128,25 +130,30 @@ impl<'a> Whole<'a> {
         by_importance(&ranking.scores(self.field, &self.seen))
     }
 
-    /// Of the rankings, the one whose `budget` rows look most like the whole once coded.
-    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection<Field>> {
+    /// Of what the rankings keep of the field, alone and with the floor, the `budget` rows that look
+    /// most like the whole once coded.
+    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection> {
         let prune = |ranking: Ranking| {
             self.progress.set_message(ranking.name());
             let order = self.order(ranking);
             match self.settings.no_floor {
                 true => {
                     self.progress.inc(verify_work(self.field));
-                    self.floor.leave(&order, budget)
+                    vec![self.floor.leave(&order, budget)]
                 }
-                false => enforce(&self.floor, self.field, &order, budget, self.progress),
+                false => {
+                    let choices = showing_rounds(self.field, self.progress, |on_verified| {
+                        self.floor.choices(&order, budget, on_verified)
+                    });
+                    if choices.len() == 1 {
+                        self.progress.inc(judge_work(self.scene, self.field));
+                    }
+                    choices
+                }
             }
         };
-        let package = |_: Ranking, rows: &[usize]| -> anyhow::Result<(Field, f64)> {
-            let kept = self.field.select(rows);
-            let psnr = self.draft_psnr(&kept)?;
-            Ok((kept, psnr))
-        };
-        let selection = select(&rankings(self.settings), prune, package)?;
+        let judge = |rows: &[usize]| self.draft_psnr(&self.field.select(rows));
+        let selection = select(&rankings(self.settings), prune, judge)?;
         Ok(selection.expect("there is a ranking"))
     }
 
@@ -177,8 +184,18 @@ pub(crate) fn enforce(
     budget: usize,
     progress: &ProgressBar,
 ) -> Kept {
+    showing_rounds(field, progress, |on_verified| floor.enforce(order, budget, on_verified))
+}
+
+/// Calls `enforce` with what it is to call after each round of the floor. `progress` advances by
+/// [`enforce_work`].
+fn showing_rounds<T>(
+    field: &Field,
+    progress: &ProgressBar,
+    enforce: impl FnOnce(&mut dyn FnMut()) -> T,
+) -> T {
     let mut left = enforce_work(field);
-    let kept = floor.enforce(order, budget, || {
+    let kept = enforce(&mut || {
         progress.inc(verify_work(field));
         left -= verify_work(field);
     });
@@ -190,6 +207,11 @@ pub(crate) fn enforce(
 /// How far the progress advances in [`enforce`].
 pub(crate) fn enforce_work(field: &Field) -> u64 {
     (1 + ROUNDS as u64) * verify_work(field)
+}
+
+/// Work of judging one candidate.
+fn judge_work(scene: &Scene, field: &Field) -> u64 {
+    CODE_WORK + PICTURE_WORK * judging_shots(scene, field).len() as u64
 }
 
 /// Work of one verification.

@@ -8,8 +8,9 @@
 mod rates;
 mod text;
 
-use codec::{Clip, EncodeOptions, Field, Limits, Precision, Sensitivity, Source};
+use codec::{Field, Sensitivity, Source};
 use indicatif::ProgressBar;
+use refine::code::{CodeError, TRIALS, code_knowing};
 use refine::prune::{Floor, Kept, Measure, Pictures, Ranking, Selection, Shot, instants, shots};
 use refine::reference::{self, sensitivities};
 use serde::Serialize;
@@ -17,10 +18,10 @@ use serde::Serialize;
 use super::Subject;
 use crate::fault::Fault;
 use crate::package::Settings;
-use crate::package::coding::{Coding, LAYERS, QUALITY_DB};
+use crate::package::coding::{LAYERS, QUALITY_DB};
 use crate::package::whole::{
-    CODE_WORK, CODED_SIZE, PICTURE_WORK, Places, RANKING_PLACES, Whole, enforce, enforce_work, floor,
-    ranking_shots, shots_of, verify_work,
+    CODE_WORK, CODED_SIZE, JUDGING_PLACES, PICTURE_WORK, Places, RANKING_PLACES, Whole, enforce,
+    enforce_work, floor, ranking_shots, scene_of, shots_of, verify_work,
 };
 
 pub use rates::Rate;
@@ -35,6 +36,10 @@ const PLACES: Places = Places { aside: 8.0, turn: 0.25 };
 /// Number of instants at which they are taken. Their middles of equal parts are not those of the
 /// pictures that rank and judge.
 const INSTANTS: usize = 2;
+
+/// Pictures that tell how exactly a package is coded: one of this many of the places and times that
+/// judge, in the size that is reported on.
+const CODED_STRIDE: usize = 4;
 
 /// Pictures that tell the coder what is visible: one of this many of those that tell `package`.
 const SEEN_STRIDE: usize = 3;
@@ -57,8 +62,8 @@ pub enum Row {
     /// The same with the topology floor, which restores what is gone (the paper's measure).
     #[serde(rename = "mass + floor")]
     MassFloor,
-    /// Of all rankings with the topology floor, which also restores what is cut off, the one whose
-    /// package reproduces the field best.
+    /// Of all rankings, with and without the topology floor, which also restores what is cut off, the
+    /// one whose package reproduces the field best.
     #[serde(rename = "ours")]
     Ours,
 }
@@ -133,7 +138,7 @@ pub fn work(subject: &Subject) -> u64 {
     let Subject { scene, field, .. } = subject;
     let settings = Settings::default();
     let reported = PICTURE_WORK * reported_shots(subject).len() as u64;
-    let rows = Row::ALL.len() as u64 * (CODE_WORK + reported);
+    let rows = Row::ALL.len() as u64 * (coded_work(subject) + reported);
     let compared = 3 * verify_work(field) + enforce_work(field);
     let per_budget = Whole::select_work(scene, field, &settings) + compared + rows;
     Whole::look_work(scene, field, &settings)
@@ -186,6 +191,17 @@ fn reported_shots(subject: &Subject) -> Vec<Shot> {
     shots(&cameras, &instants(field, INSTANTS)).into_iter().filter(is_new).collect()
 }
 
+/// Pictures that tell how exactly a package is coded.
+fn coded_shots(subject: &Subject) -> Vec<Shot> {
+    shots_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE).into_iter().step_by(CODED_STRIDE).collect()
+}
+
+/// Work of coding a package.
+fn coded_work(subject: &Subject) -> u64 {
+    let compared = PICTURE_WORK * coded_shots(subject).len() as u64;
+    compared + TRIALS as u64 * (CODE_WORK + compared)
+}
+
 /// Pictures that tell the coder what is visible.
 fn seen_shots(subject: &Subject) -> Vec<Shot> {
     let shots = shots_of(&subject.scene, &subject.field, RANKING_PLACES, CODED_SIZE);
@@ -202,7 +218,6 @@ struct Bench<'a> {
     reported: Pictures,
     /// Of the rows of the field, and the blur they were seen with.
     sensitivities: Option<(Vec<Sensitivity>, f32)>,
-    coding: Coding,
 }
 
 /// A package of some rows of the field, measured.
@@ -233,7 +248,7 @@ impl<'a> Bench<'a> {
         let reported = Pictures::take(&subject.to_reference(), reported_shots(subject), pictured);
         let seen = || progress.inc(SEEN_WORK);
         let sensitivities = sensitivities(field, plate.as_ref(), &seen_shots(subject), seen);
-        Ok(Bench { subject, progress, whole, recall, reported, sensitivities, coding: settings.coding })
+        Ok(Bench { subject, progress, whole, recall, reported, sensitivities })
     }
 
     /// The points of one budget.
@@ -264,7 +279,7 @@ impl<'a> Bench<'a> {
         let package = match same {
             Some(package) => {
                 let pictures = reported_shots(self.subject).len() as u64;
-                self.progress.inc(CODE_WORK + PICTURE_WORK * pictures);
+                self.progress.inc(coded_work(self.subject) + PICTURE_WORK * pictures);
                 &packages[package]
             }
             None => {
@@ -294,18 +309,22 @@ impl<'a> Bench<'a> {
         let Subject { scene, field, plate } = self.subject;
         let part = field.select(&rows);
         let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-        let mut precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
-        if let Some((sensitivities, footprint)) = &self.sensitivities {
-            precision.sensitivities = rows.iter().map(|&row| sensitivities[row]).collect();
-            precision.footprint = Some(*footprint);
-        }
-        let options = EncodeOptions { coder: self.coding.coder(), layers: LAYERS.to_vec(), precision };
-        let bytes = codec::encode(&source, &options)
-            .map_err(|error| Fault::Data(format!("{}: {error}", scene.name)))?;
-        let clip: Clip = codec::decode(&bytes, &Limits::default())?;
-        self.progress.inc(CODE_WORK);
+        let visible = self.sensitivities.as_ref().map(|(sensitivities, footprint)| {
+            (rows.iter().map(|&row| sensitivities[row]).collect(), *footprint)
+        });
         let pictured = || self.progress.inc(PICTURE_WORK);
-        let psnr_db = self.reported.psnr(&reference::Scene::from(&clip), pictured);
-        Ok(Coded { rows, bytes: bytes.len(), psnr_db })
+        let compared = coded_shots(self.subject);
+        let trial_work = CODE_WORK + PICTURE_WORK * compared.len() as u64;
+        let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared, pictured);
+        let tried = || self.progress.inc(trial_work);
+        let coded =
+            code_knowing(&source, &LAYERS, QUALITY_DB, visible, &judge, tried).map_err(
+                |error| match error {
+                    CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
+                    CodeError::Decode(error) => anyhow::Error::from(error),
+                },
+            )?;
+        let psnr_db = self.reported.psnr(&reference::Scene::from(&coded.clip), pictured);
+        Ok(Coded { rows, bytes: coded.bytes.len(), psnr_db })
     }
 }

@@ -86,7 +86,7 @@ impl Grid {
         let [w, x, y, z] = field.rotation_at(row, t);
         let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
         let scales =
-            field.log_scales[row].map(|s| (f64::from(s).exp() / self.voxel).clamp(SIGMA_MIN, SIGMA_MAX));
+            field.log_scales[row].map(|s| (libm::exp(f64::from(s)) / self.voxel).clamp(SIGMA_MIN, SIGMA_MAX));
         let scales = DVec3::from_array(scales);
         let stretched = axes * DMat3::from_diagonal(scales);
         let reach = SUPPORT * DVec3::from_array([0, 1, 2].map(|axis| stretched.row(axis).length()));
@@ -99,7 +99,7 @@ impl Grid {
                 return None;
             }
         }
-        let precision = axes * DMat3::from_diagonal(scales.powf(-2.0)) * axes.transpose();
+        let precision = axes * DMat3::from_diagonal((scales * scales).recip()) * axes.transpose();
         let [px, py, pz] = [precision.x_axis, precision.y_axis, precision.z_axis];
         let precision = [px.x, px.y, px.z, py.y, py.z, pz.z].map(|p| p as f32);
         let center = center.to_array().map(|c| c as f32);
@@ -136,7 +136,7 @@ fn reach(field: &Field, instants: &[f64]) -> Option<[DVec3; 2]> {
         for row in (0..field.len()).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN) {
             let center = DVec3::from_array(field.position_at(row, t));
             let largest = field.log_scales[row].iter().fold(f32::MIN, |a, &b| a.max(b));
-            let reach = DVec3::splat(SUPPORT * f64::from(largest).exp().min(f64::from(f32::MAX)));
+            let reach = DVec3::splat(SUPPORT * libm::exp(f64::from(largest)).min(f64::from(f32::MAX)));
             if center.is_finite() {
                 let [low, high] = corners.unwrap_or([center; 2]);
                 corners = Some([low.min(center - reach), high.max(center + reach)]);
@@ -178,9 +178,9 @@ impl Kernel {
         // From voxel to voxel the exponent is a quadratic, so its exponential changes by a factor
         // that itself changes by a constant factor.
         let d = first - cx;
-        let mut value = f64::from(self.opacity) * (-0.5 * (xx * d * d + 2.0 * b * d + c)).exp();
-        let mut step = (-0.5 * (xx * (2.0 * d + 1.0) + 2.0 * b)).exp();
-        let curve = (-xx).exp();
+        let mut value = f64::from(self.opacity) * libm::exp(-0.5 * (xx * d * d + 2.0 * b * d + c));
+        let mut step = libm::exp(-0.5 * (xx * (2.0 * d + 1.0) + 2.0 * b));
+        let curve = libm::exp(-xx);
         for sum in &mut values[first as usize..=last as usize] {
             *sum += value as f32;
             value *= step;
@@ -205,7 +205,7 @@ impl Kernel {
         let (b, c) = self.along_row(y, z);
         let d = x as f64 - f64::from(self.center[0]);
         let q = f64::from(self.precision[0]) * d * d + 2.0 * b * d + c;
-        if q > SUPPORT * SUPPORT { 0.0 } else { (f64::from(self.opacity) * (-0.5 * q).exp()) as f32 }
+        if q > SUPPORT * SUPPORT { 0.0 } else { (f64::from(self.opacity) * libm::exp(-0.5 * q)) as f32 }
     }
 }
 

@@ -2,15 +2,17 @@
 //! budget may cost).
 //!
 //! A pruned field keeps the first Gaussians of a ranking. Where that loses persistent features of
-//! the density, discarded Gaussians that made them up come back, the highest-ranked first: at the
-//! maximum of a feature that is gone, along the neck of one that is cut off. The lowest-ranked of
-//! the others leave in their place. The result counts only if it preserves strictly more than the
-//! pruned field.
+//! the density, discarded Gaussians that made them up come back, those first that make up most of
+//! what is missing, of equals the highest-ranked: at the maximum of a feature that is gone, along
+//! the neck of one that is cut off. The lowest-ranked of the others leave in their place. The result
+//! counts only if it preserves strictly more than the pruned field.
 //!
 //! Far below the number of Gaussians that a subject needs, whole budgets could go into features and
 //! leave no picture. So the features that take the fewest Gaussians come back first, and only a
 //! small part of a budget is spent on them.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::fmt;
 
 use codec::{ALPHA_MIN, Field};
@@ -121,8 +123,8 @@ struct Demand {
 /// What it takes to get one feature back.
 struct Gap {
     demands: Vec<Demand>,
-    /// Discarded Gaussians that make up the density there, most important first: their place among
-    /// the discarded, and what each adds to the demands.
+    /// Discarded Gaussians that make up the density there: their place among the discarded, which
+    /// are given most important first, and what each adds to the demands.
     candidates: Vec<(usize, Vec<f32>)>,
 }
 
@@ -204,6 +206,19 @@ impl Floor {
         best
     }
 
+    /// What there is to choose from for a budget: what the ranking alone keeps, and, where that loses
+    /// features of which the floor saves some, what the floor keeps. Arguments as for
+    /// [`Floor::enforce`].
+    pub fn choices(&self, order: &[usize], budget: usize, on_verified: impl FnMut()) -> Vec<Kept> {
+        let floored = self.enforce(order, budget, on_verified);
+        if floored.restored == 0 {
+            return vec![floored];
+        }
+        let rows = order[..budget.min(order.len())].to_vec();
+        let pruned = floored.pruned;
+        vec![Kept { rows, pruned, topology: pruned, restored: 0 }, floored]
+    }
+
     fn epsilon(&self) -> f32 {
         (self.settings.epsilon * f64::from(self.largest)) as f32
     }
@@ -237,12 +252,12 @@ impl Floor {
             gaps.par_extend(demands.into_par_iter().map(|demands| Gap::new(demands, frame, &place)));
         }
         let mut taken = vec![false; discarded.len()];
-        let mut cheapest: Vec<(usize, &Gap)> = gaps.iter().map(|gap| (gap.fill(&taken).len(), gap)).collect();
+        let cost = |gap| Some((Gap::fill(gap, &taken, room)?.len(), gap));
+        let mut cheapest: Vec<(usize, &Gap)> = gaps.par_iter().filter_map(cost).collect();
         cheapest.sort_by_key(|&(cost, _)| cost);
         let mut room = room;
         for (_, gap) in cheapest {
-            let fill = gap.fill(&taken);
-            if fill.len() <= room {
+            if let Some(fill) = gap.fill(&taken, room) {
                 room -= fill.len();
                 fill.into_iter().for_each(|place| taken[place] = true);
             }
@@ -298,13 +313,14 @@ impl Gap {
             let adds: Vec<f32> = demands.iter().map(|demand| kernel.at(demand.voxel)).collect();
             adds.iter().any(|&adds| f64::from(adds) >= ALPHA_MIN).then_some((place, adds))
         };
-        let mut candidates: Vec<_> = frame.kernels.iter().filter_map(candidate).collect();
-        candidates.sort_unstable_by_key(|&(place, _)| place);
+        let candidates = frame.kernels.iter().filter_map(candidate).collect();
         Gap { demands, candidates }
     }
 
-    /// The places of those that fill the gap together with those already taken.
-    fn fill(&self, taken: &[bool]) -> Vec<usize> {
+    /// The places of those that fill the gap together with those already taken, the one that fills
+    /// most of what is still missing first, of equals the highest-ranked; `None` if it takes more
+    /// than `most`.
+    fn fill(&self, taken: &[bool], most: usize) -> Option<Vec<usize>> {
         let mut missing: Vec<f32> = self.demands.iter().map(|demand| demand.missing).collect();
         let subtract = |missing: &mut [f32], adds: &[f32]| {
             missing.iter_mut().zip(adds).for_each(|(missing, adds)| *missing -= adds);
@@ -312,15 +328,32 @@ impl Gap {
         for (_, adds) in self.candidates.iter().filter(|(place, _)| taken[*place]) {
             subtract(&mut missing, adds);
         }
+        // The bits of floats from 0 up rise with the value.
+        let filled = |missing: &[f32], adds: &[f32]| -> u32 {
+            missing.iter().zip(adds).map(|(missing, adds)| adds.min(missing.max(0.0))).sum::<f32>().to_bits()
+        };
+        let free = self.candidates.iter().enumerate().filter(|(_, (place, _))| !taken[*place]);
+        let mut by_gain: BinaryHeap<(u32, Reverse<usize>, usize)> =
+            free.map(|(i, (place, adds))| (filled(&missing, adds), Reverse(*place), i)).collect();
         let mut fill = Vec::new();
-        for (place, adds) in self.candidates.iter().filter(|(place, _)| !taken[*place]) {
-            let helps = |(&missing, &adds): (&f32, &f32)| missing > 0.0 && f64::from(adds) >= ALPHA_MIN;
-            if missing.iter().zip(adds).any(helps) {
-                subtract(&mut missing, adds);
-                fill.push(*place);
+        while let Some((gain, place, i)) = by_gain.pop() {
+            if f64::from(f32::from_bits(gain)) < ALPHA_MIN {
+                break;
             }
+            // Others may have filled some of it since: gains only fall.
+            let adds = &self.candidates[i].1;
+            let now = filled(&missing, adds);
+            if now < gain {
+                by_gain.push((now, place, i));
+                continue;
+            }
+            if fill.len() == most {
+                return None;
+            }
+            subtract(&mut missing, adds);
+            fill.push(place.0);
         }
-        fill
+        Some(fill)
     }
 }
 
@@ -455,6 +488,9 @@ mod tests {
             assert!(if kept.restored > 0 { after > before } else { kept.rows == order[..budget] });
             let place = |row: &usize| order.iter().position(|other| other == row);
             assert!(kept.rows.is_sorted_by_key(place), "most important first");
+            let choices = floor.choices(&order, budget, || ());
+            let expected = [vec![floor.leave(&order, budget)], vec![kept.clone()]].concat();
+            assert_eq!(choices, if kept.restored > 0 { expected } else { vec![kept.clone()] });
             assert_eq!(kept.rows.iter().filter(|row| !order[..budget].contains(row)).count(), kept.restored);
             restored += kept.restored;
         }

@@ -23,6 +23,6 @@ pub use persistence::{Connectivity, Feature, MergeTree};
 pub use pictures::Pictures;
 pub use rank::{Ranking, by_importance, contributions_to};
 pub use refit::{PASSES, refit};
-pub use select::{Candidate, Selection, select};
+pub use select::{Candidate, RESOLUTION_DB, Selection, select};
 pub use shots::{Shot, dome, instants, shots, steps_aside};
 pub use topology::{Measure, Topology};

@@ -1,7 +1,7 @@
 //! [`Pictures`] of a scene to hold others against: the judge between packages of it.
 
 use super::Shot;
-use crate::image::Image;
+use crate::image::{Image, psnr};
 use crate::reference::{Order, Scene, render};
 
 /// What a scene looks like from several places at several times.
@@ -24,16 +24,14 @@ impl Pictures {
     /// PSNR in dB between pictures of `scene` and these, over all pixels of all of them; infinite
     /// where they are the same. `on_shot` is called after each.
     pub fn psnr(&self, scene: &Scene, mut on_shot: impl FnMut()) -> f64 {
-        let mut pixels = 0.0;
-        let mut squared_errors = 0.0;
+        let mut pixels = 0;
+        let mut squared_error = 0.0;
         for (shot, image) in &self.taken {
-            let psnr = image.psnr(&render(scene, &shot.camera, shot.t, Order::Depth));
-            let size = image.pixels.len() as f64;
-            squared_errors += size * 10f64.powf(-0.1 * psnr);
-            pixels += size;
+            squared_error += image.squared_error(&render(scene, &shot.camera, shot.t, Order::Depth));
+            pixels += image.pixels.len();
             on_shot();
         }
-        if pixels == 0.0 { f64::INFINITY } else { -10.0 * (squared_errors / pixels).log10() }
+        psnr(squared_error, pixels)
     }
 }
 

@@ -91,7 +91,7 @@ impl Ranking {
                 falling.sort_by(|a, b| b.total_cmp(a));
                 let reference = (VOLUME_REFERENCE * falling.len() as f64) as usize;
                 let Some(reference) = falling.get(reference) else { return Vec::new() };
-                rows.map(|row| (VOLUME_POWER * (volume(row) - reference)).exp() * seen[row].hits).collect()
+                rows.map(|row| libm::exp(VOLUME_POWER * (volume(row) - reference)) * seen[row].hits).collect()
             }
             Ranking::BlendMax => rows.map(|row| seen[row].weight_max).collect(),
             Ranking::BlendSum => rows.map(|row| seen[row].weight).collect(),
@@ -100,7 +100,7 @@ impl Ranking {
 }
 
 fn mass(field: &Field, row: usize) -> f64 {
-    let scales = field.log_scales[row].iter().map(|&s| f64::from(s).exp());
+    let scales = field.log_scales[row].iter().map(|&s| libm::exp(f64::from(s)));
     f64::from(field.opacities[row]) * scales.sum::<f64>() / 3.0
 }
 

@@ -47,7 +47,9 @@ pub fn steps_aside(viewpoint: &Viewpoint, up: [f32; 3], angle: f64, size: (u32, 
     let across = arm.cross(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let turns = [(up, 0.0), (up, angle), (up, -angle), (across, angle), (across, -angle)];
     let camera = |(axis, angle): (DVec3, f64)| {
-        let position = target + DQuat::from_axis_angle(axis, angle) * arm;
+        let (sin, cos) = libm::sincos(0.5 * angle);
+        let turn = DQuat::from_xyzw(sin * axis.x, sin * axis.y, sin * axis.z, cos);
+        let position = target + turn * arm;
         let fov_y = f64::from(viewpoint.fov_y);
         Camera::look_at(position.to_array(), target.to_array(), up.to_array(), fov_y, size.0, size.1)
     };
@@ -62,15 +64,16 @@ pub fn dome(field: &Field, instants: &[f64], up: [f32; 3], turn: f64, size: (u32
     let radius = 0.5 * (high - low).length();
     let half_fov = 0.5 * DOME_FOV_Y.to_radians();
     // A point is looked at from one unit away.
-    let distance = if radius > 0.0 { radius / half_fov.sin() } else { 1.0 };
+    let distance = if radius > 0.0 { radius / libm::sin(half_fov) } else { 1.0 };
     let up = DVec3::from_array(up.map(f64::from)).normalize_or(DVec3::Y);
     let (right, forward) = up.any_orthonormal_pair();
     let mut cameras = Vec::new();
     for (elevation, count) in DOME_RINGS {
         for i in 0..count {
             let azimuth = std::f64::consts::TAU * (f64::from(i) + turn) / f64::from(count);
-            let (sin, cos) = elevation.to_radians().sin_cos();
-            let direction = cos * (azimuth.cos() * forward + azimuth.sin() * right) + sin * up;
+            let (sin, cos) = libm::sincos(elevation.to_radians());
+            let (across, along) = libm::sincos(azimuth);
+            let direction = cos * (along * forward + across * right) + sin * up;
             let position = (center + distance * direction).to_array();
             let fov_y = 2.0 * half_fov;
             cameras.push(Camera::look_at(position, center.to_array(), up.to_array(), fov_y, size.0, size.1));

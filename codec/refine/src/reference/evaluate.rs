@@ -43,7 +43,7 @@ impl Splat {
     /// Number of standard deviations at which alpha falls to [`ALPHA_MIN`]:
     /// `sqrt(2 ln(o / ALPHA_MIN))`.
     pub(crate) fn radius(&self) -> f64 {
-        (2.0 * (self.opacity / ALPHA_MIN).ln()).max(0.0).sqrt()
+        (2.0 * libm::log(self.opacity / ALPHA_MIN)).max(0.0).sqrt()
     }
 }
 
@@ -90,7 +90,7 @@ impl Projection {
             return None;
         }
         let [w, x, y, z] = field.rotation_at(row, t);
-        let scales = DVec3::from_array(field.log_scales[row].map(|s| f64::from(s).exp()));
+        let scales = DVec3::from_array(field.log_scales[row].map(|s| libm::exp(f64::from(s))));
         let axes = self.view_from_world * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
         let [xx, xy, yy] = self.footprint(view, axes * DMat3::from_diagonal(scales));
         let splat = Splat {

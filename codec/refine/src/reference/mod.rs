@@ -8,6 +8,9 @@
 //! The conventions are those of gsplat and so of nearly every fitted field: covariances grow by
 //! 0.3 px^2, a fragment's alpha is at most 0.999 and skipped below 1/255, a pixel is finished
 //! once its transmittance would fall to 1e-4.
+//!
+//! Its pictures decide what a package holds, so exponentials and logarithms are those of `libm`, which
+//! are the same on every machine; the system's are not.
 
 mod alive;
 mod colors;

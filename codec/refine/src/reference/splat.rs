@@ -200,6 +200,6 @@ impl Stamp {
             return 0.0;
         }
         // Far from a needle, rounding can bring q below 0.
-        (self.opacity * (-0.5 * q.max(0.0)).exp()).min(ALPHA_MAX)
+        (self.opacity * libm::exp(-0.5 * q.max(0.0))).min(ALPHA_MAX)
     }
 }

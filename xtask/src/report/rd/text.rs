@@ -8,7 +8,7 @@ use crate::package::coding::QUALITY_DB;
 use crate::package::whole::FLOOR_INSTANTS;
 use crate::report::ReportFile;
 use crate::report::plot::{Line, Panel, svg};
-use refine::prune::FloorSettings;
+use refine::prune::{FloorSettings, RESOLUTION_DB};
 
 /// Name of the mean among fields.
 const MEAN: &str = "mean of the fields";
@@ -160,13 +160,14 @@ fn caption(fields: &[FieldRd]) -> String {
         "
 All rows rank the same field and share the coder. *LightGaussian*, *RadSplat* (largest blending contribution) and
 *mass* keep the first Gaussians of their ranking. *mass + floor* restores features that are gone, by the paper's
-measure alone. *ours* is what `package --budget` keeps: it tries every ranking with the floor, which then also
-restores what is cut off, and takes the one whose package looks most like the field.
+measure alone. *ours* is what `package --budget` keeps: it tries every ranking, alone and with the floor, which then
+also restores what is cut off, and takes what looks most like the field. Only of those that the pictures cannot tell
+apart ({RESOLUTION_DB} dB) it takes the one that preserves more.
 
 PSNR is that of the decoded package against pictures of the unpruned field over black, as there is no ground truth
 here: {width}x{height}, at {INSTANTS} instants (one if static), of instants or places that neither the rankings nor
-the selection look at. Packages are coded once, aiming at {QUALITY_DB} dB; `package` goes on until that is met, so its
-sizes differ a little. Topology is the part of the field's persistent features that the Gaussians kept preserve (the
+the selection look at. As `package` does, each row is coded until its pictures come to {QUALITY_DB} dB against those of
+what was coded. Topology is the part of the field's persistent features that the Gaussians kept preserve (the
 paper's rate, a recall): components of the density's superlevel sets on a grid of {} voxels along the longest axis, 26
 neighbours, persistence above {} of the largest density, at {FLOOR_INSTANTS} instants (one if static). Precision is the
 part of what is found that is a feature of the field: what is cut off lowers it. Drift is the mean change of the density
