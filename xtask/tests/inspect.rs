@@ -6,7 +6,7 @@ mod tool;
 use std::fs;
 use std::path::Path;
 
-use codec::{EncodeOptions, Field, Limits, SectionKind, Source};
+use codec::{Coder, EncodeOptions, Field, Limits, Precision, SectionKind, Source};
 use serde_json::Value;
 use support::{field, info};
 use tempfile::{TempDir, tempdir};
@@ -238,4 +238,60 @@ fn the_table_for_people_has_every_part() {
     ] {
         assert!(words.contains(part), "no {part} in:\n{words}");
     }
+}
+
+/// The coder `context` learns that a column is zero, so that leaving one out saves little more than
+/// that, in the package.
+#[test]
+fn zeros_cost_the_coder_context_little() {
+    let mut full = reduced(&everything(5000), 0, 0, 0, false);
+    let encoded = |field: &Field, psnr: f64| {
+        let precision = Precision { psnr, ..Precision::default() };
+        let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
+        codec::encode(&Source { info: &info(), field, plate: None }, &options).expect("a sound field")
+    };
+    // A PSNR is shared by all numbers: 15 at first, 60 with the zeros.
+    let without = encoded(&full, 60.0);
+    full.sh = full.sh.iter().flat_map(|color| [vec![*color], vec![[0.0; 3]; 15]].concat()).collect();
+    full.sh_degree = 3;
+    // Too small to be coded, but enough for the column to be there.
+    full.sh[15] = [1e-30; 3];
+    let with = encoded(&full, 60.0 - 10.0 * (60.0f64 / 15.0).log10());
+    let folder = tempdir().unwrap();
+    fs::write(folder.path().join("clip.aarc"), &without).unwrap();
+    let parts = inspect(folder.path())["left_out"].clone();
+    let of_degree = |part: &&Value| part["part"].as_str().unwrap().starts_with("SH degree");
+    let parts = parts.as_array().unwrap().iter().filter(of_degree);
+    let saved: u64 = parts.map(|part| part["bytes_saved"].as_u64().unwrap()).sum();
+    let difference = with.len() - without.len();
+    assert_eq!(saved, 2 * 45 * 5);
+    assert!((45..=2 * saved as usize).contains(&difference), "{difference} bytes, {saved} expected");
+}
+
+/// The bytes by attribute add up to the file, and coding gains over the entropy of the numbers.
+#[test]
+fn the_bytes_of_the_coder_context_are_accounted_for() {
+    let field = everything(2500);
+    let source = Source { info: &info(), field: &field, plate: None };
+    let options = EncodeOptions { coder: Coder::Context, ..EncodeOptions::default() };
+    let bytes = codec::encode(&source, &options).expect("a sound field");
+    let folder = tempdir().unwrap();
+    fs::write(folder.path().join("clip.aarc"), &bytes).unwrap();
+    let shown = inspect(folder.path());
+    let attributes = shown["attributes"].as_array().unwrap();
+    let names: Vec<_> = attributes.iter().map(|part| part["attribute"].as_str().unwrap()).collect();
+    for name in ["position", "scale", "rotation", "motion", "rotation rate", "color", "spherical harmonics"] {
+        assert!(names.contains(&name), "no {name} in {names:?}");
+    }
+    // A chunk has 25 bytes before its symbols, and ends on a whole byte.
+    let coded = total(&shown, "attributes", "coded_bytes") as usize;
+    let stored = total(&shown, "sections", "bytes") as usize;
+    assert!(coded.abs_diff(stored) < stored / 500 + 40, "{coded} of {stored} bytes");
+    let position = &attributes[0];
+    let bytes_of = |key: &str| position[key].as_u64().unwrap();
+    assert!(bytes_of("order_0_bytes") > bytes_of("coded_bytes") + 2000, "a free order saves: {position}");
+    let words = xtask(folder.path(), &["inspect", "clip.aarc"]).stdout;
+    assert!(words.contains("order 0") && words.contains("spherical harmonics"), "{words}");
+    let (folder, _) = packaged(&field, None);
+    assert_eq!(inspect(folder.path())["attributes"], Value::Array(Vec::new()), "coder fixed");
 }

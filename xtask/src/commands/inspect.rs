@@ -6,7 +6,7 @@ mod left_out;
 
 use std::path::{Path, PathBuf};
 
-use codec::{Clip, Contents, Field, Limits, Region, SectionKind};
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
 use serde::Serialize;
 use xtask::fault::Fault;
 use xtask::input::read_package;
@@ -32,7 +32,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bad = |error: codec::Error| Fault::Data(format!("{}: {error}", args.clip.display()));
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
-    let inspection = inspect(&bytes, contents, &clip);
+    let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
+    let inspection = inspect(&bytes, contents, &clip, attributes);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
@@ -67,6 +68,8 @@ struct Inspection {
     layers: Vec<Layer>,
     left_out: Vec<LeftOut>,
     gpu_bytes: usize,
+    /// Where the bytes of the coder `context` go; empty for the coder `fixed`.
+    attributes: Vec<Attribute>,
     alive: Vec<Alive>,
     head_bytes: usize,
     sections: Vec<Section>,
@@ -97,6 +100,19 @@ struct Layer {
     complete: bool,
 }
 
+/// Bytes that an attribute of all Gaussians takes, and would take by simpler coding of the same
+/// numbers.
+#[derive(Serialize)]
+struct Attribute {
+    attribute: &'static str,
+    /// By the frequencies of its numbers (order-0 entropy), the Gaussians in an order of their own.
+    order_0_bytes: usize,
+    /// By the frequencies of the distances from their predictions, the order left to the coder.
+    predicted_bytes: usize,
+    /// As coded.
+    coded_bytes: usize,
+}
+
 /// Gaussians at an instant.
 #[derive(Serialize)]
 struct Alive {
@@ -118,7 +134,7 @@ struct Section {
     raw_bytes: usize,
 }
 
-fn inspect(bytes: &[u8], contents: Contents, clip: &Clip) -> Inspection {
+fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
     let info = &clip.info;
     let views = info.viewpoints.iter().map(|viewpoint| View {
         name: viewpoint.name.clone(),
@@ -148,6 +164,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip) -> Inspection {
         layers: layers(&contents, clip.layers.len()),
         left_out: left_out(&contents, clip),
         gpu_bytes: gpu_bytes(&contents, clip),
+        attributes: attributes.into_iter().map(Attribute::from).collect(),
         alive: TIMES.iter().map(|&t| alive(clip, t)).collect(),
         head_bytes: contents.head_bytes,
         sections: contents.sections.iter().map(Section::from).collect(),
@@ -176,6 +193,14 @@ fn alive(clip: &Clip, t: f64) -> Alive {
         counts.alive += range.filter(|&i| is_alive(&clip.moving, i)).count();
     }
     counts
+}
+
+impl From<AttributeSize> for Attribute {
+    fn from(size: AttributeSize) -> Attribute {
+        let [order_0_bytes, predicted_bytes, coded_bytes] =
+            [size.order_0, size.predicted, size.coded].map(|bytes| bytes.round() as usize);
+        Attribute { attribute: size.attribute, order_0_bytes, predicted_bytes, coded_bytes }
+    }
 }
 
 impl From<&codec::Section> for Section {
@@ -269,6 +294,8 @@ impl Inspection {
             println!("{kind:<20}{:>8}{bytes:>12}{raw_bytes:>12}", of_kind().count());
         }
 
+        self.print_attributes();
+
         println!("\n{:<44}{:>12}{:>14}{:>12}", "left out", "gaussians", "package bytes", "GPU bytes");
         for part in &self.left_out {
             println!(
@@ -276,13 +303,38 @@ impl Inspection {
                 part.part, part.gaussians, part.bytes_saved, part.gpu_bytes_saved
             );
         }
-        println!("(package bytes: what the coder's columns would take before entropy coding)");
+        println!("(package bytes: what columns of zeros would take, before zstd with the coder fixed)");
 
         println!("\n{:<12}{:>12}{:>12}{:>10}", "time in s", "candidates", "alive", "share");
         for Alive { time_s, candidates, alive } in &self.alive {
             let share = 100.0 * *alive as f64 / self.gaussians as f64;
             println!("{time_s:<12.3}{candidates:>12}{alive:>12}{share:>8.1} %");
         }
+    }
+
+    fn print_attributes(&self) {
+        if self.attributes.is_empty() {
+            return;
+        }
+        println!(
+            "\n{:<22}{:>12}{:>12}{:>12}{:>14}",
+            "bytes", "order 0", "predicted", "coded", "per Gaussian"
+        );
+        let row = |name: &str, [order_0, predicted, coded]: [usize; 3]| {
+            let each = coded as f64 / self.gaussians as f64;
+            println!("{name:<22}{order_0:>12}{predicted:>12}{coded:>12}{each:>14.2}");
+        };
+        let mut sums = [0; 3];
+        for part in &self.attributes {
+            let sizes = [part.order_0_bytes, part.predicted_bytes, part.coded_bytes];
+            (0..3).for_each(|i| sums[i] += sizes[i]);
+            row(part.attribute, sizes);
+        }
+        row("all", sums);
+        println!(
+            "(order 0: the entropy of the same rounded numbers, the Gaussians in an order of their own;"
+        );
+        println!(" predicted: the entropy of their distances from the predictions, in the coder's order)");
     }
 }
 

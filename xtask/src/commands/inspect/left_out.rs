@@ -1,24 +1,35 @@
 //! What a package does without, and what that saves.
 //!
-//! Saved bytes of the package are those of the coder's columns before entropy coding; saved bytes
-//! of the GPU are those of the player's records.
+//! Saved bytes of the package are what the columns would take if they were there and zero: with the
+//! coder `fixed` those of its columns before entropy coding, with the coder `context`, which learns
+//! that a column is zero, hardly any. Saved bytes of the GPU are those of the player's records.
 
-use codec::{Clip, Contents, MOTION_ORDER_MAX, SH_DEGREE_MAX};
+use codec::{Clip, Coder, Contents, MOTION_ORDER_MAX, Region, SH_DEGREE_MAX, SectionKind};
 use serde::Serialize;
 use shaders::{Motion, layout, sh_words};
 
-/// Bits of a Gaussian's window centre and width in the chunks of the coder `fixed` (FORMAT.md).
-/// The ranges at the start of a chunk, 4 bytes a part, are not counted here and below.
-const WINDOW_BITS: usize = 2 * 16;
+/// Numbers that a Gaussian has of a part, and bits of each in the chunks of the coder `fixed`
+/// (FORMAT.md). The ranges at the start of a chunk, 4 bytes a part, are not counted.
+#[derive(Clone, Copy)]
+struct Columns {
+    numbers: usize,
+    bits: usize,
+}
 
-/// Bits of its motion coefficients of one power.
-const MOTION_POWER_BITS: usize = 3 * 10;
+/// Window centre and width.
+const WINDOW: Columns = Columns { numbers: 2, bits: 16 };
 
-/// Bits of its rotation rates.
-const ROTATION_RATES_BITS: usize = 4 * 8;
+/// Motion coefficients of one power.
+const MOTION_POWER: Columns = Columns { numbers: 3, bits: 10 };
 
-/// Bits of its coefficients of one spherical harmonic.
-const SH_FUNCTION_BITS: usize = 3 * 8;
+const ROTATION_RATES: Columns = Columns { numbers: 4, bits: 8 };
+
+/// Coefficients of one spherical harmonic.
+const SH_FUNCTION: Columns = Columns { numbers: 3, bits: 8 };
+
+/// Bytes that the coder `context` takes for zeros in one column of a chunk, until it knows them:
+/// measured, on chunks of any size.
+const ZEROS_BYTES: usize = 5;
 
 /// An optional part that is absent from some Gaussians.
 #[derive(Serialize)]
@@ -26,52 +37,77 @@ pub(super) struct LeftOut {
     pub(super) part: String,
     /// Gaussians without it.
     pub(super) gaussians: usize,
-    /// Package bytes it would take before entropy coding.
+    /// Package bytes that it would take.
     pub(super) bytes_saved: usize,
     /// Bytes it would take in GPU buffers.
     pub(super) gpu_bytes_saved: usize,
+}
+
+/// Gaussians that lack a part, and their chunks.
+#[derive(Clone, Copy)]
+struct Rows {
+    gaussians: usize,
+    chunks: usize,
 }
 
 /// Every optional part that Gaussians of the package do without. Together they are the
 /// difference to a package of which every Gaussian has every part.
 pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
     let mut parts = Vec::new();
-    let mut add = |part: String, gaussians: usize, package_bits: usize, gpu_words: usize| {
+    let mut add = |part: String, Rows { gaussians, chunks }: Rows, columns: &[Columns], gpu_words: usize| {
+        let numbers: usize = columns.iter().map(|columns| columns.numbers).sum();
+        let bits: usize = columns.iter().map(|columns| columns.numbers * columns.bits).sum();
         parts.push(LeftOut {
             part,
             gaussians,
-            bytes_saved: gaussians * package_bits / 8,
+            bytes_saved: match contents.coder {
+                Coder::Fixed => gaussians * bits / 8,
+                Coder::Context => chunks * numbers * ZEROS_BYTES,
+            },
             gpu_bytes_saved: gaussians * gpu_words * 4,
         });
     };
-    let (all, still) = (clip.len(), clip.still.len());
+    let still = Rows { gaussians: clip.still.len(), chunks: chunks_of(contents, clip, Region::Still) };
+    let moving = Rows { gaussians: clip.moving.len(), chunks: chunks_of(contents, clip, Region::Moving) };
+    let all = Rows { gaussians: clip.len(), chunks: still.chunks + moving.chunks };
     for degree in contents.sh_degree + 1..=SH_DEGREE_MAX {
         let functions = 2 * usize::from(degree) + 1;
         let gpu_words = sh_words(degree) - sh_words(degree - 1);
-        add(format!("SH degree {degree}"), all, functions * SH_FUNCTION_BITS, gpu_words);
+        add(format!("SH degree {degree}"), all, &vec![SH_FUNCTION; functions], gpu_words);
     }
     let mut motion = Motion { order: contents.motion_order, rotates: contents.rotation_rates };
-    if still > 0 {
-        let powers = usize::from(motion.order) * MOTION_POWER_BITS;
-        let rates = if motion.rotates { ROTATION_RATES_BITS } else { 0 };
+    if still.gaussians > 0 {
+        let mut columns = vec![WINDOW];
+        columns.extend(vec![MOTION_POWER; usize::from(motion.order)]);
+        columns.extend(motion.rotates.then_some(ROTATION_RATES));
         let part = "temporal columns of motionless Gaussians".to_owned();
-        add(part, still, WINDOW_BITS + powers + rates, motion.words());
+        add(part, still, &columns, motion.words());
     }
     for order in contents.motion_order + 1..=MOTION_ORDER_MAX {
         let larger = Motion { order, ..motion };
         let gpu_words = larger.words() - motion.words();
-        add(format!("motion of power {order}"), all, MOTION_POWER_BITS, gpu_words);
+        add(format!("motion of power {order}"), all, &[MOTION_POWER], gpu_words);
         motion = larger;
     }
     if !motion.rotates {
         let gpu_words = Motion { rotates: true, ..motion }.words() - motion.words();
-        add("rotation over time".to_owned(), all, ROTATION_RATES_BITS, gpu_words);
+        add("rotation over time".to_owned(), all, &[ROTATION_RATES], gpu_words);
     }
     if clip.plate.is_none() {
         // Its Gaussians would be its whole cost, and there are none.
-        add("plate".to_owned(), 0, 0, 0);
+        add("plate".to_owned(), Rows { gaussians: 0, chunks: 0 }, &[], 0);
     }
     parts
+}
+
+/// Chunks of a region in the layers that the clip has.
+fn chunks_of(contents: &Contents, clip: &Clip, region: Region) -> usize {
+    let is_one = |section: &&codec::Section| {
+        section.kind == SectionKind::Gaussians
+            && section.region == region
+            && usize::from(section.layer) < clip.layers.len()
+    };
+    contents.sections.iter().filter(is_one).count()
 }
 
 /// Bytes of the Gaussians in GPU buffers.
