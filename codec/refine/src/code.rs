@@ -3,8 +3,11 @@
 //! Pictures tell how visible every Gaussian is; the package is made with that, decoded, rendered
 //! and compared with the field, and made again with the precision corrected.
 
+use std::num::NonZero;
+
 use codec::{
-    Clip, Coder, EncodeError, EncodeOptions, Error, Limits, Precision, Sensitivity, Source, decode, encode,
+    Clip, Coder, EncodeError, EncodeOptions, Error, Limits, Precision, Sensitivity, Source, decode_parallel,
+    encode_parallel,
 };
 
 use crate::prune::{Pictures, Shot};
@@ -41,7 +44,7 @@ pub enum CodeError {
 /// the source to compare with. `on_step` is called after each of `seen` and each of [`TRIALS`].
 ///
 /// # Errors
-/// Those of [`encode`] and [`decode`].
+/// Those of [`codec::encode`] and [`codec::decode`].
 pub fn code(
     source: &Source,
     layers: &[usize],
@@ -59,7 +62,7 @@ pub fn code(
 /// each of [`TRIALS`].
 ///
 /// # Errors
-/// Those of [`encode`] and [`decode`].
+/// Those of [`codec::encode`] and [`codec::decode`].
 pub fn code_knowing(
     source: &Source,
     layers: &[usize],
@@ -73,12 +76,13 @@ pub fn code_knowing(
         precision.sensitivities = sensitivities;
         precision.footprint = Some(footprint);
     }
+    let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
     let mut best: Option<Coded> = None;
     for trial in 0..TRIALS {
         let options =
             EncodeOptions { coder: Coder::Context, layers: layers.to_vec(), precision: precision.clone() };
-        let bytes = encode(source, &options).map_err(CodeError::Encode)?;
-        let clip = decode(&bytes, &Limits::default()).map_err(CodeError::Decode)?;
+        let bytes = encode_parallel(source, &options, threads).map_err(CodeError::Encode)?;
+        let clip = decode_parallel(&bytes, &Limits::default(), threads).map_err(CodeError::Decode)?;
         let coded_db = judge.psnr(&Scene::from(&clip), || ());
         on_step();
         let coded = Coded { bytes, clip, psnr_db: coded_db };

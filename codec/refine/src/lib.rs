@@ -1,7 +1,9 @@
-//! Reference renderer, rankings, pruning and coding of 4D Gaussian fields.
+//! Captures, reference renderer, rankings, pruning, coding and evaluation of 4D Gaussian fields.
 #![forbid(unsafe_code)]
 
+pub mod capture;
 pub mod code;
 pub mod image;
+pub mod metrics;
 pub mod prune;
 pub mod reference;

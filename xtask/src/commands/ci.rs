@@ -20,10 +20,15 @@ pub(crate) struct Args {}
 
 /// Sets of packages and features that are built by someone on their own: what one set needs, a
 /// build of the whole workspace can hide.
-const FEATURE_SETS: [(&str, &[&str]); 6] = [
+const FEATURE_SETS: [(&str, &[&str]); 8] = [
     ("whole workspace", &["--workspace", "--all-targets"]),
     ("the player", &["--package", "client"]),
-    ("the player without a window", &["--package", "client", "--no-default-features"]),
+    (
+        "the player in a window alone",
+        &["--package", "client", "--no-default-features", "--features", "window"],
+    ),
+    ("the player in a headset alone", &["--package", "client", "--no-default-features", "--features", "xr"]),
+    ("the player in neither", &["--package", "client", "--no-default-features"]),
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
     ("camera files", &["--package", "codec", "--features", "serde"]),

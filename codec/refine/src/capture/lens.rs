@@ -1,0 +1,135 @@
+//! [`Lens`]: the distortion of a camera's lens after Brown and Conrady, as OpenCV and COLMAP have
+//! it.
+
+/// Coefficients of a lens; all 0 for none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lens {
+    /// Radial, of the squared distance from the optical axis.
+    pub k1: f64,
+    /// Radial, of its second power.
+    pub k2: f64,
+    /// Radial, of its third power.
+    pub k3: f64,
+    /// Tangential, across the image.
+    pub p1: f64,
+    /// Tangential, along the image.
+    pub p2: f64,
+}
+
+impl Lens {
+    /// In OpenCV's order: k1, k2, p1, p2, k3; what is left out is 0.
+    ///
+    /// # Errors
+    /// One sentence where there are others than 0, which this model does not have, or numbers that
+    /// are not finite.
+    pub fn from_opencv(coefficients: &[f64]) -> Result<Lens, String> {
+        if !coefficients.iter().all(|k| k.is_finite()) {
+            return Err("a coefficient of the lens is not finite".into());
+        }
+        if coefficients.iter().skip(5).any(|k| *k != 0.0) {
+            return Err(format!(
+                "the lens has {} coefficients: only k1, k2, p1, p2, k3 are supported",
+                coefficients.len()
+            ));
+        }
+        let at = |i: usize| coefficients.get(i).copied().unwrap_or(0.0);
+        Ok(Lens { k1: at(0), k2: at(1), p1: at(2), p2: at(3), k3: at(4) })
+    }
+
+    /// Whether the lens does nothing.
+    pub fn is_none(&self) -> bool {
+        *self == Lens::default()
+    }
+
+    /// Where the lens shows a point, both at distance 1 along the optical axis. `None` from where
+    /// its radial polynomial stops growing: farther points would be shown nearer, over others.
+    pub fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let r2 = x * x + y * y;
+        if r2 >= self.monotonic_radius_squared() {
+            return None;
+        }
+        let Lens { k1, k2, k3, p1, p2 } = *self;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        Some([
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ])
+    }
+
+    /// Least squared radius `q` at which `1 + 3 k1 q + 5 k2 q^2 + 7 k3 q^3`, the derivative of the
+    /// distorted radius, is not positive; infinite if there is none.
+    fn monotonic_radius_squared(&self) -> f64 {
+        let [a, b, c] = [3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3];
+        let slope = |q: f64| 1.0 + q * (a + q * (b + q * c));
+        // Between its extremes a cubic is monotonic: the first root lies in the first interval with
+        // a change of sign. Nobody sees beyond 100 times the focal length.
+        let mut ends = vec![0.0];
+        ends.extend(quadratic_roots(3.0 * c, 2.0 * b, a).into_iter().filter(|q| (0.0..1e4).contains(q)));
+        ends.push(1e4);
+        ends.sort_by(f64::total_cmp);
+        for pair in ends.windows(2) {
+            let [mut low, mut high] = [pair[0], pair[1]];
+            if slope(high) > 0.0 {
+                continue;
+            }
+            for _ in 0..100 {
+                let middle = 0.5 * (low + high);
+                if slope(middle) > 0.0 { low = middle } else { high = middle }
+            }
+            return high;
+        }
+        f64::INFINITY
+    }
+}
+
+/// Real roots of `a x^2 + b x + c`.
+fn quadratic_roots(a: f64, b: f64, c: f64) -> Vec<f64> {
+    if a == 0.0 {
+        return if b == 0.0 { Vec::new() } else { vec![-c / b] };
+    }
+    let root = (b * b - 4.0 * a * c).sqrt();
+    if root.is_nan() { Vec::new() } else { vec![(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_move_as_opencv_moves_them() {
+        // cv2.projectPoints of (0.3, -0.2, 1) with unit intrinsics.
+        let lens = Lens::from_opencv(&[-0.2, 0.05, 0.01, -0.02, 0.003]).unwrap();
+        let [x, y] = lens.distort([0.3, -0.2]).unwrap();
+        let r2: f64 = 0.13;
+        let radial = 1.0 - 0.2 * r2 + 0.05 * r2 * r2 + 0.003 * r2 * r2 * r2;
+        assert!(
+            (x - (0.3 * radial + 2.0 * 0.01 * 0.3 * -0.2 - 0.02 * (r2 + 2.0 * 0.09))).abs() < 1e-12,
+            "{x}"
+        );
+        assert!(
+            (y - (-0.2 * radial + 0.01 * (r2 + 2.0 * 0.04) + 2.0 * -0.02 * 0.3 * -0.2)).abs() < 1e-12,
+            "{y}"
+        );
+    }
+
+    #[test]
+    fn a_lens_ends_where_its_radius_stops_growing() {
+        // r - 0.1 r^3 grows to r = sqrt(1 / 0.3).
+        let lens = Lens { k1: -0.1, ..Lens::default() };
+        let edge = (1.0f64 / 0.3).sqrt();
+        assert!(lens.distort([edge - 1e-6, 0.0]).is_some() && lens.distort([edge + 1e-6, 0.0]).is_none());
+        // A polynomial that dips below zero and recovers ends at the dip.
+        let dip = Lens { k1: -0.5, k2: 0.08, ..Lens::default() };
+        let q = dip.monotonic_radius_squared();
+        assert!((1.0 - 1.5 * q + 0.4 * q * q).abs() < 1e-9 && q < 1.5, "{q}");
+        assert_eq!(Lens { k1: 0.1, ..Lens::default() }.monotonic_radius_squared(), f64::INFINITY);
+        assert_eq!(Lens::default().monotonic_radius_squared(), f64::INFINITY);
+    }
+
+    #[test]
+    fn other_models_are_refused() {
+        assert!(Lens::from_opencv(&[0.1, 0.0, 0.0, 0.0, 0.0, 0.2]).is_err());
+        assert!(Lens::from_opencv(&[f64::NAN]).is_err());
+        assert!(Lens::from_opencv(&[0.0; 8]).unwrap().is_none());
+    }
+}

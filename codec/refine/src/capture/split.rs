@@ -1,0 +1,121 @@
+//! [`Split`]: which photographs a field is fitted to, and which it is judged by.
+
+use std::fmt;
+
+use super::{Capture, CaptureShot};
+
+/// Which frames are held out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Holdout {
+    /// Those with odd numbers, from 0: every other one, as the paper has it.
+    #[default]
+    Odd,
+    /// None.
+    None,
+}
+
+impl Holdout {
+    /// Whether `frame` is held out.
+    pub fn holds(self, frame: usize) -> bool {
+        self == Holdout::Odd && frame % 2 == 1
+    }
+}
+
+/// A part of the photographs of a capture. The names are those of the paper's tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Split {
+    /// Cameras and frames that are fitted to.
+    Train,
+    /// Cameras that are fitted to, in held frames.
+    InterpB,
+    /// Held cameras in frames that are fitted to.
+    Recon,
+    /// Held cameras in held frames.
+    InterpA,
+}
+
+impl Split {
+    /// All of them.
+    pub const ALL: [Split; 4] = [Split::Train, Split::InterpB, Split::Recon, Split::InterpA];
+
+    /// Name in tables and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Split::Train => "train",
+            Split::InterpB => "interp_b",
+            Split::Recon => "recon",
+            Split::InterpA => "interp_a",
+        }
+    }
+
+    fn of(held_camera: bool, held_frame: bool) -> Split {
+        match (held_camera, held_frame) {
+            (false, false) => Split::Train,
+            (false, true) => Split::InterpB,
+            (true, false) => Split::Recon,
+            (true, true) => Split::InterpA,
+        }
+    }
+
+    /// The split of each photograph of `capture`, by its cameras' `held` and `holdout`.
+    ///
+    /// # Errors
+    /// [`SplitError`] if nothing is left to fit to.
+    pub fn assign(capture: &Capture, holdout: Holdout) -> Result<Vec<(CaptureShot, Split)>, SplitError> {
+        let split = |shot: &CaptureShot| {
+            (*shot, Split::of(capture.cameras[shot.camera].held, holdout.holds(shot.frame)))
+        };
+        let splits: Vec<_> = capture.shots.iter().map(split).collect();
+        match splits.iter().any(|(_, split)| *split == Split::Train) {
+            true => Ok(splits),
+            false => Err(SplitError),
+        }
+    }
+}
+
+/// All photographs are held out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SplitError;
+
+impl fmt::Display for SplitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("all photographs are held out: none is left to fit to")
+    }
+}
+
+impl std::error::Error for SplitError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::{CalibratedCamera, Lens, even_times};
+    use codec::Camera;
+
+    fn capture(held: &[bool]) -> Capture {
+        let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8);
+        let cameras = held.iter().enumerate().map(|(i, &held)| CalibratedCamera {
+            name: i.to_string(),
+            camera: camera.clone(),
+            lens: Lens::default(),
+            held,
+        });
+        let shots = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| CaptureShot { camera, frame }));
+        let shots = shots.collect();
+        Capture { cameras: cameras.collect(), times: even_times(3), shots }
+    }
+
+    #[test]
+    fn cameras_and_frames_are_held_out_independently() {
+        let count = |held: &[bool], holdout| {
+            let splits = Split::assign(&capture(held), holdout).unwrap();
+            Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count())
+        };
+        assert_eq!(count(&[false, true, false], Holdout::Odd), [4, 2, 2, 1]);
+        assert_eq!(count(&[false, false], Holdout::None), [6, 0, 0, 0]);
+    }
+
+    #[test]
+    fn something_must_be_left() {
+        assert_eq!(Split::assign(&capture(&[true, true]), Holdout::None), Err(SplitError));
+    }
+}

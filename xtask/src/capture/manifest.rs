@@ -1,0 +1,110 @@
+//! Captures with this project's own manifest, `capture.json`: what other layouts convert to.
+
+use std::path::Path;
+
+use refine::capture::{Lens, even_times};
+use serde::Deserialize;
+
+use super::{Builder, Files, Footage, bad, pinhole, read_text};
+
+/// The manifest, by which the layout is known.
+pub(super) const FILE: &str = "capture.json";
+
+/// See `xtask/CAPTURE.md`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    frames: usize,
+    #[serde(default)]
+    first_frame: usize,
+    images: String,
+    masks: Option<String>,
+    cameras: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    id: String,
+    w: u32,
+    h: u32,
+    #[serde(rename = "K")]
+    k: [[f64; 3]; 3],
+    #[serde(rename = "D", default)]
+    d: Vec<f64>,
+    w2c: [[f64; 4]; 4],
+    #[serde(default)]
+    held: bool,
+}
+
+pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
+    let path = folder.join(FILE);
+    let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
+    let mut builder = Builder::default();
+    for entry in &manifest.cameras {
+        let lens =
+            Lens::from_opencv(&entry.d).map_err(|what| bad(&path, format!("camera {}: {what}", entry.id)))?;
+        let [[fx, _, cx], [_, fy, cy], _] = entry.k;
+        let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
+        let index = builder.camera(&entry.id, camera, lens, entry.held);
+        for frame in 0..manifest.frames {
+            let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
+            let image = folder.join(named(&manifest.images).map_err(|what| bad(&path, what))?);
+            if !image.is_file() {
+                // Not every camera has every frame.
+                continue;
+            }
+            let mask = match &manifest.masks {
+                Some(pattern) => Some(folder.join(named(pattern).map_err(|what| bad(&path, what))?)),
+                None => None,
+            };
+            if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
+                return Err(bad(mask, "this mask is missing").into());
+            }
+            let name = Path::new(&named(&manifest.images).unwrap_or_default()).with_extension("");
+            let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy().into_owned();
+            builder.shot(index, frame, Files { name, image, mask });
+        }
+    }
+    Ok(builder.footage(even_times(manifest.frames)))
+}
+
+/// A path in which `{camera}` and `{frame}`, or `{frame:06}` with leading zeros, are filled in.
+fn expand(pattern: &str, camera: &str, frame: usize) -> Result<String, String> {
+    let mut path = String::new();
+    let mut rest = pattern;
+    while let Some((before, after)) = rest.split_once('{') {
+        let (name, after) = after.split_once('}').ok_or_else(|| format!("\"{pattern}\": a brace is open"))?;
+        path.push_str(before);
+        match name.split_once(':') {
+            None if name == "camera" => path.push_str(camera),
+            None if name == "frame" => path.push_str(&frame.to_string()),
+            Some(("frame", width)) => {
+                let width: usize = width
+                    .parse()
+                    .ok()
+                    .filter(|width| *width <= 20)
+                    .ok_or_else(|| format!("\"{pattern}\": {{frame:{width}}} is no number of digits"))?;
+                path.push_str(&format!("{frame:0width$}"));
+            }
+            _ => return Err(format!("\"{pattern}\": {{{name}}} is neither {{camera}} nor {{frame}}")),
+        }
+        rest = after;
+    }
+    path.push_str(rest);
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_are_filled_in() {
+        assert_eq!(expand("images/{camera}/{frame:06}.png", "07", 12).unwrap(), "images/07/000012.png");
+        assert_eq!(expand("{frame}", "a", 3).unwrap(), "3");
+        for wrong in ["{", "{x}", "{frame:x}", "{frame:99}", "{camera:3}"] {
+            assert!(expand(wrong, "a", 0).is_err(), "{wrong}");
+        }
+    }
+}

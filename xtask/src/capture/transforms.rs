@@ -1,0 +1,162 @@
+//! Captures as nerfstudio and Blender's NeRF scenes have them: `transforms.json`, or
+//! `transforms_train.json` with `transforms_test.json` for held cameras.
+//!
+//! Each of its frames is a camera of its own, with a `time` where the scene moves. Its poses are
+//! camera to world in OpenGL's axes: x right, y up, z backwards.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec4};
+use refine::capture::Lens;
+use serde::Deserialize;
+
+use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, size_of};
+
+/// A file of transforms, and whether its cameras are held out.
+type TransformsFile = (PathBuf, bool);
+
+/// Numbers that stand for all frames or in one frame.
+#[derive(Clone, Default, Deserialize)]
+struct Intrinsics {
+    camera_angle_x: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct Transforms {
+    camera_model: Option<String>,
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    file_path: String,
+    mask_path: Option<String>,
+    time: Option<f64>,
+    transform_matrix: [[f64; 4]; 4],
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+}
+
+/// The files that a folder has of this layout.
+pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
+    let there = |name: &str, held| Some((folder.join(name), held)).filter(|(path, _)| path.is_file());
+    match there("transforms.json", false) {
+        Some(file) => Some(vec![file]),
+        None => {
+            let train = there("transforms_train.json", false)?;
+            Some([Some(train), there("transforms_test.json", true)].into_iter().flatten().collect())
+        }
+    }
+}
+
+pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Footage> {
+    let mut builder = Builder::default();
+    let mut found = Vec::new();
+    for (path, held) in files {
+        let transforms: Transforms =
+            serde_json::from_str(&read_text(path)?).map_err(|error| bad(path, error))?;
+        if let Some(model) =
+            transforms.camera_model.filter(|model| !["OPENCV", "PINHOLE"].contains(&model.as_str()))
+        {
+            return Err(
+                bad(path, format!("camera model {model} is not supported: OPENCV and PINHOLE are")).into()
+            );
+        }
+        for frame in transforms.frames {
+            let name = frame.file_path.trim_start_matches("./").to_owned();
+            let Some(image) = find_image(&folder.join(&name)) else {
+                return Err(bad(&folder.join(&name), "this photograph is missing").into());
+            };
+            let mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
+            let size = size_of(&image)?;
+            let (pinhole_k, lens) = frame
+                .intrinsics
+                .resolve(&transforms.intrinsics, size)
+                .map_err(|what| bad(path, format!("{name}: {what}")))?;
+            let camera = pinhole(size, pinhole_k, camera_from_world(frame.transform_matrix));
+            let time = frame.time.unwrap_or(0.0);
+            if !(0.0..=1.0).contains(&time) {
+                return Err(bad(path, format!("{name}: time {time} is not within 0 to 1")).into());
+            }
+            let name = Path::new(&name).with_extension("").to_string_lossy().into_owned();
+            let index = builder.camera(&name, camera, lens, *held);
+            found.push((index, time, Files { name, image, mask }));
+        }
+    }
+    let mut times: Vec<f64> = found.iter().map(|(_, time, _)| *time).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    for (camera, time, files) in found {
+        let frame = times.partition_point(|other| *other < time);
+        builder.shot(camera, frame, files);
+    }
+    Ok(builder.footage(times))
+}
+
+impl Intrinsics {
+    /// Focal lengths, principal point and lens, of a frame's numbers before those `of_all`.
+    fn resolve(&self, of_all: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
+        let pick = |of: fn(&Intrinsics) -> Option<f64>| of(self).or(of(of_all));
+        let from_angle = |angle: f64| 0.5 * f64::from(width) / (0.5 * angle).tan();
+        let fx = pick(|i| i.fl_x).or(pick(|i| i.camera_angle_x).map(from_angle));
+        let fx = fx.ok_or("neither fl_x nor camera_angle_x is given")?;
+        let fy = pick(|i| i.fl_y).unwrap_or(fx);
+        let cx = pick(|i| i.cx).unwrap_or(0.5 * f64::from(width));
+        let cy = pick(|i| i.cy).unwrap_or(0.5 * f64::from(height));
+        let zero_or = |number: Option<f64>| number.unwrap_or(0.0);
+        let radial = [pick(|i| i.k1), pick(|i| i.k2), pick(|i| i.k3), pick(|i| i.k4)].map(zero_or);
+        let tangential = [pick(|i| i.p1), pick(|i| i.p2)].map(zero_or);
+        let opencv = [radial[0], radial[1], tangential[0], tangential[1], radial[2], radial[3]];
+        Ok(([fx, fy, cx, cy], Lens::from_opencv(&opencv)?))
+    }
+}
+
+/// The inverse of a pose, in OpenCV's axes.
+fn camera_from_world(world_from_gl: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    let world_from_gl = DMat4::from_cols_array_2d(&world_from_gl).transpose();
+    let gl_from_camera = DMat4::from_diagonal(DVec4::new(1.0, -1.0, -1.0, 1.0));
+    let mut rows = (world_from_gl * gl_from_camera).inverse().transpose().to_cols_array_2d();
+    // Exactly, where the inverse rounds.
+    rows[3] = [0.0, 0.0, 0.0, 1.0];
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_becomes_a_camera() {
+        // At (1, 2, 3), looking along -z with y up.
+        let mut pose = DMat4::IDENTITY.to_cols_array_2d();
+        (pose[0][3], pose[1][3], pose[2][3]) = (1.0, 2.0, 3.0);
+        let camera = pinhole((8, 8), [4.0, 4.0, 4.0, 4.0], camera_from_world(pose));
+        camera.check().unwrap();
+        assert_eq!(camera.position(), [1.0, 2.0, 3.0]);
+        assert_eq!(camera.camera_from_world[2][..3], [0.0, 0.0, -1.0]);
+        assert_eq!(camera.camera_from_world[1][..3], [0.0, -1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_frame_goes_before_the_file() {
+        let all = Intrinsics { fl_x: Some(100.0), k1: Some(0.1), ..Intrinsics::default() };
+        let own = Intrinsics { fl_x: Some(50.0), ..Intrinsics::default() };
+        let (k, lens) = own.resolve(&all, (64, 48)).unwrap();
+        assert_eq!((k, lens.k1), ([50.0, 50.0, 32.0, 24.0], 0.1));
+        let angle = Intrinsics { camera_angle_x: Some(std::f64::consts::FRAC_PI_2), ..Intrinsics::default() };
+        assert!((angle.resolve(&Intrinsics::default(), (64, 48)).unwrap().0[0] - 32.0).abs() < 1e-9);
+        assert!(Intrinsics::default().resolve(&Intrinsics::default(), (64, 48)).is_err());
+    }
+}
