@@ -6,7 +6,7 @@
 //! that use it; so these run through the folder's own dynamic linker as well, on its C library.
 
 use std::env::consts::ARCH;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -200,7 +200,7 @@ fn find(folder: &Path, name: &str) -> PathBuf {
     while let Some(folder) = folders.pop() {
         for entry in folder.read_dir().into_iter().flatten().flatten() {
             let path = entry.path();
-            if entry.file_name() == OsString::from(name) {
+            if entry.file_name() == name {
                 return path;
             }
             folders.extend(path.is_dir().then_some(path));
