@@ -50,15 +50,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let loader = args
-        .openxr_loader
-        .clone()
-        .or_else(|| env::var_os("OPENXR_LOADER").map(PathBuf::from))
-        .ok_or_else(|| {
-            "no OpenXR loader: download openxr_loader_for_android-VERSION.aar from the releases of Khronos's \
-             OpenXR-SDK-Source and give --openxr-loader FILE"
-                .to_owned()
-        });
+    let loader =
+        args.openxr_loader.clone().or_else(|| env::var_os("OPENXR_LOADER").map(PathBuf::from)).ok_or_else(
+            || {
+                let source =
+                    "openxr_loader_for_android-VERSION.aar from the releases of Khronos's OpenXR-SDK-Source";
+                let option = "--openxr-loader FILE";
+                format!("no OpenXR loader: download {source} and give {option}")
+            },
+        );
     let toolchain = if args.library.is_none() { Toolchain::find().map(Some) } else { Ok(None) };
     let (loader, toolchain) = match (loader, toolchain) {
         (Ok(loader), Ok(toolchain)) => (loader, toolchain),
