@@ -27,6 +27,14 @@ pub fn load(name: Option<&str>) -> Result<Clip, Fault> {
     }
 }
 
+/// What a clip is called: by its file, without a name the demo clip.
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) fn title(name: Option<&str>) -> String {
+    name.map_or("demo".into(), |path| {
+        Path::new(path).file_name().map_or(path.into(), |file| file.to_string_lossy().into_owned())
+    })
+}
+
 /// Reads and decodes a package.
 ///
 /// # Errors
@@ -61,6 +69,13 @@ mod tests {
     fn the_demo_clip_plays_and_offers_viewpoints() {
         let clip = load(None).unwrap();
         assert!(!clip.moving.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty());
+    }
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    fn a_clip_is_called_by_its_file() {
+        assert_eq!(title(Some("a/b/clip.aarc")), "clip.aarc");
+        assert_eq!(title(Some("..")), "..");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Writing results: whole or not at all.
 
-use std::io::Write;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
+use image::{ImageFormat, RgbImage};
 use tempfile::Builder;
 
 use crate::fault::Fault;
@@ -43,6 +44,16 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     file.write_all(bytes).map_err(fault)?;
     file.persist(path).map_err(|error| fault(error.error))?;
     Ok(())
+}
+
+/// Writes a picture as PNG, as [`write`] does.
+///
+/// # Errors
+/// Those of [`write`].
+pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
+    let mut png = Cursor::new(Vec::new());
+    picture.write_to(&mut png, ImageFormat::Png)?;
+    Ok(write(path, png.get_ref())?)
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -18,7 +18,6 @@ mod style;
 mod viewer;
 
 use std::panic::catch_unwind;
-use std::path::Path;
 use std::time::Instant;
 
 use winit::application::ApplicationHandler;
@@ -41,7 +40,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
-    let name = args.clip.as_deref().map_or("demo".into(), clip_name);
+    let name = source::title(args.clip.as_deref());
     let start = Start { name, clip, viewpoint, settings, size: args.size };
     let event_loop = open_display()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
@@ -49,11 +48,6 @@ pub fn run(args: &Args) -> Result<(), Fault> {
         .run_app(&mut app)
         .map_err(|error| Fault::Device(format!("the connection to the display failed: {error}")))?;
     app.result
-}
-
-/// What a clip at `path` is called.
-fn clip_name(path: &str) -> String {
-    Path::new(path).file_name().map_or(path.into(), |name| name.to_string_lossy().into_owned())
 }
 
 /// What to do where the libraries of the X server are not installed.
@@ -175,11 +169,5 @@ mod tests {
             no_display(|_| Some("x".into()), "refused"),
             "cannot connect to WAYLAND_DISPLAY=x (refused)"
         );
-    }
-
-    #[test]
-    fn a_clip_is_called_by_its_file() {
-        assert_eq!(clip_name("a/b/clip.aarc"), "clip.aarc");
-        assert_eq!(clip_name(".."), "..");
     }
 }

@@ -18,7 +18,7 @@ use super::loader::Loader;
 use super::overlay::Message;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
-use super::{clip_name, icon, style};
+use super::{icon, style};
 use crate::fault::Fault;
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings, UiPainter, WindowSurface};
 use crate::source;
@@ -143,7 +143,7 @@ impl Session {
             let (gpu, proxy) = (gpu.clone(), proxy.clone());
             let load = move |path: &Path| {
                 let clip = source::load_file(path)?;
-                Playing::new(&gpu, format, clip_name(&path.to_string_lossy()), &clip).map(Box::new)
+                Playing::new(&gpu, format, source::title(Some(&path.to_string_lossy())), &clip).map(Box::new)
             };
             // Without an event loop there is no window left to tell.
             let deliver = move |order, playing| drop(proxy.send_event(Event::Loaded(order, playing)));
@@ -193,7 +193,7 @@ impl Session {
     pub(super) fn load(&mut self, path: PathBuf) {
         self.input.egui_input_mut().hovered_files.clear();
         self.viewer.message =
-            Some(Message::Working(format!("Opening {}", clip_name(&path.to_string_lossy()))));
+            Some(Message::Working(format!("Opening {}", source::title(Some(&path.to_string_lossy())))));
         self.loader.load(path);
         self.window.request_redraw();
     }

@@ -3,7 +3,6 @@
 //! It outlives sessions: one that was lost is followed by another with the same clip at the same
 //! instant and place.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
@@ -14,6 +13,7 @@ use super::quality::Quality;
 use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, Renderer, RuntimeFormat, Settings, UiPainter};
 use crate::player::Player;
+use crate::source;
 
 /// Seconds between new numbers among the statistics: as fast as they can be read.
 const STATISTICS_S: f64 = 0.5;
@@ -138,7 +138,7 @@ impl Show {
 
     fn load(&mut self, name: Option<String>) -> Result<(), Fault> {
         let Some(format) = self.format else { return Ok(()) };
-        self.notice = Some(Told::Loading(format!("Opening {}", title(name.as_deref()))));
+        self.notice = Some(Told::Loading(format!("Opening {}", source::title(name.as_deref()))));
         self.loading = Some(Loading::start(self.gpu.clone(), name, format)?);
         Ok(())
     }
@@ -172,7 +172,7 @@ impl Show {
         self.notice = None;
         self.player.change_clip(loaded.duration_s, loaded.fps);
         self.clock = Clock::default();
-        let (title, key) = (title(loaded.name.as_deref()), key(loaded.name.as_deref()));
+        let (title, key) = (source::title(loaded.name.as_deref()), key(loaded.name.as_deref()));
         self.playing = Some(Playing { loaded, title, key, interaction: None });
         Ok(())
     }
@@ -349,13 +349,6 @@ impl Statistics {
             ("GPU", gpu),
         ]);
     }
-}
-
-/// What a clip is called.
-fn title(name: Option<&str>) -> String {
-    name.map_or("demo".into(), |name| {
-        Path::new(name).file_name().map_or(name.into(), |file| file.to_string_lossy().into_owned())
-    })
 }
 
 /// What a clip is called in the store: the same from wherever the program is started.

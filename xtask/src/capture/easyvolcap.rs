@@ -24,9 +24,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
     let storage = |name: &str| {
         let path = folder.join(name);
         let text = read_text(&path)?;
-        Ok((parse(&text), path))
+        Ok::<_, Fault>((parse(&text), path))
     };
-    let (intrinsics, intrinsics_path) = storage(INTRINSICS).map_err(|fault: Fault| fault)?;
+    let (intrinsics, intrinsics_path) = storage(INTRINSICS)?;
     let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
     let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());

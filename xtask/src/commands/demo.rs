@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use codec::{Camera, Clip, Limits, Viewpoint};
-use image::{ImageFormat, RgbImage, imageops};
+use image::{RgbImage, imageops};
 use refine::reference::{self, Order, Radius, coverage};
 use serde_json::json;
 use xtask::fault::Fault;
@@ -138,7 +138,7 @@ impl Pictures {
             let picture = image::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
             pictures.push(picture.into_rgb8());
         }
-        write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
+        output::write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
         Ok(true)
     }
 
@@ -171,7 +171,7 @@ impl Pictures {
                 "draw_ms": draw_ms,
             }));
         }
-        write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
+        output::write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
         let distance = EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit);
         // What lies ahead of the middle is to the right of the left eye.
         let eyes = [0.5, -0.5].map(|side| {
@@ -179,7 +179,7 @@ impl Pictures {
             camera.camera_from_world[0][3] += side * distance;
             draw(&camera, self.stereo_time)
         });
-        write_png(&self.stereo, &tiled(&eyes, 2))?;
+        output::write_png(&self.stereo, &tiled(&eyes, 2))?;
         let stats = json!({ "adapter": null, "driver": "reference renderer, on the CPU", "frames": frames });
         output::write(&self.stats, format!("{stats:#}\n").as_bytes())?;
         Ok(())
@@ -196,12 +196,6 @@ fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
         imageops::replace(&mut sheet, picture, (column * width).into(), (row * height).into());
     }
     sheet
-}
-
-fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
-    let mut png = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png)?;
-    Ok(output::write(path, png.get_ref())?)
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! `cargo xtask eval`: a field, a package or pictures against the photographs of a capture.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::capture::{self, Split};
 use serde_json::{Map, Value, json};
@@ -135,9 +134,6 @@ fn print(footage: &Footage, judged: &[Judged], table: &str) {
 fn write_strip(out: &Path, subject: &Subject, footage: &Footage, one: &Judged) -> anyhow::Result<()> {
     let strip = strip(subject, footage, one.shot)?;
     let rgb = RgbImage::from_raw(strip.width, strip.height, strip.to_rgb8()).expect("three bytes per pixel");
-    let mut png = Cursor::new(Vec::new());
-    rgb.write_to(&mut png, ImageFormat::Png)?;
     let name = footage.name(one.shot).replace(['/', '\\'], "_");
-    output::write(&out.join(format!("{}_{name}.png", one.split.name())), png.get_ref())?;
-    Ok(())
+    output::write_png(&out.join(format!("{}_{name}.png", one.split.name())), &rgb)
 }

@@ -1,10 +1,9 @@
 //! `cargo xtask render`: one image by the CPU reference renderer, which needs no graphics device.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 use refine::reference::{self, Order};
 use xtask::fault::Fault;
 use xtask::input::{Input, clip_time};
@@ -58,9 +57,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let image = reference::render(&input.to_reference(), &camera, t, Order::Depth);
     let rgb = RgbImage::from_raw(width, height, image.to_rgb8()).expect("three bytes per pixel");
-    let mut png = Cursor::new(Vec::new());
-    rgb.write_to(&mut png, ImageFormat::Png)?;
-    output::write(&args.out, png.get_ref())?;
+    output::write_png(&args.out, &rgb)?;
     println!("{}: {width}x{height}, {} s", args.out.display(), args.time);
     Ok(())
 }
