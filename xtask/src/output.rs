@@ -46,10 +46,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Writes a picture as PNG, as [`write`] does.
+/// Writes a picture as PNG, as [`write()`] does.
 ///
 /// # Errors
-/// Those of [`write`].
+/// Those of [`write()`].
 pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     let mut png = Cursor::new(Vec::new());
     picture.write_to(&mut png, ImageFormat::Png)?;
