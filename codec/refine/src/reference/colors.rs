@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::evaluate::Splat;
 use super::sh::basis;
 use super::sort::{self, Order};
-use super::splat::{Fragments, Walk};
+use super::splat::{Fragment, Walk};
 use super::{Part, evaluate_parts};
 use crate::image::Image;
 
@@ -58,10 +58,11 @@ impl Colors {
                 masked(color, splat)
             })
             .collect();
-        self.add_gathered(sum, |_, met| {
+        self.add_gathered(sum, |_, fragments| {
             let mut pixel = [0.0; 3];
-            for &(index, weight) in met {
-                (0..3).for_each(|channel| pixel[channel] += weight * colors[index][channel]);
+            for fragment in fragments {
+                let color = colors[fragment.index];
+                (0..3).for_each(|channel| pixel[channel] += fragment.weight() * color[channel]);
             }
             pixel
         });
@@ -69,8 +70,8 @@ impl Colors {
 
     /// Adds the diagonal of `A^T A` to `sum`.
     pub(crate) fn add_diagonal(&self, sum: &mut [[f64; 3]]) {
-        let add = |sums: &mut [f64], _, fragments: &mut Fragments| {
-            fragments.for_each(|fragment| sums[fragment.index] += fragment.weight().powi(2));
+        let add = |sums: &mut [f64], _, fragments: &[Fragment]| {
+            fragments.iter().for_each(|fragment| sums[fragment.index] += fragment.weight().powi(2));
         };
         let squares = self.walk.sum_per_splat(add, |a, b| *a += b);
         for ((splat, basis), square) in self.splats.iter().zip(&self.bases).zip(&squares) {
@@ -82,13 +83,13 @@ impl Colors {
         }
     }
 
-    /// Adds `A^T r` to `sum`, `r` being made pixel by pixel from the splats met and their weights.
-    fn add_gathered(&self, sum: &mut [[f64; 3]], r: impl Fn(usize, &[(usize, f64)]) -> [f64; 3] + Sync) {
-        let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &mut Fragments| {
-            let met: Vec<(usize, f64)> = fragments.map(|f| (f.index, f.weight())).collect();
-            let r = r(pixel, &met);
-            for (index, weight) in met {
-                (0..3).for_each(|channel| sums[index][channel] += weight * r[channel]);
+    /// Adds `A^T r` to `sum`, `r` being made pixel by pixel from its fragments.
+    fn add_gathered(&self, sum: &mut [[f64; 3]], r: impl Fn(usize, &[Fragment]) -> [f64; 3] + Sync) {
+        let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &[Fragment]| {
+            let r = r(pixel, fragments);
+            for fragment in fragments {
+                let sum = &mut sums[fragment.index];
+                (0..3).for_each(|channel| sum[channel] += fragment.weight() * r[channel]);
             }
         };
         let merge = |a: &mut [f64; 3], b: &[f64; 3]| (0..3).for_each(|channel| a[channel] += b[channel]);

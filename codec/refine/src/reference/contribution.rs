@@ -7,7 +7,7 @@
 use codec::{Camera, Field};
 
 use super::sort::{self, Order};
-use super::splat::{Fragments, Walk};
+use super::splat::{Fragment, Walk};
 use super::{Part, evaluate_parts};
 
 /// What one Gaussian contributes to one picture, or to several.
@@ -44,7 +44,7 @@ pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Ve
     let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, t);
     sort::sort(&mut splats, order);
     let walk = Walk::new(&splats, camera.width, camera.height);
-    let add = |sums: &mut [Contribution], _, fragments: &mut Fragments| {
+    let add = |sums: &mut [Contribution], _, fragments: &[Fragment]| {
         for fragment in fragments {
             let weight = fragment.weight();
             sums[fragment.index].merge(&Contribution {

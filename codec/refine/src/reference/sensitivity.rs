@@ -9,7 +9,7 @@ use codec::{Field, Sensitivity};
 
 use super::evaluate::BLUR;
 use super::sort::{self, Order};
-use super::splat::{Fragments, Walk};
+use super::splat::{Fragment, Walk};
 use super::{Part, evaluate_parts};
 use crate::prune::Shot;
 
@@ -54,10 +54,9 @@ pub fn sensitivities(
             splats.append(&mut behind);
         }
         let walk = Walk::new(&splats, camera.width, camera.height);
-        let add = |sums: &mut [Sums], _, fragments: &mut Fragments| {
-            let met: Vec<_> = fragments.collect();
+        let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
             let mut behind = [0.0; 3];
-            for fragment in met.iter().rev() {
+            for fragment in fragments.iter().rev() {
                 let splat = &splats[fragment.index];
                 let square = fragment.weight() * fragment.weight();
                 let contrast =

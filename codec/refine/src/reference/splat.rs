@@ -1,8 +1,11 @@
 //! Stage `splat`: composites sorted splats into pixels, the paper's rendering equation.
 //!
-//! An image is walked in bands of square tiles, in parallel. A tile first collects the splats that
-//! can reach it, so that a pixel meets only those; neither the tiles nor the threads show in the
-//! result. [`Walk`] is that walk; [`splat`] draws with it, others measure with it.
+//! An image is walked in bands of square tiles, in parallel. In a tile each splat, front to back, is
+//! added to the pixels that its ellipse holds; then the pixels are visited, each with what it met.
+//! Neither the tiles nor the threads show in the result. [`Walk`] is that walk; [`splat`] draws with
+//! it, others measure with it.
+
+use std::ops::Range;
 
 use codec::ALPHA_MIN;
 use glam::{DVec2, dvec2};
@@ -32,15 +35,16 @@ pub(crate) fn splat(splats: &[Splat], width: u32, height: u32) -> Image {
 }
 
 /// The colour and alpha of a pixel.
-fn composite(splats: &[Splat], fragments: &mut Fragments) -> [f64; 4] {
+fn composite(splats: &[Splat], fragments: &[Fragment]) -> [f64; 4] {
     let mut color = [0.0; 3];
-    for fragment in &mut *fragments {
+    for fragment in fragments {
         let weight = fragment.weight();
         for (sum, c) in color.iter_mut().zip(splats[fragment.index].color) {
             *sum += c * weight;
         }
     }
-    [color[0], color[1], color[2], 1.0 - fragments.transmittance]
+    let transmittance = fragments.last().map_or(1.0, Fragment::transmittance_behind);
+    [color[0], color[1], color[2], 1.0 - transmittance]
 }
 
 /// What a splat adds to a pixel.
@@ -59,6 +63,11 @@ impl Fragment {
     pub(crate) fn weight(&self) -> f64 {
         self.alpha * self.transmittance
     }
+
+    /// Part of the light from behind that passes this and everything in front.
+    fn transmittance_behind(&self) -> f64 {
+        self.transmittance * (1.0 - self.alpha)
+    }
 }
 
 /// A walk over the pixels of an image and the splats that each one meets.
@@ -76,33 +85,35 @@ impl Walk {
     }
 
     /// Visits each pixel of a band, which is [`TILE`] rows high, always in the same order: its index
-    /// from the band's top left corner, row by row, and its fragments.
-    fn band(&self, band: usize, mut visit: impl FnMut(usize, &mut Fragments)) {
-        let (top, bottom) = (band * TILE, (band * TILE + TILE).min(self.height));
-        let reach = |stamp: &&Stamp| stamp.reaches_rows(top, bottom);
+    /// from the band's top left corner, row by row, and its fragments, front to back.
+    fn band(&self, band: usize, mut visit: impl FnMut(usize, &[Fragment])) {
+        let rows = band * TILE..(band * TILE + TILE).min(self.height);
+        let reach = |stamp: &&Stamp| stamp.reaches_rows(&rows);
         let in_band: Vec<&Stamp> = self.stamps.iter().filter(reach).collect();
-        let mut in_tile = Vec::new();
+        let mut tile = Tile::default();
         for left in (0..self.width).step_by(TILE) {
-            let right = (left + TILE).min(self.width);
-            in_tile.clear();
-            in_tile.extend(in_band.iter().filter(|stamp| stamp.reaches_columns(left, right)));
-            for y in top..bottom {
-                for x in left..right {
-                    let point = dvec2(x as f64 + 0.5, y as f64 + 0.5);
-                    let mut fragments = Fragments { stamps: in_tile.iter(), point, transmittance: 1.0 };
-                    visit((y - top) * self.width + x, &mut fragments);
+            let columns = left..(left + TILE).min(self.width);
+            tile.reset(rows.clone(), columns.clone());
+            for stamp in in_band.iter().filter(|stamp| stamp.reaches_columns(&columns)) {
+                tile.add(stamp);
+                if tile.open == 0 {
+                    break;
                 }
+            }
+            let places = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
+            for ((x, y), pixel) in places.zip(&tile.pixels) {
+                visit((y - rows.start) * self.width + x, &pixel.fragments);
             }
         }
     }
 
     /// Sums something up per splat, over all pixels: `visit` is given the sums so far in the band,
-    /// one per splat, and one pixel of it: its index in the image and its fragments. `merge` adds
-    /// the sum of one band to another. Bands merge from top to bottom, so the result does not
-    /// depend on the number of threads.
+    /// one per splat, and one pixel of it: its index in the image and its fragments, front to back.
+    /// `merge` adds the sum of one band to another. Bands merge from top to bottom, so the result
+    /// does not depend on the number of threads.
     pub(crate) fn sum_per_splat<T: Clone + Default + PartialEq + Send>(
         &self,
-        visit: impl Fn(&mut [T], usize, &mut Fragments) + Sync,
+        visit: impl Fn(&mut [T], usize, &[Fragment]) + Sync,
         merge: impl Fn(&mut T, &T),
     ) -> Vec<T> {
         let of_band = |band: usize| {
@@ -120,45 +131,80 @@ impl Walk {
     }
 }
 
-/// The fragments of one pixel, front to back.
-pub(crate) struct Fragments<'a> {
-    stamps: std::slice::Iter<'a, &'a Stamp>,
-    point: DVec2,
-    /// Part of the light from behind that passes all fragments so far.
+/// The pixels of a tile and what they have met so far.
+#[derive(Default)]
+struct Tile {
+    rows: Range<usize>,
+    columns: Range<usize>,
+    /// Row by row; there may be more of them than the tile has, left from a larger one.
+    pixels: Vec<Pixel>,
+    /// Number of pixels that are not finished.
+    open: usize,
+}
+
+#[derive(Clone)]
+struct Pixel {
+    /// Front to back.
+    fragments: Vec<Fragment>,
+    /// Part of the light from behind that passes all of them; 0 where the pixel is finished.
     transmittance: f64,
 }
 
-impl Iterator for Fragments<'_> {
-    type Item = Fragment;
-
-    fn next(&mut self) -> Option<Fragment> {
-        for stamp in &mut self.stamps {
-            let alpha = stamp.alpha(self.point);
-            if alpha < ALPHA_MIN {
-                continue;
-            }
-            let transmittance = self.transmittance;
-            let next = transmittance * (1.0 - alpha);
-            if next <= TRANSMITTANCE_MIN {
-                self.stamps = [].iter();
-                return None;
-            }
-            self.transmittance = next;
-            return Some(Fragment { index: stamp.index, alpha, transmittance });
+impl Tile {
+    /// Makes a tile that has met nothing. Keeps the memory.
+    fn reset(&mut self, rows: Range<usize>, columns: Range<usize>) {
+        self.open = rows.len() * columns.len();
+        (self.rows, self.columns) = (rows, columns);
+        self.pixels
+            .resize(self.open.max(self.pixels.len()), Pixel { fragments: Vec::new(), transmittance: 1.0 });
+        for pixel in &mut self.pixels {
+            pixel.fragments.clear();
+            pixel.transmittance = 1.0;
         }
-        None
+    }
+
+    /// Adds a splat behind those that were met.
+    fn add(&mut self, stamp: &Stamp) {
+        let width = self.columns.len();
+        for y in stamp.rows(&self.rows) {
+            let dy = y as f64 + 0.5 - stamp.center.y;
+            let columns = stamp.columns(dy, &self.columns);
+            let first = (y - self.rows.start) * width + columns.start - self.columns.start;
+            let pixels = &mut self.pixels[first..first + columns.len()];
+            for (x, pixel) in columns.zip(pixels) {
+                if pixel.transmittance == 0.0 {
+                    continue;
+                }
+                let alpha = stamp.alpha(x as f64 + 0.5 - stamp.center.x, dy);
+                if alpha < ALPHA_MIN {
+                    continue;
+                }
+                let fragment = Fragment { index: stamp.index, alpha, transmittance: pixel.transmittance };
+                let behind = fragment.transmittance_behind();
+                if behind <= TRANSMITTANCE_MIN {
+                    pixel.transmittance = 0.0;
+                    self.open -= 1;
+                } else {
+                    pixel.fragments.push(fragment);
+                    pixel.transmittance = behind;
+                }
+            }
+        }
     }
 }
 
-/// A splat in the form that pixels need.
+/// A splat in the form that pixels need. With `d` from its centre to a pixel's, the squared distance
+/// in standard deviations is `(d.y / sigma_y)^2 + ((d.x - lean d.y) / sigma_x)^2`: what `y` has, and
+/// what `x` has once `y` is known. Sums of squares stay exact for needles.
 struct Stamp {
     /// Index of the splat.
     index: usize,
     center: DVec2,
     /// Half the size of the box outside which alpha is below [`ALPHA_MIN`].
     reach: DVec2,
-    /// Inverse of the covariance: xx, xy, yy.
-    conic: [f64; 3],
+    lean: f64,
+    /// `1 / sigma_x` and `1 / sigma_y`, squared.
+    precision: DVec2,
     opacity: f64,
     /// Squared distance in standard deviations from which alpha is certainly below [`ALPHA_MIN`].
     far: f64,
@@ -167,39 +213,55 @@ struct Stamp {
 impl Stamp {
     fn new(index: usize, splat: &Splat) -> Stamp {
         let [xx, xy, yy] = splat.covariance;
-        let determinant = xx * yy - xy * xy;
         let radius = splat.radius();
         Stamp {
             index,
             center: splat.center,
             reach: radius * dvec2(xx.sqrt(), yy.sqrt()),
-            conic: [yy / determinant, -xy / determinant, xx / determinant],
+            lean: xy / yy,
+            precision: dvec2(yy / (xx * yy - xy * xy), 1.0 / yy),
             opacity: splat.opacity,
             // The margin is far above the rounding of the exponential.
             far: radius * radius + 1e-9,
         }
     }
 
-    /// Whether pixels of the rows `top..bottom` can lie in the box.
-    fn reaches_rows(&self, top: usize, bottom: usize) -> bool {
-        self.center.y + self.reach.y >= top as f64 && self.center.y - self.reach.y <= bottom as f64
+    /// Whether pixels of `rows` can lie in the box.
+    fn reaches_rows(&self, rows: &Range<usize>) -> bool {
+        self.center.y + self.reach.y >= rows.start as f64 && self.center.y - self.reach.y <= rows.end as f64
     }
 
-    /// Whether pixels of the columns `left..right` can lie in the box.
-    fn reaches_columns(&self, left: usize, right: usize) -> bool {
-        self.center.x + self.reach.x >= left as f64 && self.center.x - self.reach.x <= right as f64
+    /// Whether pixels of `columns` can lie in the box.
+    fn reaches_columns(&self, columns: &Range<usize>) -> bool {
+        self.center.x + self.reach.x >= columns.start as f64
+            && self.center.x - self.reach.x <= columns.end as f64
     }
 
-    /// `min(0.999, o exp(-q / 2))`, `q` being the squared distance in standard deviations; 0
-    /// where that is certainly below [`ALPHA_MIN`].
-    fn alpha(&self, point: DVec2) -> f64 {
-        let d = point - self.center;
-        let [xx, xy, yy] = self.conic;
-        let q = xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y;
-        if q > self.far {
-            return 0.0;
-        }
-        // Far from a needle, rounding can bring q below 0.
-        (self.opacity * libm::exp(-0.5 * q.max(0.0))).min(ALPHA_MAX)
+    /// The `rows` whose pixel centres lie in the box.
+    fn rows(&self, rows: &Range<usize>) -> Range<usize> {
+        pixels_between(self.center.y - self.reach.y, self.center.y + self.reach.y, rows)
     }
+
+    /// The `columns` whose pixel centres lie in the ellipse where alpha reaches [`ALPHA_MIN`], in
+    /// the row at `dy`, or few more.
+    fn columns(&self, dy: f64, columns: &Range<usize>) -> Range<usize> {
+        let half = ((self.far - self.precision.y * dy * dy) / self.precision.x).max(0.0).sqrt();
+        let middle = self.center.x + self.lean * dy;
+        pixels_between(middle - half, middle + half, columns)
+    }
+
+    /// `min(0.999, o exp(-q / 2))`, `q` being the squared distance in standard deviations.
+    fn alpha(&self, dx: f64, dy: f64) -> f64 {
+        let across = dx - self.lean * dy;
+        let q = self.precision.y * dy * dy + self.precision.x * across * across;
+        (self.opacity * libm::exp(-0.5 * q)).min(ALPHA_MAX)
+    }
+}
+
+/// Those of `pixels`, along one axis, whose centres lie in `[start, end]`.
+fn pixels_between(start: f64, end: f64, pixels: &Range<usize>) -> Range<usize> {
+    // Conversions saturate, whatever the numbers.
+    let first = ((start - 0.5).ceil() as usize).clamp(pixels.start, pixels.end);
+    let last = ((end + 0.5).floor() as usize).clamp(first, pixels.end);
+    first..last
 }
