@@ -1,12 +1,14 @@
 //! Player of 4D Gaussian clips.
 //!
 //! [`source`] brings the bytes of a clip, [`gpu`] uploads the decoded clip once and draws frames
-//! of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. Only
+//! of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. On
+//! Android there is the headset alone, and `xr` also holds the entry point of the library. Only
 //! [`gpu`] knows the graphics API; it knows nothing of files and windows.
 
 pub mod args;
 pub mod fault;
 pub mod gpu;
+#[cfg(not(target_os = "android"))]
 pub mod headless;
 pub mod output;
 pub mod player;

@@ -1,17 +1,24 @@
 //! Where clips come from: files, and the demo clip that is built in.
 
+#[cfg(not(target_os = "android"))]
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::thread;
 
 use codec::{Clip, Error, Limits, decode_parallel};
 
 use crate::fault::Fault;
+#[cfg(target_os = "android")]
+use crate::xr::demo;
 
 /// The clip that plays when none is named.
-static DEMO: &[u8] = include_bytes!("../../assets/demo.aarc");
+#[cfg(not(target_os = "android"))]
+fn demo() -> Result<Cow<'static, [u8]>, Fault> {
+    Ok(Cow::Borrowed(include_bytes!("../../assets/demo.aarc")))
+}
 
 /// Reads and decodes the clip named on the command line, a path; without a name the demo clip.
 ///
@@ -19,7 +26,7 @@ static DEMO: &[u8] = include_bytes!("../../assets/demo.aarc");
 /// [`Fault::Network`] for a URL, and as [`load_file`].
 pub fn load(name: Option<&str>) -> Result<Clip, Fault> {
     match name {
-        None => decode(DEMO).map_err(|error| Fault::Data(format!("demo clip: {error}"))),
+        None => decode(&demo()?).map_err(|error| Fault::Data(format!("demo clip: {error}"))),
         Some(url) if url.starts_with("http://") || url.starts_with("https://") => {
             Err(Fault::Network(format!("{url}: addresses are not supported yet: download it first")))
         }
@@ -33,6 +40,18 @@ pub(crate) fn title(name: Option<&str>) -> String {
     name.map_or("demo".into(), |path| {
         Path::new(path).file_name().map_or(path.into(), |file| file.to_string_lossy().into_owned())
     })
+}
+
+/// The clips in a folder, by name.
+#[cfg(feature = "xr")]
+pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let mut clips: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|end| end == "aarc"))
+        .collect();
+    clips.sort();
+    clips
 }
 
 /// Reads and decodes a package.

@@ -44,6 +44,18 @@ fn the_player_does_not_compile_the_encoder() {
 }
 
 #[test]
+fn on_android_the_player_compiles_what_it_runs_there() {
+    let features = ["--no-default-features", "--features", "xr", "--target", "aarch64-linux-android"];
+    let tree = tree(&[&["--edges", "normal"][..], &features].concat());
+    for package in ["android-activity", "android_logger", "egui"] {
+        assert!(depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+    for package in ["winit", "egui-winit", "env_logger"] {
+        assert!(!depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+}
+
+#[test]
 fn a_player_without_a_window_has_no_window_libraries() {
     let with = tree(&["--edges", "normal"]);
     let without = tree(&["--edges", "normal", "--no-default-features"]);

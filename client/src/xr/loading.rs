@@ -3,7 +3,7 @@
 //! Buffers are filled and pipelines are built there without a submission: what is to be copied goes
 //! along with the next frame.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread::JoinHandle;
@@ -31,16 +31,8 @@ pub(super) struct Loaded {
 /// only one.
 fn next_clip(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut clips: Vec<PathBuf> = folder
-        .read_dir()
-        .ok()?
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|clip| {
-            clip.extension().is_some_and(|end| end == "aarc") && clip.file_name() != path.file_name()
-        })
-        .collect();
-    clips.sort();
+    let mut clips = source::clips_in(folder);
+    clips.retain(|clip| clip.file_name() != path.file_name());
     let after = clips.iter().find(|clip| clip.file_name() > path.file_name());
     after.or(clips.first())?.to_str().map(String::from)
 }
@@ -107,6 +99,8 @@ impl Drop for Loading {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     #[test]

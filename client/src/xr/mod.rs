@@ -4,12 +4,17 @@
 //! drawn into and where hands come from; `show` is the clip, its clock, the panel and what hands do;
 //! this file runs the frames. What follows from the runtime's events is decided in `state`, where an
 //! eye looks in `eye`, in what order frames and images are handled in `frame`, all without a runtime.
+//! Operating systems differ in `desktop` and `android` alone.
 //!
 //! One thread does all that is seen: it alone submits to the GPU, because a runtime uses the same
 //! queue within the calls it is given ([`Gpu::submit`] checks it). Clips are loaded on another, up
 //! to buffers and pipelines, which takes no submission; frames go on meanwhile.
 
+#[cfg(target_os = "android")]
+mod android;
 mod calls;
+#[cfg(not(target_os = "android"))]
+mod desktop;
 mod error;
 mod extensions;
 mod eye;
@@ -22,11 +27,14 @@ pub mod panel;
 mod panel_layer;
 mod quality;
 mod report;
+#[cfg(any(target_os = "android", test))]
+mod request;
 mod runtime;
 mod session;
 mod show;
 mod space;
 mod state;
+#[cfg(not(target_os = "android"))]
 mod store;
 mod swapchain;
 
@@ -37,6 +45,12 @@ use crate::args::Args;
 use crate::fault::Fault;
 use crate::gpu::{Failures, Gpu};
 use crate::output;
+#[cfg(target_os = "android")]
+use android::System;
+#[cfg(target_os = "android")]
+pub(crate) use android::demo;
+#[cfg(not(target_os = "android"))]
+use desktop::System;
 use error::Halt;
 use quality::Quality;
 use report::Report;
@@ -52,20 +66,26 @@ const IDLE_POLL: Duration = Duration::from_millis(10);
 ///
 /// # Errors
 /// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::source::load`].
+#[cfg(not(target_os = "android"))]
 pub fn run(args: &Args) -> Result<(), Fault> {
+    play(args, &mut System)
+}
+
+/// The same on a given system.
+fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     if args.out.is_some() && args.frames.is_none() {
         return Err(Fault::Usage("--xr --out writes the last of the frames: give --frames A..B".into()));
     }
     args.out.as_ref().map_or(Ok(()), |folder| output::check_folder(folder))?;
     args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
     let started = Instant::now();
-    let runtime = Runtime::open()?;
+    let runtime = Runtime::open(system)?;
     let (gpu, handles) = Gpu::from_vulkan(&runtime)?;
     let gpu = Arc::new(gpu);
     let failures = Failures::watch(&gpu);
     // A run of a number of frames is for measuring: it neither adapts nor remembers.
     let (adapts, store) = match args.frames {
-        None => (true, store::open()),
+        None => (true, system.store()),
         Some(_) => (false, None),
     };
     let mut show = Show::new(gpu.clone(), args.clip.clone(), Quality::new(args.settings(), adapts), store);
@@ -73,13 +93,13 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     loop {
         let mut session = Session::open(&runtime, &gpu, &handles, args.out.is_some())?;
         show.prepare(session.format(), session.can_see_through())?;
-        match watch(&runtime, &mut session, &mut show, &mut report, &failures) {
+        match watch(system, &runtime, &mut session, &mut show, &mut report, &failures) {
             Ok(()) => break,
             Err(Halt::SessionLost) => {
                 log::warn!("the headset's session was lost: starting another");
                 report.lose_session();
                 drop(session);
-                runtime.wait_for_headset()?;
+                runtime.wait_for_headset(system)?;
             }
             Err(Halt::Fault(fault)) => return Err(fault),
         }
@@ -90,6 +110,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 
 /// Runs a session to its end.
 fn watch(
+    system: &mut System,
     runtime: &Runtime,
     session: &mut Session,
     show: &mut Show,
@@ -98,6 +119,10 @@ fn watch(
 ) -> Result<(), Halt> {
     let mut life = Life::default();
     loop {
+        // A frame has its own time to wait for.
+        if system.wait(if life.wants_frames() { Duration::ZERO } else { IDLE_POLL }) {
+            return Ok(());
+        }
         while let Some(event) = session.poll(runtime)? {
             let (next, action) = life.on(event);
             life = next;
@@ -117,7 +142,6 @@ fn watch(
         }
         failures.check(show.gpu()).map_err(Halt::Fault)?;
         if !life.wants_frames() {
-            std::thread::sleep(IDLE_POLL);
             continue;
         }
         let asked = session.frame(show, report, life.has_focus())?;

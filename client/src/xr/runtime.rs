@@ -10,7 +10,7 @@ use glam::{UVec2, uvec2};
 use openxr as xr;
 
 use super::error::{During, STARTING};
-use super::extensions;
+use super::{System, extensions};
 use crate::fault::Fault;
 use crate::gpu::VulkanRuntime;
 
@@ -40,15 +40,8 @@ impl Runtime {
     ///
     /// # Errors
     /// [`Fault::Device`] that says what is missing.
-    pub(super) fn open() -> Result<Runtime, Fault> {
-        // SAFETY: the OpenXR loader of the system is what it says.
-        let entry = unsafe { xr::Entry::load(&()) }.map_err(|error| {
-            log::info!("{error}");
-            Fault::Device(
-                "no OpenXR loader was found: install it (Debian and Ubuntu: apt-get install libopenxr-loader1)"
-                    .into(),
-            )
-        })?;
+    pub(super) fn open(system: &mut System) -> Result<Runtime, Fault> {
+        let entry = system.entry()?;
         let offered = entry.enumerate_extensions().fault(STARTING)?;
         if !offered.khr_vulkan_enable2 {
             return Err(Fault::Device(
@@ -66,10 +59,10 @@ impl Runtime {
             // What is used of later versions is there as extensions; old loaders refuse more.
             api_version: xr::Version::new(1, 0, 0),
         };
-        let instance = entry.create_instance(&application, &extensions, &[], &()).fault(STARTING)?;
+        let instance = system.start(&entry, &application, &extensions).fault(STARTING)?;
         let properties = instance.properties().fault(STARTING)?;
         let name = format!("{} {}", properties.runtime_name, properties.runtime_version);
-        let system = find_headset(&instance)?;
+        let system = find_headset(&instance, system)?;
         let headset = instance.system_properties(system).fault("looking at the headset")?.system_name;
 
         let views = instance.enumerate_view_configuration_views(system, EYES).fault("counting the eyes")?;
@@ -97,29 +90,29 @@ impl Runtime {
     ///
     /// # Errors
     /// [`Fault::Device`] if it does not come.
-    pub(super) fn wait_for_headset(&self) -> Result<(), Fault> {
-        find_headset(&self.instance).map(drop)
+    pub(super) fn wait_for_headset(&self, system: &mut System) -> Result<(), Fault> {
+        find_headset(&self.instance, system).map(drop)
     }
 }
 
 /// The headset of a runtime. Where it is known and not available, waits for it and says so.
-fn find_headset(instance: &xr::Instance) -> Result<xr::SystemId, Fault> {
+fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::SystemId, Fault> {
     let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
     retry(ask, |attempt| {
         if attempt == 0 {
             eprintln!("waiting for the headset: connect it, switch it on, put it on");
         }
-        std::thread::sleep(RETRY_DELAY);
+        !system.wait(RETRY_DELAY)
     })
     .fault("looking for the headset")
 }
 
 /// Asks until the answer is another than that the headset is not available now, [`RETRIES`] times
-/// more at most, with `wait` for the number of the attempt in between.
-fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32)) -> xr::Result<T> {
+/// more at most, with `wait` for the number of the attempt in between, which says whether to go on.
+fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32) -> bool) -> xr::Result<T> {
     for attempt in 0..RETRIES {
         match ask() {
-            Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE) => wait(attempt),
+            Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE) if wait(attempt) => {}
             answer => return answer,
         }
     }
@@ -234,7 +227,7 @@ mod tests {
     #[test]
     fn a_headset_that_comes_later_is_waited_for() {
         let unavailable = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE);
-        let answer_after = |refusals: u32, answer: xr::Result<u8>| {
+        let answer_after = |refusals: u32, patience: u32, answer: xr::Result<u8>| {
             let (mut asked, mut waited) = (0, 0);
             let ask = || {
                 asked += 1;
@@ -243,14 +236,17 @@ mod tests {
             let answer = retry(ask, |attempt| {
                 assert_eq!(attempt, waited);
                 waited += 1;
+                waited < patience
             });
             (answer, waited)
         };
-        assert_eq!(answer_after(0, Ok(1)), (Ok(1), 0));
-        assert_eq!(answer_after(7, Ok(1)), (Ok(1), 7));
-        assert_eq!(answer_after(u32::MAX, Ok(1)), (unavailable, RETRIES), "not for ever");
+        let always = u32::MAX;
+        assert_eq!(answer_after(0, always, Ok(1)), (Ok(1), 0));
+        assert_eq!(answer_after(7, always, Ok(1)), (Ok(1), 7));
+        assert_eq!(answer_after(7, 3, Ok(1)), (unavailable, 3), "not when the program has to end");
+        assert_eq!(answer_after(always, always, Ok(1)), (unavailable, RETRIES), "not for ever");
         let unsupported = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNSUPPORTED);
-        assert_eq!(answer_after(1, unsupported), (unsupported, 1), "another reason is none to wait");
+        assert_eq!(answer_after(1, always, unsupported), (unsupported, 1), "another reason is none to wait");
     }
 
     #[test]

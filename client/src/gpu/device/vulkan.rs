@@ -122,7 +122,7 @@ impl Gpu {
                 entry.clone(),
                 instance.clone(),
                 version,
-                0,
+                android_version(),
                 None,
                 extensions,
                 flags,
@@ -182,6 +182,15 @@ impl Gpu {
         let here = std::thread::current().id();
         Ok((Gpu::opened(adapter, &wanted, opened, Some(here)), handles))
     }
+}
+
+/// The version of Android as a level of its interfaces, which some drivers' faults are known by; 0
+/// elsewhere.
+fn android_version() -> u32 {
+    #[cfg(target_os = "android")]
+    return android_activity::AndroidApp::sdk_version().unsigned_abs();
+    #[cfg(not(target_os = "android"))]
+    0
 }
 
 /// The version to make an instance with, where the loader has up to `offered` and the runtime needs

@@ -1,0 +1,77 @@
+//! `android_main`: what Android calls, and what it brings about before a clip plays.
+
+#![allow(unsafe_code, reason = "the name of the entry point is fixed")]
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use android_activity::AndroidApp;
+use log::LevelFilter;
+use ndk::asset::AssetManager;
+
+use super::intent;
+use super::system::System;
+use crate::fault::Fault;
+use crate::xr::request::command_line;
+
+/// What the log shows: what this program has to say, and the complaints of everything else.
+const LOG_FILTER: &str = "warn,client=info";
+
+/// The tag of this program's lines in the log.
+const LOG_TAG: &str = "aarc";
+
+/// The assets of the APK, which belong to the process and not to one activity.
+static ASSETS: OnceLock<AssetManager> = OnceLock::new();
+
+/// Plays until the viewer leaves or the activity is destroyed. Returning ends the activity.
+// SAFETY: nothing else has this name, and it is of the type that the glue of the activity calls.
+#[unsafe(no_mangle)]
+fn android_main(app: AndroidApp) {
+    log_to_system();
+    match play(app) {
+        Ok(()) => log::info!("the end"),
+        Err(fault) => log::error!("{fault}"),
+    }
+}
+
+fn play(app: AndroidApp) -> Result<(), Fault> {
+    ASSETS.get_or_init(|| app.asset_manager());
+    let folders: Vec<PathBuf> =
+        [app.external_data_path(), app.internal_data_path()].into_iter().flatten().collect();
+    if let Some(folder) = folders.first()
+        && let Err(error) = std::env::set_current_dir(folder)
+    {
+        log::warn!("{}: {error}: clips have to be named with their paths", folder.display());
+    }
+    let args = command_line(intent::read(&app), &folders)?;
+    log::info!("playing {}", args.clip.as_deref().unwrap_or("the demo clip"));
+    crate::xr::play(&args, &mut System::new(app))
+}
+
+/// Sends what is logged, panics included, to the system's log. A process may run several activities
+/// one after the other; the first sets up the log for all.
+fn log_to_system() {
+    static ONCE: OnceLock<()> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let filter = android_logger::FilterBuilder::new().parse(LOG_FILTER).build();
+        android_logger::init_once(
+            android_logger::Config::default()
+                .with_max_level(LevelFilter::Info)
+                .with_tag(LOG_TAG)
+                .with_filter(filter),
+        );
+        std::panic::set_hook(Box::new(|panic| log::error!("{panic}")));
+    });
+}
+
+/// The demo clip, an asset.
+///
+/// # Errors
+/// [`Fault::Data`] if the APK was packed without it.
+pub(crate) fn demo() -> Result<Cow<'static, [u8]>, Fault> {
+    let asset = ASSETS.get().and_then(|assets| assets.open(c"demo.aarc"));
+    let mut asset = asset.ok_or_else(|| Fault::Data("demo clip: the APK was packed without it".into()))?;
+    let bytes = asset.buffer().map_err(|error| Fault::Data(format!("demo clip: {error}")))?;
+    Ok(Cow::Owned(bytes.to_vec()))
+}

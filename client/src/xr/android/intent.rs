@@ -1,0 +1,83 @@
+//! Reads the intent that started the activity, through Java's native interface.
+
+#![allow(unsafe_code, reason = "the activity is a reference of Java's")]
+
+use android_activity::AndroidApp;
+use jni::objects::JString;
+use jni::refs::{Global, Reference};
+use jni::{Env, JavaVM};
+
+use crate::xr::request::Request;
+
+/// Names of the extras that are looked at.
+const CLIP: &str = "clip";
+const OPTIONS: &str = "args";
+
+jni::bind_java_type! {
+    Uri => "android.net.Uri",
+    methods {
+        fn get_scheme() -> JString,
+        fn get_path() -> JString,
+        fn to_string() -> JString,
+    }
+}
+
+jni::bind_java_type! {
+    Intent => "android.content.Intent",
+    type_map { Uri => "android.net.Uri" },
+    methods {
+        fn get_data() -> Uri,
+        fn get_string_extra(name: JString) -> JString,
+    }
+}
+
+jni::bind_java_type! {
+    Activity => "android.app.Activity",
+    type_map { Intent => "android.content.Intent" },
+    methods {
+        fn get_intent() -> Intent,
+    }
+}
+
+/// What the intent asks for; nothing, with a warning, where it cannot be read.
+pub(super) fn read(app: &AndroidApp) -> Request {
+    let request = JavaVM::singleton().and_then(|vm| vm.attach_current_thread(|env| request(env, app)));
+    request.unwrap_or_else(|error| {
+        log::warn!("the intent cannot be read: {error}");
+        Request::default()
+    })
+}
+
+fn request(env: &mut Env<'_>, app: &AndroidApp) -> jni::errors::Result<Request> {
+    let activity = app.activity_as_ptr().cast();
+    // SAFETY: it is a reference to the activity, and valid as long as `app`.
+    let activity = unsafe { env.as_cast_raw::<Global<Activity<'static>>>(&activity) }?;
+    let intent = activity.get_intent(env)?;
+    if intent.is_null() {
+        return Ok(Request::default());
+    }
+    let mut extra = |name: &str| {
+        let name = env.new_string(name)?;
+        let value = intent.get_string_extra(env, &name)?;
+        text(env, &value)
+    };
+    let (clip, options) = (extra(CLIP)?, extra(OPTIONS)?);
+    Ok(Request { clip: address(env, &intent)?.or(clip), options })
+}
+
+/// The data of an intent: of a file its path, else the address as it is.
+fn address(env: &mut Env<'_>, intent: &Intent<'_>) -> jni::errors::Result<Option<String>> {
+    let uri = intent.get_data(env)?;
+    if uri.is_null() {
+        return Ok(None);
+    }
+    let scheme = uri.get_scheme(env)?;
+    let of_file = text(env, &scheme)?.is_none_or(|scheme| scheme == "file");
+    let address = if of_file { uri.get_path(env)? } else { uri.to_string(env)? };
+    text(env, &address)
+}
+
+/// What a string of Java's says, if it is one.
+fn text(env: &Env<'_>, string: &JString<'_>) -> jni::errors::Result<Option<String>> {
+    if string.is_null() { Ok(None) } else { string.try_to_string(env).map(Some) }
+}

@@ -1,0 +1,96 @@
+//! [`System`] on Android: the loader is in the APK, and the activity's events are taken in.
+
+#![allow(unsafe_code, reason = "a library is loaded, and references of Java's are handed over")]
+
+use std::time::{Duration, Instant};
+
+use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
+use openxr as xr;
+
+use crate::fault::Fault;
+use crate::xr::interaction::PlacementStore;
+
+/// How long to rest at a time while another program has the headset.
+const PAUSED_REST: Duration = Duration::from_millis(250);
+
+/// What the operating system gives a player and asks of it.
+pub(in crate::xr) struct System {
+    /// For the loader and the runtime. It refers to what `app` keeps.
+    platform: xr::AndroidPlatformInfo,
+    app: AndroidApp,
+    paused: bool,
+    destroyed: bool,
+}
+
+impl System {
+    /// The system as the activity `app` sees it.
+    pub(super) fn new(app: AndroidApp) -> System {
+        // SAFETY: both are what they are called, and valid as long as `app`.
+        let platform = unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) };
+        System { platform, app, paused: false, destroyed: false }
+    }
+
+    /// Loads the OpenXR loader and makes it known to the system.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] that says what to do.
+    pub(in crate::xr) fn entry(&self) -> Result<xr::Entry, Fault> {
+        // SAFETY: the loader in the APK is what it says.
+        unsafe { xr::Entry::load(&self.platform) }.map_err(|error| {
+            Fault::Device(format!("the OpenXR loader in the APK does not start: pack a newer one: {error}"))
+        })
+    }
+
+    /// Starts the runtime with these extensions and that which tells it of the activity.
+    ///
+    /// # Errors
+    /// What the loader or the runtime says.
+    pub(in crate::xr) fn start(
+        &self,
+        entry: &xr::Entry,
+        application: &xr::ApplicationInfo<'_>,
+        extensions: &xr::ExtensionSet,
+    ) -> xr::Result<xr::Instance> {
+        let mut extensions = extensions.clone();
+        extensions.khr_android_create_instance = true;
+        entry.create_instance(application, &extensions, &[], &self.platform)
+    }
+
+    /// Takes in what the system tells the activity, and goes on doing so for this long, or longer
+    /// while the activity is paused; whether the program has to end now.
+    pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
+        let rest = if self.paused && !time.is_zero() { time.max(PAUSED_REST) } else { time };
+        let until = Instant::now() + rest;
+        let mut waiting = true;
+        while waiting && !self.destroyed {
+            let app = self.app.clone();
+            app.poll_events(Some(until.saturating_duration_since(Instant::now())), |event| match event {
+                PollEvent::Main(event) => self.take(&event),
+                _ => waiting = false,
+            });
+        }
+        self.destroyed
+    }
+
+    fn take(&mut self, event: &MainEvent<'_>) {
+        match event {
+            MainEvent::Resume { .. } => self.paused = false,
+            MainEvent::Pause => self.paused = true,
+            MainEvent::Destroy => self.destroyed = true,
+            MainEvent::LowMemory => log::warn!("the headset runs out of memory"),
+            // Controllers come through the runtime; what else comes is left to the system, which
+            // would take a program that does not look for a hung one.
+            MainEvent::InputAvailable => match self.app.input_events_iter() {
+                Ok(mut inputs) => while inputs.next(|_| InputStatus::Unhandled) {},
+                Err(error) => log::warn!("input events: {error}"),
+            },
+            // The activity's window stays empty: the runtime has its own.
+            _ => {}
+        }
+    }
+
+    /// Where the placements of clips are remembered; `None` where there is no place for them.
+    pub(in crate::xr) fn store(&self) -> Option<PlacementStore> {
+        self.app.internal_data_path().map(|folder| PlacementStore::open(&folder))
+    }
+}
