@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use glam::UVec2;
 
-use crate::gpu::{Cutoff, Depth, Settings, SortOrder};
+use crate::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
 
 /// Plays a clip of 4D Gaussians in a window or a headset, or renders images of it.
 ///
@@ -74,6 +74,11 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t)]
     pub cutoff: Cutoff,
 
+    /// The best quality to draw with in a headset: below it, quality follows what the GPU keeps up
+    /// with. With --frames, the quality to draw with throughout.
+    #[arg(long, value_enum, default_value_t, value_name = "LEVEL", requires = "xr")]
+    pub quality: Level,
+
     /// Bits per channel while drawing: 8 as on a display, or 16, which loses nothing faint. Images
     /// have 8.
     #[arg(long, value_enum, default_value = "16", requires = "headless")]
@@ -93,6 +98,7 @@ impl Args {
             sort: self.sort.unwrap_or(usual),
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
+            ..Settings::default()
         }
     }
 }
@@ -146,8 +152,9 @@ mod tests {
         assert_eq!(args.time, [0.0, 0.5, 1.0]);
         assert_eq!(args.size, Some(UVec2::new(64, 32)));
         assert_eq!(args.target, Depth::Sixteen);
-        let settings = Settings { sort: SortOrder::Radial, cutoff: Cutoff::Sqrt5, layers: Some(2) };
-        assert_eq!(args.settings(), settings);
+        let settings = args.settings();
+        assert_eq!((settings.sort, settings.cutoff), (SortOrder::Radial, Cutoff::Sqrt5));
+        assert_eq!((settings.layers, settings.least_px), (Some(2), 0.0));
         let frames = parse("client a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
     }

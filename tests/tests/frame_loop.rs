@@ -49,6 +49,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
             sort: [SortOrder::Depth, SortOrder::Radial][frame as usize % 2],
             cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][frame as usize % 3],
             layers: [None, Some(1), Some(2)][frame as usize % 3],
+            least_px: [0.0, 1.0][frame as usize % 2],
         };
         let mut encoder = gpu.encoder();
         renderer.draw(gpu, &mut encoder, t, &views, &settings, &targets);

@@ -43,9 +43,9 @@ impl GpuClip {
         self.parts().map(|part| part.buffers.bytes()).sum()
     }
 
-    /// Number of layers.
-    pub fn layers(&self) -> usize {
-        self.clip.rows.layers()
+    /// Gaussians in the first layer, the first two layers, and so on; the plate is in none.
+    pub fn layer_ends(&self) -> Vec<usize> {
+        self.clip.rows.layer_ends().collect()
     }
 
     /// What is drawn, back to front: the plate if there is one, the clip.

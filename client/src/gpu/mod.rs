@@ -7,6 +7,7 @@
 mod clip;
 mod device;
 mod layers;
+mod level;
 mod pack;
 #[cfg(feature = "window")]
 mod picture;
@@ -25,6 +26,7 @@ mod ui;
 
 pub use clip::GpuClip;
 pub use device::{Caps, Gpu, LOG_FILTER};
+pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{Coverage, FrameCounts, Renderer};
 pub use settings::{Cutoff, Settings, SortOrder};

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::UVec2;
 use shaders::Features;
 
 use super::clip::{GpuClip, Part};
@@ -21,6 +22,8 @@ use crate::view::View;
 pub struct FrameCounts {
     /// Gaussians whose opacity at the instant reaches 1/255.
     pub alive: u32,
+    /// Those in sight that were left out because they add too little, see [`Settings::least_px`].
+    pub faint: u32,
     /// Those that can reach into an image: sorted and handed to the GPU.
     pub sorted: u32,
     /// Milliseconds for finding them.
@@ -116,8 +119,9 @@ impl Renderer {
     }
 
     /// Records a frame at clip time `t` into `encoder`: the targets are cleared to transparent
-    /// black and the clip is drawn over. `targets` has a target for each pass, of the views' size
-    /// and with [`Renderer::eyes_per_pass`] layers.
+    /// black and the clip is drawn over. `targets` has a target for each pass, with
+    /// [`Renderer::eyes_per_pass`] layers. The views are of one size, and fill the targets or a part
+    /// of them in the upper left corner.
     ///
     /// Submit `encoder` before the next call.
     ///
@@ -148,6 +152,7 @@ impl Renderer {
                 encoder,
                 i,
                 target,
+                views[0].size,
                 timer.map(|(timer, slot)| timer.writes(slot, i, targets.len())),
             );
         }
@@ -189,7 +194,9 @@ impl Renderer {
         let mut counts = FrameCounts::default();
         for (part, drawn) in self.clip.parts().zip(&mut self.parts) {
             let start = Instant::now();
-            counts.alive += part.rows.alive(t, settings.layers, views, settings.sort, &mut self.items);
+            let seen = part.rows.alive(t, views, settings, &mut self.items);
+            counts.alive += seen.alive;
+            counts.faint += seen.faint;
             let middle = Instant::now();
             self.sorter.sort(&mut self.items, &mut drawn.order);
             counts.alive_ms += (middle - start).as_secs_f64() * 1e3;
@@ -205,6 +212,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         pass: usize,
         target: &wgpu::TextureView,
+        size: UVec2,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
         let uniforms = &self.passes[pass];
@@ -223,6 +231,7 @@ impl Renderer {
             multiview_mask: multiview_mask(self.eyes_per_pass),
             ..Default::default()
         });
+        pass.set_viewport(0.0, 0.0, size.x as f32, size.y as f32, 0.0, 1.0);
         pass.set_bind_group(0, &uniforms.group, &[]);
         for part in self.parts.iter().filter(|part| !part.order.is_empty()) {
             pass.set_pipeline(&part.pipeline);

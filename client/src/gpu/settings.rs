@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 
 /// How a clip is drawn. The default is what the reference renderer draws.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     /// What the Gaussians are sorted by.
     pub sort: SortOrder,
@@ -11,6 +11,9 @@ pub struct Settings {
     pub cutoff: Cutoff,
     /// How many layers of the clip are drawn, from the most important one; `None` draws all.
     pub layers: Option<usize>,
+    /// Gaussians that can add no more than this to an image are left out; 0 draws all. In pixels of
+    /// full alpha, as many as they would be in the middle of the image: its edges are stretched.
+    pub least_px: f32,
 }
 
 /// What Gaussians are sorted by.

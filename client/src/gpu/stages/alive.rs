@@ -1,13 +1,14 @@
 //! Stage `alive`: which Gaussians can be seen at an instant, and how far away they are.
 //!
 //! The time index gives the candidates; those whose temporal opacity reaches 1/255 are alive; of
-//! these, those that can reach into an image are handed to the stage `sort`.
+//! these, those that can reach into an image, and are not too faint to matter, are handed to the
+//! stage `sort`.
 
 use codec::{ALPHA_MIN, Field, LayerEnd, TimeIndex};
 use glam::{DVec3, Vec2, Vec3};
 
 use super::sort::Item;
-use crate::gpu::settings::SortOrder;
+use crate::gpu::settings::{Settings, SortOrder};
 use crate::view::{MiddleEye, View};
 
 /// What the CPU keeps of a clip: the columns of the two equations, and how far Gaussians reach.
@@ -23,14 +24,30 @@ struct Region {
     field: Field,
     /// Distance from the centre, in units of the field, beyond which alpha stays below 1/255.
     reach: Vec<f32>,
+    /// Standard deviations along the two longest axes, the longest first, in units of the field.
+    sigmas: Vec<Vec2>,
+}
+
+/// What of a part of a clip can be seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gpu) struct Seen {
+    /// Rows that are alive.
+    pub(in crate::gpu) alive: u32,
+    /// Those of them that are in sight and were left out all the same, see [`Settings::least_px`].
+    pub(in crate::gpu) faint: u32,
 }
 
 impl Region {
     fn new(field: &Field) -> Region {
+        let sigmas = |row: usize| {
+            let mut scales = field.log_scales[row];
+            scales.sort_by(f32::total_cmp);
+            Vec2::new(scales[2].exp(), scales[1].exp())
+        };
+        let sigmas: Vec<Vec2> = (0..field.len()).map(sigmas).collect();
         let reach = |row: usize| {
-            let sigma = field.log_scales[row].into_iter().fold(f32::NEG_INFINITY, f32::max).exp();
             let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
-            sigma * radius as f32
+            sigmas[row].x * radius as f32
         };
         Region {
             field: Field {
@@ -40,6 +57,7 @@ impl Region {
                 ..Field::default()
             },
             reach: (0..field.len()).map(reach).collect(),
+            sigmas,
         }
     }
 }
@@ -58,25 +76,25 @@ impl Rows {
         self.still.reach.len() + self.moving.reach.len()
     }
 
-    pub(in crate::gpu) fn layers(&self) -> usize {
-        self.layers.len()
+    /// Gaussians in the first layer, the first two, and so on.
+    pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = usize> {
+        self.layers.iter().map(|end| end.still + end.moving)
     }
 
-    /// Replaces `items` by the rows of the first `layers` layers that can be seen at clip time `t`
-    /// in one of `views`, still rows first, rows rising within a region's ranges; returns how many
-    /// are alive.
+    /// Replaces `items` by the rows that, by `settings`, are to be drawn at clip time `t` in one of
+    /// `views`, still rows first, rows rising within a region's ranges.
     pub(in crate::gpu) fn alive(
         &self,
         t: f64,
-        layers: Option<usize>,
         views: &[View],
-        order: SortOrder,
+        settings: &Settings,
         items: &mut Vec<Item>,
-    ) -> u32 {
+    ) -> Seen {
         items.clear();
-        let layers = layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
+        let mut seen = Seen::default();
+        let layers = settings.layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
         let Some(end) = layers.checked_sub(1).map(|last| self.layers[last]) else {
-            return 0;
+            return seen;
         };
         let middle = MiddleEye::of(views);
         let mut eyes = [Eye::NONE; EYES_MAX];
@@ -84,27 +102,34 @@ impl Rows {
             *eye = Eye::new(view);
         }
         let eyes = &eyes[..views.len().min(EYES_MAX)];
-        let mut alive = 0;
         let mut visit = |region: &Region, row: usize, first: usize| {
-            if region.field.opacity_at(row, t) < ALPHA_MIN {
+            let opacity = region.field.opacity_at(row, t);
+            if opacity < ALPHA_MIN {
                 return;
             }
-            alive += 1;
+            seen.alive += 1;
             let center = DVec3::from_array(region.field.position_at(row, t));
-            if eyes.iter().any(|eye| eye.can_see(center.as_vec3(), region.reach[row])) {
-                let from_eye = center - middle.position;
-                let depth = match order {
-                    SortOrder::Depth => from_eye.dot(middle.forward),
-                    SortOrder::Radial => from_eye.length(),
-                };
-                items.push(Item::new(depth as f32, (first + row) as u32));
+            let place = center.as_vec3();
+            if !eyes.iter().any(|eye| eye.can_see(place, region.reach[row])) {
+                return;
             }
+            let weight = |eye: &Eye| eye.weight_px(place, opacity as f32, region.sigmas[row]);
+            if settings.least_px > 0.0 && eyes.iter().all(|eye| weight(eye) < settings.least_px) {
+                seen.faint += 1;
+                return;
+            }
+            let from_eye = center - middle.position;
+            let depth = match settings.sort {
+                SortOrder::Depth => from_eye.dot(middle.forward),
+                SortOrder::Radial => from_eye.length(),
+            };
+            items.push(Item::new(depth as f32, (first + row) as u32));
         };
         (0..end.still).for_each(|row| visit(&self.still, row, 0));
         let first = self.still.reach.len();
         let candidates = self.time_index.candidates(t, layers).flatten();
         candidates.for_each(|row| visit(&self.moving, row, first));
-        alive
+        seen
     }
 }
 
@@ -148,6 +173,15 @@ impl Eye {
         p.z >= shaders::NEAR
             && (pixel + reach).cmpge(Vec2::ZERO).all()
             && (pixel - reach).cmple(self.view.size.as_vec2()).all()
+    }
+
+    /// The most that a Gaussian can add to the image, the sum of its alpha over all pixels, if it is
+    /// turned to show its two longest axes, and as if it were in the middle.
+    fn weight_px(&self, center: Vec3, opacity: f32, sigmas: Vec2) -> f32 {
+        let distance = self.view.view_from_world.transform_point3(center).length();
+        let footprint = sigmas * (self.view.focal.max_element() / distance);
+        let variances = footprint * footprint + shaders::BLUR;
+        std::f32::consts::TAU * opacity * variances.element_product().sqrt()
     }
 }
 

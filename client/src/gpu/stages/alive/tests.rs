@@ -57,8 +57,8 @@ fn counts_what_is_alive() {
     let mut items = Vec::new();
     for t in [0.0, 0.21, 0.5, 1.0] {
         let expected = (0..ROWS).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN).count();
-        let alive = rows(&field).alive(t, None, &view, SortOrder::Depth, &mut items);
-        assert_eq!(alive as usize, expected, "t = {t}");
+        let seen = rows(&field).alive(t, &view, &Settings::default(), &mut items);
+        assert_eq!(seen.alive as usize, expected, "t = {t}");
         assert!(expected > 100 && expected < ROWS * 2 / 3, "a case in which many are not alive: {expected}");
     }
 }
@@ -79,7 +79,7 @@ fn sorted_from_the_farthest_position_at_the_instant() {
     let view = [View::from_camera(&camera)];
     for sort in [SortOrder::Depth, SortOrder::Radial] {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, None, &view, sort, &mut items);
+        rows(&field).alive(0.4, &view, &Settings { sort, ..Settings::default() }, &mut items);
         let depth = |row: u32| {
             let p = in_view(&camera, field.position_at(row as usize, 0.4));
             match sort {
@@ -98,7 +98,8 @@ fn what_is_left_out_cannot_be_seen() {
     let (field, camera) = (moving(), camera());
     let view = View::from_camera(&camera);
     let mut items = Vec::new();
-    let alive = rows(&field).alive(0.4, None, &[view], SortOrder::Depth, &mut items);
+    let Seen { alive, faint } = rows(&field).alive(0.4, &[view], &Settings::default(), &mut items);
+    assert_eq!(faint, 0);
     let kept = order_of(items);
     assert!(
         kept.len() < alive as usize * 3 / 4,
@@ -133,7 +134,7 @@ fn a_second_eye_adds_what_only_it_sees() {
     let [left, right] = View::from_camera(&camera()).stereo_pair(1.0);
     let seen = |views: &[View]| {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, None, views, SortOrder::Depth, &mut items);
+        rows(&field).alive(0.4, views, &Settings::default(), &mut items);
         let mut rows = order_of(items);
         rows.sort_unstable();
         rows
@@ -155,6 +156,55 @@ fn layers_are_prefixes() {
     let rows = Rows::new(&still, &Field::default(), layers, TimeIndex::default());
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
-    let mut alive = |layers| rows.alive(0.5, layers, &view, SortOrder::Depth, &mut items);
+    let mut alive = |layers| {
+        let settings = Settings { layers, ..Settings::default() };
+        rows.alive(0.5, &view, &settings, &mut items).alive
+    };
     assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
+}
+
+/// The alpha that a row adds to the image, summed over a fine grid of its footprint, blur left out.
+fn alpha_sum(field: &Field, row: usize, camera: &Camera, t: f64) -> f64 {
+    let p = in_view(camera, field.position_at(row, t));
+    let along = field.log_scales[row].map(|log| f64::from(log.exp()));
+    let axes: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| {
+        let origin = in_view(camera, [0.0; 3]);
+        let end = in_view(camera, axis);
+        std::array::from_fn(|i| end[i] - origin[i])
+    });
+    // The covariance of the affine image of the ellipsoid.
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (axis, sigma) in axes.iter().zip(along) {
+        let x = sigma * camera.k[0][0] / p[2] * (axis[0] - p[0] / p[2] * axis[2]);
+        let y = sigma * camera.k[1][1] / p[2] * (axis[1] - p[1] / p[2] * axis[2]);
+        (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
+    }
+    std::f64::consts::TAU * field.opacity_at(row, t) * (xx * yy - xy * xy).max(0.0).sqrt()
+}
+
+#[test]
+fn what_is_too_faint_adds_less_than_the_bound_and_is_counted() {
+    let (field, camera) = (moving(), camera());
+    let view = [View::from_camera(&camera)];
+    let rows = rows(&field);
+    let kept = |least_px: f32| {
+        let mut items = Vec::new();
+        let seen = rows.alive(0.4, &view, &Settings { least_px, ..Settings::default() }, &mut items);
+        (seen, order_of(items))
+    };
+    let (all, every) = kept(0.0);
+    let mut before = 0;
+    for least_px in [0.5, 5.0, 50.0] {
+        let (seen, order) = kept(least_px);
+        assert_eq!((seen.alive, seen.faint as usize), (all.alive, every.len() - order.len()));
+        assert!(seen.faint > before, "more is left out at {least_px}");
+        before = seen.faint;
+        for &row in every.iter().filter(|row| !order.contains(row)) {
+            let p = in_view(&camera, field.position_at(row as usize, 0.4));
+            // Towards the edge of the image the same solid angle is more pixels.
+            let stretch = ((p[0] * p[0] + p[1] * p[1]) / (p[2] * p[2]) + 1.0).powf(1.5);
+            let added = alpha_sum(&field, row as usize, &camera, 0.4) / stretch;
+            assert!(added < f64::from(least_px), "row {row} adds {added} px");
+        }
+    }
 }

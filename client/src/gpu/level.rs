@@ -1,0 +1,185 @@
+//! [`Level`]: how much of a clip is drawn, on a ladder from everything down to a bound.
+//!
+//! A level changes only what a frame is drawn with: images and pipelines are the same for all. Each
+//! covers about three quarters of the pixels of the one above. The least one is a bound on what may
+//! be left out: six tenths of the image's sides, `sqrt(5)` standard deviations, one pixel of alpha,
+//! half of the Gaussians.
+
+use clap::ValueEnum;
+use glam::UVec2;
+
+use super::settings::{Cutoff, Settings};
+
+/// How much is drawn: the first level is the best one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum Level {
+    /// Every pixel and every Gaussian, to where its alpha falls to 1/255.
+    #[default]
+    Exact,
+    /// Gaussians reach `sqrt(8)` standard deviations at most.
+    Fine,
+    /// 0.85 of the image's sides; what adds less than a quarter of a pixel is left out.
+    Good,
+    /// As before, with `sqrt(5)` standard deviations.
+    Fair,
+    /// 0.7 of the image's sides; what adds less than half a pixel is left out.
+    Light,
+    /// 0.6 of the image's sides; what adds less than a pixel is left out, and so are the least
+    /// important layers, as long as half of the Gaussians remain.
+    Least,
+}
+
+/// What a level takes.
+struct Share {
+    /// Part of the image's sides.
+    side: f32,
+    cutoff: Cutoff,
+    /// See [`Settings::least_px`].
+    least_px: f32,
+    /// Part of the Gaussians that the layers drawn must hold.
+    gaussians: f64,
+}
+
+/// Images are this many pixels wide and high, or a multiple: the blocks that GPUs work in.
+const BLOCK: u32 = 8;
+
+impl Level {
+    /// All, from the best down.
+    pub const ALL: [Level; 6] =
+        [Level::Exact, Level::Fine, Level::Good, Level::Fair, Level::Light, Level::Least];
+
+    fn share(self) -> Share {
+        let (side, cutoff, least_px, gaussians) = match self {
+            Level::Exact => (1.0, Cutoff::Exact, 0.0, 1.0),
+            Level::Fine => (1.0, Cutoff::Sqrt8, 0.0, 1.0),
+            Level::Good => (0.85, Cutoff::Sqrt8, 0.25, 1.0),
+            Level::Fair => (0.85, Cutoff::Sqrt5, 0.25, 1.0),
+            Level::Light => (0.7, Cutoff::Sqrt5, 0.5, 1.0),
+            Level::Least => (0.6, Cutoff::Sqrt5, 1.0, 0.5),
+        };
+        Share { side, cutoff, least_px, gaussians }
+    }
+
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Exact => "Exact",
+            Level::Fine => "Fine",
+            Level::Good => "Good",
+            Level::Fair => "Fair",
+            Level::Light => "Light",
+            Level::Least => "Least",
+        }
+    }
+
+    /// The next better level; itself at the top.
+    pub fn better(self) -> Level {
+        Level::ALL[(self as usize).saturating_sub(1)]
+    }
+
+    /// The next level down; itself at the bottom.
+    pub fn coarser(self) -> Level {
+        Level::ALL[(self as usize + 1).min(Level::ALL.len() - 1)]
+    }
+
+    /// `settings` with no more drawn than this level takes, of a clip with so many Gaussians in the
+    /// first layer, the first two, and so on.
+    pub fn settings(self, settings: Settings, layer_ends: &[usize]) -> Settings {
+        let share = self.share();
+        let cutoff = if share.cutoff.radius_max() < settings.cutoff.radius_max() {
+            share.cutoff
+        } else {
+            settings.cutoff
+        };
+        let layers = match share.gaussians {
+            1.0 => settings.layers,
+            part => Some(layers_that_hold(part, settings.layers, layer_ends)),
+        };
+        Settings { cutoff, layers, least_px: settings.least_px.max(share.least_px), ..settings }
+    }
+
+    /// Size of what is drawn of an image that has room for `full` pixels.
+    pub fn size(self, full: UVec2) -> UVec2 {
+        let side = self.share().side;
+        if side == 1.0 {
+            return full;
+        }
+        let blocks = (full.as_vec2() * side / BLOCK as f32).round().as_uvec2();
+        (blocks * BLOCK).clamp(full.min(UVec2::splat(BLOCK)), full)
+    }
+}
+
+/// The fewest layers that hold `part` of the Gaussians of the first `layers` layers, or of all.
+fn layers_that_hold(part: f64, layers: Option<usize>, layer_ends: &[usize]) -> usize {
+    let ends = &layer_ends[..layers.unwrap_or(usize::MAX).min(layer_ends.len())];
+    let least = part * ends.last().copied().unwrap_or(0) as f64;
+    ends.iter().position(|&end| end as f64 >= least).map_or(ends.len(), |layer| layer + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYERS: [usize; 4] = [5000, 10_000, 20_000, 40_000];
+
+    fn settings(level: Level) -> Settings {
+        level.settings(Settings::default(), &LAYERS)
+    }
+
+    #[test]
+    fn every_level_takes_less_than_the_one_above_and_nothing_more() {
+        let full = UVec2::new(2064, 2208);
+        for pair in Level::ALL.windows(2) {
+            let [above, below] = [0, 1].map(|i| (settings(pair[i]), pair[i].size(full)));
+            let changes = [
+                (above.0.cutoff.radius_max(), below.0.cutoff.radius_max()),
+                (-above.0.least_px, -below.0.least_px),
+                (above.1.x as f32, below.1.x as f32),
+                (above.1.y as f32, below.1.y as f32),
+            ];
+            assert!(changes.iter().all(|(above, below)| below <= above), "{pair:?}");
+            assert!(changes.iter().any(|(above, below)| below < above), "{pair:?}");
+            assert_eq!((pair[0].coarser(), pair[1].better()), (pair[1], pair[0]));
+        }
+        assert_eq!(settings(Level::Exact), Settings::default());
+        assert_eq!((Level::Exact.better(), Level::Least.coarser()), (Level::Exact, Level::Least));
+    }
+
+    #[test]
+    fn the_bound_holds() {
+        let least = settings(Level::Least);
+        assert_eq!((least.cutoff, least.least_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
+        assert_eq!(Level::Least.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
+    }
+
+    #[test]
+    fn half_of_the_gaussians_stay() {
+        let layers = |layers, ends: &[usize]| {
+            Level::Least.settings(Settings { layers, ..Settings::default() }, ends).layers
+        };
+        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(4));
+        assert_eq!(layers(Some(2), &LAYERS), Some(1), "half of what was asked for");
+        assert_eq!(layers(Some(9), &LAYERS), Some(3));
+        assert_eq!(layers(None, &[7]), Some(1));
+        assert_eq!(layers(None, &[]), Some(0), "a clip with nothing but a plate");
+    }
+
+    #[test]
+    fn no_level_draws_more_than_was_asked_for() {
+        let asked = Settings { cutoff: Cutoff::Sqrt5, layers: Some(1), least_px: 3.0, ..Settings::default() };
+        for level in Level::ALL {
+            assert_eq!(level.settings(asked, &LAYERS), asked, "{level:?}");
+        }
+    }
+
+    #[test]
+    fn sizes_fit_the_image_whatever_it_is() {
+        for full in [UVec2::new(320, 240), UVec2::new(5, 3), UVec2::ONE, UVec2::new(1680, 1760)] {
+            for level in Level::ALL {
+                let size = level.size(full);
+                assert!(size.cmple(full).all() && size.min_element() > 0, "{full} {level:?}: {size}");
+            }
+        }
+        assert_eq!(Level::Light.size(UVec2::new(320, 240)), UVec2::new(224, 168));
+    }
+}
