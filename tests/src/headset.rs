@@ -17,6 +17,8 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use xtask::workspace;
 
+use crate::remote::Remote;
+
 /// Why a test that needs the runtime is ignored.
 pub const MISSING: &str = "no OpenXR runtime for tests; cargo xtask ci gets one";
 
@@ -82,8 +84,25 @@ impl Headset {
     /// # Panics
     /// If it is there but does not work.
     pub fn start() -> Option<Headset> {
-        let files = Files::find()?;
         let folder = tempfile::tempdir().expect("temporary files can be made");
+        Headset::start_in(folder, ("SIMULATED_ENABLE", "1"))
+    }
+
+    /// The same with a head and a hand that the test moves.
+    ///
+    /// # Panics
+    /// As for [`Headset::start`].
+    pub fn start_with_hand() -> Option<(Headset, Remote)> {
+        let folder = tempfile::tempdir().expect("temporary files can be made");
+        let port = Remote::configure(folder.path());
+        let headset = Headset::start_in(folder, Remote::CHOICE)?;
+        Some((headset, Remote::connect(port)))
+    }
+
+    /// Starts a runtime at home in `folder` with the devices that a variable of its environment
+    /// chooses.
+    fn start_in(folder: TempDir, devices: (&str, &str)) -> Option<Headset> {
+        let files = Files::find()?;
         let home = folder.path();
         // Sockets are for the user alone.
         fs::set_permissions(home, fs::Permissions::from_mode(0o700)).expect("it is ours");
@@ -106,7 +125,7 @@ impl Headset {
         let log = fs::File::create(home.join("service.log")).expect("temporary files can be made");
         let service = files
             .command(&files.root.join("usr/bin/monado-service"), home)
-            .envs([("XRT_COMPOSITOR_NULL", "1"), ("SIMULATED_ENABLE", "1")])
+            .envs([("XRT_COMPOSITOR_NULL", "1"), devices])
             // The service ends when this pipe closes: with this process, however that ends.
             .stdin(Stdio::piped())
             .stdout(log.try_clone().expect("a file can be shared"))

@@ -10,4 +10,5 @@ pub mod gpu;
 pub mod headset;
 pub mod image;
 pub mod programs;
+pub mod remote;
 pub mod scene;

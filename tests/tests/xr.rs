@@ -2,8 +2,9 @@
 //! layer in between where nothing else is tested.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::Arc;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -11,14 +12,19 @@ use aarc_tests::gpu::{self, Passes, device, draw};
 use aarc_tests::headset::{Headset, MISSING};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::programs::{Outcome, client, example, run};
-use aarc_tests::scene::{decoded, packaged};
-use client::gpu::{Depth, Settings, SortOrder};
+use aarc_tests::remote::Remote;
+use aarc_tests::scene::{decoded, packaged, stereo_pair};
+use client::fault::Fault;
+use client::gpu::{Depth, Gpu, GpuClip, Level, Offscreen, Renderer, Settings, SortOrder};
+use client::view::View;
 use codec::{Camera, Clip, Field, Limits};
+use glam::{UVec2, Vec2};
 use libtest_mimic::{Completion, Failed, Trial};
 use refine::image::Image;
 use serde_json::Value;
 use xtask::workspace;
 
+const DATA: i32 = 3;
 const DEVICE: i32 = 5;
 
 /// The runtime brings its own driver, which may round blending differently.
@@ -28,6 +34,20 @@ fn main() -> ExitCode {
     gpu::run(vec![
         trial("the demo plays, and each eye sees it from its place", demo),
         trial("the eyes differ by the parallax", parallax),
+        gpu::trial(
+            "every level of quality costs less, and what it leaves out is little",
+            Passes::Shared,
+            levels,
+        ),
+        trial("a lower quality draws less of the image, and that right", lower_quality),
+        hand_trial(
+            "a damaged clip is told on the panel, which leads to the next one",
+            damaged_then_next,
+            false,
+        ),
+        hand_trial("without any clip the panel leads out", no_clip, false),
+        hand_trial("the next clip loads while frames go on", loading, false),
+        hand_trial("the next clip loads while 2000 frames go on", loading_long, true),
         trial("the validation layer is awake", validation_is_awake),
         trial("a runtime that is killed ends the player with a sentence", killed),
         trial("a service that does not run is named", no_service),
@@ -44,6 +64,17 @@ fn trial(name: &str, test: fn(Headset) -> Result<(), String>) -> Trial {
     })
 }
 
+/// A test that moves a hand; `on_demand` ones run when asked for only.
+fn hand_trial(name: &str, test: fn(&Headset, Remote) -> Result<(), String>, on_demand: bool) -> Trial {
+    let run = move || match Headset::start_with_hand() {
+        Some((headset, remote)) => {
+            test(&headset, remote).map(|()| Completion::Completed).map_err(Failed::from)
+        }
+        None => Ok(Completion::ignored_with(MISSING)),
+    };
+    Trial::ignorable_test(name, run).with_ignored_flag(on_demand)
+}
+
 /// What a run of the player left behind.
 struct Seen {
     stats: Value,
@@ -52,23 +83,29 @@ struct Seen {
 }
 
 /// Plays a clip for a number of frames, validated, and returns what the eyes saw in the last.
-fn play(headset: &Headset, clip: Option<&Path>, frames: u32) -> Result<Seen, String> {
+fn play(headset: &Headset, clip: Option<&Path>, frames: u32, quality: Level) -> Result<Seen, String> {
     let (folder, stats) = (headset.path("eyes"), headset.path("stats.json"));
     let mut command = headset.validated(client());
     command.args(clip).args(["--xr", "--frames", &format!("0..{frames}"), "--out"]).arg(&folder);
+    command.args(["--quality", &quality.name().to_lowercase()]);
     let outcome = run(command.arg("--stats").arg(&stats).env("RUST_LOG", "client=info"));
     if outcome.code != Some(0) || !outcome.stderr.contains("session Focused") {
         return Err(format!("{outcome:?}"));
     }
-    let findings = headset.findings()?;
-    if !findings.is_empty() {
-        return Err(format!("the validation layer found\n{}", findings.join("\n")));
-    }
+    nothing_found(headset)?;
     let stats = json(&stats)?;
     if stats["frames_shown"] != frames {
         return Err(format!("{} of {frames} frames were shown", stats["frames_shown"]));
     }
     Ok(Seen { stats, eyes: [eye(&folder, "left")?, eye(&folder, "right")?] })
+}
+
+fn nothing_found(headset: &Headset) -> Result<(), String> {
+    let findings = headset.findings()?;
+    if findings.is_empty() {
+        return Ok(());
+    }
+    Err(format!("the validation layer found\n{}", findings.join("\n")))
 }
 
 fn json(path: &Path) -> Result<Value, String> {
@@ -91,19 +128,32 @@ fn eye(folder: &Path, name: &str) -> Result<(Camera, f64, Image), String> {
 }
 
 fn demo(headset: Headset) -> Result<(), String> {
+    demo_at(&headset, Level::Exact)
+}
+
+fn lower_quality(headset: Headset) -> Result<(), String> {
+    demo_at(&headset, Level::Least)
+}
+
+/// Plays the demo, whose eyes must see what the renderer draws for the same cameras by itself.
+fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     let gpu = device(Passes::Shared).map_err(|fault| fault.to_string())?;
-    let seen = play(&headset, None, 16)?;
+    let seen = play(headset, None, 16, quality)?;
     let [(left, time, left_sees), (right, right_time, right_sees)] = &seen.eyes;
+    let drawn = quality.size(UVec2::new(number(&seen.stats["width"])?, number(&seen.stats["height"])?));
+    if UVec2::new(left.width, left.height) != drawn || seen.stats["quality"]["level"] != quality.name() {
+        return Err(format!("{}x{} were drawn and not {drawn}", left.width, left.height));
+    }
     if *time <= 0.0 || time != right_time {
         return Err(format!("the clip stands at {time} s and {right_time} s"));
     }
     if !seen.stats["runtime"].as_str().is_some_and(|name| name.starts_with("Monado")) {
         return Err(format!("another runtime: {}", seen.stats["runtime"]));
     }
-    let bytes = fs::read(workspace::root().join("assets/demo.aarc")).map_err(|error| error.to_string())?;
-    let clip: Clip = codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())?;
+    let clip = demo_clip()?;
     let t = time / f64::from(clip.info.duration_s);
     let settings = Settings { sort: SortOrder::Radial, ..Settings::default() };
+    let settings = quality.settings(settings, &layer_ends(&clip));
     let cameras = [left.clone(), right.clone()];
     let expected =
         draw(gpu, &clip, &cameras, t, &settings, Depth::Eight).map_err(|fault| fault.to_string())?;
@@ -119,6 +169,67 @@ fn demo(headset: Headset) -> Result<(), String> {
     let apart = difference(left_sees, right_sees);
     if apart.psnr > 30.0 {
         return Err(format!("the eyes see nearly the same: {apart}"));
+    }
+    Ok(())
+}
+
+fn number(value: &Value) -> Result<u32, String> {
+    value.as_u64().and_then(|number| number.try_into().ok()).ok_or_else(|| format!("{value} is no number"))
+}
+
+fn demo_clip() -> Result<Clip, String> {
+    let bytes = fs::read(workspace::root().join("assets/demo.aarc")).map_err(|error| error.to_string())?;
+    codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
+}
+
+/// Gaussians in the first layer, the first two, and so on.
+fn layer_ends(clip: &Clip) -> Vec<usize> {
+    clip.layers.iter().map(|end| end.still + end.moving).collect()
+}
+
+/// Draws the demo for both eyes of a headset at a quarter of its resolution, from two metres. How
+/// much is covered is counted at the size of the level, how good it is seen at the full one. Prints
+/// both.
+fn levels(gpu: &'static Gpu) -> Result<(), String> {
+    let fault = |fault: Fault| fault.to_string();
+    let (clip, t) = (demo_clip()?, 0.4);
+    let (full, ends) = (UVec2::new(420, 440), layer_ends(&clip));
+    let cameras = |size: UVec2| {
+        let camera = Camera::look_at([0.0, 1.6, 2.0], [0.0, 1.2, 0.0], [0.0, 1.0, 0.0], 1.6, size.x, size.y);
+        stereo_pair(&camera, 0.063)
+    };
+    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let mut renderer = Renderer::new(gpu, uploaded, Depth::Eight.format(), 2).map_err(fault)?;
+    let mut before: Option<u64> = None;
+    let mut exact = None;
+    for level in Level::ALL {
+        let settings = level.settings(Settings { sort: SortOrder::Radial, ..Settings::default() }, &ends);
+        let size = level.size(full);
+        let views = cameras(size).map(|camera| View::from_camera(&camera));
+        let target = Offscreen::new(gpu, size, 2, Depth::Eight).map_err(fault)?;
+        let counts = target.render(gpu, &mut renderer, t, &views, &settings).map_err(fault)?;
+        let fragments = renderer.count(gpu, t, &views, &settings).map_err(fault)?.fragments;
+
+        let seen = draw(gpu, &clip, &cameras(full), t, &settings, Depth::Sixteen).map_err(fault)?.remove(0);
+        let light = |image: &Image| image.pixels.iter().map(|p| p[0] + p[1] + p[2]).sum::<f64>();
+        let exact = exact.get_or_insert_with(|| seen.clone());
+        let (psnr, kept) = (difference(&seen, exact).psnr, light(&seen) / light(exact));
+        println!(
+            "{:5} {}x{} {fragments} fragments, {} sorted, {} too faint, {psnr:.1} dB, {:.2} % of the light",
+            level.name(),
+            size.x,
+            size.y,
+            counts.sorted,
+            counts.faint,
+            100.0 * kept
+        );
+        if before.is_some_and(|before| fragments as f64 > 0.9 * before as f64) {
+            return Err(format!("{} costs {fragments} fragments, the level above {before:?}", level.name()));
+        }
+        if psnr < 30.0 || !(0.95..1.01).contains(&kept) {
+            return Err(format!("{} is seen: {psnr:.1} dB, {kept:.3} of the light", level.name()));
+        }
+        before = Some(fragments);
     }
     Ok(())
 }
@@ -143,7 +254,7 @@ fn signpost() -> Field {
 fn parallax(headset: Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
-    let seen = play(&headset, Some(&clip), 10)?;
+    let seen = play(&headset, Some(&clip), 10, Level::Exact)?;
     let field = decoded(&signpost()).still;
     let spot = field.centers.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1])).ok_or("no spot")?;
     let mut places = Vec::new();
@@ -193,41 +304,174 @@ fn validation_is_awake(headset: Headset) -> Result<(), String> {
 }
 
 /// The last line says what went wrong, and is the only one to do so.
-fn one_sentence(outcome: &Outcome, words: &str) -> Result<(), String> {
+fn one_sentence(outcome: &Outcome, code: i32, words: &str) -> Result<(), String> {
     let sentences = outcome.stderr.lines().filter(|line| line.starts_with("error: "));
     let last = outcome.stderr.lines().last().unwrap_or_default();
-    if outcome.code == Some(DEVICE) && sentences.count() == 1 && last.contains(words) {
+    if outcome.code == Some(code) && sentences.count() == 1 && last.contains(words) {
         return Ok(());
     }
     Err(format!("{outcome:?}"))
 }
 
 /// A running player that ends with the test.
-struct Player(Child);
+struct Player {
+    process: Child,
+    log: PathBuf,
+}
+
+impl Player {
+    /// Starts it with `arguments`.
+    fn start(headset: &Headset, mut command: Command, arguments: &[&Path]) -> Result<Player, String> {
+        let log = headset.path("player.log");
+        let stderr = fs::File::create(&log).map_err(|error| error.to_string())?;
+        command.arg("--xr").args(arguments).env("RUST_LOG", "client=info");
+        let command = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
+        Ok(Player { process: command.spawn().map_err(|error| error.to_string())?, log })
+    }
+
+    /// What it said so far.
+    fn said(&self) -> String {
+        String::from_utf8_lossy(&fs::read(&self.log).unwrap_or_default()).into_owned()
+    }
+
+    fn says(&self, words: &str) -> Result<(), String> {
+        wait_for(|| self.said().contains(words).then_some(())).ok_or_else(|| self.said())
+    }
+
+    /// What came of it, if it has ended.
+    fn ended(&mut self) -> Option<Outcome> {
+        let status = self.process.try_wait().ok().flatten()?;
+        Some(Outcome { code: status.code(), stdout: String::new(), stderr: self.said() })
+    }
+}
 
 impl Drop for Player {
     fn drop(&mut self) {
         // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
     }
 }
 
 fn killed(mut headset: Headset) -> Result<(), String> {
-    let log = headset.path("player.log");
-    let said = || String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()).into_owned();
-    let mut command = headset.command(client());
-    command.arg("--xr").env("RUST_LOG", "client=info").stdin(Stdio::null()).stdout(Stdio::null());
-    let stderr = fs::File::create(&log).map_err(|error| error.to_string())?;
-    let mut player = Player(command.stderr(stderr).spawn().map_err(|error| error.to_string())?);
-    wait_for(|| said().contains("session Focused").then_some(())).ok_or_else(said)?;
+    let command = headset.command(client());
+    let mut player = Player::start(&headset, command, &[])?;
+    player.says("session Focused")?;
     sleep(Duration::from_millis(500));
-    if let Some(status) = player.0.try_wait().map_err(|error| error.to_string())? {
-        return Err(format!("it ended with {status} while its runtime lived: {}", said()));
+    if let Some(outcome) = player.ended() {
+        return Err(format!("it ended while its runtime lived: {outcome:?}"));
     }
     headset.kill();
-    let status = wait_for(|| player.0.try_wait().ok().flatten()).ok_or("it goes on without its runtime")?;
-    one_sentence(&Outcome { code: status.code(), stdout: String::new(), stderr: said() }, "runtime went away")
+    let outcome = wait_for(|| player.ended()).ok_or("it goes on without its runtime")?;
+    one_sentence(&outcome, DEVICE, "runtime went away")
+}
+
+/// Places on the panel, in its points.
+const NEXT_CLIP: Vec2 = Vec2::new(744.0, 564.0);
+const EXIT: Vec2 = Vec2::new(752.0, 656.0);
+
+/// Presses a button of the panel, again and again, until there is what comes of it.
+fn press<T>(remote: &mut Remote, button: Vec2, mut look: impl FnMut() -> Option<T>) -> Option<T> {
+    // A few frames of the simulated display, also on a machine that is busy.
+    const FRAMES: Duration = Duration::from_millis(300);
+    remote.point(button);
+    wait_for(|| {
+        sleep(FRAMES);
+        remote.trigger(true);
+        sleep(FRAMES);
+        remote.trigger(false);
+        look()
+    })
+}
+
+/// Leaves by the panel.
+fn leave(player: &mut Player, remote: &mut Remote) -> Result<Outcome, String> {
+    press(remote, EXIT, || player.ended()).ok_or_else(|| format!("no way out: {}", player.said()))
+}
+
+/// A folder with clips that are played in turn.
+fn write_clips(headset: &Headset, clips: &[(&str, &[u8])]) -> Result<PathBuf, String> {
+    let folder = headset.path("clips");
+    fs::create_dir(&folder).map_err(|error| error.to_string())?;
+    for (name, bytes) in clips {
+        fs::write(folder.join(name), bytes).map_err(|error| error.to_string())?;
+    }
+    Ok(folder)
+}
+
+fn damaged_then_next(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let good = packaged(&signpost(), None, &[]);
+    let damaged = &good[..good.len() / 2];
+    let clips = write_clips(headset, &[("a.aarc", damaged), ("b.aarc", &good)])?;
+    let stats = headset.path("stats.json");
+    let arguments = [&clips.join("a.aarc"), Path::new("--stats"), &stats];
+    let mut player = Player::start(headset, headset.validated(client()), &arguments)?;
+    player.says("a.aarc: ")?;
+    let plays = press(&mut remote, NEXT_CLIP, || player.said().contains("playing b.aarc").then_some(()));
+    plays.ok_or_else(|| format!("no next clip: {}", player.said()))?;
+    let outcome = leave(&mut player, &mut remote)?;
+    nothing_found(headset)?;
+    let stats = json(&stats)?;
+    if outcome.code != Some(0) || number(&stats["frames_empty"])? == 0 || number(&stats["frames_shown"])? == 0
+    {
+        return Err(format!("{outcome:?} {stats}"));
+    }
+    Ok(())
+}
+
+fn no_clip(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let missing = headset.path("missing.aarc");
+    let mut player = Player::start(headset, headset.command(client()), &[&missing])?;
+    player.says("missing.aarc: ")?;
+    let outcome = leave(&mut player, &mut remote)?;
+    one_sentence(&outcome, DATA, "missing.aarc")?;
+    // And by the button that needs no panel.
+    let mut player = Player::start(headset, headset.command(client()), &[&missing])?;
+    player.says("session Focused")?;
+    sleep(Duration::from_secs(1));
+    remote.menu(true);
+    let outcome = wait_for(|| player.ended()).ok_or_else(|| format!("no way out: {}", player.said()))?;
+    one_sentence(&outcome, DATA, "missing.aarc")
+}
+
+fn loading(headset: &Headset, remote: Remote) -> Result<(), String> {
+    load_while_playing(headset, remote, 60)
+}
+
+/// The number that the requirements ask for: run it with `--ignored` on a machine at rest.
+fn loading_long(headset: &Headset, remote: Remote) -> Result<(), String> {
+    load_while_playing(headset, remote, 2000)
+}
+
+/// Goes from clip to clip while frames are counted, and prints what was missed.
+fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Result<(), String> {
+    let demo = fs::read(workspace::root().join("assets/demo.aarc")).map_err(|error| error.to_string())?;
+    let clips = write_clips(headset, &[("a.aarc", &demo), ("b.aarc", &demo)])?;
+    let (stats, range) = (headset.path("stats.json"), format!("0..{frames}"));
+    let (first, options) = (clips.join("a.aarc"), ["--frames", &range, "--stats"].map(Path::new));
+    let arguments = [&[&*first], &options[..], &[&stats]].concat();
+    let mut player = Player::start(headset, headset.command(client()), &arguments)?;
+    player.says("playing a.aarc")?;
+    let start = Instant::now();
+    let outcome = loop {
+        if let Some(outcome) = press(&mut remote, NEXT_CLIP, || player.ended()) {
+            break outcome;
+        }
+        if start.elapsed() > Duration::from_secs(600) {
+            return Err(format!("it does not end: {}", player.said()));
+        }
+    };
+    let stats = json(&stats).map_err(|error| format!("{error} {outcome:?}"))?;
+    let (missed, loading) = (number(&stats["frames_missed"])?, &stats["while_loading"]);
+    let during = number(&loading["frames"])?;
+    println!(
+        "missed {missed} of {frames} frames; while clips were loaded {} of {during}",
+        number(&loading["missed"])?
+    );
+    if outcome.code != Some(0) || during == 0 || !outcome.stderr.contains("playing b.aarc") {
+        return Err(format!("{outcome:?} {stats}"));
+    }
+    Ok(())
 }
 
 /// Waits for something to be there, for a minute.
@@ -244,13 +488,13 @@ fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
 
 fn no_service(mut headset: Headset) -> Result<(), String> {
     headset.kill();
-    one_sentence(&run(headset.command(client()).arg("--xr")), "service")
+    one_sentence(&run(headset.command(client()).arg("--xr")), DEVICE, "service")
 }
 
 fn no_runtime(headset: Headset) -> Result<(), String> {
     let nowhere = headset.path("nothing.json");
     let outcome = run(headset.command(client()).arg("--xr").env("XR_RUNTIME_JSON", nowhere));
-    one_sentence(&outcome, "no OpenXR runtime")
+    one_sentence(&outcome, DEVICE, "no OpenXR runtime")
 }
 
 /// On the machine as it is, whether it has a loader or not.
@@ -258,5 +502,5 @@ fn without_openxr() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let mut command = Command::new(client());
     command.arg("--xr").env("XR_RUNTIME_JSON", folder.path().join("nothing.json"));
-    one_sentence(&run(&mut command), "no OpenXR")
+    one_sentence(&run(&mut command), DEVICE, "no OpenXR")
 }

@@ -17,6 +17,14 @@ pub struct Pixels {
 }
 
 impl Pixels {
+    /// The upper left corner of at most `size`.
+    #[cfg(feature = "xr")]
+    pub(crate) fn corner(&self, size: UVec2) -> Pixels {
+        let size = size.min(self.size);
+        let rows = self.rgba.chunks(self.size.x.max(1) as usize).take(size.y as usize);
+        Pixels { size, rgba: rows.flat_map(|row| &row[..size.x as usize]).copied().collect() }
+    }
+
     /// The colours over black as bytes, red, green, blue: `size.x * size.y * 3`.
     pub fn to_rgb8(&self) -> Vec<u8> {
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;

@@ -17,14 +17,20 @@ use crate::source;
 pub(super) struct Loaded {
     /// Its path; `None` for the demo.
     pub(super) name: Option<String>,
-    /// The clip to play after it.
-    pub(super) next: Option<String>,
     pub(super) subject: Subject,
     pub(super) renderer: Renderer,
     pub(super) duration_s: f64,
     pub(super) fps: f64,
-    pub(super) layers: usize,
+    /// Gaussians in the first layer, the first two, and so on.
+    pub(super) layer_ends: Vec<usize>,
     pub(super) gaussians: usize,
+}
+
+/// What came of loading a clip.
+pub(super) struct Arrived {
+    /// The clip to play after it, also where it cannot be loaded.
+    pub(super) next: Option<String>,
+    pub(super) clip: Result<Loaded, Fault>,
 }
 
 /// The clip after this one in its folder, by name, the first after the last; `None` where it is the
@@ -39,7 +45,7 @@ fn next_clip(path: &Path) -> Option<String> {
 
 /// A thread that loads a clip.
 pub(super) struct Loading {
-    loaded: Receiver<Result<Loaded, Fault>>,
+    arrived: Receiver<Arrived>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -53,36 +59,40 @@ impl Loading {
         name: Option<String>,
         format: RuntimeFormat,
     ) -> Result<Loading, Fault> {
-        let (deliver, loaded) = channel();
-        let load = move || {
+        let (deliver, arrived) = channel();
+        let load = move |name: Option<String>| {
             let clip = source::load(name.as_deref())?;
             let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
             Ok(Loaded {
                 subject: Subject::of(&clip),
+                layer_ends: on_gpu.layer_ends(),
                 renderer: Renderer::new(&gpu, on_gpu, format.drawn(), 2)?,
-                next: name.as_deref().and_then(|name| next_clip(Path::new(name))),
                 name,
                 duration_s: clip.info.duration_s.into(),
                 fps: clip.info.fps.into(),
-                layers: clip.layers.len(),
                 gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             })
         };
+        let run = move || {
+            let next = name.as_deref().and_then(|name| next_clip(Path::new(name)));
+            // Nobody is left to tell where the session has ended.
+            drop(deliver.send(Arrived { next, clip: load(name) }));
+        };
         let thread = std::thread::Builder::new()
             .name("loader".into())
-            // Nobody is left to tell where the session has ended.
-            .spawn(move || drop(deliver.send(load())))
+            .spawn(run)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
-        Ok(Loading { loaded, thread: Some(thread) })
+        Ok(Loading { arrived, thread: Some(thread) })
     }
 
     /// The clip, or why it could not be loaded, once it is there. Does not wait.
-    pub(super) fn poll(&self) -> Option<Result<Loaded, Fault>> {
-        match self.loaded.try_recv() {
-            Ok(loaded) => Some(loaded),
+    pub(super) fn poll(&self) -> Option<Arrived> {
+        match self.arrived.try_recv() {
+            Ok(arrived) => Some(arrived),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(Fault::Data("the clip could not be loaded: the thread that did ended early".into())))
+                let fault = "the clip could not be loaded: the thread that did ended early";
+                Some(Arrived { next: None, clip: Err(Fault::Data(fault.into())) })
             }
         }
     }

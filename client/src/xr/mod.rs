@@ -12,6 +12,7 @@
 
 #[cfg(target_os = "android")]
 mod android;
+mod beam_layer;
 mod calls;
 #[cfg(not(target_os = "android"))]
 mod desktop;
@@ -25,11 +26,13 @@ mod loading;
 mod pacing;
 pub mod panel;
 mod panel_layer;
+mod quad;
 mod quality;
 mod report;
 #[cfg(any(target_os = "android", test))]
 mod request;
 mod runtime;
+mod see_through;
 mod session;
 mod show;
 mod space;
@@ -88,7 +91,8 @@ fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
         None => (true, system.store()),
         Some(_) => (false, None),
     };
-    let mut show = Show::new(gpu.clone(), args.clip.clone(), Quality::new(args.settings(), adapts), store);
+    let quality = Quality::new(args.settings(), args.quality, adapts);
+    let mut show = Show::new(gpu.clone(), args.clip.clone(), quality, store, adapts);
     let mut report = Report::new(args, started);
     loop {
         let mut session = Session::open(&runtime, &gpu, &handles, args.out.is_some())?;
@@ -105,7 +109,8 @@ fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
         }
     }
     show.save();
-    report.write(args, &runtime, &gpu, &mut show)
+    report.write(args, &runtime, &gpu, &mut show)?;
+    show.outcome()
 }
 
 /// Runs a session to its end.
@@ -131,7 +136,6 @@ fn watch(
                 Some(Action::Begin) => session.begin()?,
                 Some(Action::End) => {
                     session.end()?;
-                    // No frame waits for the disk now.
                     show.save();
                 }
                 Some(Action::Leave) => return Ok(()),

@@ -12,8 +12,10 @@ use super::calls::{SwapchainImages, Watch};
 use super::error::{During, Halt};
 use super::frame::Images;
 use super::panel::{Board, PIXELS_PER_POINT, Painting};
+use super::quad::quad;
 use super::swapchain::{make, wrap};
-use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, UiPainter};
+use crate::fault::Fault;
+use crate::gpu::{Gpu, Pixels, RuntimeFormat, RuntimeTargets, UiPainter};
 
 /// The panel in a session.
 pub(super) struct PanelLayer {
@@ -22,11 +24,13 @@ pub(super) struct PanelLayer {
     images: Images<SwapchainImages>,
     /// Whether there is a picture.
     painted: bool,
+    /// Whether pictures are kept to be read back.
+    readable: bool,
     watch: Watch,
 }
 
 impl PanelLayer {
-    /// Makes its images.
+    /// Makes its images, which can be read back if `readable`.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -34,17 +38,19 @@ impl PanelLayer {
         session: &xr::Session<xr::Vulkan>,
         gpu: &Gpu,
         format: RuntimeFormat,
+        readable: bool,
         watch: Watch,
     ) -> Result<PanelLayer, Halt> {
         let size = UVec2::from(Painting::SIZE);
-        let swapchain = make(session, format, size, 1, false)?;
+        let swapchain = make(session, format, size, 1, readable)?;
         // SAFETY: as `make` promises; `targets` goes before `images`, which owns them, and
         // is drawn into only between acquiring and releasing.
-        let images = unsafe { wrap(&swapchain, size, 1, format, false) }?;
+        let images = unsafe { wrap(&swapchain, size, 1, format, readable) }?;
         Ok(PanelLayer {
             targets: RuntimeTargets::new(gpu, &images)?,
             images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
             painted: false,
+            readable,
             watch,
         })
     }
@@ -64,6 +70,9 @@ impl PanelLayer {
         let target = self.targets.ui_target(image.index());
         let (triangles, textures) = painting.into_parts();
         painter.draw(gpu, &mut encoder, &target, &triangles, PIXELS_PER_POINT, textures);
+        if self.readable {
+            self.targets.record_read(&mut encoder, image.index());
+        }
         self.watch.time(|| gpu.submit(encoder));
         image.release().halt("handing over an image of the panel")?;
         self.painted = true;
@@ -76,23 +85,19 @@ impl PanelLayer {
         stage: &'a xr::Space,
         board: &Board,
     ) -> Option<xr::CompositionLayerQuad<'a, xr::Vulkan>> {
-        let ([width, height], meters, pose) = (Painting::SIZE, board.size_m(), board.pose());
-        let (p, q) = (pose.position, pose.orientation);
-        let extent = xr::Extent2Di { width: width as i32, height: height as i32 };
-        let sub_image = xr::SwapchainSubImage::new()
-            .swapchain(&self.images.calls().swapchain)
-            .image_rect(xr::Rect2Di { offset: xr::Offset2Di::default(), extent });
-        self.painted.then(|| {
-            xr::CompositionLayerQuad::new()
-                .layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
-                .space(stage)
-                .eye_visibility(xr::EyeVisibility::BOTH)
-                .sub_image(sub_image)
-                .pose(xr::Posef {
-                    orientation: xr::Quaternionf { x: q.x, y: q.y, z: q.z, w: q.w },
-                    position: xr::Vector3f { x: p.x, y: p.y, z: p.z },
-                })
-                .size(xr::Extent2Df { width: meters.x, height: meters.y })
-        })
+        let swapchain = &self.images.calls().swapchain;
+        let pixels = UVec2::from(Painting::SIZE);
+        self.painted.then(|| quad(swapchain, pixels, stage, board.pose(), board.size_m()))
+    }
+
+    /// Waits for the last picture; `None` where there is none or it cannot be read.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost.
+    pub(super) fn read(&self, gpu: &Gpu) -> Result<Option<Pixels>, Fault> {
+        if !self.painted {
+            return Ok(None);
+        }
+        Ok(self.targets.read(gpu)?.pop())
     }
 }

@@ -6,7 +6,9 @@
 //! until the next one is tried, so that the picture does not waver. The lowest level is a bound on
 //! what may be left out: the viewer rather sees frames missing than limbs.
 
-use crate::gpu::{Cutoff, Settings};
+use glam::UVec2;
+
+use crate::gpu::{Level, Settings};
 
 /// Part of a frame's time that the GPU may take: the runtime needs the rest.
 const SHARE: f64 = 0.8;
@@ -20,17 +22,16 @@ const ROOM: f64 = 0.55;
 const SLOW_FRAMES: u32 = 6;
 const ROOM_FRAMES: (u32, u32) = (180, 180 << 4);
 
-/// Names of the levels with every Gaussian, from the best one down.
-const NAMES: [&str; 3] = ["Exact", "Fine", "Light"];
-const CUTOFFS: [Cutoff; 3] = [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5];
-
 /// What is drawn, and how that follows the GPU.
 #[derive(Clone, Debug)]
 pub(super) struct Quality {
-    settings: Settings,
+    /// What was asked for: no level draws more.
+    asked: Settings,
+    /// Gaussians in the first layer of the clip, the first two, and so on.
+    layer_ends: Vec<usize>,
     /// The best level to use.
-    chosen: usize,
-    level: usize,
+    chosen: Level,
+    level: Level,
     adapts: bool,
     slow: u32,
     room: u32,
@@ -40,13 +41,14 @@ pub(super) struct Quality {
 }
 
 impl Quality {
-    /// Begins with `settings`. Without `adapts` it follows the viewer only.
-    pub(super) fn new(settings: Settings, adapts: bool) -> Quality {
-        let level = CUTOFFS.iter().position(|&cutoff| cutoff == settings.cutoff).unwrap_or(0);
+    /// Begins at the level `chosen`, with no more drawn than `asked`. Without `adapts` it follows
+    /// the viewer only.
+    pub(super) fn new(asked: Settings, chosen: Level, adapts: bool) -> Quality {
         Quality {
-            settings,
-            chosen: level,
-            level,
+            asked,
+            layer_ends: Vec::new(),
+            chosen,
+            level: chosen,
             adapts,
             slow: 0,
             room: 0,
@@ -55,25 +57,49 @@ impl Quality {
         }
     }
 
+    /// Changes to a clip with so many Gaussians in the first layer, the first two, and so on.
+    ///
+    /// # Errors
+    /// How many layers were asked for, if the clip has not as many. Nothing is changed then.
+    pub(super) fn change_clip(&mut self, layer_ends: Vec<usize>) -> Result<(), usize> {
+        match self.asked.layers.filter(|&layers| layers > layer_ends.len()) {
+            Some(layers) => Err(layers),
+            None => {
+                self.layer_ends = layer_ends;
+                Ok(())
+            }
+        }
+    }
+
+    /// Number of layers of the clip.
+    pub(super) fn layers(&self) -> usize {
+        self.layer_ends.len()
+    }
+
     /// How to draw the next frame.
     pub(super) fn settings(&self) -> Settings {
-        Settings { cutoff: CUTOFFS[self.level], ..self.settings }
+        self.level.settings(self.asked, &self.layer_ends)
     }
 
-    /// Names of the levels, from the best one down.
-    pub(super) fn names(&self) -> &'static [&'static str] {
-        &NAMES
+    /// Size of the next frame's image, where there is room for `full` pixels.
+    pub(super) fn size(&self, full: UVec2) -> UVec2 {
+        self.level.size(full)
     }
 
-    /// Number of the level in use.
-    pub(super) fn level(&self) -> usize {
+    /// The level in use.
+    pub(super) fn level(&self) -> Level {
         self.level
     }
 
-    /// Takes the level with this number, or the nearest, and none better from now on.
-    pub(super) fn choose(&mut self, level: usize) {
-        self.chosen = level.min(CUTOFFS.len() - 1);
-        (self.level, self.slow, self.room) = (self.chosen, 0, 0);
+    /// Whether the GPU does not keep up with the level that was chosen.
+    pub(super) fn is_lowered(&self) -> bool {
+        self.level > self.chosen
+    }
+
+    /// Takes this level, and none better from now on.
+    pub(super) fn choose(&mut self, level: Level) {
+        (self.chosen, self.level) = (level, level);
+        (self.slow, self.room) = (0, 0);
         (self.room_frames, self.climbed) = (ROOM_FRAMES.0, false);
     }
 
@@ -86,18 +112,18 @@ impl Quality {
         };
         self.slow = if load > 1.0 { self.slow + 1 } else { 0 };
         self.room = if load < ROOM { self.room + 1 } else { 0 };
-        if self.slow >= SLOW_FRAMES && self.level + 1 < CUTOFFS.len() {
+        if self.slow >= SLOW_FRAMES && self.level != self.level.coarser() {
             if self.climbed {
                 self.room_frames = (2 * self.room_frames).min(ROOM_FRAMES.1);
             }
-            self.step(self.level + 1, false);
-        } else if self.room >= self.room_frames && self.level > self.chosen {
-            self.step(self.level - 1, true);
+            self.step(self.level.coarser(), false);
+        } else if self.room >= self.room_frames && self.is_lowered() {
+            self.step(self.level.better(), true);
         }
     }
 
-    fn step(&mut self, level: usize, climbed: bool) {
-        log::info!("quality {}", NAMES[level]);
+    fn step(&mut self, level: Level, climbed: bool) {
+        log::info!("quality {}", level.name());
         (self.level, self.climbed, self.slow, self.room) = (level, climbed, 0, 0);
     }
 }
@@ -105,79 +131,108 @@ impl Quality {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::Cutoff;
 
     const PERIOD_MS: f64 = 1000.0 / 90.0;
+    const LAYERS: [usize; 2] = [20_000, 40_000];
+
+    fn quality(chosen: Level) -> Quality {
+        let mut quality = Quality::new(Settings::default(), chosen, true);
+        quality.change_clip(LAYERS.to_vec()).unwrap();
+        quality
+    }
 
     /// Draws frames on a GPU that takes `ms` for each level; how often the level changed.
-    fn draw(quality: &mut Quality, frames: usize, ms: [f64; 3]) -> usize {
+    fn draw(quality: &mut Quality, frames: usize, ms: [f64; 6]) -> usize {
         (0..frames).fold(0, |changes, _| {
             let before = quality.level();
-            quality.measure(Some(ms[before]), PERIOD_MS);
+            quality.measure(Some(ms[before as usize]), PERIOD_MS);
             changes + usize::from(quality.level() != before)
         })
     }
 
     #[test]
     fn a_fast_gpu_keeps_the_best() {
-        let mut quality = Quality::new(Settings::default(), true);
-        assert_eq!(draw(&mut quality, 5000, [8.0, 6.0, 4.0]), 0);
+        let mut quality = quality(Level::Exact);
+        assert_eq!(draw(&mut quality, 5000, [8.0, 6.0, 4.0, 3.0, 2.0, 1.0]), 0);
         assert_eq!(quality.settings(), Settings::default());
+        assert_eq!(quality.size(UVec2::new(2064, 2208)), UVec2::new(2064, 2208));
     }
 
     #[test]
     fn a_slow_one_gets_less_and_no_less_than_the_bound() {
-        let mut quality = Quality::new(Settings::default(), true);
-        draw(&mut quality, 5000, [30.0, 25.0, 20.0]);
-        assert_eq!(quality.settings().cutoff, Cutoff::Sqrt5);
-        assert_eq!(quality.settings().layers, None, "every Gaussian is still there");
+        let mut quality = quality(Level::Exact);
+        assert_eq!(draw(&mut quality, 5000, [60.0, 50.0, 40.0, 30.0, 25.0, 20.0]), 5);
+        assert!(quality.level() == Level::Least && quality.is_lowered());
+        let Settings { cutoff, layers, least_px, .. } = quality.settings();
+        assert_eq!((cutoff, layers, least_px), (Cutoff::Sqrt5, Some(1), 1.0));
+        assert_eq!(quality.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
     }
 
     #[test]
     fn a_single_slow_frame_changes_nothing() {
-        let mut quality = Quality::new(Settings::default(), true);
+        let mut quality = quality(Level::Exact);
         for _ in 0..1000 {
             quality.measure(Some(40.0), PERIOD_MS);
-            draw(&mut quality, 3, [5.0; 3]);
+            draw(&mut quality, 3, [5.0; 6]);
         }
-        assert_eq!(quality.level(), 0);
+        assert_eq!(quality.level(), Level::Exact);
     }
 
     #[test]
     fn room_brings_it_back_but_not_at_once() {
-        let mut quality = Quality::new(Settings::default(), true);
-        draw(&mut quality, 10, [20.0, 8.0, 6.0]);
-        assert_eq!(quality.level(), 1, "the face was near");
-        draw(&mut quality, 100, [4.0; 3]);
-        assert_eq!(quality.level(), 1);
-        draw(&mut quality, 200, [4.0; 3]);
-        assert_eq!(quality.level(), 0);
+        let mut quality = quality(Level::Exact);
+        draw(&mut quality, 10, [20.0, 8.0, 6.0, 6.0, 6.0, 6.0]);
+        assert_eq!(quality.level(), Level::Fine, "the face was near");
+        draw(&mut quality, 100, [4.0; 6]);
+        assert_eq!(quality.level(), Level::Fine);
+        draw(&mut quality, 200, [4.0; 6]);
+        assert_eq!(quality.level(), Level::Exact);
     }
 
     #[test]
     fn between_two_levels_it_comes_to_rest() {
         // The better one is too slow, the lower one leaves room: the case that makes pictures waver.
-        let mut quality = Quality::new(Settings::default(), true);
-        let ms = [12.0, 4.0, 3.0];
-        let early = draw(&mut quality, 1000, ms);
-        draw(&mut quality, 20_000, ms);
-        let late = draw(&mut quality, 10_000, ms);
-        assert!(early >= 3 && late <= 8, "{early} changes in the first 11 s, {late} in 111 s later");
+        for above in 0..5 {
+            let mut quality = quality(Level::Exact);
+            let ms = [0, 1, 2, 3, 4, 5].map(|level| if level <= above { 12.0 } else { 4.0 });
+            let early = draw(&mut quality, 1000, ms);
+            draw(&mut quality, 20_000, ms);
+            let late = draw(&mut quality, 10_000, ms);
+            assert!(early >= 3 && late <= 8, "{early} changes in the first 11 s, {late} in 111 s later");
+        }
+    }
+
+    #[test]
+    fn neighbours_that_cost_as_levels_do_are_never_taken_in_turn() {
+        // The parts of the cost that the demo has at each level, on GPUs of every speed.
+        for fastest in [2.0, 5.0, 9.0, 10.0, 15.0, 30.0, 80.0] {
+            let mut quality = quality(Level::Exact);
+            let ms = [1.0, 0.74, 0.57, 0.36, 0.26, 0.18].map(|part| part * fastest);
+            assert!(draw(&mut quality, 100_000, ms) <= 5, "{fastest} ms");
+        }
     }
 
     #[test]
     fn the_viewer_sets_the_best_to_use() {
-        let mut quality = Quality::new(Settings { cutoff: Cutoff::Sqrt8, ..Settings::default() }, true);
-        assert_eq!(quality.level(), 1);
-        draw(&mut quality, 5000, [1.0; 3]);
-        assert_eq!(quality.level(), 1, "never better than chosen");
-        quality.choose(0);
+        let mut quality = quality(Level::Good);
+        draw(&mut quality, 5000, [1.0; 6]);
+        assert!(quality.level() == Level::Good && !quality.is_lowered(), "never better than chosen");
+        quality.choose(Level::Exact);
         assert_eq!(quality.settings().cutoff, Cutoff::Exact);
-        quality.choose(9);
-        assert_eq!(quality.level(), 2);
-        let mut fixed = Quality::new(Settings::default(), false);
-        assert_eq!(draw(&mut fixed, 5000, [99.0; 3]), 0);
+        let mut fixed = Quality::new(Settings::default(), Level::Fair, false);
+        assert_eq!(draw(&mut fixed, 5000, [99.0; 6]), 0);
         quality.measure(None, PERIOD_MS);
         quality.measure(Some(5.0), 0.0);
-        assert_eq!(quality.level(), 2, "nothing is concluded from nothing");
+        assert_eq!(quality.level(), Level::Exact, "nothing is concluded from nothing");
+    }
+
+    #[test]
+    fn layers_that_the_clip_has_not_are_told() {
+        let mut quality =
+            Quality::new(Settings { layers: Some(3), ..Settings::default() }, Level::Least, true);
+        assert_eq!(quality.change_clip(LAYERS.to_vec()), Err(3));
+        assert_eq!(quality.change_clip(vec![10, 20, 30]), Ok(()));
+        assert_eq!(quality.settings().layers, Some(2));
     }
 }

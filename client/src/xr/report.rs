@@ -1,10 +1,11 @@
 //! [`Report`]: what `--frames`, `--stats` and `--out` ask of a run: how long it goes on, what it
-//! counted, and what the eyes saw last.
+//! counted, and what the eyes and the panel showed last.
 
 use std::path::Path;
 use std::time::Instant;
 
 use codec::Camera;
+use glam::UVec2;
 use serde::Serialize;
 
 use super::eye;
@@ -13,7 +14,7 @@ use super::runtime::Runtime;
 use super::show::Show;
 use crate::args::Args;
 use crate::fault::Fault;
-use crate::gpu::{FrameCounts, Gpu, Pixels, Settings};
+use crate::gpu::{FrameCounts, Gpu, Level, Pixels, Settings};
 use crate::output;
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
@@ -46,7 +47,10 @@ pub(super) struct Report {
     alive_ms: Latest,
     sort_ms: Latest,
     gpu_ms: Latest,
-    counts: FrameCounts,
+    loading: WhileLoading,
+    /// Frames at each level, and the last one.
+    levels: [u64; Level::ALL.len()],
+    drawn: Drawn,
     capture: Option<Shown>,
 }
 
@@ -56,6 +60,20 @@ pub(super) struct Work {
     pub(super) cpu_s: f64,
     pub(super) display_ns: i64,
     pub(super) period_ns: i64,
+    /// Whether a clip was on its way.
+    pub(super) loading: bool,
+}
+
+/// What was drawn of the clip.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Drawn {
+    pub(super) level: Level,
+    /// Of an eye's image, in pixels.
+    pub(super) size: UVec2,
+    pub(super) settings: Settings,
+    pub(super) counts: FrameCounts,
+    /// For both eyes, if the GPU can tell.
+    pub(super) gpu_ms: Option<f64>,
 }
 
 /// What the eyes saw.
@@ -68,6 +86,8 @@ pub(super) struct Shown {
     pub(super) settings: Settings,
     /// An image for each eye.
     pub(super) pixels: Vec<Pixels>,
+    /// The panel, if there is one.
+    pub(super) panel: Option<Pixels>,
 }
 
 /// The latest numbers of many, in a bounded space.
@@ -115,7 +135,9 @@ impl Report {
             alive_ms: Latest::default(),
             sort_ms: Latest::default(),
             gpu_ms: Latest::default(),
-            counts: FrameCounts::default(),
+            loading: WhileLoading::default(),
+            levels: Default::default(),
+            drawn: Drawn::default(),
             capture: None,
         }
     }
@@ -133,26 +155,34 @@ impl Report {
     }
 
     /// A frame that showed the clip.
-    pub(super) fn shown(&mut self, work: Work, counts: FrameCounts, gpu_ms: Option<f64>) {
-        self.seen(&work);
+    pub(super) fn shown(&mut self, work: Work, drawn: Drawn) {
+        let missed = self.seen(&work);
+        if work.loading {
+            self.loading.frames += 1;
+            self.loading.missed += missed;
+        }
         self.first_picture_ms.get_or_insert_with(|| self.started.elapsed().as_secs_f64() * 1e3);
         self.shown += 1;
         if self.shown == self.skipped {
             self.missed_before = self.pacing.missed();
         }
-        self.counts = counts;
+        self.drawn = drawn;
+        self.levels[drawn.level as usize] += 1;
         if self.measures && self.shown > self.skipped {
             self.cpu_ms.push(work.cpu_s * 1e3);
-            self.alive_ms.push(counts.alive_ms);
-            self.sort_ms.push(counts.sort_ms);
-            gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));
+            self.alive_ms.push(drawn.counts.alive_ms);
+            self.sort_ms.push(drawn.counts.sort_ms);
+            drawn.gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));
         }
     }
 
-    fn seen(&mut self, work: &Work) {
+    /// How often an old frame had to be shown before this one.
+    fn seen(&mut self, work: &Work) -> u64 {
         self.first_frame_ms.get_or_insert_with(|| self.started.elapsed().as_secs_f64() * 1e3);
+        let missed = self.pacing.missed();
         self.pacing.frame(work.display_ns, work.period_ns);
         self.period_ns = work.period_ns;
+        self.pacing.missed() - missed
     }
 
     /// What the eyes saw in the frame that was the last.
@@ -215,7 +245,26 @@ impl Report {
             json.push(b'\n');
             output::write(&folder.join(format!("{eye}.json")), &json)?;
         }
+        if let Some(panel) = &shown.panel {
+            output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.x, panel.size.y)?;
+        }
         Ok(())
+    }
+
+    fn quality(&self) -> QualityStats {
+        let Drawn { level, size, settings, counts, .. } = self.drawn;
+        QualityStats {
+            level: level.name(),
+            frames: self.levels,
+            width: size.x,
+            height: size.y,
+            reach_sigma: settings.cutoff.radius_max(),
+            least_px: settings.least_px,
+            layers: settings.layers,
+            alive: counts.alive,
+            faint: counts.faint,
+            sorted: counts.sorted,
+        }
     }
 
     fn stats(&self, runtime: &Runtime, gpu: &Gpu, show: &mut Show) -> Result<XrStats, Fault> {
@@ -229,12 +278,12 @@ impl Report {
                 let coverage = renderer.count(gpu, *t, views, settings)?;
                 frames.push(FrameStats {
                     time: *position_s,
-                    alive: self.counts.alive,
-                    sorted: self.counts.sorted,
+                    alive: self.drawn.counts.alive,
+                    sorted: self.drawn.counts.sorted,
                     drawn: coverage.drawn,
                     fragments: coverage.fragments,
-                    alive_ms: self.counts.alive_ms,
-                    sort_ms: self.counts.sort_ms,
+                    alive_ms: self.drawn.counts.alive_ms,
+                    sort_ms: self.drawn.counts.sort_ms,
                     draw_ms: renderer.gpu_ms().unwrap_or_default(),
                 });
             }
@@ -256,7 +305,9 @@ impl Report {
             frames_empty: self.empty,
             frames_unseen: self.unseen,
             frames_missed: self.pacing.missed() - self.missed_before,
+            while_loading: self.loading,
             sessions_lost: self.sessions_lost,
+            quality: self.quality(),
             cpu_ms: self.cpu_ms.summary(),
             alive_ms: self.alive_ms.summary(),
             sort_ms: self.sort_ms.summary(),
@@ -264,6 +315,35 @@ impl Report {
             frames,
         })
     }
+}
+
+/// Frames that showed a clip while another was on its way.
+#[derive(Clone, Copy, Default, Serialize)]
+struct WhileLoading {
+    frames: u64,
+    /// Times at which the display had to show an old frame before one of them.
+    missed: u64,
+}
+
+/// What the last frame was drawn with, and what that left out.
+#[derive(Serialize)]
+struct QualityStats {
+    level: &'static str,
+    /// Frames at each level, from the best down.
+    frames: [u64; Level::ALL.len()],
+    /// Of what was drawn of an eye's image, in pixels.
+    width: u32,
+    height: u32,
+    /// Standard deviations that a Gaussian reaches at most.
+    reach_sigma: f32,
+    /// Pixels of alpha below which a Gaussian is left out.
+    least_px: f32,
+    /// Layers drawn; null for all.
+    layers: Option<usize>,
+    alive: u32,
+    /// Those that were left out for `least_px`.
+    faint: u32,
+    sorted: u32,
 }
 
 /// A camera file with the time at which the eye saw.
@@ -302,7 +382,9 @@ struct XrStats {
     frames_unseen: u64,
     /// Times at which the display had to show an old frame, since the frames left out.
     frames_missed: u64,
+    while_loading: WhileLoading,
     sessions_lost: u64,
+    quality: QualityStats,
     /// From the beginning to the end of a frame, outside the runtime and the driver.
     cpu_ms: Summary,
     alive_ms: Summary,
@@ -324,7 +406,7 @@ mod tests {
     }
 
     fn work(number: i64) -> Work {
-        Work { cpu_s: 0.001, display_ns: number * 1000, period_ns: 1000 }
+        Work { cpu_s: 0.001, display_ns: number * 1000, period_ns: 1000, loading: false }
     }
 
     #[test]
@@ -334,7 +416,7 @@ mod tests {
         report.empty(work(1));
         for (number, last) in [(2, false), (3, false), (4, false), (8, true)] {
             assert!(report.is_last() == last && !report.is_complete(), "{number}");
-            report.shown(work(number), FrameCounts::default(), None);
+            report.shown(work(number), Drawn::default());
         }
         assert!(report.is_complete());
         assert_eq!((report.shown, report.empty, report.unseen), (4, 1, 1));
@@ -343,10 +425,20 @@ mod tests {
     }
 
     #[test]
+    fn what_is_missed_while_a_clip_loads_is_told_apart() {
+        let mut report = report("client --xr --frames 0..9");
+        for (number, loading) in [(1, true), (2, true), (5, true), (6, false), (9, false), (11, true)] {
+            report.shown(Work { loading, ..work(number) }, Drawn::default());
+        }
+        assert_eq!((report.loading.frames, report.loading.missed), (4, 3));
+        assert_eq!(report.pacing.missed(), 5);
+    }
+
+    #[test]
     fn without_a_bound_it_goes_on_and_keeps_little() {
         let mut report = report("client --xr");
         for number in 0..10 {
-            report.shown(work(number), FrameCounts::default(), None);
+            report.shown(work(number), Drawn::default());
         }
         assert!(!report.is_complete() && !report.is_last() && report.cpu_ms.values.is_empty());
         let mut latest = Latest::default();

@@ -8,6 +8,7 @@ use std::time::Instant;
 use glam::UVec2;
 use openxr as xr;
 
+use super::beam_layer::BeamLayer;
 use super::calls::{Layers, SessionFrames, SwapchainImages, Watch};
 use super::error::{During, Halt};
 use super::extensions::{performance, refresh_rate};
@@ -16,8 +17,9 @@ use super::frame::{Frames, Images};
 use super::input::Input;
 use super::interaction::{Hands, Haptics};
 use super::panel_layer::PanelLayer;
-use super::report::{Report, Shown, Work};
+use super::report::{Drawn, Report, Shown, Work};
 use super::runtime::{EYES, Runtime, raw};
+use super::see_through::SeeThrough;
 use super::show::{Moved, Show, Viewer};
 use super::state::{Event, State};
 use super::{space, swapchain};
@@ -27,22 +29,27 @@ use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
 /// Colour of the emptiness while there is no clip yet: dark, and not the black of something broken.
 const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
 
+/// Most layers of a frame: the room, the eyes, the panel and two beams. Every runtime takes 16.
+const LAYERS: usize = 5;
+
 /// A session with a headset.
 pub(super) struct Session {
     // In the order in which they must go: textures before the images that they wrap, everything
     // before the session, which holds the device.
     panel: PanelLayer,
+    beams: BeamLayer,
     eyes: RuntimeTargets,
     images: Images<SwapchainImages>,
+    see_through: SeeThrough,
     input: Input,
     stage: xr::Space,
     frames: Frames<SessionFrames>,
     session: xr::Session<xr::Vulkan>,
     format: RuntimeFormat,
+    /// Of an eye's image; less of it may be drawn.
     size: UVec2,
     events: xr::EventDataBuffer,
     watch: Watch,
-    can_see_through: bool,
     gpu: Arc<Gpu>,
 }
 
@@ -108,7 +115,8 @@ impl Session {
         }
         let watch = Watch::default();
         Ok(Session {
-            panel: PanelLayer::open(&session, gpu, format, watch.clone())?,
+            panel: PanelLayer::open(&session, gpu, format, readable, watch.clone())?,
+            beams: BeamLayer::open(&session, gpu, format)?,
             eyes: RuntimeTargets::new(gpu, &images)?,
             input: Input::attach(&session, &runtime.extensions)?,
             stage: space::open(&session)?,
@@ -119,7 +127,7 @@ impl Session {
                 watch: watch.clone(),
             }),
             images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
-            can_see_through: runtime.blends.can_see_through(),
+            see_through: SeeThrough::open(runtime, &session),
             events: xr::EventDataBuffer::new(),
             gpu: gpu.clone(),
             session,
@@ -188,7 +196,7 @@ impl Session {
 
     /// Whether the room can be shown behind the clip.
     pub(super) fn can_see_through(&self) -> bool {
-        self.can_see_through
+        self.see_through.is_possible()
     }
 
     /// The format that is drawn in.
@@ -224,7 +232,7 @@ impl Session {
             head: head.as_ref(),
             hands: &hands,
         };
-        let Moved { leaves, painting } = show.advance(timing.display_ns, &viewer, &mut haptics);
+        let Moved { leaves, painting, beams } = show.advance(timing.display_ns, &viewer, &mut haptics);
         watch.time(|| self.input.feel(session, &haptics));
 
         let asked = if leaves || report.is_complete() { Asked::Exit } else { Asked::Nothing };
@@ -235,15 +243,16 @@ impl Session {
         };
 
         let see_through = show.see_through();
+        let (level, settings) = (show.quality().level(), show.quality().settings());
+        let size = show.quality().size(self.size);
         let views = show.stage_from_clip().and_then(|stage_from_clip| {
-            let view = |i: usize| eye::view(&poses[i], located[i].fov.into(), self.size, &stage_from_clip);
+            let view = |i: usize| eye::view(&poses[i], located[i].fov.into(), size, &stage_from_clip);
             Some([view(0)?, view(1)?])
         });
         let image = images.acquire().halt("taking an image")?;
         let gpu = show.gpu().clone();
         let mut encoder = gpu.encoder();
-        let (t, settings, position_s) =
-            (show.player().clip_time(), show.settings(), show.player().position_s());
+        let (t, position_s) = (show.player().clip_time(), show.player().position_s());
         let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
             let targets = self.eyes.targets(image.index());
             (views, renderer.draw(&gpu, &mut encoder, t, &views, &settings, targets))
@@ -262,33 +271,38 @@ impl Session {
             self.panel.paint(&gpu, painter, painting)?;
         }
 
-        let eyes = projections(&images.calls().swapchain, &located, self.size);
+        let eyes = projections(&images.calls().swapchain, &located, size);
         let alpha = if see_through {
             xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
         } else {
             xr::CompositionLayerFlags::EMPTY
         };
         let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(&self.stage).views(&eyes);
+        let room = self.see_through.layer(see_through);
         let quad = show.board().and_then(|board| self.panel.quad(&self.stage, board));
-        let layers = match &quad {
-            Some(quad) => &[&*layer, &**quad][..],
-            None => &[&*layer],
-        };
-        frame.end(Layers { layers, see_through }).halt("ending a frame")?;
+        let beams = beams.map(|beam| beam.map(|beam| self.beams.quad(&self.stage, &beam)));
+        let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(LAYERS);
+        layers.extend(room.as_deref());
+        layers.push(&layer);
+        layers.extend(quad.as_deref());
+        layers.extend(beams.iter().flatten().map(|beam| &**beam));
+        frame.end(Layers { layers: &layers, see_through }).halt("ending a frame")?;
 
         let work = Work {
             cpu_s: (start.elapsed().saturating_sub(watch.take())).as_secs_f64(),
             display_ns: timing.display_ns,
             period_ns: timing.period_ns,
+            loading: show.is_loading(),
         };
         match drawn {
             None => report.empty(work),
             Some((views, counts)) => {
-                let gpu_ms = show.measure(counts, timing.period_ns);
-                report.shown(work, counts, gpu_ms);
+                let gpu_ms = show.measure(counts, size, timing.period_ns);
+                report.shown(work, Drawn { level, size, settings, counts, gpu_ms });
                 if capture {
-                    let pixels = self.eyes.read(&gpu)?;
-                    report.capture(Shown { views, t, position_s, settings, pixels });
+                    let pixels = self.eyes.read(&gpu)?.iter().map(|eye| eye.corner(size)).collect();
+                    let panel = self.panel.read(&gpu)?;
+                    report.capture(Shown { views, t, position_s, settings, pixels, panel });
                 }
             }
         }
@@ -307,7 +321,8 @@ fn locate(
     Ok(views.try_into().ok().filter(|_| flags.contains(needed)))
 }
 
-/// Both layers of the image released last, seen from where they were drawn for.
+/// `size` pixels in the corner of both layers of the image released last, seen from where they were
+/// drawn for.
 fn projections<'a>(
     swapchain: &'a xr::Swapchain<xr::Vulkan>,
     located: &[xr::View; 2],

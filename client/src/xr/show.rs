@@ -5,13 +5,15 @@
 
 use std::sync::Arc;
 
+use glam::UVec2;
+
 use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
-use super::loading::{Loaded, Loading};
+use super::loading::{Arrived, Loaded, Loading};
 use super::pacing::Clock;
-use super::panel::{Board, Notice, Painting, Panel, PanelState};
+use super::panel::{Beam, Board, Notice, Painting, Panel, PanelState};
 use super::quality::Quality;
 use crate::fault::Fault;
-use crate::gpu::{FrameCounts, Gpu, Renderer, RuntimeFormat, Settings, UiPainter};
+use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, Renderer, RuntimeFormat, Settings, UiPainter};
 use crate::player::Player;
 use crate::source;
 
@@ -28,6 +30,13 @@ pub(super) struct Show {
     gpu: Arc<Gpu>,
     /// The clip named on the command line.
     name: Option<String>,
+    /// The clip to play after the one that was loaded last.
+    next: Option<String>,
+    /// Whether someone is there who can read the panel.
+    attended: bool,
+    /// Why no clip has played so far.
+    unplayed: Option<Fault>,
+    interaction: Interaction,
     format: Option<RuntimeFormat>,
     quality: Quality,
     store: Option<PlacementStore>,
@@ -49,8 +58,6 @@ struct Playing {
     /// What it is called: for people, and in the store.
     title: String,
     key: String,
-    /// From when the head is first seen.
-    interaction: Option<Interaction>,
 }
 
 /// Something the panel tells.
@@ -64,7 +71,18 @@ enum Told {
 struct Statistics {
     rows: Vec<(&'static str, String)>,
     age_s: f64,
-    latest: Option<(FrameCounts, Option<f64>, f64)>,
+    latest: Option<Measured>,
+}
+
+/// What a frame took, and what was left out.
+struct Measured {
+    counts: FrameCounts,
+    settings: Settings,
+    layers: usize,
+    /// Size of an eye's image.
+    size: UVec2,
+    gpu_ms: Option<f64>,
+    period_ms: f64,
 }
 
 /// What a frame knows of the viewer.
@@ -83,15 +101,19 @@ pub(super) struct Moved {
     pub(super) leaves: bool,
     /// A new picture of the panel, which must be drawn.
     pub(super) painting: Option<Painting>,
+    /// From hands to the panel.
+    pub(super) beams: [Option<Beam>; 2],
 }
 
 impl Show {
-    /// Of the clip `name`, which begins to load with the first session.
+    /// Of the clip `name`, which begins to load with the first session. `attended` is whether
+    /// someone is there who can read on the panel why it cannot be loaded.
     pub(super) fn new(
         gpu: Arc<Gpu>,
         name: Option<String>,
         quality: Quality,
         store: Option<PlacementStore>,
+        attended: bool,
     ) -> Show {
         Show {
             playing: None,
@@ -100,6 +122,10 @@ impl Show {
             painter: None,
             gpu,
             name,
+            next: None,
+            attended,
+            unplayed: None,
+            interaction: Interaction::default(),
             format: None,
             quality,
             store,
@@ -131,6 +157,7 @@ impl Show {
         if self.format != Some(format) {
             self.format = Some(format);
             self.playing = None;
+            self.interaction.take_away();
             self.load(self.name.clone())?;
         }
         Ok(())
@@ -144,37 +171,70 @@ impl Show {
     }
 
     /// Takes in a clip that has arrived, which then plays from its start. One that cannot be loaded
-    /// is told on the panel, as long as another one plays.
+    /// is told on the panel.
     ///
     /// # Errors
-    /// Why the first clip could not be loaded, and [`Fault::Usage`] if it has not the layers asked
-    /// for.
+    /// Why the first clip could not be loaded, if nobody is there to read that.
     pub(super) fn receive(&mut self) -> Result<(), Fault> {
-        let Some(arrived) = self.loading.as_ref().and_then(Loading::poll) else { return Ok(()) };
-        self.loading = None;
-        let layers = self.quality.settings().layers;
-        let arrived = arrived.and_then(|loaded| match layers.filter(|&layers| layers > loaded.layers) {
-            Some(layers) => {
-                Err(Fault::Usage(format!("--layer {layers}: the clip has {} layers", loaded.layers)))
-            }
-            None => Ok(loaded),
-        });
-        let loaded = match arrived {
-            Ok(loaded) => loaded,
-            Err(fault) if self.playing.is_some() => {
-                log::warn!("{fault}");
-                self.notice = Some(Told::Failed(fault.to_string()));
-                return Ok(());
-            }
-            Err(fault) => return Err(fault),
+        let Some(Arrived { next, clip }) = self.loading.as_ref().and_then(Loading::poll) else {
+            return Ok(());
         };
-        self.remember();
-        self.notice = None;
+        (self.loading, self.next) = (None, next);
+        let loaded = match clip.and_then(|loaded| self.accept(loaded)) {
+            Ok(loaded) => loaded,
+            Err(fault) => return self.fail(fault),
+        };
+        self.save();
+        (self.notice, self.unplayed) = (None, None);
         self.player.change_clip(loaded.duration_s, loaded.fps);
         self.clock = Clock::default();
+        // It has a place once it is known where the head is.
+        self.interaction.take_away();
         let (title, key) = (source::title(loaded.name.as_deref()), key(loaded.name.as_deref()));
-        self.playing = Some(Playing { loaded, title, key, interaction: None });
+        log::info!("playing {title}");
+        self.playing = Some(Playing { loaded, title, key });
         Ok(())
+    }
+
+    /// A clip, if it has the layers asked for.
+    fn accept(&mut self, mut loaded: Loaded) -> Result<Loaded, Fault> {
+        let layer_ends = std::mem::take(&mut loaded.layer_ends);
+        let there = layer_ends.len();
+        self.quality
+            .change_clip(layer_ends)
+            .map_err(|asked| Fault::Usage(format!("--layer {asked}: the clip has {there} layers")))?;
+        Ok(loaded)
+    }
+
+    /// Tells that a clip cannot be played.
+    fn fail(&mut self, fault: Fault) -> Result<(), Fault> {
+        if self.playing.is_none() {
+            if !self.attended {
+                return Err(fault);
+            }
+            eprintln!("{fault}; the headset shows this and waits for another clip, or the exit");
+            self.unplayed = Some(fault.clone());
+        } else {
+            log::warn!("{fault}");
+        }
+        self.notice = Some(Told::Failed(fault.to_string()));
+        if self.panel.as_ref().is_some_and(|panel| !panel.is_shown()) {
+            self.commands.push(Command::TogglePanel);
+        }
+        Ok(())
+    }
+
+    /// Whether a clip is on its way.
+    pub(super) fn is_loading(&self) -> bool {
+        self.loading.is_some()
+    }
+
+    /// At the end.
+    ///
+    /// # Errors
+    /// Why no clip was played.
+    pub(super) fn outcome(self) -> Result<(), Fault> {
+        self.unplayed.map_or(Ok(()), Err)
     }
 
     /// Has the clip put before the viewer anew at a display time.
@@ -186,34 +246,40 @@ impl Show {
     pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
         let elapsed_s = self.clock.elapsed_s(display_ns, viewer.attends);
         let panel_elapsed_s = self.panel_clock.elapsed_s(display_ns, true);
-        let mut moved = Moved { leaves: false, painting: None };
+        let mut moved = Moved { leaves: false, painting: None, beams: [None; 2] };
         let Some(head) = viewer.head else { return moved };
         let mut commands = std::mem::take(&mut self.commands);
         let panel = self.panel.get_or_insert_with(|| Panel::new(head));
         let mut scrubbing = panel.is_scrubbing();
-        if let Some(playing) = &mut self.playing {
-            let interaction = playing.interaction.get_or_insert_with(|| {
-                let subject = playing.loaded.subject;
-                let left = self.store.as_ref().and_then(|store| store.get(&playing.key));
-                Interaction::new(subject, left.unwrap_or_else(|| subject.start(head)))
-            });
-            interaction.take(viewer.hands, viewer.attends, elapsed_s);
-            let on_panel = panel.point(interaction.inputs(), haptics);
-            interaction.update(head, on_panel, &self.player, &mut commands, haptics);
-            scrubbing |= interaction.is_scrubbing();
+        let interaction = &mut self.interaction;
+        if let (Some(playing), None) = (&self.playing, interaction.placement()) {
+            let subject = playing.loaded.subject;
+            let left = self.store.as_ref().and_then(|store| store.get(&playing.key));
+            interaction.put(subject, left.unwrap_or_else(|| subject.start(head)));
         }
+        interaction.take(viewer.hands, viewer.attends, elapsed_s);
+        let on_panel = panel.point(interaction.inputs(), haptics);
+        interaction.update(head, on_panel, &self.player, &mut commands, haptics);
+        scrubbing |= interaction.is_scrubbing();
+        moved.beams = panel.beams(interaction.inputs(), head);
         if self.replace_at_ns.take_if(|at_ns| *at_ns <= display_ns).is_some() {
             commands.push(Command::Recentre);
         }
         if viewer.looks {
             self.statistics.refresh(panel_elapsed_s);
+            let title = match &self.playing {
+                Some(playing) => &playing.title,
+                None if self.loading.is_some() => "",
+                None => "No clip",
+            };
             let state = PanelState {
-                title: self.playing.as_ref().map_or("", |playing| &playing.title),
+                title,
                 player: &self.player,
-                qualities: self.quality.names(),
-                quality: self.quality.level(),
+                qualities: &Level::ALL.map(Level::name),
+                quality: self.quality.level() as usize,
+                lowered: self.quality.is_lowered(),
                 passthrough: self.room,
-                has_next: self.playing.as_ref().is_some_and(|playing| playing.loaded.next.is_some()),
+                has_next: self.next.is_some(),
                 statistics: &self.statistics.rows,
                 notice: self.notice.as_ref().map(|told| match told {
                     Told::Loading(text) => Notice::Working { text, part: None },
@@ -243,24 +309,16 @@ impl Show {
         }
         match command {
             Command::Exit => return true,
-            Command::Recentre => {
-                if let Some(interaction) =
-                    self.playing.as_mut().and_then(|playing| playing.interaction.as_mut())
-                {
-                    interaction.recentre(head);
-                }
-            }
+            Command::Recentre => self.interaction.recentre(head),
             Command::NextClip => {
-                let next = self.playing.as_ref().and_then(|playing| playing.loaded.next.clone());
-                if let (Some(next), None) = (next, &self.loading)
+                if let (Some(next), None) = (self.next.clone(), &self.loading)
                     && let Err(fault) = self.load(Some(next))
                 {
                     self.notice = Some(Told::Failed(fault.to_string()));
                 }
             }
-            Command::Better => self.quality.choose(self.quality.level().saturating_sub(1)),
-            Command::Coarser => self.quality.choose(self.quality.level() + 1),
-            Command::SetQuality(level) => self.quality.choose(level),
+            Command::Better => self.quality.choose(self.quality.level().better()),
+            Command::Coarser => self.quality.choose(self.quality.level().coarser()),
             Command::TogglePassthrough => self.room = self.room.map(|seen| !seen),
             Command::Dismiss if self.loading.is_none() => self.notice = None,
             _ => {}
@@ -268,35 +326,36 @@ impl Show {
         false
     }
 
-    /// Takes in what drawing a frame took, where the display shows one every `period_ns`;
-    /// milliseconds of the GPU, if it can tell.
-    pub(super) fn measure(&mut self, counts: FrameCounts, period_ns: i64) -> Option<f64> {
+    /// Takes in what drawing a frame of `size` pixels an eye took, where the display shows one every
+    /// `period_ns`; milliseconds of the GPU, if it can tell.
+    pub(super) fn measure(&mut self, counts: FrameCounts, size: UVec2, period_ns: i64) -> Option<f64> {
         let gpu_ms = self.renderer().and_then(Renderer::gpu_ms);
+        let (settings, layers) = (self.quality.settings(), self.quality.layers());
         let period_ms = period_ns as f64 * 1e-6;
+        self.statistics.latest = Some(Measured { counts, settings, layers, size, gpu_ms, period_ms });
         self.quality.measure(gpu_ms, period_ms);
-        self.statistics.latest = Some((counts, gpu_ms, period_ms));
         gpu_ms
     }
 
     /// Keeps where the clip stands.
     fn remember(&mut self) {
         let Some(playing) = &self.playing else { return };
-        if let (Some(store), Some(interaction)) = (&mut self.store, &playing.interaction) {
-            store.set(&playing.key, interaction.placement());
+        if let (Some(store), Some(placement)) = (&mut self.store, self.interaction.placement()) {
+            store.set(&playing.key, placement);
         }
     }
 
-    /// Writes down where clips stand. May wait for the disk.
+    /// Has written down where clips stand.
     pub(super) fn save(&mut self) {
         self.remember();
-        if let Some(Err(error)) = self.store.as_mut().map(PlacementStore::save) {
-            log::warn!("{error}");
+        if let Some(store) = &mut self.store {
+            store.save();
         }
     }
 
     /// Where the clip stands, once it is there and has a place.
     pub(super) fn stage_from_clip(&self) -> Option<Similarity> {
-        Some(self.playing.as_ref()?.interaction.as_ref()?.stage_from_clip())
+        self.interaction.stage_from_clip()
     }
 
     /// What draws the clip.
@@ -318,8 +377,8 @@ impl Show {
         self.playing.as_ref().map_or(0, |playing| playing.loaded.gaussians)
     }
 
-    pub(super) fn settings(&self) -> Settings {
-        self.quality.settings()
+    pub(super) fn quality(&self) -> &Quality {
+        &self.quality
     }
 
     pub(super) fn player(&self) -> &Player {
@@ -336,17 +395,25 @@ impl Statistics {
     /// Brings the rows up to date from time to time.
     fn refresh(&mut self, elapsed_s: f64) {
         self.age_s += elapsed_s;
-        let Some((counts, gpu_ms, period_ms)) = self.latest.filter(|_| self.age_s >= STATISTICS_S) else {
-            return;
-        };
+        let Some(latest) = self.latest.as_ref().filter(|_| self.age_s >= STATISTICS_S) else { return };
         self.age_s = 0.0;
+        let Measured { counts, settings, layers, size, gpu_ms, period_ms } = latest;
         let gpu = gpu_ms.map_or("unknown".into(), |ms| format!("{ms:.1} of {period_ms:.1} ms"));
+        let reach = match settings.cutoff {
+            Cutoff::Exact => "all of it",
+            Cutoff::Sqrt8 => "sqrt 8 sigma",
+            Cutoff::Sqrt5 => "sqrt 5 sigma",
+        };
         self.rows.clear();
         self.rows.extend([
             ("alive now", counts.alive.to_string()),
-            ("sorted, drawn", counts.sorted.to_string()),
+            ("too faint", counts.faint.to_string()),
+            ("drawn", counts.sorted.to_string()),
             ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
             ("GPU", gpu),
+            ("each eye", format!("{} x {} px", size.x, size.y)),
+            ("reach", reach.into()),
+            ("layers", format!("{} of {layers}", settings.layers.unwrap_or(*layers))),
         ]);
     }
 }

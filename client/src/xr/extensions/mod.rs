@@ -1,5 +1,6 @@
 //! What runtimes offer beyond the core, each used where it is there and done without where not.
 
+pub(super) mod passthrough;
 pub(super) mod performance;
 pub(super) mod refresh_rate;
 
@@ -14,5 +15,6 @@ pub(super) fn wanted(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     wanted.meta_touch_controller_plus = offered.meta_touch_controller_plus;
     wanted.fb_display_refresh_rate = offered.fb_display_refresh_rate;
     wanted.ext_performance_settings = offered.ext_performance_settings;
+    wanted.fb_passthrough = offered.fb_passthrough;
     wanted
 }

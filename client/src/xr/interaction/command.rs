@@ -27,8 +27,6 @@ pub enum Command {
     Better,
     /// The next faster one.
     Coarser,
-    /// A quality by its number.
-    SetQuality(usize),
     /// See the room behind the clip, or not.
     TogglePassthrough,
     /// Show or hide the statistics.

@@ -37,11 +37,10 @@ use stick::StickSnap;
 
 use crate::player::Player;
 
-/// What hands have done to a clip.
-#[derive(Clone, Debug)]
+/// What hands do, to a clip if there is one.
+#[derive(Clone, Debug, Default)]
 pub struct Interaction {
-    subject: Subject,
-    placement: Placement,
+    clip: Option<Placed>,
     inputs: Inputs,
     sticks: [StickSnap; 2],
     /// Hands whose trigger was pulled off the panel: it holds the clip until it is let go.
@@ -51,24 +50,23 @@ pub struct Interaction {
     elapsed_s: f64,
 }
 
+/// A clip and where it stands.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    subject: Subject,
+    placement: Placement,
+}
+
 impl Interaction {
-    /// With a clip at `placement`, for instance from a [`PlacementStore`].
-    pub fn new(subject: Subject, placement: Placement) -> Interaction {
-        Interaction {
-            subject,
-            placement,
-            inputs: Inputs::default(),
-            sticks: Default::default(),
-            select_holds: [false; 2],
-            grab: Grab::default(),
-            playback: Playback::default(),
-            elapsed_s: 0.0,
-        }
+    /// Puts a clip at `placement`, for instance from a [`PlacementStore`], in place of the one that
+    /// was there; what hands hold they go on holding.
+    pub fn put(&mut self, subject: Subject, placement: Placement) {
+        self.clip = Some(Placed { subject, placement });
     }
 
-    /// Changes to another clip; what hands hold they go on holding.
-    pub fn change_clip(&mut self, subject: Subject, placement: Placement) {
-        (self.subject, self.placement) = (subject, placement);
+    /// Takes the clip away. Buttons and sticks go on.
+    pub fn take_away(&mut self) {
+        (self.clip, self.select_holds, self.grab) = (None, [false; 2], Grab::default());
     }
 
     /// Takes in the hands of a frame that lasts `elapsed_s` seconds. `focused` is whether the
@@ -98,9 +96,10 @@ impl Interaction {
         let pushed = self.sticks[Side::Left as usize].pushed();
         self.playback.update(inputs, pushes, pushed, self.elapsed_s, player, commands);
 
+        let Some(Placed { placement, .. }) = &mut self.clip else { return };
         let right = pushes[Side::Right as usize];
-        if let Some(turned) = right.and_then(|push| turn::snap_turn(&self.placement, head, push)) {
-            self.placement = turned;
+        if let Some(turned) = right.and_then(|push| turn::snap_turn(placement, head, push)) {
+            *placement = turned;
             haptics.play(Side::Right, Pulse::SNAP);
         }
 
@@ -110,22 +109,24 @@ impl Interaction {
             *by_select &= inputs.is_held(side, Button::Select);
             (*by_select || inputs.is_held(side, Button::Squeeze)).then(|| inputs.grip(side)).flatten()
         });
-        self.placement = self.grab.update(holding, self.placement, haptics);
+        *placement = self.grab.update(holding, *placement, haptics);
     }
 
     /// Puts the clip in front of a viewer whose head is at `head`, at life size.
     pub fn recentre(&mut self, head: &Pose) {
-        self.placement = self.subject.start(head);
+        if let Some(Placed { subject, placement }) = &mut self.clip {
+            *placement = subject.start(head);
+        }
     }
 
-    /// Where the clip stands: what to remember.
-    pub fn placement(&self) -> &Placement {
-        &self.placement
+    /// Where the clip stands: what to remember. `None` where there is none.
+    pub fn placement(&self) -> Option<&Placement> {
+        self.clip.as_ref().map(|clip| &clip.placement)
     }
 
-    /// Puts the clip into the stage.
-    pub fn stage_from_clip(&self) -> Similarity {
-        self.subject.stage_from_clip(&self.placement)
+    /// Puts the clip into the stage. `None` where there is none.
+    pub fn stage_from_clip(&self) -> Option<Similarity> {
+        self.clip.as_ref().map(|clip| clip.subject.stage_from_clip(&clip.placement))
     }
 
     /// Whether a stick holds the clock, which must then not advance by itself.

@@ -1,11 +1,16 @@
 //! [`PlacementStore`]: where each clip was left, in a small file.
 //!
 //! The file is a convenience: without it, or with one that makes no sense, clips start in front of
-//! the viewer, and one line in the log says why.
+//! the viewer, and one line in the log says why. A thread writes it, so that no frame waits for the
+//! disk.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
 
 use glam::DVec3;
 use log::warn;
@@ -27,7 +32,7 @@ const KEY_BYTES: usize = 1 << 10;
 /// Version of the file's form.
 const VERSION: u32 = 1;
 
-/// Placements by the names of clips.
+/// Placements by the names of clips. Dropping it waits until what was saved is written.
 #[derive(Debug)]
 pub struct PlacementStore {
     folder: PathBuf,
@@ -35,6 +40,8 @@ pub struct PlacementStore {
     entries: Vec<Entry>,
     /// Whether the file lacks something.
     changed: bool,
+    /// From the first time that something is saved.
+    writer: Option<Writer>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -73,7 +80,7 @@ impl PlacementStore {
                 Vec::new()
             }
         };
-        PlacementStore { folder: folder.into(), entries, changed: false }
+        PlacementStore { folder: folder.into(), entries, changed: false, writer: None }
     }
 
     /// Where the clip with the name `key` was left.
@@ -98,33 +105,70 @@ impl PlacementStore {
         self.changed = true;
     }
 
-    /// Writes the file, whole or not at all, if there is something new. It may wait for the disk:
-    /// not between the frames of a playing clip.
-    ///
-    /// # Errors
-    /// What the system says, with the path.
-    pub fn save(&mut self) -> io::Result<()> {
-        if self.changed {
-            let path = self.folder.join(FILE);
-            self.write(&path).map_err(|error| {
-                let text = format!("cannot remember where clips stand: {}: {error}", path.display());
-                io::Error::new(error.kind(), text)
-            })?;
-            self.changed = false;
+    /// Has the file written, whole or not at all, if there is something new or the last time failed.
+    /// Does not wait for that; what fails is told in the log.
+    pub fn save(&mut self) {
+        let failed = self.writer.as_ref().is_some_and(|writer| writer.failed.swap(false, Ordering::AcqRel));
+        if !std::mem::take(&mut self.changed) && !failed {
+            return;
         }
-        Ok(())
+        let contents = Contents { version: VERSION, placements: &self.entries };
+        let mut bytes = serde_json::to_vec_pretty(&contents).expect("numbers and strings serialise");
+        bytes.push(b'\n');
+        let folder = &self.folder;
+        // It ends only with the store.
+        let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).files.send(bytes);
     }
+}
 
-    fn write(&self, path: &Path) -> io::Result<()> {
-        std::fs::create_dir_all(&self.folder)?;
-        let mut file = NamedTempFile::new_in(&self.folder)?;
-        serde_json::to_writer_pretty(&mut file, &Contents { version: VERSION, placements: &self.entries })?;
-        file.write_all(b"\n")?;
-        // A headset may lose its power at any time: first the bytes, then the name.
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
+impl Drop for PlacementStore {
+    fn drop(&mut self) {
+        let Some(Writer { files, thread, .. }) = self.writer.take() else { return };
+        drop(files);
+        if let Some(thread) = thread {
+            let _ = thread.join();
+        }
     }
+}
+
+/// The thread that writes the file.
+#[derive(Debug)]
+struct Writer {
+    files: Sender<Vec<u8>>,
+    /// Whether the file lacks what it was given last.
+    failed: Arc<AtomicBool>,
+    /// `None` where the system refused one.
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Writer {
+    fn start(folder: PathBuf) -> Writer {
+        let (files, arriving) = channel::<Vec<u8>>();
+        let failed = Arc::new(AtomicBool::new(false));
+        let told = failed.clone();
+        let write_all = move || {
+            for bytes in arriving {
+                if let Err(error) = write(&folder, &bytes) {
+                    let path = folder.join(FILE);
+                    warn!("cannot remember where clips stand: {}: {error}", path.display());
+                    told.store(true, Ordering::Release);
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("placements".into()).spawn(write_all);
+        let thread = thread.inspect_err(|error| warn!("cannot remember where clips stand: {error}")).ok();
+        Writer { files, failed, thread }
+    }
+}
+
+fn write(folder: &Path, bytes: &[u8]) -> io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let mut file = NamedTempFile::new_in(folder)?;
+    file.write_all(bytes)?;
+    // A headset may lose its power at any time: first the bytes, then the name.
+    file.as_file().sync_all()?;
+    file.persist(folder.join(FILE))?;
+    Ok(())
 }
 
 fn read(path: &Path) -> io::Result<Vec<Entry>> {
@@ -174,7 +218,8 @@ mod tests {
         for (number, placement) in placements.iter().enumerate() {
             store.set(&format!("clip \"{number}\"\n\u{e9}"), placement);
         }
-        store.save().unwrap();
+        store.save();
+        drop(store);
         let store = PlacementStore::open(&inner);
         for (number, placement) in placements.iter().enumerate() {
             let back = store.get(&format!("clip \"{number}\"\n\u{e9}")).unwrap();
@@ -194,7 +239,8 @@ mod tests {
         store.set("0", &placement(-1.0));
         store.set("new", &placement(0.0));
         store.set(&"x".repeat(KEY_BYTES + 1), &placement(0.0));
-        store.save().unwrap();
+        store.save();
+        drop(store);
         let store = PlacementStore::open(folder.path());
         assert_eq!(store.get("0"), Some(placement(-1.0)), "it was placed again");
         assert!(store.get("1").is_none() && store.get("2").is_some() && store.get("new").is_some());
@@ -219,7 +265,8 @@ mod tests {
             let mut store = PlacementStore::open(folder.path());
             assert_eq!(store.get("a"), None);
             store.set("a", &placement(1.0));
-            store.save().unwrap();
+            store.save();
+            drop(store);
             assert_eq!(PlacementStore::open(folder.path()).get("a"), Some(placement(1.0)));
         }
         let wild = br#"{"version": 1, "placements":
@@ -230,17 +277,23 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_is_told_and_tried_again() {
+    fn a_folder_that_cannot_be_written_is_tried_again() {
         let folder = tempfile::tempdir().unwrap();
         let blocked = folder.path().join("file");
         fs::write(&blocked, "").unwrap();
         let mut store = PlacementStore::open(&blocked);
-        store.save().unwrap();
+        store.save();
+        assert!(store.writer.is_none(), "there is nothing new");
         store.set("a", &placement(1.0));
-        let error = store.save().unwrap_err().to_string();
-        assert!(error.contains(FILE) && !error.contains('\n'), "{error}");
+        store.save();
+        let failed = store.writer.as_ref().unwrap().failed.clone();
+        let start = std::time::Instant::now();
+        while !failed.load(Ordering::Acquire) && start.elapsed().as_secs() < 60 {
+            std::thread::yield_now();
+        }
         fs::remove_file(&blocked).unwrap();
-        store.save().unwrap();
+        store.save();
+        drop(store);
         assert!(PlacementStore::open(&blocked).get("a").is_some());
     }
 }

@@ -118,7 +118,7 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     let slower = rect(MARGIN, y, 64.0, ROW);
     let speed = rect(slower.right() + GAP, y, 80.0, ROW);
     let faster = rect(speed.right() + GAP, y, 64.0, ROW);
-    press(symbol_button(ui, slower, "Slower", plain, Symbol::Slower, 28.0), Command::Slower);
+    press(symbol_button(ui, slower, "Slower", plain, Symbol::Less, 28.0), Command::Slower);
     let normal = button(ui, speed, "Speed", plain, |painter, color| {
         let text = format!("{}x", player.speed());
         painter.text(speed.center() - vec2(0.0, 10.0), Align2::CENTER_CENTER, text, style::font(24.0), color);
@@ -126,7 +126,7 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
         painter.text(at, Align2::CENTER_CENTER, "Speed", style::font(16.0), color);
     });
     press(normal, Command::NormalSpeed);
-    press(symbol_button(ui, faster, "Faster", plain, Symbol::Faster, 28.0), Command::Faster);
+    press(symbol_button(ui, faster, "Faster", plain, Symbol::More, 28.0), Command::Faster);
 
     let play = Rect::from_center_size(pos2(0.5 * SIZE.x, y + 0.5 * ROW), vec2(116.0, ROW));
     let back = rect(play.left() - GAP - 72.0, y, 72.0, ROW);
@@ -174,29 +174,36 @@ fn tiles(ui: &Ui, y: f32, state: &PanelState, shown: Shown, commands: &mut Vec<C
     exit
 }
 
-/// The qualities side by side, the chosen one marked.
+/// The quality in use between what lowers and what raises it.
 fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>) {
-    let count = state.qualities.len();
-    if count == 0 {
-        return;
+    let Some(name) = state.qualities.get(state.quality) else { return };
+    let coarser = rect(area.left(), area.top(), 64.0, ROW);
+    let better = rect(area.right() - 64.0, area.top(), 64.0, ROW);
+    let at_bottom = State { disabled: state.quality + 1 == state.qualities.len(), ..State::default() };
+    let at_top = State { disabled: state.quality == 0, ..State::default() };
+    if symbol_button(ui, coarser, "Coarser", at_bottom, Symbol::Less, 28.0) {
+        commands.push(Command::Coarser);
     }
+    if symbol_button(ui, better, "Better", at_top, Symbol::More, 28.0) {
+        commands.push(Command::Better);
+    }
+
     let painter = ui.painter();
-    painter.rect_filled(area, style::BUTTON_RADIUS, style::BUTTON.gamma_multiply(0.5));
-    let at = area.center_bottom() - vec2(0.0, 14.0);
-    painter.text(at, Align2::CENTER_CENTER, "Quality", style::font(16.0), style::QUIET);
-    let width = (area.width() - GAP * (count - 1) as f32) / count as f32;
-    for (number, name) in state.qualities.iter().enumerate() {
-        let x = area.left() + number as f32 * (width + GAP);
-        let choice = rect(x, area.top(), width, area.height() - 26.0);
-        let state = State { chosen: number == state.quality, ..State::default() };
-        let chosen = button(ui, choice, &format!("Quality {number}"), state, |painter, color| {
-            let (at, room) = (choice.center(), width - 10.0);
-            fitted(painter, at, Align2::CENTER_CENTER, name, style::font(20.0), color, room);
-        });
-        if chosen {
-            commands.push(Command::SetQuality(number));
-        }
+    let middle = Rect::from_min_max(coarser.right_top(), better.left_bottom()).shrink2(vec2(GAP, 0.0));
+    painter.rect_filled(middle, style::BUTTON_RADIUS, style::BUTTON.gamma_multiply(0.5));
+    let place = |y: f32| pos2(middle.center().x, middle.top() + y);
+    let width = middle.width() - 16.0;
+    fitted(painter, place(24.0), Align2::CENTER_CENTER, name, style::font(24.0), style::TEXT, width);
+    // As many marks as levels, as many of them lit as the level is good.
+    let (count, lit) = (state.qualities.len(), state.qualities.len() - state.quality);
+    for number in 0..count {
+        let x = 14.0 * (number as f32 - 0.5 * (count - 1) as f32);
+        let color = if number < lit { style::ACCENT } else { style::BUTTON_HOVERED };
+        painter.circle_filled(place(45.0) + vec2(x, 0.0), 4.0, color);
     }
+    let (caption, color) =
+        if state.lowered { ("Lowered for speed", style::TEXT) } else { ("Quality", style::QUIET) };
+    fitted(painter, place(64.0), Align2::CENTER_CENTER, caption, style::font(16.0), color, width);
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! as a quad layer with its [`Board::pose`] and size; its image has display-referred, premultiplied
 //! colours and begins as nothing, all zeros.
 
+mod beam;
 mod board;
 mod cards;
 mod console;
@@ -20,9 +21,10 @@ use egui::{
     Color32, Context, Event, Pos2, RawInput, Rect, Stroke, TexturesDelta, Ui, ViewportId, ViewportInfo,
 };
 
+pub use beam::Beam;
 pub use board::{Board, PIXELS_PER_POINT, SIZE};
 
-use super::interaction::{Command, Haptics, Inputs, Pose};
+use super::interaction::{Command, Haptics, Inputs, Pose, Side};
 use crate::player::Player;
 use pointer::Pointer;
 
@@ -59,6 +61,8 @@ pub struct PanelState<'a> {
     pub qualities: &'a [&'a str],
     /// Number of the present one.
     pub quality: usize,
+    /// Whether the GPU does not keep up with the one that was chosen.
+    pub lowered: bool,
     /// Whether the room is seen; `None` where the headset cannot show it.
     pub passthrough: Option<bool>,
     /// Whether there is another clip to play.
@@ -151,6 +155,17 @@ impl Panel {
         let pointing = self.pointer.update(inputs, &self.board, &self.occupied, &mut self.events, haptics);
         self.press_lost |= pointing.lost;
         pointing.on_panel
+    }
+
+    /// The beams of the hands, left then right, for eyes at the pose `head`: to the panel where they
+    /// meet it. None while it is not shown.
+    pub fn beams(&self, inputs: &Inputs, head: &Pose) -> [Option<Beam>; 2] {
+        Side::BOTH.map(|side| {
+            let aim = inputs.aim(side).filter(|_| self.shown)?;
+            let on_panel = |at: Pos2| self.occupied.iter().any(|area| area.contains(at));
+            let hit = self.board.hit(&aim).filter(|hit| on_panel(hit.at));
+            Beam::new(&aim, hit.map(|hit| hit.distance_m), head.position)
+        })
     }
 
     /// Lets the panel see a command, its own or that of a button; whether it was for it alone.
@@ -280,7 +295,8 @@ impl Panel {
         (self.page, self.leaving_until_s.is_some(), state.title).hash(&mut hasher);
         ((player.position_s() * TIMELINE_RATE) as u64, player.duration_s().to_bits()).hash(&mut hasher);
         (player.is_playing(), player.is_looping(), player.speed().to_bits()).hash(&mut hasher);
-        (state.qualities, state.quality, state.passthrough, state.has_next).hash(&mut hasher);
+        (state.qualities, state.quality, state.lowered).hash(&mut hasher);
+        (state.passthrough, state.has_next).hash(&mut hasher);
         if self.page == Some(Page::Statistics) {
             state.statistics.hash(&mut hasher);
         }

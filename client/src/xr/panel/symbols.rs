@@ -11,8 +11,8 @@ pub(super) enum Symbol {
     Pause,
     StepBack,
     StepForward,
-    Slower,
-    Faster,
+    Less,
+    More,
     Loop,
     Next,
     Statistics,
@@ -60,8 +60,8 @@ pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, c
             polygon(&[[-0.75, -0.75], [0.4, 0.0], [-0.75, 0.75]]);
             bar([0.5, -0.7], [0.8, 0.7]);
         }
-        Symbol::Slower => bar([-0.65, -0.11], [0.65, 0.11]),
-        Symbol::Faster => {
+        Symbol::Less => bar([-0.65, -0.11], [0.65, 0.11]),
+        Symbol::More => {
             bar([-0.65, -0.11], [0.65, 0.11]);
             bar([-0.11, -0.65], [0.11, 0.65]);
         }

@@ -63,7 +63,8 @@ impl Bench {
             title: "juggler",
             player: &self.player,
             qualities: &["Auto", "High", "Low"],
-            quality: 0,
+            quality: 1,
+            lowered: false,
             passthrough: Some(false),
             has_next: true,
             statistics: &[("Gaussians", "40000".into()), ("GPU", "5.1 ms".into())],
@@ -123,7 +124,8 @@ fn either_hand_presses_the_buttons() {
             ("Speed", Command::NormalSpeed),
             ("Loop", Command::ToggleLoop),
             ("Next clip", Command::NextClip),
-            ("Quality 2", Command::SetQuality(2)),
+            ("Better", Command::Better),
+            ("Coarser", Command::Coarser),
             ("Room", Command::TogglePassthrough),
             ("Recentre", Command::Recentre),
         ] {
@@ -252,6 +254,24 @@ fn what_shows_nothing_is_not_the_panel() {
     bench.aim(Side::Right, above);
     bench.frame();
     assert_eq!(bench.on_panel, [false, true]);
+}
+
+#[test]
+fn beams_end_on_the_panel_and_go_with_it() {
+    let mut bench = Bench::new();
+    let at = bench.place("Play");
+    bench.aim(Side::Left, at);
+    bench.frame();
+    let lengths =
+        |bench: &Bench| bench.panel.beams(&bench.inputs, &HEAD).map(|beam| beam.map(|beam| beam.size_m().y));
+    let [Some(left), Some(right)] = lengths(&bench) else { panic!("both hands have a beam") };
+    let distance = bench.hands.left.aim.position.distance(bench.panel.board().stage_point(at));
+    assert!((left - distance).abs() < 0.06 && right < left, "{left} of {distance}, and {right}");
+    bench.hands.right.tracked = false;
+    bench.frame();
+    assert!(matches!(lengths(&bench), [Some(_), None]), "a hand that is not there has none");
+    bench.panel.apply(Command::TogglePanel, &HEAD);
+    assert_eq!(lengths(&bench), [None, None]);
 }
 
 #[test]
