@@ -12,7 +12,13 @@ const LN_2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 
 /// The integer nearest to `x`, halves rounded up.
 pub(super) fn round(x: f64) -> f64 {
-    (x + 0.5).floor()
+    let x = x + 0.5;
+    // `floor` is a call on some machines. Numbers beyond 2^52 are integers.
+    if x.abs() >= 4_503_599_627_370_496.0 {
+        return x;
+    }
+    let whole = x as i64 as f64;
+    if whole > x { whole - 1.0 } else { whole }
 }
 
 /// `e^x` for `x` cut to `[-700, 700]`; relative error below 4e-16.

@@ -15,8 +15,9 @@ const CONTEXTS: usize = 40;
 /// Exponents of an integer: magnitudes are below 2^26. Format.
 const EXPONENTS: usize = 26;
 
-/// Largest magnitude of an integer.
-const MAGNITUDE_MAX: f64 = ((1u32 << EXPONENTS) - 1) as f64;
+/// Largest magnitude of a code, and of what is predicted for it: from any prediction there is an
+/// integer to any code. Larger numbers are cut. Format.
+const CODE_MAX: f64 = ((1u32 << (EXPONENTS - 1)) - 1) as f64;
 
 /// An adaptive bit: the mean of a probability that learns fast and one that learns slowly.
 #[derive(Clone, Copy, Debug)]
@@ -75,11 +76,26 @@ impl Bit {
     }
 }
 
-/// A probability moved to `bit` by one part in `parts`.
+/// A probability moved to `bit` by one part in `parts`, up to [`SLOW`].
 fn toward(p: u16, bit: bool, parts: u32) -> u16 {
-    let p = u32::from(p);
-    (if bit { p + (65535 - p) / parts } else { p - p / parts }) as u16
+    // The quotient of 16 bits by `parts`, rounded down as a division would: this is what most of
+    // the time of decoding goes into, and dividing takes several times as long.
+    let part = |n: u16| (u64::from(n) * u64::from(RECIPROCALS[parts as usize]) >> RECIPROCAL_BITS) as u16;
+    if bit { p + part(!p) } else { p - part(p) }
 }
+
+/// `2^24 / n`, rounded up. What is added is below `n <= 128`, too little to show in a quotient of
+/// 16 bits: `65535 * 128 < 2^24`.
+const RECIPROCALS: [u32; SLOW as usize + 1] = {
+    let mut reciprocals = [0; SLOW as usize + 1];
+    let mut n = 1;
+    while n <= SLOW {
+        reciprocals[n as usize] = (1u32 << RECIPROCAL_BITS).div_ceil(n);
+        n += 1;
+    }
+    reciprocals
+};
+const RECIPROCAL_BITS: u32 = 24;
 
 /// Numbers of `BITS` bits from the top bit down, each bit with the bits above as context.
 #[derive(Clone, Debug)]
@@ -236,8 +252,12 @@ impl Quantity {
     pub(super) fn code<S: Symbols>(&mut self, symbols: &mut S, number: f64, coding: Coding) -> i32 {
         let Coding { step, prediction, spread, lambda } = coding;
         let context = context_of(self.expected(step) * spread);
-        let predicted = round(prediction / step).clamp(-MAGNITUDE_MAX, MAGNITUDE_MAX);
-        let residual = if S::ENCODES { self.choose(number / step - predicted, context, lambda) } else { 0 };
+        let predicted = round(prediction / step).clamp(-CODE_MAX, CODE_MAX);
+        let residual = if S::ENCODES {
+            self.choose((number / step).clamp(-CODE_MAX, CODE_MAX) - predicted, context, lambda)
+        } else {
+            0
+        };
         let residual = self.integer.code(symbols, context, residual);
         let coded = predicted as i32 + residual;
         symbols.number(coded, residual);
@@ -247,15 +267,14 @@ impl Quantity {
         }
         self.seen += 1.0;
         let distance = f64::from(residual.unsigned_abs()) * step;
-        self.fast += (distance - self.fast) / (self.seen + 2.0).min(FAST_NUMBERS);
-        self.slow += (distance - self.slow) / (self.seen + 2.0).min(SLOW_NUMBERS);
-        self.mean += (f64::from(coded) * step - self.mean) / self.seen.min(MEAN_NUMBERS);
+        average(&mut self.fast, distance, self.seen + 2.0, FAST_NUMBERS);
+        average(&mut self.slow, distance, self.seen + 2.0, SLOW_NUMBERS);
+        average(&mut self.mean, f64::from(coded) * step, self.seen, MEAN_NUMBERS);
         coded
     }
 
     /// The code of `steps`: of its two neighbours the one with less error and fewer bits.
     fn choose(&self, steps: f64, context: usize, lambda: f64) -> i32 {
-        let steps = steps.clamp(1.0 - MAGNITUDE_MAX, MAGNITUDE_MAX - 1.0);
         if lambda == 0.0 {
             return round(steps) as i32;
         }
@@ -264,6 +283,13 @@ impl Quantity {
             |code: f64| (steps - code) * (steps - code) + lambda * self.integer.cost(context, code as i32);
         (if price(below) <= price(below + 1.0) { below } else { below + 1.0 }) as i32
     }
+}
+
+/// Lets `number` be one of the last `seen` numbers, or `most`, a power of two, in their mean.
+fn average(mean: &mut f64, number: f64, seen: f64, most: f64) {
+    let off = number - *mean;
+    // The same number, sooner.
+    *mean += if seen < most { off / seen } else { off * (1.0 / most) };
 }
 
 /// The context of an expected magnitude: half octaves above 2^-4, rounded.
@@ -292,6 +318,16 @@ mod tests {
         assert_eq!(context_of(0.0), 0);
         assert_eq!(context_of(f64::INFINITY), CONTEXTS - 1);
         assert!(context_of(f64::NAN) < CONTEXTS);
+    }
+
+    #[test]
+    fn reciprocals_divide() {
+        for parts in 1..=SLOW {
+            for p in 0..=u16::MAX {
+                assert_eq!(toward(p, false, parts), p - (u32::from(p) / parts) as u16);
+                assert_eq!(toward(p, true, parts), p + (u32::from(!p) / parts) as u16);
+            }
+        }
     }
 
     #[test]
@@ -329,12 +365,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_beyond_the_codes_are_cut() {
+    fn numbers_beyond_the_codes_are_cut_and_spoil_no_other() {
         let mut quantity = Quantity::new();
         let mut encoder = Encoder::new(Vec::new());
-        for number in [1e30, -1e30, f64::MAX, 0.0] {
-            let code = quantity.code(&mut encoder, number, Coding::near(1e-3, 0.0));
-            assert!(f64::from(code).abs() <= MAGNITUDE_MAX);
+        for number in [1e30, 0.0, -1e30, 3e4, f64::MAX, -3e4, 1.0] {
+            // From the last number, at half an octave of another step.
+            let coding = Coding::near(1e-3, 20.0 * quantity.mean());
+            let code = quantity.code(&mut encoder, number, coding);
+            assert_eq!(f64::from(code), round(number / 1e-3).clamp(-CODE_MAX, CODE_MAX));
         }
     }
 }

@@ -34,9 +34,12 @@ impl Neighbors {
     pub(super) fn find(&mut self, cell: [u32; 3]) {
         let mut best = [(u64::MAX, 0); NEAREST];
         for age in 1..=self.last.len() {
-            let place = (self.next + WINDOW - age) % WINDOW;
+            let place = if age <= self.next { self.next - age } else { self.next + WINDOW - age };
             let other = self.last[place].cell;
             let distance = (0..3).map(|axis| u64::from(cell[axis].abs_diff(other[axis])).pow(2)).sum();
+            if distance >= best[NEAREST - 1].0 {
+                continue;
+            }
             let mut candidate = (distance, place);
             for slot in &mut best {
                 if candidate.0 < slot.0 {
