@@ -54,7 +54,8 @@ fn a_folder_becomes_a_package() {
     let folder = tempdir().unwrap();
     let scene = folder.path().join("dancer");
     fs::create_dir(&scene).unwrap();
-    let original = field(7000, 1, Some(3), true);
+    let mut original = field(7000, 1, Some(3), true);
+    make_small(&mut original);
     write_field(&scene.join("field.ply"), &original);
 
     let report = xtask(folder.path(), &["package", "dancer", "--json"]).json();
@@ -216,6 +217,7 @@ fn same_bytes_on_any_number_of_threads() {
 fn parts_can_be_removed() {
     let folder = tempdir().unwrap();
     let mut original = field(400, 2, Some(3), true);
+    make_small(&mut original);
     original.opacities.fill(0.9);
     let temporal = original.temporal.as_mut().unwrap();
     temporal.tau.fill(0.5);

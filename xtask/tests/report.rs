@@ -35,6 +35,18 @@ fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
         let (bytes, mbps) = (number(points, row, "bytes"), number(points, row, "mbps"));
         assert!((mbps - bytes * 8e-6).abs() < 1e-9, "the clip is one second long");
     }
+    let rates = field["rates"].as_array().expect("rates");
+    let targets: Vec<f64> = rates.iter().map(|rate| rate["target_db"].as_f64().unwrap()).collect();
+    assert_eq!(targets, [40.0, 45.0, 50.0, 55.0]);
+    for rate in rates {
+        let size = |key: &str| rate["simpler"][key].as_f64().unwrap_or_else(|| panic!("no {key} in {rate}"));
+        let bytes = rate["bytes"].as_f64().unwrap();
+        assert!(rate["self_psnr_db"].as_f64() >= rate["target_db"].as_f64(), "{rate}");
+        // Each part of the coder saves something.
+        let sizes = [size("order_0"), size("ordered"), size("predicted"), bytes];
+        assert!(sizes.is_sorted_by(|a, b| a > b), "{rate}");
+        assert!(size("alike") > bytes, "{rate}");
+    }
     let mut names: Vec<String> = fs::read_dir(folder.path().join("out"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -80,7 +80,7 @@ impl Bit {
 fn toward(p: u16, bit: bool, parts: u32) -> u16 {
     // The quotient of 16 bits by `parts`, rounded down as a division would: this is what most of
     // the time of decoding goes into, and dividing takes several times as long.
-    let part = |n: u16| (u64::from(n) * u64::from(RECIPROCALS[parts as usize]) >> RECIPROCAL_BITS) as u16;
+    let part = |n: u16| ((u64::from(n) * u64::from(RECIPROCALS[parts as usize])) >> RECIPROCAL_BITS) as u16;
     if bit { p + part(!p) } else { p - part(p) }
 }
 

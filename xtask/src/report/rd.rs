@@ -24,7 +24,7 @@ use crate::package::whole::{
     enforce_work, floor, ranking_shots, scene_of, shots_of, verify_work,
 };
 
-pub use rates::Rate;
+pub use rates::{Rate, Simpler};
 pub use text::files;
 
 /// Size in pixels of the pictures that are reported on.

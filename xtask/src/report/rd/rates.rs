@@ -1,10 +1,11 @@
-//! What the coder takes for how much precision: packages of the same Gaussians, coded to several
-//! PSNRs against the field before coding.
+//! What the coder takes for how much precision, and what its parts save: packages of the same
+//! Gaussians, coded to several PSNRs against the field before coding.
 
-use codec::Source;
+use codec::{AttributeSize, Limits, Sensitivity, Source};
 use indicatif::ProgressBar;
-use refine::code::{CodeError, TRIALS, code};
+use refine::code::{CodeError, Coded, TRIALS, code_knowing};
 use refine::prune::Pictures;
+use refine::reference::sensitivities;
 use serde::Serialize;
 
 use super::{SEEN_WORK, seen_shots};
@@ -34,13 +35,28 @@ pub struct Rate {
     pub bytes: usize,
     /// The same per Gaussian, the plate's not counted.
     pub bytes_per_gaussian: f64,
+    /// What simpler coders would make of it.
+    pub simpler: Simpler,
+}
+
+/// Sizes in bytes that a package would have without parts of the coder, each but the last without
+/// those of the next ones either.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Simpler {
+    /// If each number took what its frequency in the package asks for.
+    pub order_0: f64,
+    /// If then the order of the Gaussians took nothing.
+    pub ordered: f64,
+    /// If then numbers were predicted; what the package saves beyond is due to contexts.
+    pub predicted: f64,
+    /// The whole coder, if all Gaussians were as exact as each other, at the same PSNR.
+    pub alike: f64,
 }
 
 /// How far the progress advances in [`measure`].
 pub(super) fn work(subject: &Subject) -> u64 {
     let compared = compared_shots(&subject.scene, &subject.field).len();
-    let steps = seen_shots(subject).len() + TRIALS;
-    SEEN_WORK * (compared + steps * TARGETS_DB.len()) as u64
+    SEEN_WORK * (compared + seen_shots(subject).len() + 2 * TRIALS * TARGETS_DB.len()) as u64
 }
 
 /// Codes the first rows of `order`.
@@ -55,13 +71,17 @@ pub(super) fn measure(
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared_shots(scene, &part), step);
+    let visible = sensitivities(&part, plate.as_ref(), &seen_shots(subject), step);
+    let code = |target_db: f64, visible: Option<(Vec<Sensitivity>, f32)>| -> anyhow::Result<Coded> {
+        code_knowing(&source, &LAYERS, target_db, visible, &judge, step).map_err(|error| match error {
+            CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
+            CodeError::Decode(error) => error.into(),
+        })
+    };
     let rate = |target_db: f64| {
-        let coded = code(&source, &LAYERS, target_db, &seen_shots(subject), &judge, step).map_err(
-            |error| match error {
-                CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
-                CodeError::Decode(error) => anyhow::Error::from(error),
-            },
-        )?;
+        let coded = code(target_db, visible.clone())?;
+        let footprint = visible.as_ref().map(|(rows, footprint)| (vec![ALIKE; rows.len()], *footprint));
+        let alike = code(target_db, footprint)?;
         Ok(Rate {
             gaussians: part.len(),
             target_db,
@@ -69,7 +89,24 @@ pub(super) fn measure(
             mbps: subject.mbps(coded.bytes.len()),
             bytes: coded.bytes.len(),
             bytes_per_gaussian: coded.bytes.len() as f64 / part.len() as f64,
+            simpler: simpler(&coded.bytes, alike.bytes.len())?,
         })
     };
     TARGETS_DB.into_iter().map(rate).collect()
+}
+
+/// A visibility like any other: only what differs from row to row is coded differently.
+const ALIKE: Sensitivity = Sensitivity { color: 1.0, geometry: 1.0 };
+
+/// What simpler coders would make of a package, of which the last was tried.
+fn simpler(package: &[u8], alike: usize) -> anyhow::Result<Simpler> {
+    let sizes = codec::measure(package, &Limits::default())?;
+    let sum = |of: fn(&AttributeSize) -> f64| sizes.iter().map(of).sum::<f64>();
+    // Headers and tables.
+    let rest = package.len() as f64 - sum(|size| size.coded);
+    let position = sizes.iter().filter(|size| size.attribute == "position");
+    let order: f64 = position.map(|size| size.order_0 - size.predicted).sum();
+    let order_0 = rest + sum(|size| size.order_0);
+    let predicted = rest + sum(|size| size.predicted);
+    Ok(Simpler { order_0, ordered: order_0 - order, predicted, alike: alike as f64 })
 }

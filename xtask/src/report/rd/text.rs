@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use super::{FieldRd, INSTANTS, Point, Rate, Row, SIZE};
+use super::{FieldRd, INSTANTS, Point, Rate, Row, SIZE, Simpler};
 use crate::package::coding::QUALITY_DB;
 use crate::package::whole::FLOOR_INSTANTS;
 use crate::report::ReportFile;
@@ -183,15 +183,24 @@ clip.
 fn rates(text: &mut String, fields: &[FieldRd]) {
     text.push_str(
         "\n## Rate of the coder\n\nThe most visible Gaussians, coded until pictures of the decoded package come to a \
-         PSNR against pictures of what was coded.\n\n\
-         | field | Gaussians | PSNR asked (dB) | PSNR (dB) | Mbps | bytes | B/G |\n\
-         |---|--:|--:|--:|--:|--:|--:|\n",
+         PSNR against pictures of what was coded. B/G are bytes of the whole file per Gaussian. Before it, what simpler \
+         coders would make of the same numbers: *order 0* their entropy, *+ order* the same in an order that takes \
+         nothing, *+ prediction* the entropy of what is left of predictions; contexts save the rest. *all alike* is the \
+         whole coder at the same PSNR, but as exact where nobody sees it as where it shows.\n\n\
+         | field | Gaussians | PSNR asked (dB) | PSNR (dB) | Mbps | bytes | order 0 | + order | + prediction | B/G | all alike |\n\
+         |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for field in fields {
-        for Rate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian } in &field.rates {
+        for Rate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
+            &field.rates
+        {
+            let Simpler { order_0, ordered, predicted, alike } = *simpler;
+            let [order_0, ordered, predicted, alike] =
+                [order_0, ordered, predicted, alike].map(|bytes| format!("{:.2}", bytes / *gaussians as f64));
             let _ = writeln!(
                 text,
-                "| {} | {gaussians} | {target_db} | {self_psnr_db:.1} | {mbps:.2} | {bytes} | {bytes_per_gaussian:.2} |",
+                "| {} | {gaussians} | {target_db} | {self_psnr_db:.1} | {mbps:.2} | {bytes} | {order_0} | {ordered} | \
+                 {predicted} | {bytes_per_gaussian:.2} | {alike} |",
                 field.field
             );
         }
@@ -288,6 +297,7 @@ mod tests {
                 mbps: 0.25,
                 bytes: 31_250,
                 bytes_per_gaussian: 6.25,
+                simpler: Simpler { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
             }],
         }
     }
@@ -307,7 +317,10 @@ mod tests {
         assert!(csv.contains("\"a\",1,5000,ours,mass,4,29.0000,0.90000"), "{csv}");
         let text = file(&files, "rd.md");
         assert!(text.contains("| ours | 34.00 | 29.00 |"), "{text}");
-        assert!(text.contains("| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 6.25 |"), "{text}");
+        assert!(
+            text.contains("| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 10.00 | 9.00 | 8.00 | 6.25 | 8.40 |"),
+            "{text}"
+        );
         assert!(!text.contains(MEAN) && text.contains("1 s (assumed)"), "{text}");
         assert_eq!(file(&files, "rd.svg").matches("<circle").count(), 2 * 10);
     }
