@@ -6,6 +6,7 @@
 //! is unpacked into a folder of this project instead, which anyone may. It never waits for an answer
 //! and never fails: whoever needs the thing finds out by using it.
 
+mod android;
 mod apt;
 mod headset;
 mod unpacked;
@@ -30,6 +31,10 @@ pub(crate) enum Need {
     CppCompiler,
     /// An OpenXR runtime with a simulated headset, for the tests of the headset's path.
     Headset,
+    /// A compiler that can check for Android.
+    AndroidCompiler,
+    /// Programs of Android that look at an APK.
+    ApkTools,
 }
 
 /// Where something comes from.
@@ -48,6 +53,8 @@ impl Need {
             Need::VirtualDisplay => "Xvfb, an X server without a screen",
             Need::CppCompiler => "c++, a C++ compiler",
             Need::Headset => "Monado, an OpenXR runtime",
+            Need::AndroidCompiler => "a Rust compiler with the source of its library",
+            Need::ApkTools => "aapt, apksigner and zipalign",
         }
     }
 
@@ -59,11 +66,14 @@ impl Need {
             }
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
+            Need::ApkTools => &["aapt", "apksigner", "zipalign"],
             Need::Headset => return Source::Unpacked(headset::runtime()),
+            Need::AndroidCompiler => return Source::Unpacked(android::compiler()),
         })
     }
 
-    fn is_met(self) -> bool {
+    /// Whether the machine meets it.
+    pub(crate) fn is_met(self) -> bool {
         match self {
             Need::Vulkan => {
                 library_exists("libvulkan.so.1") && has_driver(&driver_paths(|name| env::var_os(name)))
@@ -81,6 +91,8 @@ impl Need {
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
             Need::Headset => headset::runtime().is_there(),
+            Need::AndroidCompiler => android::compiler().is_there(),
+            Need::ApkTools => ["aapt", "apksigner", "zipalign"].into_iter().all(program_exists),
         }
     }
 }

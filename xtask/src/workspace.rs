@@ -24,6 +24,12 @@ pub fn openxr_folder() -> PathBuf {
     target_folder().join("openxr")
 }
 
+/// The folder in which the set-up puts a compiler for Android to check with. There is none, or a
+/// whole one.
+pub fn android_compiler_folder() -> PathBuf {
+    target_folder().join("android-compiler")
+}
+
 /// Cargo, to be run in the root of the repository: the one that runs this program, if one does.
 pub fn cargo() -> Command {
     let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));

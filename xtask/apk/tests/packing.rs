@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use apk::prelude::*;
 use apk_packer::identity::for_debugging;
@@ -189,5 +190,65 @@ fn libraries_that_would_not_start_are_refused() {
         workshop.put("libclient.so", &bytes);
         assert!(workshop.pack("a.apk").is_err(), "{what}");
         assert!(!workshop.path("a.apk").exists(), "{what}: nothing is left behind");
+    }
+}
+
+/// What a program prints about a file, which it is to find nothing wrong with.
+fn output_of(program: &str, args: &[&str], file: &Path) -> String {
+    let output = Command::new(program).args(args).arg(file).output();
+    let output = output.unwrap_or_else(|error| panic!("{program} cannot be run: {error}"));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{program} {args:?}:\n{text}\n{errors}");
+    text
+}
+
+/// Packs the library that `PLAYER_LIBRARY` names, or the stub where it names none.
+#[test]
+#[ignore = "needs aapt, apksigner and zipalign; `cargo xtask ci` runs it where they are"]
+fn programs_of_android_find_the_apk_in_order() {
+    let workshop = Workshop::new();
+    if let Some(library) = std::env::var_os("PLAYER_LIBRARY") {
+        fs::copy(library, workshop.path("libclient.so")).unwrap();
+    }
+    println!("{}", workshop.pack("a.apk").unwrap());
+    let apk = workshop.path("a.apk");
+
+    let has = |text: &str, words: &[&str]| {
+        for words in words {
+            assert!(text.contains(words), "{words} is not in\n{text}");
+        }
+    };
+    let signed = output_of("apksigner", &["verify", "--verbose", "--min-sdk-version", "24"], &apk);
+    has(&signed, &["Scheme v2): true", "Scheme v3): true", "Number of signers: 1"]);
+
+    let badging = output_of("aapt", &["dump", "badging"], &apk);
+    has(
+        &badging,
+        &[
+            "package: name='org.aarc.client' versionCode='1002004' versionName='1.2.3'",
+            "sdkVersion:'29'",
+            "launchable-activity: name='android.app.NativeActivity'",
+            "uses-feature: name='android.hardware.vr.headtracking'",
+            "native-code: 'arm64-v8a'",
+        ],
+    );
+    let manifest =
+        Command::new("aapt").args(["dump", "xmltree"]).arg(&apk).arg("AndroidManifest.xml").output();
+    let manifest = String::from_utf8(manifest.unwrap().stdout).unwrap();
+    let activity = manifest.split("E: activity").nth(1).expect("there is an activity");
+    // True and false are all ones and zero.
+    has(
+        activity,
+        &["android:exported(0x01010010)=(type 0x12)0xffffffff", "\"android.app.lib_name\"", "\"client\""],
+    );
+    has(&manifest, &["android:extractNativeLibs(0x010104ea)=(type 0x12)0x0"]);
+
+    output_of("zipalign", &["-c", "4"], &apk);
+    // That of 16 KiB is asked of libraries only, so the whole is not found in order.
+    let alignment = Command::new("zipalign").args(["-c", "-v", "16384"]).arg(&apk).output().unwrap();
+    let alignment = String::from_utf8(alignment.stdout).unwrap();
+    for name in ["lib/arm64-v8a/libclient.so", "lib/arm64-v8a/libopenxr_loader.so"] {
+        has(&alignment, &[&format!("{name} (OK)")]);
     }
 }

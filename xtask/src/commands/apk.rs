@@ -15,10 +15,17 @@ use anyhow::Context;
 use xtask::fault::Fault;
 use xtask::workspace;
 
-const TARGET: &str = "aarch64-linux-android";
+/// What the player is built for.
+pub(super) const TARGET: &str = "aarch64-linux-android";
 
 /// The oldest Android that the APK runs on, as the manifest says.
-const API_LEVEL: u32 = 29;
+pub(super) const API_LEVEL: u32 = 29;
+
+/// Largest size of a page in bytes that a library must be laid out for.
+pub(super) const PAGE_BYTES: u32 = 16384;
+
+/// The player's library.
+pub(super) const LIBRARY: &str = "libclient.so";
 
 /// Name of the loader's library in an APK, and the end of its path in archives.
 const LOADER: &str = "libopenxr_loader.so";
@@ -76,7 +83,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (None, Some(toolchain)) => toolchain.build(args.release)?,
         (None, None) => unreachable!("there is a toolchain or a library"),
     };
-    let library_part = parts.join("libclient.so");
+    let library_part = parts.join(LIBRARY);
     fs::copy(&library, &library_part)
         .map_err(|error| Fault::Data(format!("{}: {error}", library.display())))?;
     pack(&library_part, &loader_part, &args.out)?;
@@ -126,11 +133,12 @@ impl Toolchain {
         let program = |name: &str| self.programs.join(name);
         let compiler = program(&format!("{TARGET}{API_LEVEL}-clang"));
         let profile = if release { "release" } else { "dev" };
+        let page_flag = format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}");
         let status = workspace::cargo()
             .args(["rustc", "--package", "client", "--lib", "--crate-type", "cdylib", "--target", TARGET])
             .args(["--no-default-features", "--features", "xr", "--profile", profile, "--locked"])
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", &compiler)
-            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", "-Clink-arg=-Wl,-z,max-page-size=16384")
+            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", page_flag)
             .env("CC_aarch64_linux_android", &compiler)
             .env("AR_aarch64_linux_android", program("llvm-ar"))
             .env("CARGO_PROFILE_RELEASE_STRIP", "symbols")
@@ -141,7 +149,7 @@ impl Toolchain {
             return Err(Fault::Device("cargo could not build the player; its messages are above".into()));
         }
         let folder = if release { "release" } else { "debug" };
-        Ok(workspace::target_folder().join(TARGET).join(folder).join("libclient.so"))
+        Ok(workspace::target_folder().join(TARGET).join(folder).join(LIBRARY))
     }
 }
 

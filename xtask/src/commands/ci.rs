@@ -2,7 +2,9 @@
 //!
 //! Every step runs, also after one has failed, so that one run shows everything there is to mend.
 //! The rules that the sources keep (which crate may name what, where `unsafe` may stand) are tests
-//! and run with `cargo xtask test`.
+//! and run with `cargo xtask test`. What a machine cannot check is listed at the end.
+
+mod android;
 
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
@@ -14,9 +16,15 @@ use xtask::workspace;
 use crate::setup::{self, Need};
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime, fuzzing of the codec.
+/// that need an OpenXR runtime, fuzzing of the codec, lints for Android and what else can be checked
+/// for it without a headset.
 #[derive(clap::Args)]
-pub(crate) struct Args {}
+pub(crate) struct Args {
+    /// Link the player for Android, too, against stand-ins for its libraries. Takes many minutes the
+    /// first time.
+    #[arg(long)]
+    link: bool,
+}
 
 /// Sets of packages and features that are built by someone on their own: what one set needs, a
 /// build of the whole workspace can hide.
@@ -43,62 +51,88 @@ const FUZZ_TARGETS: [&str; 2] = ["decode", "roundtrip"];
 const FUZZ_LIMITS: [&str; 5] =
     ["-max_total_time=60", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
 
-pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     install_components();
     setup::satisfy(&[
         (Need::CppCompiler, "the codec cannot be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
+        (Need::AndroidCompiler, "nothing is checked for Android"),
+        (Need::ApkTools, "only the packer's own checks look at an APK"),
     ]);
-    let mut failed = Vec::new();
-    let mut step = |name: &str, command: &mut Command| {
+    let mut steps = Steps::default();
+    steps.run("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
+    for (name, selection) in FEATURE_SETS {
+        let mut clippy = workspace::cargo();
+        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
+        steps.run(&format!("lints, {name}"), &mut clippy);
+    }
+    steps.run(
+        "documentation",
+        workspace::cargo()
+            .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
+            .env("RUSTDOCFLAGS", "--deny warnings"),
+    );
+    steps.run(
+        "tests in a headset",
+        workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]),
+    );
+    packer(&mut steps);
+    android::check(&mut steps, args.link);
+    fuzz(&mut steps);
+    for skipped in &steps.skipped {
+        eprintln!("ci: not checked here: {skipped}");
+    }
+    if !steps.failed.is_empty() {
+        bail!("failed: {}", steps.failed.join("; "));
+    }
+    Ok(())
+}
+
+/// The steps so far.
+#[derive(Default)]
+struct Steps {
+    failed: Vec<String>,
+    skipped: Vec<String>,
+}
+
+impl Steps {
+    /// Runs a step; whether it passed.
+    fn run(&mut self, name: &str, command: &mut Command) -> bool {
         let start = Instant::now();
         eprintln!("ci: {name}");
         let passed = command.stdin(Stdio::null()).status().is_ok_and(|status| status.success());
         let seconds = start.elapsed().as_secs_f64();
         eprintln!("ci: {name}: {} after {seconds:.1} s", if passed { "ok" } else { "FAILED" });
         if !passed {
-            failed.push(name.to_owned());
+            self.failed.push(name.to_owned());
         }
-    };
-    step("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
-    for (name, selection) in FEATURE_SETS {
-        let mut clippy = workspace::cargo();
-        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
-        step(&format!("lints, {name}"), &mut clippy);
+        passed
     }
-    step(
-        "documentation",
-        workspace::cargo()
-            .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
-            .env("RUSTDOCFLAGS", "--deny warnings"),
-    );
-    step("tests in a headset", workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]));
-    packer(&mut step);
-    fuzz(step);
-    if !failed.is_empty() {
-        bail!("failed: {}", failed.join("; "));
+
+    /// Notes a step that cannot be run, and why.
+    fn skip(&mut self, name: &str, reason: &str) {
+        self.skipped.push(format!("{name}: {reason}"));
     }
-    Ok(())
 }
 
 /// Checks the packer of APKs, a workspace of its own: its tests pack stub libraries and read the
 /// APK back.
-fn packer(mut step: impl FnMut(&str, &mut Command)) {
+fn packer(steps: &mut Steps) {
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
         cargo.current_dir(workspace::root().join("xtask/apk")).args(args);
         cargo
     };
-    step("formatting, the packer", &mut cargo(&["fmt", "--check"]));
+    steps.run("formatting, the packer", &mut cargo(&["fmt", "--check"]));
     let lints = ["clippy", "--quiet", "--locked", "--all-targets", "--", "--deny", "warnings"];
-    step("lints, the packer", &mut cargo(&lints));
-    step("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
+    steps.run("lints, the packer", &mut cargo(&lints));
+    steps.run("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
 }
 
 /// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
 /// that it writes, what earlier runs found and the committed regressions. An input that breaks one
 /// is left in target/fuzz, under the path that is printed.
-fn fuzz(mut step: impl FnMut(&str, &mut Command)) {
+fn fuzz(steps: &mut Steps) {
     let folder = workspace::root().join("codec/fuzz");
     let out = workspace::target_folder().join("fuzz");
     let cargo = |args: &[&str]| {
@@ -112,14 +146,14 @@ fn fuzz(mut step: impl FnMut(&str, &mut Command)) {
         cargo.arg("--");
         cargo
     };
-    step("formatting, fuzzing", &mut cargo(&["fmt", "--check"]));
+    steps.run("formatting, fuzzing", &mut cargo(&["fmt", "--check"]));
     let lints = ["clippy", "--quiet", "--locked", "--release", "--all-targets", "--", "--deny", "warnings"];
-    step("lints, fuzzing", &mut cargo(&lints));
-    step("seeds of fuzzing", run("seeds").arg(out.join("corpus")));
+    steps.run("lints, fuzzing", &mut cargo(&lints));
+    steps.run("seeds of fuzzing", run("seeds").arg(out.join("corpus")));
     for target in FUZZ_TARGETS {
         let mut artifacts = OsString::from("-artifact_prefix=");
         artifacts.push(out.join(format!("{target}-")));
-        step(
+        steps.run(
             &format!("fuzzing, {target}"),
             run(target)
                 .arg(out.join("corpus").join(target))

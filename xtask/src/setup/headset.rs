@@ -5,7 +5,7 @@
 
 use xtask::workspace;
 
-use super::unpacked::Unpacked;
+use super::unpacked::{Release, Unpacked};
 
 /// What the tests start and load.
 const PACKAGES: &[&str] = &[
@@ -20,7 +20,7 @@ const PACKAGES: &[&str] = &[
 pub(super) fn runtime() -> Unpacked {
     Unpacked {
         folder: workspace::openxr_folder(),
-        release: "trixie",
+        release: Release::Named("trixie"),
         packages: PACKAGES,
         keep: &["usr/bin/monado-service", "usr/lib", "usr/share/vulkan"],
         size_mb: (172, 570),

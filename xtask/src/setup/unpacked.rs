@@ -4,7 +4,8 @@
 //! machine. apt itself fetches them, under a configuration and an empty list of installed packages
 //! of this project's own: it checks the archive's signature and each package's hash, finds
 //! everything that the packages need down to the C library, and asks for no privilege. Programs of
-//! the folder run through its own dynamic linker.
+//! the folder run through its own dynamic linker; those of the machine's own release run as they
+//! are, once they are told where their libraries lie.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -20,15 +21,23 @@ use super::apt::{self, KEYRING};
 /// File in the folder that says which packages it was made of.
 const STAMP: &str = "packages";
 
+/// Which Debian packages come from.
+pub(super) enum Release {
+    /// The one of this name.
+    Named(&'static str),
+    /// The machine's own, from wherever it gets its packages, updates of security among them.
+    Machine,
+}
+
 /// Packages of a Debian release and the folder that they are unpacked into.
 pub(super) struct Unpacked {
     /// The folder; there is none, or a whole one.
     pub(super) folder: PathBuf,
-    /// Codename of the release.
-    pub(super) release: &'static str,
+    pub(super) release: Release,
     /// The packages; what they need comes with them.
     pub(super) packages: &'static [&'static str],
-    /// The files and folders to keep, as paths in the folder.
+    /// The files and folders to keep, as paths in the folder. A part that is `*` stands for the only
+    /// folder there is.
     pub(super) keep: &'static [&'static str],
     /// What is fetched and what stays, in MB, for people.
     pub(super) size_mb: (u32, u32),
@@ -41,34 +50,33 @@ impl Unpacked {
     }
 
     fn stamp(&self) -> String {
-        format!("{} {}\n", self.release, self.packages.join(" "))
+        format!("{} {}\n", self.release.name(), self.packages.join(" "))
     }
 
     /// Fetches the packages and makes the folder, in place of one of other packages.
     pub(super) fn make(&self) -> anyhow::Result<()> {
-        let mirror = apt::mirror().context("this system does not get its packages from a Debian mirror")?;
-        ensure!(Path::new(KEYRING).is_file(), "{KEYRING} is missing; install debian-archive-keyring");
         let name = self.folder.file_name().and_then(OsStr::to_str).context("the folder has no name")?;
         let work = workspace::target_folder().join("setup").join(name);
         let (fetched_mb, kept_mb) = self.size_mb;
         eprintln!(
-            "set-up: fetching {} and what they need from Debian {}: {fetched_mb} MB, {kept_mb} MB once unpacked into {}",
+            "set-up: fetching {} and what they need from {}: {fetched_mb} MB, {kept_mb} MB once unpacked into {}",
             self.packages.join(" "),
-            self.release,
+            self.release.name(),
             self.folder.display()
         );
         let (unpacked, kept) = (work.join("unpacked"), work.join("kept"));
         remove_all(&unpacked)?;
         remove_all(&kept)?;
-        self.fetch(&work, &mirror)?;
+        self.fetch(&work)?;
         fs::create_dir_all(&unpacked)?;
         for package in packages_in(&work.join("archives"))? {
             run(Command::new("dpkg-deb").arg("--extract").arg(&package).arg(&unpacked))?;
         }
         for path in self.keep {
-            let to = kept.join(path);
+            let path = resolve(&unpacked, path).with_context(|| format!("the packages hold no {path}"))?;
+            let to = kept.join(&path);
             fs::create_dir_all(to.parent().expect("inside a folder"))?;
-            fs::rename(unpacked.join(path), to).with_context(|| format!("the packages hold no {path}"))?;
+            fs::rename(unpacked.join(path), to)?;
         }
         fs::write(kept.join(STAMP), self.stamp())?;
         remove_all(&self.folder)?;
@@ -77,15 +85,25 @@ impl Unpacked {
     }
 
     /// Downloads the packages and what they need to `archives` in the folder `work`.
-    fn fetch(&self, work: &Path, mirror: &str) -> anyhow::Result<()> {
+    fn fetch(&self, work: &Path) -> anyhow::Result<()> {
         for folder in ["lists/partial", "archives/partial"] {
             fs::create_dir_all(work.join(folder))?;
         }
-        let source = format!("deb [signed-by={KEYRING} target=Packages] {mirror} {} main\n", self.release);
-        fs::write(work.join("sources.list"), source)?;
+        let sources = match self.release {
+            Release::Named(release) => {
+                let mirror =
+                    apt::mirror().context("this system does not get its packages from a Debian mirror")?;
+                ensure!(Path::new(KEYRING).is_file(), "{KEYRING} is missing; install debian-archive-keyring");
+                let source = format!("deb [signed-by={KEYRING} target=Packages] {mirror} {release} main\n");
+                let path = work.join("sources.list");
+                fs::write(&path, source)?;
+                Some(path)
+            }
+            Release::Machine => None,
+        };
         fs::write(work.join("status"), "")?;
         let configuration = work.join("apt.conf");
-        fs::write(&configuration, configuration_text(work)?)?;
+        fs::write(&configuration, configuration_text(work, sources.as_deref())?)?;
         let apt_get = || {
             let mut apt_get = Command::new("apt-get");
             apt_get.arg("-qq").arg("--config-file").arg(&configuration);
@@ -97,19 +115,59 @@ impl Unpacked {
     }
 }
 
-/// What apt reads after the machine's own configuration, of which the way to the mirror stays.
-fn configuration_text(work: &Path) -> anyhow::Result<String> {
-    let work = work.to_str().filter(|path| !path.contains('"')).context("apt cannot read this path")?;
+impl Release {
+    /// For people.
+    fn name(&self) -> &'static str {
+        match self {
+            Release::Named(name) => name,
+            Release::Machine => "this machine's release",
+        }
+    }
+}
+
+/// What a path to keep is called in the folder `unpacked`.
+fn resolve(unpacked: &Path, path: &str) -> anyhow::Result<PathBuf> {
+    let mut found = PathBuf::new();
+    for part in path.split('/') {
+        if part == "*" {
+            let mut entries = unpacked.join(&found).read_dir()?;
+            let (entry, more) = (entries.next().context("nothing there")??, entries.next());
+            ensure!(more.is_none(), "more than one thing there");
+            found.push(entry.file_name());
+        } else {
+            found.push(part);
+        }
+    }
+    ensure!(unpacked.join(&found).exists(), "nothing there");
+    Ok(found)
+}
+
+/// What apt reads after the machine's own configuration, of which the way to the mirror stays, and
+/// the lists of sources unless others are given.
+fn configuration_text(work: &Path, sources: Option<&Path>) -> anyhow::Result<String> {
+    let readable = |path: &Path| {
+        let text = path.to_str().filter(|path| !path.contains('"'));
+        text.map(String::from).context("apt cannot read this path")
+    };
+    let work = readable(work)?;
+    let sources = match sources {
+        Some(sources) => format!(
+            r#"Dir::Etc::SourceList "{}";
+Dir::Etc::SourceParts "/dev/null";
+Dir::Etc::Preferences "/dev/null";
+Dir::Etc::PreferencesParts "/dev/null";
+APT::Default-Release "";
+"#,
+            readable(sources)?
+        ),
+        None => String::new(),
+    };
     Ok(format!(
-        r#"// Hooks that a machine runs after its own packages changed.
+        r#"{sources}// Hooks that a machine runs after its own packages changed.
 #clear APT::Update::Pre-Invoke;
 #clear APT::Update::Post-Invoke;
 #clear APT::Update::Post-Invoke-Success;
 #clear DPkg::Post-Invoke;
-Dir::Etc::SourceList "{work}/sources.list";
-Dir::Etc::SourceParts "/dev/null";
-Dir::Etc::Preferences "/dev/null";
-Dir::Etc::PreferencesParts "/dev/null";
 Dir::State "{work}";
 Dir::State::Lists "{work}/lists";
 Dir::State::status "{work}/status";
@@ -118,7 +176,6 @@ Dir::Cache::Archives "{work}/archives";
 Acquire::Languages "none";
 Acquire::Retries "3";
 APT::Update::Error-Mode "any";
-APT::Default-Release "";
 "#
     ))
 }
@@ -166,7 +223,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let unpacked = |packages| Unpacked {
             folder: folder.path().to_owned(),
-            release: "trixie",
+            release: Release::Named("trixie"),
             packages,
             keep: &["usr/lib"],
             size_mb: (1, 2),
@@ -178,9 +235,25 @@ mod tests {
 
     #[test]
     fn apt_is_kept_to_the_folder_and_from_the_hooks_of_the_machine() {
-        let text = configuration_text(Path::new("/some where")).unwrap();
-        assert!(text.contains("Dir::State::status \"/some where/status\";"));
-        assert!(text.contains("#clear APT::Update::Post-Invoke;"));
-        assert!(configuration_text(Path::new("/a\"b")).is_err());
+        let text = |sources| configuration_text(Path::new("/some where"), sources).unwrap();
+        let (own, machines) = (text(Some(Path::new("/a list"))), text(None));
+        for text in [&own, &machines] {
+            assert!(text.contains("Dir::State::status \"/some where/status\";"));
+            assert!(text.contains("#clear APT::Update::Post-Invoke;"));
+        }
+        assert!(own.contains("SourceList \"/a list\";") && !machines.contains("SourceList"));
+        assert!(configuration_text(Path::new("/a\"b"), None).is_err());
+    }
+
+    #[test]
+    fn a_star_stands_for_the_only_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(folder.path().join("src/rust-1.2/library")).unwrap();
+        let resolve = |path| resolve(folder.path(), path).ok();
+        assert_eq!(resolve("src/*/library"), Some("src/rust-1.2/library".into()));
+        assert_eq!(resolve("src/rust-1.2"), Some("src/rust-1.2".into()));
+        assert_eq!((resolve("src/*/tests"), resolve("usr"), resolve("usr/*")), (None, None, None));
+        fs::create_dir(folder.path().join("src/other")).unwrap();
+        assert_eq!(resolve("src/*/library"), None, "which one?");
     }
 }

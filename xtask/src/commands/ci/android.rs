@@ -1,0 +1,224 @@
+//! What can be checked for Android without its NDK and without a headset.
+//!
+//! Debian's Rust compiles the player for 64-bit ARM as far as types and lints go. With `--link` it
+//! compiles it for good and links it against stand-ins for Android's libraries, which hold the
+//! symbols that `android/symbols.txt` lists and nothing else: what is not on that list, somebody has
+//! to look up and add. The library is packed as an APK, which programs of Android's own look at;
+//! without `--link`, a stub is.
+//!
+//! None of it runs on Android, and nothing made here is for use.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+use xtask::workspace;
+
+use super::Steps;
+use crate::commands::apk::{API_LEVEL, LIBRARY, PAGE_BYTES, TARGET};
+use crate::setup::Need;
+
+/// Checks what this machine can.
+pub(super) fn check(steps: &mut Steps, link: bool) {
+    let mut library = None;
+    if Need::AndroidCompiler.is_met() {
+        let compiler = Compiler { folder: workspace::android_compiler_folder() };
+        steps.run("lints, Android", &mut compiler.clippy());
+        if link {
+            library = compiler.link(steps);
+        }
+    } else {
+        steps.skip("the player for Android", "there is no compiler to check with");
+    }
+    if Need::ApkTools.is_met() {
+        look_at_apk(steps, library.as_deref());
+    } else {
+        steps.skip("an APK, by aapt, apksigner and zipalign", "they are not installed");
+    }
+}
+
+/// Has programs of Android's look at an APK of the library, or of a stub.
+fn look_at_apk(steps: &mut Steps, library: Option<&Path>) {
+    let mut test = workspace::cargo();
+    test.current_dir(workspace::root().join("xtask/apk"))
+        .args(["test", "--quiet", "--locked", "--test", "packing", "--"])
+        .args(["--ignored", "--nocapture"]);
+    let name = match library {
+        Some(library) => {
+            test.env("PLAYER_LIBRARY", library);
+            "APK of the player, by aapt, apksigner and zipalign"
+        }
+        None => "APK of a stub, by aapt, apksigner and zipalign",
+    };
+    steps.run(name, &mut test);
+}
+
+/// Debian's Rust and C compilers in their folder.
+struct Compiler {
+    folder: PathBuf,
+}
+
+impl Compiler {
+    /// Lints the player with every warning an error.
+    fn clippy(&self) -> Command {
+        let mut clippy = Command::new(self.folder.join("usr/bin/cargo-clippy"));
+        clippy.current_dir(workspace::root()).args(["clippy", "--quiet"]);
+        self.equip(&mut clippy);
+        clippy.args(["--", "--deny", "warnings"]);
+        clippy
+    }
+
+    /// Builds and links the player's library, and returns its path.
+    fn link(&self, steps: &mut Steps) -> Option<PathBuf> {
+        let name = "link, Android";
+        let stand_ins = folder().join("stand-ins");
+        let made = fs::read_to_string(workspace::root().join("android/symbols.txt"))
+            .context("android/symbols.txt")
+            .and_then(|list| self.make_stand_ins(&parse_symbols(&list)?, &stand_ins));
+        if let Err(error) = made {
+            eprintln!("ci: {name}: {error:#}");
+            steps.failed.push(name.to_owned());
+            return None;
+        }
+        let mut cargo = workspace::cargo();
+        cargo.args(["rustc", "--quiet", "--crate-type", "cdylib", "--release"]);
+        self.equip(&mut cargo);
+        let mut flags = vec![format!("-Clink-arg=-L{}", stand_ins.display())];
+        flags.extend(LINK_ARGS.iter().map(|arg| format!("-Clink-arg={arg}")).chain([
+            format!("-Clink-arg=--target={TARGET}{API_LEVEL}"),
+            format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}"),
+        ]));
+        cargo
+            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", self.clang())
+            .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"))
+            .env("CARGO_PROFILE_RELEASE_STRIP", "symbols");
+        let linked = steps.run(name, &mut cargo);
+        linked.then(|| folder().join(TARGET).join("release").join(LIBRARY))
+    }
+
+    fn clang(&self) -> PathBuf {
+        self.folder.join("usr/bin/clang")
+    }
+
+    /// What a command of Cargo's needs in order to build the player for Android with this compiler.
+    fn equip(&self, cargo: &mut Command) {
+        let usr = self.folder.join("usr");
+        // Headers of GNU/Linux stand in for those of Android.
+        let headers = usr.join("aarch64-linux-gnu/include");
+        let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
+        cargo
+            .args(["--package", "client", "--lib", "--no-default-features", "--features", "xr"])
+            .args(["--locked", "--target", TARGET, "-Zbuild-std=std,panic_abort"])
+            .arg("--target-dir")
+            .arg(folder())
+            .env("LD_LIBRARY_PATH", self.libraries())
+            .env("RUSTC", usr.join("bin/rustc"))
+            // So that the compiler, which is no nightly one, builds its library.
+            .env("RUSTC_BOOTSTRAP", "1")
+            .env("CC_aarch64_linux_android", self.clang())
+            .env("CFLAGS_aarch64_linux_android", flags)
+            .env("AR_aarch64_linux_android", "ar")
+            .env("RANLIB_aarch64_linux_android", "ranlib")
+            .env_remove("RUSTC_WRAPPER")
+            .env_remove("RUSTFLAGS")
+            .env_remove("CARGO_ENCODED_RUSTFLAGS");
+    }
+
+    /// Where the libraries of the compiler's programs lie.
+    fn libraries(&self) -> PathBuf {
+        self.folder.join(format!("usr/lib/{}-linux-gnu", std::env::consts::ARCH))
+    }
+
+    /// Makes a library for each entry, which has its symbols and does nothing.
+    fn make_stand_ins(&self, symbols: &Symbols<'_>, folder: &Path) -> anyhow::Result<()> {
+        fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        for (library, symbols) in symbols {
+            let source = folder.join(library).with_extension("c");
+            let functions: Vec<String> =
+                symbols.iter().map(|symbol| format!("void {symbol}(void) {{}}\n")).collect();
+            fs::write(&source, functions.concat())?;
+            let mut clang = Command::new(self.clang());
+            clang
+                .env("LD_LIBRARY_PATH", self.libraries())
+                .args(LINK_ARGS)
+                .arg(format!("--target={TARGET}{API_LEVEL}"))
+                // The compiler knows some of the names, and other types for them.
+                .args(["-w", "-ffreestanding", "-fno-builtin", "-fPIC"]);
+            let made = if library.ends_with(".a") {
+                let object = source.with_extension("o");
+                ensure!(
+                    clang.arg("-c").arg(&source).arg("-o").arg(&object).status()?.success(),
+                    "clang failed"
+                );
+                let archive = folder.join(library);
+                Command::new("ar").arg("rcs").arg(archive).arg(object).status()?
+            } else {
+                clang.args(["-shared", "-nostdlib"]).arg(format!("-Wl,-soname,{library}"));
+                clang.arg(&source).arg("-o").arg(folder.join(library)).status()?
+            };
+            ensure!(made.success(), "{library} could not be made");
+        }
+        Ok(())
+    }
+}
+
+/// What the linker is told besides what Rust tells it.
+const LINK_ARGS: [&str; 3] = ["-fuse-ld=lld", "-nostartfiles", "-Wl,--no-undefined"];
+
+/// The folder of these builds. Another compiler must not share what Cargo keeps.
+fn folder() -> PathBuf {
+    workspace::target_folder().join("android-check")
+}
+
+/// Symbols by the libraries that have them.
+type Symbols<'a> = BTreeMap<&'a str, Vec<&'a str>>;
+
+/// Reads the list: names of libraries, ended by colons, each followed by symbols. What follows a `#`
+/// is for people.
+fn parse_symbols(text: &str) -> anyhow::Result<Symbols<'_>> {
+    let mut symbols = Symbols::new();
+    let mut library = None;
+    for (i, line) in text.lines().enumerate() {
+        for word in line.split('#').next().unwrap_or_default().split_whitespace() {
+            if let Some(name) = word.strip_suffix(':') {
+                library = Some(name);
+                symbols.entry(name).or_default();
+            } else {
+                let library = library.with_context(|| format!("line {}: {word} of which library?", i + 1))?;
+                ensure!(
+                    word.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_'),
+                    "line {}: {word} is no symbol",
+                    i + 1
+                );
+                symbols.entry(library).or_default().push(word);
+            }
+        }
+    }
+    Ok(symbols)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_of_symbols_is_read() {
+        let text = "# why\nlibm.so:\n  sin cos # round\n  tan\nlibdl.so: dlsym\n";
+        let symbols = parse_symbols(text).unwrap();
+        assert_eq!(symbols["libm.so"], ["sin", "cos", "tan"]);
+        assert_eq!(symbols["libdl.so"], ["dlsym"]);
+        assert!(parse_symbols("sin").is_err() && parse_symbols("libm.so: s;n").is_err());
+    }
+
+    #[test]
+    fn no_symbol_is_listed_twice() {
+        let text = fs::read_to_string(workspace::root().join("android/symbols.txt")).unwrap();
+        let mut all: Vec<&str> = parse_symbols(&text).unwrap().into_values().flatten().collect();
+        let count = all.len();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), count);
+    }
+}
