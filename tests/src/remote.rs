@@ -35,7 +35,7 @@ const TRIGGER_AT: usize = 72;
 const ACTIVE_AT: usize = 105;
 const MENU_AT: usize = 110;
 
-/// The devices of a runtime whose service was started with [`Remote::configure`].
+/// The devices of a runtime whose service uses the driver.
 pub struct Remote {
     stream: TcpStream,
     hand: Quat,

@@ -465,7 +465,7 @@ fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Res
     let (missed, loading) = (number(&stats["frames_missed"])?, &stats["while_loading"]);
     let during = number(&loading["frames"])?;
     println!(
-        "missed {missed} of {frames} frames; while clips were loaded {} of {during}",
+        "{frames} frames were shown and {missed} missed; while clips were loaded {during} and {}",
         number(&loading["missed"])?
     );
     if outcome.code != Some(0) || during == 0 || !outcome.stderr.contains("playing b.aarc") {

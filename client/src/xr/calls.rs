@@ -34,7 +34,7 @@ impl Watch {
 pub(super) struct Timing {
     /// In nanoseconds, on the clock of the runtime.
     pub(super) display_ns: i64,
-    /// From frame to frame.
+    /// From image to image of the display; 0 where the runtime cannot tell.
     pub(super) period_ns: i64,
     /// Whether anybody will see it.
     pub(super) visible: bool,
@@ -55,6 +55,24 @@ pub(super) struct SessionFrames {
     pub(super) stream: xr::FrameStream<xr::Vulkan>,
     pub(super) blends: Blends,
     pub(super) watch: Watch,
+    pub(super) rate: Rate,
+}
+
+/// How many images the display shows per second, where the runtime tells that.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rate(Rc<Cell<Option<f32>>>);
+
+impl Rate {
+    /// It is this from now on.
+    pub(super) fn set(&self, hz: f32) {
+        self.0.set(Some(hz).filter(|hz| *hz > 0.0));
+    }
+
+    /// Nanoseconds from image to image, where the runtime tells `told_ns` of a frame: some tell how
+    /// often frames come, once these are late.
+    fn period_ns(&self, told_ns: i64) -> i64 {
+        self.0.get().map_or(told_ns, |hz| (1e9 / f64::from(hz)).round() as i64)
+    }
 }
 
 impl FrameCalls for SessionFrames {
@@ -66,7 +84,7 @@ impl FrameCalls for SessionFrames {
         let state = self.waiter.wait()?;
         Ok(Timing {
             display_ns: state.predicted_display_time.as_nanos(),
-            period_ns: state.predicted_display_period.as_nanos(),
+            period_ns: self.rate.period_ns(state.predicted_display_period.as_nanos()),
             visible: state.should_render,
         })
     }
@@ -102,5 +120,22 @@ impl ImageCalls for SwapchainImages {
 
     fn release(&mut self) -> xr::Result<()> {
         self.watch.time(|| self.swapchain.release_image())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_display_goes_on_at_its_rate_when_frames_are_late() {
+        let rate = Rate::default();
+        assert_eq!(rate.period_ns(16_000_000), 16_000_000, "nothing better is known");
+        rate.set(90.0);
+        assert_eq!(rate.period_ns(350_000_000), 11_111_111);
+        rate.set(72.0);
+        assert_eq!(rate.period_ns(11_111_111), 13_888_889);
+        rate.set(0.0);
+        assert_eq!(rate.period_ns(5), 5);
     }
 }

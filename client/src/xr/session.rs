@@ -9,7 +9,7 @@ use glam::UVec2;
 use openxr as xr;
 
 use super::beam_layer::BeamLayer;
-use super::calls::{Layers, SessionFrames, SwapchainImages, Watch};
+use super::calls::{Layers, Rate, SessionFrames, SwapchainImages, Watch};
 use super::error::{During, Halt};
 use super::extensions::{performance, refresh_rate};
 use super::eye;
@@ -50,6 +50,7 @@ pub(super) struct Session {
     size: UVec2,
     events: xr::EventDataBuffer,
     watch: Watch,
+    rate: Rate,
     gpu: Arc<Gpu>,
 }
 
@@ -109,9 +110,11 @@ impl Session {
         let images = unsafe { swapchain::wrap(&swapchain, size, 2, format, readable) }?;
 
         performance::request(&session);
-        let rate = runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::request(&session));
-        if let Some(rate_hz) = rate.flatten() {
-            log::info!("{rate_hz} Hz");
+        let rate = Rate::default();
+        let asked = runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::request(&session));
+        if let Some(hz) = asked.flatten() {
+            log::info!("{hz} Hz");
+            rate.set(hz);
         }
         let watch = Watch::default();
         Ok(Session {
@@ -125,6 +128,7 @@ impl Session {
                 stream,
                 blends: runtime.blends,
                 watch: watch.clone(),
+                rate: rate.clone(),
             }),
             images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
             see_through: SeeThrough::open(runtime, &session),
@@ -134,6 +138,7 @@ impl Session {
             format,
             size,
             watch,
+            rate,
         })
     }
 
@@ -163,6 +168,10 @@ impl Session {
                     return Ok(Some(Event::SpaceChanges { at_ns: change.change_time().as_nanos() }));
                 }
                 xr::Event::InstanceLossPending(_) => return Ok(Some(Event::InstanceLossPending)),
+                xr::Event::DisplayRefreshRateChangedFB(change) => {
+                    log::info!("{} Hz", change.to_display_refresh_rate());
+                    self.rate.set(change.to_display_refresh_rate());
+                }
                 xr::Event::EventsLost(lost) => log::warn!("{} events lost", lost.lost_event_count()),
                 _ => {}
             }
