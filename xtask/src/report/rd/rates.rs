@@ -80,8 +80,8 @@ pub(super) fn measure(
     };
     let rate = |target_db: f64| {
         let coded = code(target_db, visible.clone())?;
-        let footprint = visible.as_ref().map(|(rows, footprint)| (vec![ALIKE; rows.len()], *footprint));
-        let alike = code(target_db, footprint)?;
+        let unseeing = visible.as_ref().map(|(rows, footprint)| (vec![mean(rows); rows.len()], *footprint));
+        let alike = code(target_db, unseeing)?;
         Ok(Rate {
             gaussians: part.len(),
             target_db,
@@ -95,8 +95,14 @@ pub(super) fn measure(
     TARGETS_DB.into_iter().map(rate).collect()
 }
 
-/// A visibility like any other: only what differs from row to row is coded differently.
-const ALIKE: Sensitivity = Sensitivity { color: 1.0, geometry: 1.0 };
+/// The root of the mean square, of which there is one at least.
+fn mean(rows: &[Sensitivity]) -> Sensitivity {
+    let of = |number: fn(&Sensitivity) -> f32| {
+        let squares: f64 = rows.iter().map(|row| f64::from(number(row)).powi(2)).sum();
+        (squares / rows.len() as f64).sqrt() as f32
+    };
+    Sensitivity { color: of(|row| row.color), geometry: of(|row| row.geometry) }
+}
 
 /// What simpler coders would make of a package, of which the last was tried.
 fn simpler(package: &[u8], alike: usize) -> anyhow::Result<Simpler> {
