@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread;
 
 use codec::{Clip, Error, Limits, decode_parallel};
@@ -44,9 +44,9 @@ pub(crate) fn title(name: Option<&str>) -> String {
 
 /// The clips in a folder, by name.
 #[cfg(feature = "xr")]
-pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn clips_in(folder: &Path) -> Vec<std::path::PathBuf> {
     let entries = folder.read_dir().into_iter().flatten().flatten();
-    let mut clips: Vec<PathBuf> = entries
+    let mut clips: Vec<_> = entries
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|end| end == "aarc"))
         .collect();
