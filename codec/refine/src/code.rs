@@ -19,9 +19,6 @@ pub const TRIALS: usize = 5;
 /// How much more exact than asked for a package may be, in dB.
 const TOLERANCE: f64 = 0.1;
 
-/// How much more may come of asking for 1 dB more.
-const SLOPE: std::ops::RangeInclusive<f64> = 0.25..=4.0;
-
 /// A package, what it decodes to, and how far that is from the field.
 #[derive(Clone, Debug)]
 pub struct Coded {
@@ -81,7 +78,6 @@ pub fn code_knowing(
     }
     let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
     let mut best: Option<Coded> = None;
-    let mut tried = Vec::new();
     for trial in 0..TRIALS {
         let options =
             EncodeOptions { coder: Coder::Context, layers: layers.to_vec(), precision: precision.clone() };
@@ -105,55 +101,7 @@ pub fn code_knowing(
             (trial + 1..TRIALS).for_each(|_| on_step());
             break;
         }
-        tried.push((precision.psnr, coded_db));
-        precision.psnr = next_to_ask(&tried, psnr_db + 0.5 * TOLERANCE);
+        precision.psnr -= surplus - 0.5 * TOLERANCE;
     }
     Ok(best.expect("there is a first trial"))
-}
-
-/// The PSNR to ask the coder for so that pictures come to `goal`, after those in `tried`, one at
-/// least: asked for, and what came of it. All in dB.
-fn next_to_ask(tried: &[(f64, f64)], goal: f64) -> f64 {
-    let off = |(_, came): &(f64, f64)| (came - goal).abs();
-    let nearest = |tried: &mut dyn Iterator<Item = &(f64, f64)>| {
-        tried.min_by(|a, b| off(a).total_cmp(&off(b))).copied()
-    };
-    let Some((asked, came)) = nearest(&mut tried.iter()) else { return goal };
-    // From the other side of the goal if there is one.
-    let is_across = |other: &&(f64, f64)| (other.1 < goal) != (came < goal);
-    let is_other = |other: &&(f64, f64)| other.0 != asked;
-    let other = nearest(&mut tried.iter().filter(is_across)).or(nearest(&mut tried.iter().filter(is_other)));
-    // What is asked for mostly comes.
-    let slope =
-        other.map_or(1.0, |other| ((other.1 - came) / (other.0 - asked)).clamp(*SLOPE.start(), *SLOPE.end()));
-    asked + (goal - came) / slope
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Trials until a coder from which `came` comes is within the tolerance.
-    fn trials(came: impl Fn(f64) -> f64, psnr_db: f64) -> usize {
-        let mut tried = Vec::new();
-        let mut asked = psnr_db;
-        loop {
-            let surplus = came(asked) - psnr_db;
-            tried.push((asked, came(asked)));
-            if (0.0..TOLERANCE).contains(&surplus) || tried.len() == 100 {
-                return tried.len();
-            }
-            asked = next_to_ask(&tried, psnr_db + 0.5 * TOLERANCE);
-        }
-    }
-
-    #[test]
-    fn coders_that_do_not_do_as_asked_are_seen_through() {
-        assert_eq!(trials(|asked| asked - 7.0, 50.0), 2);
-        for slope in [0.6, 0.9, 1.1, 1.7] {
-            assert!(trials(|asked| 45.0 + slope * (asked - 40.0), 50.0) <= 4, "{slope}");
-        }
-        // Steps that come to their limits.
-        assert!(trials(|asked| 60.0 - 20.0 * (-0.05 * (asked - 30.0)).exp(), 50.0) <= TRIALS);
-    }
 }
