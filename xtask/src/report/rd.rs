@@ -23,6 +23,7 @@ use crate::package::whole::{
     CODE_WORK, CODED_SIZE, JUDGING_PLACES, PICTURE_WORK, Places, RANKING_PLACES, Whole, enforce,
     enforce_work, floor, ranking_shots, scene_of, shots_of, verify_work,
 };
+use crate::scene::Scene;
 
 pub use rates::{Rate, Simpler};
 pub use text::files;
@@ -317,14 +318,17 @@ impl<'a> Bench<'a> {
         let trial_work = CODE_WORK + PICTURE_WORK * compared.len() as u64;
         let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared, pictured);
         let tried = || self.progress.inc(trial_work);
-        let coded =
-            code_knowing(&source, &LAYERS, QUALITY_DB, visible, &judge, tried).map_err(
-                |error| match error {
-                    CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
-                    CodeError::Decode(error) => anyhow::Error::from(error),
-                },
-            )?;
+        let coded = code_knowing(&source, &LAYERS, QUALITY_DB, visible, &judge, tried)
+            .map_err(|error| refused(scene, error))?;
         let psnr_db = self.reported.psnr(&reference::Scene::from(&coded.clip), pictured);
         Ok(Coded { rows, bytes: coded.bytes.len(), psnr_db })
+    }
+}
+
+/// Why `scene` cannot be packaged.
+fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
+    match error {
+        CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
+        CodeError::Decode(error) => error.into(),
     }
 }

@@ -3,13 +3,12 @@
 
 use codec::{AttributeSize, Limits, Sensitivity, Source};
 use indicatif::ProgressBar;
-use refine::code::{CodeError, Coded, TRIALS, code_knowing};
+use refine::code::{TRIALS, code_knowing};
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use super::{SEEN_WORK, seen_shots};
-use crate::fault::Fault;
+use super::{SEEN_WORK, refused, seen_shots};
 use crate::package::coding::LAYERS;
 use crate::package::whole::{compared_shots, scene_of};
 use crate::report::Subject;
@@ -72,16 +71,14 @@ pub(super) fn measure(
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared_shots(scene, &part), step);
     let visible = sensitivities(&part, plate.as_ref(), &seen_shots(subject), step);
-    let code = |target_db: f64, visible: Option<(Vec<Sensitivity>, f32)>| -> anyhow::Result<Coded> {
-        code_knowing(&source, &LAYERS, target_db, visible, &judge, step).map_err(|error| match error {
-            CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
-            CodeError::Decode(error) => error.into(),
-        })
+    let unseeing = visible.as_ref().map(|(rows, footprint)| (vec![mean(rows); rows.len()], *footprint));
+    let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
+        code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, step)
+            .map_err(|error| refused(scene, error))
     };
     let rate = |target_db: f64| {
-        let coded = code(target_db, visible.clone())?;
-        let unseeing = visible.as_ref().map(|(rows, footprint)| (vec![mean(rows); rows.len()], *footprint));
-        let alike = code(target_db, unseeing)?;
+        let coded = code(target_db, &visible)?;
+        let alike = code(target_db, &unseeing)?;
         Ok(Rate {
             gaussians: part.len(),
             target_db,
