@@ -3,6 +3,7 @@
 
 pub mod capture;
 pub mod code;
+pub mod fit;
 pub mod image;
 pub mod metrics;
 pub mod prune;

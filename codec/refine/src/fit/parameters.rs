@@ -1,0 +1,270 @@
+//! [`Parameters`]: what a fit moves, in the form in which its steps are well conditioned.
+//!
+//! A field's opacities and widths have bounds, its scales are ratios, its motion is per clip. Here
+//! opacities are logits, widths and scales logarithms, and time is counted in frames, so that every
+//! motion coefficient is a length: how far a Gaussian goes within a frame.
+
+use codec::{Field, Temporal, sh_coefficients};
+
+use super::Real;
+
+/// Opacities nearer to 0 and 1 than `sigmoid(-+7)` have no gradient to come back by.
+pub const LOGIT_MAX: f64 = 7.0;
+
+/// The frames of a clip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Clock {
+    /// Number of frames, the first at clip time 0 and the last at 1; at least 1.
+    pub frames: usize,
+}
+
+impl Clock {
+    /// Frames per clip: clip time times this is time in frames. 1 for a single frame.
+    pub fn frames_per_clip(self) -> f64 {
+        (self.frames.max(2) - 1) as f64
+    }
+}
+
+/// What a fit moves, or a gradient of it, or Adam's moments of it. Row `i` of each column is
+/// Gaussian `i`; a column that the scene does not need is empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parameters<T> {
+    /// Centres at `tau`, in units of the capture.
+    pub centers: Vec<[T; 3]>,
+    /// Quaternions w, x, y, z of any length but 0.
+    pub rotations: Vec<[T; 4]>,
+    /// Natural logarithms of the standard deviations along the axes.
+    pub log_scales: Vec<[T; 3]>,
+    /// Peak opacities before the sigmoid.
+    pub logits: Vec<T>,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u8,
+    /// Coefficients as in [`Field::sh`].
+    pub sh: Vec<[T; 3]>,
+    /// Window centres in frames; empty for a scene without time.
+    pub tau: Vec<T>,
+    /// Natural logarithms of the window widths in frames; empty for a scene without time.
+    pub log_widths: Vec<T>,
+    /// Highest power of time in the trajectories, 0 to 3.
+    pub motion_order: u8,
+    /// `c1, c2, c3`: the position is `mu + c1 d + c2 d^2 + c3 d^3`, `d` in frames since `tau`;
+    /// `[gaussian][power - 1]`, flattened.
+    pub motion: Vec<[T; 3]>,
+    /// Rates of the quaternions per frame, as in [`Temporal::rotation_rates`]; empty where nothing
+    /// turns.
+    pub rotation_rates: Vec<[T; 4]>,
+}
+
+impl<T: Real> Parameters<T> {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.centers.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.centers.is_empty()
+    }
+
+    /// `rows` rows of zeros with the columns of `self`: a gradient, or moments.
+    pub fn zeros(&self, rows: usize) -> Parameters<T> {
+        let z = T::zero();
+        let if_timed = |count: usize| if self.tau.is_empty() { 0 } else { count };
+        Parameters {
+            centers: vec![[z; 3]; rows],
+            rotations: vec![[z; 4]; rows],
+            log_scales: vec![[z; 3]; rows],
+            logits: vec![z; rows],
+            sh_degree: self.sh_degree,
+            sh: vec![[z; 3]; rows * sh_coefficients(self.sh_degree)],
+            tau: vec![z; if_timed(rows)],
+            log_widths: vec![z; if_timed(rows)],
+            motion_order: self.motion_order,
+            motion: vec![[z; 3]; rows * usize::from(self.motion_order)],
+            rotation_rates: vec![[z; 4]; if self.rotation_rates.is_empty() { 0 } else { rows }],
+        }
+    }
+
+    /// The parameters of a field. Windows that are always on become as wide as numbers go.
+    pub fn from_field(field: &Field, clock: Clock) -> Parameters<T> {
+        let of = |x: f32| T::of(f64::from(x));
+        let per_clip = clock.frames_per_clip();
+        let logit = |o: f32| {
+            let o = f64::from(o);
+            T::of(libm::log(o / (1.0 - o)).clamp(-LOGIT_MAX, LOGIT_MAX))
+        };
+        let temporal = field.temporal.clone().unwrap_or_default();
+        let order = usize::from(temporal.motion_order);
+        let scaled = |(i, v): (usize, &[f32; 3])| {
+            let scale = per_clip.powi(-((i % order) as i32 + 1));
+            v.map(|x| T::of(f64::from(x) * scale))
+        };
+        let width = |s: &f32| T::of(libm::log(f64::from(*s).min(1e6) * per_clip));
+        let rate = |q: &[f32; 4]| q.map(|x| T::of(f64::from(x) / per_clip));
+        Parameters {
+            centers: field.centers.iter().map(|x| x.map(of)).collect(),
+            rotations: field.rotations.iter().map(|q| q.map(of)).collect(),
+            log_scales: field.log_scales.iter().map(|s| s.map(of)).collect(),
+            logits: field.opacities.iter().map(|o| logit(*o)).collect(),
+            sh_degree: field.sh_degree,
+            sh: field.sh.iter().map(|c| c.map(of)).collect(),
+            tau: temporal.tau.iter().map(|t| T::of(f64::from(*t) * per_clip)).collect(),
+            log_widths: temporal.s.iter().map(width).collect(),
+            motion_order: temporal.motion_order,
+            motion: temporal.motion.iter().enumerate().map(scaled).collect(),
+            rotation_rates: temporal.rotation_rates.iter().flatten().map(rate).collect(),
+        }
+    }
+
+    /// The field of these parameters.
+    pub fn to_field(&self, clock: Clock) -> Field {
+        let single = |x: T| x.to_double() as f32;
+        let per_clip = clock.frames_per_clip();
+        let opacity = |a: &T| (1.0 / (1.0 + libm::exp(-a.to_double()))) as f32;
+        let order = usize::from(self.motion_order);
+        let scaled = |(i, c): (usize, &[T; 3])| {
+            let scale = per_clip.powi((i % order) as i32 + 1);
+            c.map(|x| (x.to_double() * scale) as f32)
+        };
+        let unit = |q: &[T; 4]| {
+            let q = q.map(T::to_double);
+            let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+            q.map(|x| (x / norm) as f32)
+        };
+        // A field's rates are those of a unit quaternion.
+        let rate = |(q, rate): (&[T; 4], &[T; 4])| {
+            let norm = q.iter().map(|x| x.to_double().powi(2)).sum::<f64>().sqrt();
+            rate.map(|x| (x.to_double() * per_clip / norm) as f32)
+        };
+        let temporal = (!self.tau.is_empty()).then(|| Temporal {
+            tau: self.tau.iter().map(|u| (u.to_double() / per_clip) as f32).collect(),
+            s: self.log_widths.iter().map(|w| (libm::exp(w.to_double()) / per_clip) as f32).collect(),
+            motion_order: self.motion_order,
+            motion: self.motion.iter().enumerate().map(scaled).collect(),
+            rotation_rates: (!self.rotation_rates.is_empty())
+                .then(|| self.rotations.iter().zip(&self.rotation_rates).map(rate).collect()),
+        });
+        Field {
+            centers: self.centers.iter().map(|x| x.map(single)).collect(),
+            rotations: self.rotations.iter().map(unit).collect(),
+            log_scales: self.log_scales.iter().map(|s| s.map(single)).collect(),
+            opacities: self.logits.iter().map(opacity).collect(),
+            sh_degree: self.sh_degree,
+            sh: self.sh.iter().map(|c| c.map(single)).collect(),
+            temporal,
+        }
+    }
+
+    /// The rows named by `rows`, in that order; a row may be named more than once.
+    pub fn select(&self, rows: &[usize]) -> Parameters<T> {
+        fn pick<X: Copy>(column: &[X], per_row: usize, rows: &[usize]) -> Vec<X> {
+            match column.is_empty() {
+                true => Vec::new(),
+                false => {
+                    rows.iter().flat_map(|row| &column[row * per_row..(row + 1) * per_row]).copied().collect()
+                }
+            }
+        }
+        Parameters {
+            centers: pick(&self.centers, 1, rows),
+            rotations: pick(&self.rotations, 1, rows),
+            log_scales: pick(&self.log_scales, 1, rows),
+            logits: pick(&self.logits, 1, rows),
+            sh_degree: self.sh_degree,
+            sh: pick(&self.sh, sh_coefficients(self.sh_degree), rows),
+            tau: pick(&self.tau, 1, rows),
+            log_widths: pick(&self.log_widths, 1, rows),
+            motion_order: self.motion_order,
+            motion: pick(&self.motion, usize::from(self.motion_order), rows),
+            rotation_rates: pick(&self.rotation_rates, 1, rows),
+        }
+    }
+
+    /// Adds the rows of `other`, which has the same columns.
+    pub fn append(&mut self, other: Parameters<T>) {
+        self.centers.extend(other.centers);
+        self.rotations.extend(other.rotations);
+        self.log_scales.extend(other.log_scales);
+        self.logits.extend(other.logits);
+        self.sh.extend(other.sh);
+        self.tau.extend(other.tau);
+        self.log_widths.extend(other.log_widths);
+        self.motion.extend(other.motion);
+        self.rotation_rates.extend(other.rotation_rates);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field() -> Field {
+        Field {
+            centers: vec![[1.0, 2.0, 3.0], [-4.0, 0.5, 0.0]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0], [0.0, 0.6, 0.0, 0.8]],
+            log_scales: vec![[-3.0, -2.0, -1.0], [0.0, 0.1, 0.2]],
+            opacities: vec![0.25, 0.9],
+            sh_degree: 1,
+            sh: (0..8).map(|i| [i as f32, 0.5, -0.25]).collect(),
+            temporal: Some(Temporal {
+                tau: vec![0.25, 0.75],
+                s: vec![0.125, 2.0],
+                motion_order: 3,
+                motion: (0..6).map(|i| [0.1 * i as f32, 1.0, -2.0]).collect(),
+                rotation_rates: Some(vec![[0.0, 0.1, 0.2, 0.3]; 2]),
+            }),
+        }
+    }
+
+    /// The same motion and windows, whatever the unit of time.
+    #[test]
+    fn a_field_comes_back() {
+        let clock = Clock { frames: 17 };
+        let back = Parameters::<f64>::from_field(&field(), clock).to_field(clock);
+        for (i, t) in [(0, 0.0), (0, 0.3), (1, 0.8), (1, 1.0)] {
+            for axis in 0..3 {
+                let (a, b) = (field().position_at(i, t)[axis], back.position_at(i, t)[axis]);
+                assert!((a - b).abs() < 1e-6, "{a} {b}");
+            }
+            assert!((field().opacity_at(i, t) - back.opacity_at(i, t)).abs() < 1e-6);
+            for (a, b) in field().rotation_at(i, t).iter().zip(back.rotation_at(i, t)) {
+                assert!((a - b).abs() < 1e-6);
+            }
+        }
+        assert_eq!(back.sh, field().sh);
+        assert_eq!(back.log_scales, field().log_scales);
+    }
+
+    #[test]
+    fn a_frame_is_the_unit_of_time() {
+        let parameters = Parameters::<f64>::from_field(&field(), Clock { frames: 17 });
+        assert_eq!(parameters.tau, [4.0, 12.0]);
+        assert!((parameters.log_widths[0].exp() - 2.0).abs() < 1e-12);
+        // Half a clip, 8 frames, at the speed of c1.
+        assert!((parameters.motion[0][1] * 16.0 - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn always_on_and_fully_opaque_stay_finite() {
+        let mut always = field();
+        always.temporal.as_mut().unwrap().s[0] = f32::INFINITY;
+        always.opacities = vec![0.0, 1.0];
+        let clock = Clock { frames: 17 };
+        let parameters = Parameters::<f32>::from_field(&always, clock);
+        assert_eq!(parameters.logits, [-LOGIT_MAX as f32, LOGIT_MAX as f32]);
+        let back = parameters.to_field(clock);
+        assert!(back.check().is_ok());
+        assert!((back.opacity_at(0, 1.0) / f64::from(back.opacities[0]) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn rows_are_picked_and_added() {
+        let clock = Clock { frames: 17 };
+        let all = Parameters::<f32>::from_field(&field(), clock);
+        let mut picked = all.select(&[1]);
+        picked.append(all.select(&[0]));
+        assert_eq!(picked, all.select(&[1, 0]));
+        assert_eq!(picked.select(&[1, 0]), all);
+        assert_eq!(all.zeros(5).select(&[0, 0]), all.zeros(2));
+    }
+}

@@ -1,0 +1,49 @@
+//! [`View`] and [`Photograph`]: what a step draws, and what it is to look like.
+
+use codec::Camera;
+
+use crate::capture::Photo;
+use crate::image::Image;
+
+/// A camera at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The camera; it satisfies [`Camera::check`].
+    pub camera: &'a Camera,
+    /// Time in frames, from 0 for the first.
+    pub frame: f64,
+}
+
+/// A photograph as a fit keeps it: 8 bits per channel, a quarter of what floats take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photograph {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Red, green, blue multiplied by the mask, and the mask: row by row from the top left.
+    pub pixels: Vec<[u8; 4]>,
+    /// Of each pixel, whether the photograph shows what is there; empty where it does everywhere.
+    pub seen: Vec<bool>,
+}
+
+impl From<&Photo> for Photograph {
+    fn from(photo: &Photo) -> Photograph {
+        let Image { width, height, pixels } = &photo.image;
+        let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let seen = if photo.seen.iter().all(|seen| *seen) { Vec::new() } else { photo.seen.clone() };
+        Photograph {
+            width: *width,
+            height: *height,
+            pixels: pixels.iter().map(|pixel| pixel.map(byte)).collect(),
+            seen,
+        }
+    }
+}
+
+impl Photograph {
+    /// Whether the photograph shows what is at a pixel.
+    pub fn is_seen(&self, pixel: usize) -> bool {
+        self.seen.get(pixel).is_none_or(|seen| *seen)
+    }
+}
