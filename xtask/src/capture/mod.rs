@@ -4,6 +4,7 @@
 mod colmap;
 mod easyvolcap;
 mod manifest;
+mod part;
 mod transforms;
 
 use std::collections::BTreeMap;
@@ -25,6 +26,8 @@ const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 pub struct Footage {
     /// The cameras and shots.
     pub capture: Capture,
+    /// The cameras in the pixels of the files.
+    taken_by: Vec<Camera>,
     files: BTreeMap<CaptureShot, Files>,
 }
 
@@ -76,7 +79,8 @@ impl Footage {
         &self.files[&shot].name
     }
 
-    /// Reads a photograph, cuts it out and takes the distortion of the lens away.
+    /// Reads a photograph, cuts it out, takes the distortion of the lens away, and shrinks it to the
+    /// pixels of its camera.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
@@ -85,7 +89,8 @@ impl Footage {
     /// If `shot` is not of this capture.
     pub fn photo(&self, shot: CaptureShot) -> Result<Photo, Fault> {
         let Files { image, mask, .. } = &self.files[&shot];
-        let CalibratedCamera { camera, lens, .. } = &self.capture.cameras[shot.camera];
+        let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[shot.camera];
+        let camera = &self.taken_by[shot.camera];
         let mut taken = read_image(image)?;
         check_size(image, &taken, camera)?;
         if let Some(path) = mask {
@@ -97,7 +102,8 @@ impl Footage {
                 *pixel = pixel.map(|c| c * level(mask.0[0]));
             }
         }
-        Ok(Photo::undistorted(taken, camera, lens))
+        let photo = Photo::undistorted(taken, camera, lens);
+        Ok(if wanted == camera { photo } else { photo.shrunk(wanted.width, wanted.height) })
     }
 }
 
@@ -190,7 +196,9 @@ impl Builder {
 
     fn footage(self, times: Vec<f64>) -> Footage {
         let shots = self.files.keys().copied().collect();
-        Footage { capture: Capture { cameras: self.cameras, times, shots }, files: self.files }
+        let taken_by = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
+        let capture = Capture { cameras: self.cameras, times, shots };
+        Footage { capture, taken_by, files: self.files }
     }
 }
 

@@ -94,7 +94,8 @@ struct Estimate {
 /// Runs the benches of the packages that have some. Their results go to the folder `results`.
 fn run_benches(results: &Path) -> anyhow::Result<()> {
     let status = workspace::cargo()
-        .args(["bench", "--package", "codec", "--package", "client", "--bench", "*", WITHOUT_WINDOW])
+        .args(["bench", "--package", "codec", "--package", "refine", "--package", "client", "--bench", "*"])
+        .arg(WITHOUT_WINDOW)
         .env("CRITERION_HOME", results)
         .stdin(Stdio::null())
         .stdout(io::stderr())

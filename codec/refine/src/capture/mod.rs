@@ -87,6 +87,44 @@ impl Photo {
     }
 }
 
+impl Photo {
+    /// The photograph in fewer pixels: each is the mean of what it covers, and seen where all of that
+    /// is.
+    ///
+    /// # Panics
+    /// If a side would grow or be 0.
+    pub fn shrunk(&self, width: u32, height: u32) -> Photo {
+        let Image { width: from_width, height: from_height, pixels } = &self.image;
+        assert!((1..=*from_width).contains(&width) && (1..=*from_height).contains(&height), "fewer pixels");
+        let (columns, rows) = (covered(*from_width, width), covered(*from_height, height));
+        let mut photo =
+            Photo { image: Image::new(width, height), seen: vec![true; (width * height) as usize] };
+        for (i, pixel) in photo.image.pixels.iter_mut().enumerate() {
+            for (y, by_row) in &rows[i / width as usize] {
+                for (x, by_column) in &columns[i % width as usize] {
+                    let from = y * *from_width as usize + x;
+                    photo.seen[i] &= self.seen[from];
+                    (0..4).for_each(|c| pixel[c] += by_row * by_column * pixels[from][c]);
+                }
+            }
+        }
+        photo
+    }
+}
+
+/// Of each of `to` pixels in a row, the pixels that it covers where there were `from` of them, and
+/// what part of it each makes up.
+fn covered(from: u32, to: u32) -> Vec<Vec<(usize, f64)>> {
+    let ratio = f64::from(from) / f64::from(to);
+    let of = |pixel: u32| {
+        let (start, end) = (f64::from(pixel) * ratio, f64::from(pixel + 1) * ratio);
+        let part = |i: u32| (f64::from(i + 1).min(end) - f64::from(i).max(start)) / ratio;
+        // Rounding may leave a sliver of a pixel at either end.
+        (start as u32..from).map(|i| (i as usize, part(i))).take_while(|(_, part)| *part > 1e-9).collect()
+    };
+    (0..to).map(of).collect()
+}
+
 /// The image at a point, in pixels from the centre of its first one; `None` beyond its pixels.
 fn sample(image: &Image, [x, y]: [f64; 2]) -> Option<[f64; 4]> {
     let (last_x, last_y) = (image.width - 1, image.height - 1);
@@ -148,6 +186,20 @@ mod tests {
         let photo = Photo::undistorted(ramp(), &camera(), &Lens { k1: 0.5, ..Lens::default() });
         assert!(!photo.seen[0] && photo.seen[12 * 32 + 16]);
         assert_eq!(photo.image.pixels[0], [0.0; 4]);
+    }
+
+    #[test]
+    fn a_shrunk_pixel_is_the_mean_of_what_it_covers() {
+        let mut photo = Photo { image: ramp(), seen: vec![true; 32 * 24] };
+        photo.seen[31] = false;
+        let small = photo.shrunk(8, 10);
+        // Four columns from 8, and 2.4 rows from 4.8: a fifth of row 4, rows 5 and 6, a fifth of row 7.
+        let [x, y, _, alpha] = small.image.pixel(2, 2);
+        assert!((x - 9.5).abs() < 1e-12 && (alpha - 1.0).abs() < 1e-12, "{x} {alpha}");
+        assert!((y - (0.2 * 4.0 + 5.0 + 6.0 + 0.2 * 7.0) / 2.4).abs() < 1e-12, "{y}");
+        let unseen: Vec<usize> = (0..80).filter(|i| !small.seen[*i]).collect();
+        assert_eq!(unseen, [7]);
+        assert_eq!(photo.shrunk(32, 24).image, photo.image);
     }
 
     #[test]
