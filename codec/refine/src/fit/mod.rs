@@ -7,10 +7,15 @@
 //! Time is counted in frames of the capture here, so that a window, a trajectory and their learning
 //! rates have sizes near 1; fields count it in clips.
 
+pub mod cpu;
+mod gradient;
 mod parameters;
+mod picture;
 mod real;
 mod view;
 
+pub use gradient::Gradient;
 pub use parameters::{Clock, Parameters};
+pub use picture::Picture;
 pub use real::Real;
 pub use view::{Photograph, View};
