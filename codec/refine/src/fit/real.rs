@@ -44,8 +44,9 @@ impl Real for f32 {
         // Taylor's series: the term left out is below 2^-24 for |r| <= 0.347.
         let tail = 1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0)));
         let mantissa = 1.0 + r * (1.0 + r * (0.5 + r * tail));
-        let exponent = (n as i32).wrapping_add(127) as u32;
-        let power = f32::from_bits(exponent << 23);
+        // The bits of n, moved to where the exponent stands. A conversion to integers would not become
+        // vectors, for what it does with NaN.
+        let power = f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23));
         if self < -87.3 { 0.0 } else { mantissa * power }
     }
 }

@@ -24,33 +24,92 @@ pub(super) fn project_backward<T: Real>(
     let projection = Projection::new(view);
     let mut by_row: Vec<(u32, u32)> = (0..).zip(splats).map(|(index, splat)| (splat.row, index)).collect();
     by_row.par_sort_unstable();
-    let of_chunk = |chunk: &[(u32, u32)]| {
-        let mut gradient = Gradient { values: parameters.zeros(chunk.len()), ..Gradient::default() };
+    let mut values = parameters.zeros(by_row.len());
+    let mut screen = vec![T::zero(); by_row.len()];
+    let write_chunk = |((mut rows, chunk), screen): ((Rows<T>, &[(u32, u32)]), &mut [T])| {
+        let mut non_finite = 0;
         for (place, (row, index)) in chunk.iter().enumerate() {
             let d_splat = &d_splats[*index as usize];
             let by_gaussian = gaussian(&projection, parameters, *row as usize, d_splat, detached);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::of(0.5));
-            let screen = (x * x + y * y).sqrt();
-            gradient.rows.push(*row);
-            if by_gaussian.is_finite() && screen.is_finite() {
-                by_gaussian.write(&mut gradient.values, place);
-                gradient.screen.push(screen);
+            let length = (x * x + y * y).sqrt();
+            if by_gaussian.is_finite() && length.is_finite() {
+                rows.write(place, &by_gaussian);
+                screen[place] = length;
             } else {
-                gradient.screen.push(T::zero());
-                gradient.non_finite += 1;
+                non_finite += 1;
             }
         }
-        gradient
+        non_finite
     };
-    let chunks: Vec<Gradient<T>> = by_row.par_chunks(CHUNK).map(of_chunk).collect();
-    let mut total = Gradient { values: parameters.zeros(0), ..Gradient::default() };
-    for chunk in chunks {
-        total.rows.extend(chunk.rows);
-        total.values.append(chunk.values);
-        total.screen.extend(chunk.screen);
-        total.non_finite += chunk.non_finite;
+    let chunks = Rows::chunks(&mut values).into_par_iter().zip(by_row.par_chunks(CHUNK));
+    let non_finite = chunks.zip(screen.par_chunks_mut(CHUNK)).map(write_chunk).sum();
+    Gradient { rows: by_row.into_iter().map(|(row, _)| row).collect(), values, screen, non_finite }
+}
+
+/// A part of the rows of a gradient, to be written to.
+struct Rows<'a, T> {
+    centers: &'a mut [[T; 3]],
+    rotations: &'a mut [[T; 4]],
+    log_scales: &'a mut [[T; 3]],
+    logits: &'a mut [T],
+    sh: &'a mut [[T; 3]],
+    tau: &'a mut [T],
+    log_widths: &'a mut [T],
+    motion: &'a mut [[T; 3]],
+    rotation_rates: &'a mut [[T; 4]],
+    coefficients: usize,
+    motion_order: usize,
+}
+
+impl<'a, T: Real> Rows<'a, T> {
+    /// [`CHUNK`] rows each, in their order.
+    fn chunks(values: &'a mut Parameters<T>) -> Vec<Rows<'a, T>> {
+        let count = values.len().div_ceil(CHUNK);
+        let coefficients = sh_coefficients(values.sh_degree);
+        let motion_order = usize::from(values.motion_order);
+        let mut centers = values.centers.chunks_mut(CHUNK);
+        let mut rotations = values.rotations.chunks_mut(CHUNK);
+        let mut log_scales = values.log_scales.chunks_mut(CHUNK);
+        let mut logits = values.logits.chunks_mut(CHUNK);
+        let mut sh = values.sh.chunks_mut(CHUNK * coefficients);
+        let mut tau = values.tau.chunks_mut(CHUNK);
+        let mut log_widths = values.log_widths.chunks_mut(CHUNK);
+        let mut motion = values.motion.chunks_mut(CHUNK * motion_order.max(1));
+        let mut rotation_rates = values.rotation_rates.chunks_mut(CHUNK);
+        // Empty columns have no chunks.
+        let chunk = |_| Rows {
+            centers: centers.next().unwrap_or_default(),
+            rotations: rotations.next().unwrap_or_default(),
+            log_scales: log_scales.next().unwrap_or_default(),
+            logits: logits.next().unwrap_or_default(),
+            sh: sh.next().unwrap_or_default(),
+            tau: tau.next().unwrap_or_default(),
+            log_widths: log_widths.next().unwrap_or_default(),
+            motion: motion.next().unwrap_or_default(),
+            rotation_rates: rotation_rates.next().unwrap_or_default(),
+            coefficients,
+            motion_order,
+        };
+        (0..count).map(chunk).collect()
     }
-    total
+
+    fn write(&mut self, row: usize, gradient: &GaussianGradient<T>) {
+        fn put<X: Copy>(column: &mut [X], row: usize, entries: &[X]) {
+            if !column.is_empty() {
+                column[row * entries.len()..][..entries.len()].copy_from_slice(entries);
+            }
+        }
+        put(self.centers, row, &[gradient.center]);
+        put(self.rotations, row, &[gradient.rotation]);
+        put(self.log_scales, row, &[gradient.log_scale]);
+        put(self.logits, row, &[gradient.logit]);
+        put(self.sh, row, &gradient.sh[..self.coefficients]);
+        put(self.tau, row, &[gradient.tau]);
+        put(self.log_widths, row, &[gradient.log_width]);
+        put(self.motion, row, &gradient.motion[..self.motion_order]);
+        put(self.rotation_rates, row, &[gradient.rotation_rate]);
+    }
 }
 
 /// The gradient by the parameters of one Gaussian; 0 in columns that are not there.
@@ -69,27 +128,18 @@ struct GaussianGradient<T> {
 
 impl<T: Real> GaussianGradient<T> {
     fn is_finite(&self) -> bool {
-        let triples = self.sh.iter().chain(&self.motion).chain([&self.center, &self.log_scale]).flatten();
-        let quaternions = self.rotation.iter().chain(&self.rotation_rate);
-        triples.chain(quaternions).chain([&self.logit, &self.tau, &self.log_width]).all(|x| x.is_finite())
-    }
-
-    fn write(self, values: &mut Parameters<T>, row: usize) {
-        /// A row of a column that may be empty.
-        fn put<X: Copy>(column: &mut [X], row: usize, entries: &[X]) {
-            if !column.is_empty() {
-                column[row * entries.len()..][..entries.len()].copy_from_slice(entries);
-            }
-        }
-        put(&mut values.centers, row, &[self.center]);
-        put(&mut values.rotations, row, &[self.rotation]);
-        put(&mut values.log_scales, row, &[self.log_scale]);
-        put(&mut values.logits, row, &[self.logit]);
-        put(&mut values.sh, row, &self.sh[..sh_coefficients(values.sh_degree)]);
-        put(&mut values.tau, row, &[self.tau]);
-        put(&mut values.log_widths, row, &[self.log_width]);
-        put(&mut values.motion, row, &self.motion[..usize::from(values.motion_order)]);
-        put(&mut values.rotation_rates, row, &[self.rotation_rate]);
+        let quaternions = [self.rotation, self.rotation_rate];
+        let columns = [
+            self.sh.as_flattened(),
+            self.motion.as_flattened(),
+            quaternions.as_flattened(),
+            &self.center,
+            &self.log_scale,
+            &[self.logit, self.tau, self.log_width],
+        ];
+        // 0 times a number is 0 where the number is finite, and NaN elsewhere.
+        let sum = |column: &[T]| column.iter().fold(T::zero(), |sum, x| sum + *x * T::zero());
+        columns.into_iter().all(|column| sum(column) == T::zero())
     }
 }
 

@@ -91,7 +91,9 @@ impl<T: Real> NullaryFnOnce for Back<'_, T> {
         let size = [self.picture.width as usize, self.picture.height as usize];
         let mut light = Light::new(self.corner, size);
         let mut pixels = Pixels::new(self.corner, self.picture, self.d_picture);
-        let back = |index: &u32| {
+        let mut gradients = Vec::with_capacity(self.order.len());
+        // A plain loop: what iterators call is not compiled for the vectors of the machine.
+        for index in self.order {
             let splat = &self.splats[*index as usize];
             let stamp = Stamp::new(splat, self.corner);
             let mut sums = Sums::new();
@@ -99,9 +101,9 @@ impl<T: Real> NullaryFnOnce for Back<'_, T> {
                 let v = T::of(row as f64 + 0.5 - MIDDLE);
                 sums.add(&stamp.at(row), splat, v, &mut light.transmittance[row], &mut pixels.rows[row]);
             }
-            sums.gradient(splat, self.corner)
-        };
-        self.order.iter().map(back).collect()
+            gradients.push(sums.gradient(splat, self.corner));
+        }
+        gradients
     }
 }
 
