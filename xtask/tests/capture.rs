@@ -180,6 +180,28 @@ fn a_manifest_with_faults_is_refused() {
 }
 
 #[test]
+fn photographs_before_black_are_not_cut_out_twice() {
+    let studio = Studio::new();
+    let shot = CaptureShot { camera: 0, frame: 0 };
+    let saved = image::open(studio.file("images", 0, 0)).unwrap().to_rgb8();
+    let mask = image::open(studio.file("masks", 0, 0)).unwrap().to_luma8();
+    let photo = |studio: &Studio| studio.footage().photo(shot).unwrap().image;
+    let of = |byte: u8| f64::from(byte) / 255.0;
+    for (i, pixel) in photo(&studio).pixels.iter().enumerate() {
+        let (x, y) = (i as u32 % SIDE, i as u32 / SIDE);
+        let [r, g, b] = saved.get_pixel(x, y).0.map(of);
+        assert_eq!(*pixel, [r, g, b, of(mask.get_pixel(x, y).0[0])]);
+    }
+    // In front of anything else, the mask cuts it out.
+    let mut white = saved.clone();
+    white.pixels_mut().for_each(|pixel| pixel.0 = [255; 3]);
+    white.save(studio.file("images", 0, 0)).unwrap();
+    for (pixel, mask) in photo(&studio).pixels.iter().zip(mask.pixels()) {
+        assert_eq!(*pixel, [of(mask.0[0]); 4]);
+    }
+}
+
+#[test]
 fn depths_are_found_by_the_names_of_photographs() {
     let studio = Studio::new();
     let footage = studio.footage();

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use codec::Camera;
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use refine::capture::{CalibratedCamera, Capture, CaptureShot, Lens, Photo};
 use refine::image::Image;
 
@@ -112,11 +112,21 @@ impl Footage {
                 let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
                 return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
             }
-            for (pixel, mask) in taken.pixels.iter_mut().zip(cut.pixels()) {
-                *pixel = pixel.map(|c| c * level(mask.0[0]));
-            }
+            cut_out(&mut taken, &cut);
         }
         Ok(Photo::undistorted(taken, camera, lens))
+    }
+}
+
+/// Multiplies a photograph with its mask. One that is black wherever the mask is 0 stands before
+/// black already: its colours stay, or the rim of the subject would be darkened twice.
+fn cut_out(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
+    let mut outside = taken.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
+    let is_cut = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
+    for (pixel, mask) in taken.pixels.iter_mut().zip(mask.pixels()) {
+        let [r, g, b, a] = *pixel;
+        let m = level(mask.0[0]);
+        *pixel = if is_cut { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
     }
 }
 
