@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Viewpoint};
+use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
 use refine::reference;
 
 use crate::export;
@@ -134,6 +134,14 @@ pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
         return Err(bad(path, &"larger than a package can be (4 GiB)"));
     }
     fs::read(path).map_err(|error| bad(path, &error))
+}
+
+/// Bytes of a package up to the end of its layer with this number, from 0.
+pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
+    let sections = contents.sections.iter().filter(|section| {
+        usize::from(section.layer) <= layer && !matches!(section.kind, SectionKind::Unknown(_))
+    });
+    sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
 }
 
 fn is_package(path: &Path) -> bool {

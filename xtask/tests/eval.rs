@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use codec::{Camera, Field};
-use image::RgbImage;
+use image::{GenericImageView, RgbImage};
 use refine::image::Image;
 use refine::reference::{Order, Scene, render};
 use serde_json::{Value, json};
@@ -258,7 +258,7 @@ fn bad_captures_are_refused_with_one_line() {
     for (change, what) in [
         (json!({"images": "nowhere/{camera}/{frame}.png"}), "not one photograph"),
         (json!({"images": "images/{kamera}.png"}), "{kamera}"),
-        (json!({"frames": 0}), "not one photograph"),
+        (json!({"frames": 0}), "0 frames"),
         (json!({"surprise": 1}), "surprise"),
     ] {
         write_manifest(folder, |manifest| {
@@ -280,6 +280,75 @@ fn bad_captures_are_refused_with_one_line() {
     assert!(error(3).contains("images/c0/00.png"), "{}", error(3));
     let unknown = xtask(folder, &["eval", "field.ply", "--capture", ".", "--held-cameras", "x"]).error(2);
     assert!(unknown.contains("no camera \"x\""));
+}
+
+/// Size of a picture that was written.
+fn picture(path: &Path) -> RgbImage {
+    image::open(path).unwrap().to_rgb8()
+}
+
+#[test]
+fn a_field_is_shown_between_frames_and_from_elsewhere() {
+    let (folder, _) = studio();
+    let folder = folder.path();
+    write_manifest(folder, |_| ());
+    let json = xtask(folder, &["eval", "field.ply", "--capture", ".", "--json", "-o", "out"]).json();
+    assert!(json.get("ladder").is_none(), "a field has no layers");
+    // From frame 0 to frame 2, which are fitted to: nine columns, of which three were photographed.
+    let quarters = picture(&folder.join("out/quarter_frames.png"));
+    let (width, height) = (quarters.width() / 9, quarters.height() / 2);
+    assert_eq!((width * 9, height * 2), quarters.dimensions());
+    let part = |column: u32, row: u32| {
+        image::imageops::crop_imm(&quarters, column * width, row * height, width, height)
+    };
+    let is_black = |column| part(column, 0).pixels().all(|(_, _, pixel)| pixel.0 == [0; 3]);
+    assert_eq!((0..9).filter(|column| !is_black(*column)).collect::<Vec<_>>(), [0, 4, 8]);
+    for column in [0, 4, 8] {
+        let [top, bottom] = [0, 1].map(|row| part(column, row).to_image());
+        assert_eq!(top, bottom, "the field is exact");
+    }
+    let views = picture(&folder.join("out/free_views.png"));
+    assert_eq!(views.dimensions(), (4 * SIZE.0, SIZE.1));
+    let brightness = |view: u32| -> u32 {
+        let part = image::imageops::crop_imm(&views, view * SIZE.0, 0, SIZE.0, SIZE.1);
+        part.pixels().map(|(_, _, pixel)| pixel.0.iter().map(|c| u32::from(*c)).sum::<u32>()).sum()
+    };
+    assert!((0..3).all(|view| brightness(view) > 10_000) && brightness(3) > 2 * brightness(0));
+}
+
+#[test]
+fn a_package_is_judged_layer_by_layer() {
+    let (folder, _) = studio();
+    let folder = folder.path();
+    write_manifest(folder, |_| ());
+    let args = [
+        "package",
+        "field.ply",
+        "-o",
+        "clip.aarc",
+        "--budget",
+        "6000",
+        "--coder",
+        "fixed",
+        "--rank",
+        "mass",
+        "--no-floor",
+    ];
+    assert_eq!(xtask(folder, &args).code, Some(0));
+    let json = xtask(folder, &["eval", "clip.aarc", "--capture", ".", "--json", "-o", "out"]).json();
+    let ladder = &json["ladder"];
+    // The held camera in the held frame.
+    assert_eq!((&ladder["split"], &ladder["images"]), (&"interp_a".into(), &1.into()));
+    let rungs = ladder["rungs"].as_array().unwrap();
+    let number = |rung: usize, key: &str| rungs[rung][key].as_f64().unwrap();
+    assert_eq!((rungs.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
+    assert_eq!(number(1, "bytes"), fs::metadata(folder.join("clip.aarc")).unwrap().len() as f64);
+    assert!(number(0, "bytes") < number(1, "bytes") && number(0, "psnr_full") < number(1, "psnr_full"));
+    // The last rung is the package itself.
+    assert_eq!(ladder["rungs"][1]["psnr_full"], json["splits"]["interp_a"]["psnr_full"]);
+    let table = fs::read_to_string(folder.join("out/eval.md")).unwrap();
+    assert!(table.contains("| 5000 | ") && table.contains("| 6000 | "), "{table}");
+    assert_eq!(picture(&folder.join("out/ladder.png")).width() % 3, 0);
 }
 
 /// Depth maps that were rendered with the photographs tell the conventions of the cameras: what

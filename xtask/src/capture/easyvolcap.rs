@@ -29,6 +29,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
     let (intrinsics, intrinsics_path) = storage(INTRINSICS)?;
     let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
     let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
+    if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+        return Err(bad(&intrinsics_path, format!("camera {name} is there twice")).into());
+    }
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
 
     let mut builder = Builder::default();
@@ -74,11 +77,21 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
         }
     }
     let frames: BTreeSet<String> = found.iter().map(|(_, frame, _)| frame.clone()).collect();
+    let frames = in_order(frames);
     let numbered: BTreeMap<&String, usize> = frames.iter().enumerate().map(|(i, frame)| (frame, i)).collect();
     for (camera, frame, files) in found {
         builder.shot(camera, numbered[&frame], files);
     }
     Ok(builder.footage(even_times(numbered.len())))
+}
+
+/// Names in the order of their numbers where all are numbers, whether or not with leading zeros.
+fn in_order(names: BTreeSet<String>) -> Vec<String> {
+    let mut names: Vec<String> = names.into_iter().collect();
+    if names.iter().all(|name| name.parse::<u64>().is_ok()) {
+        names.sort_by_key(|name| name.parse::<u64>().expect("a number"));
+    }
+    names
 }
 
 /// Names of the images in a folder, without their endings; none where it is missing.
@@ -159,6 +172,13 @@ mod tests {
         assert_eq!(numbers(&storage["H_00"]), [375.0]);
         assert!(numbers("data: [ 1, x ]").is_empty());
         assert_eq!(names(&parse("names: [ \"a\", c ]")).unwrap(), ["a", "c"]);
+    }
+
+    #[test]
+    fn frames_are_in_the_order_of_their_numbers() {
+        let order = |names: &[&str]| in_order(names.iter().map(|name| name.to_string()).collect());
+        assert_eq!(order(&["10", "9", "0008"]), ["0008", "9", "10"]);
+        assert_eq!(order(&["b10", "b9", "7"]), ["7", "b10", "b9"]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Captures with this project's own manifest, `capture.json`: what other layouts convert to.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use refine::capture::{Lens, even_times};
@@ -9,6 +10,12 @@ use super::{Builder, Files, Footage, bad, pinhole, read_text};
 
 /// The manifest, by which the layout is known.
 pub(super) const FILE: &str = "capture.json";
+
+/// Most frames: an hour and more.
+const FRAMES_MAX: usize = 100_000;
+
+/// Skew in pixels below which it counts as rounding.
+const SKEW_MAX: f64 = 1e-6;
 
 /// See `xtask/CAPTURE.md`.
 #[derive(Deserialize)]
@@ -40,6 +47,7 @@ struct Entry {
 pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
     let path = folder.join(FILE);
     let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
+    manifest.check().map_err(|what| bad(&path, what))?;
     let mut builder = Builder::default();
     for entry in &manifest.cameras {
         let lens =
@@ -67,6 +75,39 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
         }
     }
     Ok(builder.footage(even_times(manifest.frames)))
+}
+
+impl Manifest {
+    /// What no single photograph tells.
+    fn check(&self) -> Result<(), String> {
+        let Manifest { frames, first_frame, images, cameras, .. } = self;
+        if !(1..=FRAMES_MAX).contains(frames) {
+            return Err(format!("{frames} frames: there can be 1 to {FRAMES_MAX}"));
+        }
+        if first_frame.checked_add(*frames).is_none() {
+            return Err(format!("first_frame {first_frame} is too large"));
+        }
+        let mut names = BTreeSet::new();
+        for Entry { id, k, .. } in cameras {
+            if !names.insert(id) {
+                return Err(format!("camera {id} is there twice"));
+            }
+            if k[0][1].abs() > SKEW_MAX {
+                return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
+            }
+        }
+        // One file for all would be read as what each saw.
+        let needs = |what: &str, many: bool| many && !images.contains(&format!("{{{what}"));
+        match [("camera", cameras.len() > 1), ("frame", *frames > 1)]
+            .iter()
+            .find(|(what, many)| needs(what, *many))
+        {
+            Some((what, _)) if expand(images, "", 0).is_ok() => {
+                Err(format!("images \"{images}\" has no {{{what}}}: all would be the same photograph"))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A path in which `{camera}` and `{frame}`, or `{frame:06}` with leading zeros, are filled in.

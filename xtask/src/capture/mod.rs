@@ -2,6 +2,7 @@
 //! one file each.
 
 mod colmap;
+mod depth;
 mod easyvolcap;
 mod manifest;
 mod part;
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use codec::Camera;
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use refine::capture::{CalibratedCamera, Capture, CaptureShot, Lens, Photo};
 use refine::image::Image;
 
@@ -20,6 +21,9 @@ use crate::fault::Fault;
 
 /// Endings of the files that photographs are read from.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+
+/// Largest side of a photograph in pixels.
+const SIDE_MAX: u32 = 1 << 15;
 
 /// A capture, and where its photographs are.
 #[derive(Clone, Debug)]
@@ -62,12 +66,26 @@ impl Footage {
                 easyvolcap::INTRINSICS
             )));
         };
-        for camera in &footage.capture.cameras {
-            camera.camera.check().map_err(|what| bad(folder, format!("camera {}: {what}", camera.name)))?;
+        for CalibratedCamera { name, camera, .. } in &footage.capture.cameras {
+            camera.check().map_err(|what| bad(folder, format!("camera {name}: {what}")))?;
+            if camera.width.max(camera.height) > SIDE_MAX {
+                let size = format!("{}x{}", camera.width, camera.height);
+                return Err(bad(folder, format!("camera {name}: image size {size} is too large")).into());
+            }
         }
         match footage.files.is_empty() {
             true => Err(bad(folder, "not one photograph of its cameras is there").into()),
             false => Ok(footage),
+        }
+    }
+
+    /// Number of photographs that some cameras lack in frames that others have. None where each
+    /// photograph has a camera of its own.
+    pub fn missing(&self) -> usize {
+        let Capture { cameras, times, shots } = &self.capture;
+        match shots.len() == cameras.len() && times.len() > 1 {
+            true => 0,
+            false => cameras.len() * times.len() - shots.len(),
         }
     }
 
@@ -96,14 +114,25 @@ impl Footage {
         if let Some(path) = mask {
             let cut = read(path)?.into_luma16();
             if cut.dimensions() != (camera.width, camera.height) {
-                return Err(bad(path, format!("{:?} pixels, its photograph has others", cut.dimensions())));
+                let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
+                return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
             }
-            for (pixel, mask) in taken.pixels.iter_mut().zip(cut.pixels()) {
-                *pixel = pixel.map(|c| c * level(mask.0[0]));
-            }
+            cut_out(&mut taken, &cut);
         }
         let photo = Photo::undistorted(taken, camera, lens);
         Ok(if wanted == camera { photo } else { photo.shrunk(wanted.width, wanted.height) })
+    }
+}
+
+/// Multiplies a photograph with its mask. One that is black wherever the mask is 0 stands before
+/// black already: its colours stay, or the rim of the subject would be darkened twice.
+fn cut_out(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
+    let mut outside = taken.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
+    let is_cut = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
+    for (pixel, mask) in taken.pixels.iter_mut().zip(mask.pixels()) {
+        let [r, g, b, a] = *pixel;
+        let m = level(mask.0[0]);
+        *pixel = if is_cut { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
     }
 }
 

@@ -6,10 +6,14 @@ use clap::ValueEnum;
 use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::capture::{self, Split};
+use refine::image::Image;
 use serde_json::{Map, Value, json};
 use xtask::capture::Footage;
-use xtask::eval::{Judged, Subject, csv, judge, means, strip, table, telling};
+use xtask::eval::{
+    Judged, Ladder, Strips, Subject, csv, free_views, judge, ladder, means, quarter_frames, swiftest, table,
+};
 use xtask::fault::Fault;
+use xtask::input::Input;
 use xtask::output;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -29,7 +33,8 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Folder to write eval.md, eval.csv, eval.json and pictures side by side to
+    /// Folder to write eval.md, eval.csv, eval.json and pictures to: beside the photographs; of a field or
+    /// package also between frames and from other places; of a package also its first layers
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -59,10 +64,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         std::fs::create_dir_all(out)
             .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
     }
+    if footage.missing() > 0 {
+        eprintln!("note: {} photographs are missing that others have the like of", footage.missing());
+    }
+    let holdout = args.holdout.into();
     let style =
         ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
     let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
-    let judged = judge(&subject, &footage, args.holdout.into(), || progress.inc(1))?;
+    let mut strips = Strips::new(&subject, &footage, holdout)?;
+    let judged = judge(&subject, &footage, holdout, |look| {
+        if let (Some(look), Some(_)) = (look, &args.out) {
+            strips.look(look);
+        }
+        progress.inc(1);
+    })?;
     progress.finish_and_clear();
 
     let missing = footage.capture.shots.len() - judged.len();
@@ -81,18 +96,26 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .filter(|camera| camera.held)
         .map(|camera| camera.name.as_str())
         .collect();
-    let json = serde_json::to_string_pretty(&json!({
+    let mut json = json!({
         "subject": args.subject, "capture": args.capture, "held_cameras": held,
         "holdout": args.holdout.to_possible_value().map(|value| value.get_name().to_owned()),
         "splits": splits,
-    }))?;
-    let table = table(&means);
+    });
+    let mut table = table(&means);
+    if let (Some(out), Subject::Drawn(input)) = (&args.out, &subject) {
+        if let Some(ladder) = more_pictures(out, input, args, &footage)? {
+            table += &ladder.table();
+            json["ladder"] = serde_json::to_value(&ladder)?;
+        }
+    }
+    let json = format!("{json:#}");
     if let Some(out) = &args.out {
         output::write(&out.join("eval.json"), format!("{json}\n").as_bytes())?;
         output::write(&out.join("eval.md"), table.as_bytes())?;
         output::write(&out.join("eval.csv"), csv(&judged, &footage).as_bytes())?;
-        for one in telling(&judged) {
-            write_strip(out, &subject, &footage, one)?;
+        for strip in strips.into_strips() {
+            let name = footage.name(strip.shot).replace(['/', '\\'], "_");
+            write_picture(&out.join(format!("{}_{name}.png", strip.split.name())), &strip.image)?;
         }
     }
     match args.json {
@@ -131,9 +154,31 @@ fn print(footage: &Footage, judged: &[Judged], table: &str) {
     println!("\nLPIPS is not measured.");
 }
 
-fn write_strip(out: &Path, subject: &Subject, footage: &Footage, one: &Judged) -> anyhow::Result<()> {
-    let strip = strip(subject, footage, one.shot)?;
-    let rgb = RgbImage::from_raw(strip.width, strip.height, strip.to_rgb8()).expect("three bytes per pixel");
-    let name = footage.name(one.shot).replace(['/', '\\'], "_");
-    output::write_png(&out.join(format!("{}_{name}.png", one.split.name())), &rgb)
+/// What only a field or a package can show: other times, other places, other budgets.
+fn more_pictures(
+    out: &Path,
+    input: &Input,
+    args: &Args,
+    footage: &Footage,
+) -> anyhow::Result<Option<Ladder>> {
+    let holdout = args.holdout.into();
+    let interval = swiftest(footage, holdout)?;
+    if let Some(interval) = &interval {
+        write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, footage, interval)?)?;
+    }
+    let t = interval.map_or(0.0, |interval| interval.middle(footage));
+    if let Some(views) = free_views(input, footage, t) {
+        write_picture(&out.join("free_views.png"), &views)?;
+    }
+    let Input::Package(clip) = input else { return Ok(None) };
+    let ladder = ladder(clip, &args.subject, footage, holdout)?;
+    if let Some(ladder) = &ladder {
+        write_picture(&out.join("ladder.png"), &ladder.picture)?;
+    }
+    Ok(ladder)
+}
+
+fn write_picture(path: &Path, image: &Image) -> anyhow::Result<()> {
+    let rgb = RgbImage::from_raw(image.width, image.height, image.to_rgb8()).expect("three bytes per pixel");
+    output::write_png(path, &rgb)
 }

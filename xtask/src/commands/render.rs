@@ -70,7 +70,8 @@ fn read_camera(path: &Path) -> Result<Camera, Fault> {
     Ok(camera)
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+/// A size of an image, as WxH.
+pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let size = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     size.filter(|[width, height]| *width > 0 && *height > 0)
         .ok_or("not a size WxH of at least 1x1 pixels".into())

@@ -4,7 +4,7 @@
 //! early. A package of a smaller budget has the same ranking, but a topology floor, a refit and a
 //! precision of its own.
 
-use codec::{Limits, SectionKind};
+use codec::Limits;
 use indicatif::ProgressBar;
 use refine::prune::{Pictures, Ranking};
 use refine::reference;
@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::whole::{judging_shots, scene_of};
 use super::{Package, Prepared, Settings, package_showing, prepare};
+use crate::input::prefix_bytes;
 use crate::scene::Scene;
 
 /// The first layers of a package beside a package of as many Gaussians.
@@ -53,10 +54,7 @@ pub fn ladder(
     let layers = &package.report.layers;
     let mut rungs = Vec::new();
     for (layer, &gaussians) in layers.iter().enumerate() {
-        let sections = contents.sections.iter().filter(|section| {
-            usize::from(section.layer) <= layer && !matches!(section.kind, SectionKind::Unknown(_))
-        });
-        let prefix_bytes = sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes);
+        let prefix_bytes = prefix_bytes(&contents, layer);
         let prefix_psnr_db = look(&package.bytes[..prefix_bytes])?;
         let (own_bytes, own_psnr_db) = if gaussians == package.report.subject.gaussians_out {
             (prefix_bytes, prefix_psnr_db)

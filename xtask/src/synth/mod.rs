@@ -2,3 +2,4 @@
 
 pub mod juggler;
 pub mod limbs;
+pub mod stage;

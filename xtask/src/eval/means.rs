@@ -1,0 +1,89 @@
+//! The measures as means of each split and as tables.
+
+use std::fmt::Write;
+
+use refine::capture::Split;
+use refine::metrics::Measures;
+use serde::Serialize;
+
+use super::Judged;
+use crate::capture::Footage;
+
+/// Mean measures of a split; the fields are keys of the JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SplitMeasures {
+    /// Name of the split.
+    pub split: &'static str,
+    /// PSNR in dB over the subject, mean over images that show it, and standard deviation.
+    pub psnr_fg: Option<f64>,
+    /// Standard deviation of `psnr_fg`.
+    pub psnr_fg_deviation: Option<f64>,
+    /// PSNR in dB over whole images, mean.
+    pub psnr_full: f64,
+    /// SSIM of whole images, mean.
+    pub ssim: f64,
+    /// Not measured: it takes the weights of a network.
+    pub lpips: Option<f64>,
+    /// Number of images.
+    pub images: usize,
+    /// Number of images that show no subject, and so count for nothing in `psnr_fg`.
+    pub without_subject: usize,
+}
+
+/// Means of each split that has images.
+pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
+    let of = |split: Split| {
+        let measures: Vec<Measures> =
+            judged.iter().filter(|one| one.split == split).map(|one| one.measures).collect();
+        let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
+        let known = !subject.is_empty();
+        let center = mean(&subject);
+        let squares: Vec<f64> = subject.iter().map(|x| (x - center).powi(2)).collect();
+        (!measures.is_empty()).then(|| SplitMeasures {
+            split: split.name(),
+            psnr_fg: known.then_some(center),
+            psnr_fg_deviation: known.then(|| mean(&squares).sqrt()),
+            psnr_full: mean(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
+            ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
+            lpips: None,
+            images: measures.len(),
+            without_subject: measures.len() - subject.len(),
+        })
+    };
+    Split::ALL.into_iter().filter_map(of).collect()
+}
+
+pub(super) fn mean(numbers: &[f64]) -> f64 {
+    numbers.iter().sum::<f64>() / numbers.len() as f64
+}
+
+/// The means as a table in Markdown.
+pub fn table(means: &[SplitMeasures]) -> String {
+    let mut text = String::from(
+        "| split | images | PSNR of the subject, dB | whole frame, dB | SSIM | LPIPS |\n|---|---|---|---|---|---|\n",
+    );
+    for row in means {
+        let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
+            (Some(psnr), Some(deviation)) => format!("{psnr:.2} ± {deviation:.2}"),
+            _ => "–".into(),
+        };
+        let SplitMeasures { split, images, psnr_full, ssim, .. } = row;
+        writeln!(text, "| {split} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | – |")
+            .expect("text grows");
+    }
+    text
+}
+
+/// Every picture's measures as CSV.
+pub fn csv(judged: &[Judged], footage: &Footage) -> String {
+    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim\n");
+    for Judged { shot, split, measures } in judged {
+        let camera = &footage.capture.cameras[shot.camera].name;
+        let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
+        let (name, frame, split) = (footage.name(*shot), shot.frame, split.name());
+        let Measures { psnr_full, ssim, .. } = measures;
+        writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6}")
+            .expect("text grows");
+    }
+    text
+}

@@ -1,0 +1,162 @@
+//! The figure at an instant: a person who steps forward and strikes with a mace. The blow takes the
+//! middle 40 % of the clip; the hand moves about 2 m in it.
+//!
+//! It faces +z, its left is +x, y is up; metres. A limb hangs along -y of its axes where nothing is
+//! bent.
+
+use glam::{DMat3, DVec3, dvec3};
+
+use super::shape::Shape;
+use super::texture::Texture;
+
+/// A part where it is at an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) shape: Shape,
+    pub(super) texture: Texture,
+    /// Middle of the shape.
+    pub(super) center: DVec3,
+    /// The shape's axes in the world.
+    pub(super) axes: DMat3,
+}
+
+const CHEST: Texture = Texture::Checks { side: 0.07, colors: [[0.85, 0.25, 0.15], [0.95, 0.80, 0.45]] };
+const HIPS: Texture = Texture::Spots { width: 0.06, colors: [[0.20, 0.30, 0.60], [0.75, 0.80, 0.90]] };
+const SLEEVE: Texture = Texture::Stripes { width: 0.06, colors: [[0.90, 0.85, 0.80], [0.25, 0.45, 0.75]] };
+const SKIN: Texture = Texture::Spots { width: 0.05, colors: [[0.87, 0.64, 0.50], [0.75, 0.50, 0.38]] };
+const TROUSERS: Texture = Texture::Checks { side: 0.09, colors: [[0.25, 0.55, 0.35], [0.75, 0.80, 0.40]] };
+const BOOT: Texture = Texture::Stripes { width: 0.05, colors: [[0.45, 0.28, 0.15], [0.75, 0.55, 0.35]] };
+const SHAFT: Texture = Texture::Stripes { width: 0.08, colors: [[0.55, 0.38, 0.20], [0.90, 0.75, 0.30]] };
+const MACE: Texture = Texture::Checks { side: 0.05, colors: [[0.90, 0.90, 0.95], [0.45, 0.20, 0.55]] };
+
+/// The parts at clip time `t` from 0 to 1; always as many, in one order.
+pub(super) fn figure(t: f64) -> Vec<Part> {
+    let (step, blow) = (eased(t, 0.05, 0.95), eased(t, 0.3, 0.7));
+    // From 0 over 1 back to 0.
+    let lift = 4.0 * step * (1.0 - step);
+    let mut parts = Vec::new();
+
+    let hips = Joint { origin: dvec3(0.0, 0.90 - 0.03 * lift, -0.2 + 0.4 * step), axes: DMat3::IDENTITY }
+        .turned(DVec3::Y, between(-8.0, 10.0, blow));
+    parts.push(hips.part(dvec3(0.0, 0.0, 0.0), ellipsoid(0.16, 0.13, 0.115), HIPS));
+    let waist = hips.turned(DVec3::Y, between(-22.0, 20.0, blow)).turned(DVec3::X, between(-6.0, 13.0, blow));
+    parts.push(waist.part(dvec3(0.0, 0.29, 0.0), ellipsoid(0.185, 0.28, 0.12), CHEST));
+    let neck = waist.at(dvec3(0.0, 0.55, 0.01));
+    parts.push(neck.part(dvec3(0.0, 0.02, 0.0), capsule(0.10, 0.05), SKIN));
+    let head = neck.turned(DVec3::Y, between(25.0, -20.0, blow));
+    parts.push(head.part(dvec3(0.0, 0.17, 0.015), ellipsoid(0.095, 0.125, 0.112), Texture::Face));
+
+    // Shoulder and elbow of the left arm, which swings back, and of the right one, which strikes.
+    let shoulder =
+        |side: f64, out: f64| waist.at(dvec3(0.205 * side, 0.46, 0.0)).turned(DVec3::Z, out * side);
+    let left = shoulder(1.0, 13.0).turned(DVec3::X, between(-35.0, 25.0, blow));
+    arm(&mut parts, left, -35.0);
+    // The blow goes round the side, so that it stays below the top of the pictures.
+    let right =
+        shoulder(-1.0, 13.0 + 160.0 * blow * (1.0 - blow)).turned(DVec3::X, between(-165.0, -35.0, blow));
+    let hand = arm(&mut parts, right, between(-70.0, -12.0, blow));
+    let grip = hand.turned(DVec3::X, -60.0);
+    parts.push(grip.part(dvec3(0.0, -0.14, 0.0), capsule(0.42, 0.022), SHAFT));
+    parts.push(grip.part(dvec3(0.0, -0.40, 0.0), ellipsoid(0.075, 0.09, 0.075), MACE));
+
+    // Hip and knee of the left leg, which goes ahead, and of the right one, which stays behind.
+    let hip = |side: f64| hips.at(dvec3(0.095 * side, -0.03, 0.0)).turned(DVec3::Z, 3.0 * side);
+    leg(&mut parts, hip(1.0).turned(DVec3::X, between(16.0, -24.0, step)), 8.0 + 45.0 * lift);
+    leg(&mut parts, hip(-1.0).turned(DVec3::X, between(-18.0, 20.0, step)), between(12.0, 6.0, step));
+    parts
+}
+
+/// Upper arm, forearm and hand; returns the hand.
+fn arm(parts: &mut Vec<Part>, shoulder: Joint, elbow_degrees: f64) -> Joint {
+    parts.push(shoulder.part(dvec3(0.0, -0.14, 0.0), capsule(0.28, 0.052), SLEEVE));
+    let elbow = shoulder.at(dvec3(0.0, -0.28, 0.0)).turned(DVec3::X, elbow_degrees);
+    parts.push(elbow.part(dvec3(0.0, -0.12, 0.0), capsule(0.24, 0.043), SKIN));
+    let hand = elbow.at(dvec3(0.0, -0.29, 0.0));
+    parts.push(hand.part(DVec3::ZERO, ellipsoid(0.045, 0.07, 0.05), SKIN));
+    hand
+}
+
+fn leg(parts: &mut Vec<Part>, hip: Joint, knee_degrees: f64) {
+    parts.push(hip.part(dvec3(0.0, -0.20, 0.0), capsule(0.38, 0.078), TROUSERS));
+    let knee = hip.at(dvec3(0.0, -0.41, 0.0)).turned(DVec3::X, knee_degrees);
+    parts.push(knee.part(dvec3(0.0, -0.19, 0.0), capsule(0.38, 0.058), TROUSERS));
+    let ankle = knee.at(dvec3(0.0, -0.40, 0.0));
+    parts.push(ankle.part(dvec3(0.0, -0.02, 0.06), ellipsoid(0.052, 0.05, 0.13), BOOT));
+}
+
+/// Where a part of the body begins, and how it is turned.
+#[derive(Clone, Copy)]
+struct Joint {
+    origin: DVec3,
+    axes: DMat3,
+}
+
+impl Joint {
+    /// The same axes at `offset` along them.
+    fn at(self, offset: DVec3) -> Joint {
+        Joint { origin: self.origin + self.axes * offset, ..self }
+    }
+
+    /// Turned about one of its own axes.
+    fn turned(self, axis: DVec3, degrees: f64) -> Joint {
+        // The system's sine and cosine differ between machines.
+        let (sin, cos) = libm::sincos(degrees.to_radians());
+        let turn = |v: DVec3| v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos));
+        let turned = DMat3::from_cols(turn(DVec3::X), turn(DVec3::Y), turn(DVec3::Z));
+        Joint { axes: self.axes * turned, ..self }
+    }
+
+    /// A shape whose middle lies at `offset`.
+    fn part(self, offset: DVec3, shape: Shape, texture: Texture) -> Part {
+        Part { shape, texture, center: self.at(offset).origin, axes: self.axes }
+    }
+}
+
+/// With `length` between the middles of its round ends.
+fn capsule(length: f64, radius: f64) -> Shape {
+    Shape::Capsule { half: 0.5 * length, radius }
+}
+
+fn ellipsoid(x: f64, y: f64, z: f64) -> Shape {
+    Shape::Ellipsoid { radii: dvec3(x, y, z) }
+}
+
+fn between(start: f64, end: f64, u: f64) -> f64 {
+    start + (end - start) * u
+}
+
+/// From 0 until `start` to 1 from `end` on, without a jerk.
+fn eased(t: f64, start: f64, end: f64) -> f64 {
+    let u = ((t - start) / (end - start)).clamp(0.0, 1.0);
+    u * u * (3.0 - 2.0 * u)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_figure_is_as_large_as_a_person_and_strikes() {
+        let times: Vec<f64> = (0..=32).map(|i| f64::from(i) / 32.0).collect();
+        let figures: Vec<Vec<Part>> = times.iter().map(|&t| figure(t)).collect();
+        for parts in &figures {
+            let head = parts[3].center.y + 0.125;
+            let sole = parts.iter().map(|part| part.center.y - part.shape.reach()).fold(1.0, f64::min);
+            assert!((1.6..1.8).contains(&head) && (-0.2..0.15).contains(&sole), "{head} {sole}");
+            for part in parts {
+                let turns = part.axes.transpose() * part.axes - DMat3::IDENTITY;
+                assert!(turns.to_cols_array().iter().all(|x| x.abs() < 1e-12));
+                assert!(part.center.length() < 2.3);
+            }
+        }
+        let moved = |part: usize| -> Vec<f64> {
+            figures.windows(2).map(|pair| pair[0][part].center.distance(pair[1][part].center)).collect()
+        };
+        // Chest and mace.
+        let (chest, mace) = (moved(1), moved(11));
+        let sum = |steps: &[f64]| steps.iter().sum::<f64>();
+        assert!((0.3..0.7).contains(&sum(&chest)) && sum(&mace) > 2.0, "{} {}", sum(&chest), sum(&mace));
+        let swift = mace.iter().fold(0.0, |most: f64, step| most.max(*step));
+        assert!(swift > 0.15 && mace[0] < 0.01 && mace[31] < 0.01, "{swift}");
+    }
+}
