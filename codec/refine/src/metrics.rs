@@ -3,20 +3,12 @@
 //! A picture is drawn over black and rounded to 8 bits, as it would be saved; the photograph is cut
 //! out by its mask.
 
-use rayon::prelude::*;
-
 use crate::capture::Photo;
+use crate::fit::ssim_and_gradient;
 use crate::image::Image;
 
 /// Mask above which a pixel belongs to the subject.
 const SUBJECT: f64 = 127.5 / 255.0;
-
-/// SSIM: window and its standard deviation in pixels, and the constants K1 and K2 for colours of
-/// range 1.
-const WINDOW: usize = 11;
-const SIGMA: f64 = 1.5;
-const C1: f64 = 0.01 * 0.01;
-const C2: f64 = 0.03 * 0.03;
 
 /// Measures of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,47 +64,7 @@ fn rounded(image: &Image) -> Image {
 /// If the sizes differ.
 pub fn ssim(a: &Image, b: &Image) -> f64 {
     assert_eq!((a.width, a.height), (b.width, b.height), "images of one size");
-    let channels: Vec<f64> = (0..3usize)
-        .into_par_iter()
-        .map(|c| {
-            let plane = |image: &Image| image.pixels.iter().map(|pixel| pixel[c]).collect::<Vec<f64>>();
-            let (a_plane, b_plane) = (plane(a), plane(b));
-            let mean = |x: &[f64], y: &[f64]| {
-                let product: Vec<f64> = x.iter().zip(y).map(|(x, y)| x * y).collect();
-                blur(&product, a.width as usize)
-            };
-            let ones = vec![1.0; a_plane.len()];
-            let (mean_a, mean_b) = (mean(&a_plane, &ones), mean(&b_plane, &ones));
-            let (square_a, square_b) = (mean(&a_plane, &a_plane), mean(&b_plane, &b_plane));
-            let product = mean(&a_plane, &b_plane);
-            let similarity = |i: usize| {
-                let (ma, mb) = (mean_a[i], mean_b[i]);
-                let (va, vb) = (square_a[i] - ma * ma, square_b[i] - mb * mb);
-                let covariance = product[i] - ma * mb;
-                (2.0 * ma * mb + C1) * (2.0 * covariance + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
-            };
-            (0..a_plane.len()).map(similarity).sum::<f64>() / a_plane.len() as f64
-        })
-        .collect();
-    channels.iter().sum::<f64>() / 3.0
-}
-
-/// Blurs an image with rows of `width` pixels by the window, along one axis and then the other.
-fn blur(plane: &[f64], width: usize) -> Vec<f64> {
-    let half = WINDOW / 2;
-    let weight = |i: usize| (-0.5 * ((i as f64 - half as f64) / SIGMA).powi(2)).exp();
-    let sum: f64 = (0..WINDOW).map(weight).sum();
-    let weights: [f64; WINDOW] = std::array::from_fn(|i| weight(i) / sum);
-    let along = |from: &[f64], stride: usize, length: usize| -> Vec<f64> {
-        let blurred = |i: usize| {
-            let at = i / stride % length;
-            // Offsets by which the window stays within the image.
-            let inside = half.saturating_sub(at)..WINDOW.min(length + half - at);
-            inside.map(|offset| weights[offset] * from[i + offset * stride - half * stride]).sum()
-        };
-        (0..from.len()).map(blurred).collect()
-    };
-    along(&along(plane, 1, width), width, plane.len() / width)
+    ssim_and_gradient(&a.pixels, &b.pixels, a.width as usize).0
 }
 
 #[cfg(test)]

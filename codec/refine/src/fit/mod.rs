@@ -7,15 +7,33 @@
 //! Time is counted in frames of the capture here, so that a window, a trajectory and their learning
 //! rates have sizes near 1; fields count it in clips.
 
+mod adam;
+mod bounds;
+mod columns;
 pub mod cpu;
+mod density;
+mod floaters;
 mod gradient;
+mod loss;
+mod lpips;
 mod parameters;
 mod picture;
+mod rates;
 mod real;
+mod relocate;
+mod ssim;
 mod view;
 
+pub use adam::{Moments, adam};
+pub use bounds::Bounds;
+pub use density::{DensityChange, DensityControl, DensityRule, DensityState};
+pub use floaters::floaters;
 pub use gradient::Gradient;
+pub use loss::{Loss, loss};
+pub use lpips::{Lpips, LpipsError, Net};
 pub use parameters::{Clock, Parameters};
 pub use picture::Picture;
+pub use rates::{Rates, decay};
 pub use real::Real;
+pub(crate) use ssim::ssim_and_gradient;
 pub use view::{Photograph, View};

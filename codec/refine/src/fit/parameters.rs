@@ -9,7 +9,7 @@ use codec::{Field, Temporal, sh_coefficients};
 use super::Real;
 
 /// Opacities nearer to 0 and 1 than `sigmoid(-+7)` have no gradient to come back by.
-pub const LOGIT_MAX: f64 = 7.0;
+pub(super) const LOGIT_MAX: f64 = 7.0;
 
 /// The frames of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -171,7 +171,7 @@ mod tests {
         // Nine of ten volumes exceed that of row 0.
         let expected: Vec<f64> = (0..10).map(|row| (0.1 * row as f64).exp() * (1.0 + row as f64)).collect();
         assert_close(&Ranking::LightGaussian.scores(&field, &seen), &expected);
-        assert_eq!(Ranking::LightGaussian.scores(&balls(&[], 1.0, 0.5), &[]), []);
+        assert!(Ranking::LightGaussian.scores(&balls(&[], 1.0, 0.5), &[]).is_empty());
     }
 
     #[test]

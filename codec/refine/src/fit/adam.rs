@@ -1,0 +1,301 @@
+//! [`adam`]: a step along the gradient of those Gaussians that a picture shows (Kingma and Ba,
+//! "Adam", 2015).
+//!
+//! A picture shows the Gaussians of a few frames; the others have no gradient, and neither they nor
+//! their moments move. Bias is corrected by how often a row was visited itself, not by the number
+//! of steps.
+
+use rayon::prelude::*;
+
+use super::columns::{columns, columns_mut, of_row};
+use super::{Bounds, Parameters, Rates, Real};
+
+const BETA1: f64 = 0.9;
+const BETA2: f64 = 0.999;
+
+/// Gradients are means over many pixels, 1e-9 and less: the usual 1e-8 would still them.
+const EPSILON: f64 = 1e-15;
+
+/// Rows that one thread takes.
+const CHUNK: usize = 1024;
+
+/// Adam's memory of the rows of some parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments<T> {
+    /// Decaying means of the gradients.
+    pub first: Parameters<T>,
+    /// Decaying means of their squares.
+    pub second: Parameters<T>,
+    /// How many gradients each row has had.
+    pub visits: Vec<u32>,
+}
+
+impl<T: Real> Moments<T> {
+    /// Those of parameters that have not moved yet.
+    pub fn new(parameters: &Parameters<T>) -> Moments<T> {
+        let rows = parameters.len();
+        Moments { first: parameters.zeros(rows), second: parameters.zeros(rows), visits: vec![0; rows] }
+    }
+
+    /// The rows named by `rows`, in that order; a row may be named more than once.
+    pub fn select(&self, rows: &[usize]) -> Moments<T> {
+        Moments {
+            first: self.first.select(rows),
+            second: self.second.select(rows),
+            visits: rows.iter().map(|row| self.visits[*row]).collect(),
+        }
+    }
+
+    /// Adds the rows of `other`, which has the same columns.
+    pub fn append(&mut self, other: Moments<T>) {
+        self.first.append(other.first);
+        self.second.append(other.second);
+        self.visits.extend(other.visits);
+    }
+
+    /// Forgets what a row has seen.
+    pub fn clear(&mut self, row: usize) {
+        let rows = self.visits.len();
+        for column in columns_mut(&mut self.first).into_iter().chain(columns_mut(&mut self.second)) {
+            let per_row = column.len() / rows;
+            column[row * per_row..(row + 1) * per_row].fill(T::zero());
+        }
+        self.visits[row] = 0;
+    }
+}
+
+/// Moves `rows` against their gradient, whose row `i` is that of `rows[i]`, and brings them within
+/// the bounds. A row with a number in its gradient that is not finite, or whose square is not, is
+/// left as it is; returns how many were.
+///
+/// # Panics
+/// If `rows` are not ascending without repetition, or the shapes do not fit.
+pub fn adam<T: Real>(
+    parameters: &mut Parameters<T>,
+    moments: &mut Moments<T>,
+    rows: &[u32],
+    gradient: &Parameters<T>,
+    rates: &Rates,
+    bounds: &Bounds,
+) -> usize {
+    assert!(rows.is_sorted_by(|a, b| a < b), "rows ascend");
+    assert!(
+        rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
+        "a gradient for each row"
+    );
+    let gradients = columns(gradient);
+    let is_usable = |i: usize| {
+        let usable = |g: &T| (*g * *g).is_finite();
+        gradients.iter().all(|column| of_row(column, rows.len(), i).iter().all(usable))
+    };
+    let usable: Vec<bool> = (0..rows.len()).into_par_iter().with_min_len(CHUNK).map(is_usable).collect();
+    let bias = |(row, usable): (&u32, &bool)| {
+        let visits = &mut moments.visits[*row as usize];
+        *visits = visits.saturating_add(u32::from(*usable));
+        let bias = |beta: f64| T::of(1.0 / (1.0 - num_traits::pow(beta, *visits as usize)));
+        usable.then(|| [bias(BETA1), bias(BETA2)])
+    };
+    let corrections: Vec<Option<[T; 2]>> = rows.iter().zip(&usable).map(bias).collect();
+
+    let rates = rates.by_column(parameters);
+    let values = columns_mut(parameters).into_iter().zip(rates);
+    let moments = columns_mut(&mut moments.first).into_iter().zip(columns_mut(&mut moments.second));
+    for (((values, rates), (first, second)), gradient) in values.zip(moments).zip(gradients) {
+        if !values.is_empty() {
+            step(Column { values, first, second }, rows, gradient, &corrections, &rates);
+        }
+    }
+    for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
+        bounds.project(parameters, *row as usize);
+    }
+    usable.iter().filter(|usable| !**usable).count()
+}
+
+/// A column and its moments.
+struct Column<'a, T> {
+    values: &'a mut [T],
+    first: &'a mut [T],
+    second: &'a mut [T],
+}
+
+fn step<T: Real>(
+    Column { values, first, second }: Column<T>,
+    rows: &[u32],
+    gradient: &[T],
+    corrections: &[Option<[T; 2]>],
+    rates: &[T],
+) {
+    let per_row = rates.len();
+    let [beta1, beta2, epsilon] = [BETA1, BETA2, EPSILON].map(T::of);
+    let [rest1, rest2] = [T::of(1.0 - BETA1), T::of(1.0 - BETA2)];
+    let moments = first.par_chunks_mut(CHUNK * per_row).zip(second.par_chunks_mut(CHUNK * per_row));
+    let chunks = values.par_chunks_mut(CHUNK * per_row).zip(moments).enumerate();
+    chunks.for_each(|(chunk, (values, (first, second)))| {
+        let begin = chunk * CHUNK;
+        let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
+        for i in before(begin)..before(begin + CHUNK) {
+            let Some([bias1, bias2]) = corrections[i] else { continue };
+            let at = (rows[i] as usize - begin) * per_row;
+            let row = at..at + per_row;
+            let moments = first[row.clone()].iter_mut().zip(&mut second[row.clone()]);
+            let gradients = gradient[i * per_row..].iter().zip(rates);
+            for ((value, (first, second)), (g, rate)) in values[row].iter_mut().zip(moments).zip(gradients) {
+                *first = beta1 * *first + rest1 * *g;
+                *second = beta2 * *second + rest2 * *g * *g;
+                *value -= *rate * (*first * bias1) / ((*second * bias2).sqrt() + epsilon);
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Clock;
+
+    fn parameters<T: Real>(rows: usize) -> Parameters<T> {
+        let at = |i: usize| T::of(i as f64);
+        Parameters {
+            centers: (0..rows).map(|i| [at(i), T::zero(), T::one()]).collect(),
+            rotations: vec![[T::one(), T::zero(), T::zero(), T::zero()]; rows],
+            log_scales: vec![[T::of(-3.0); 3]; rows],
+            logits: vec![T::zero(); rows],
+            sh_degree: 1,
+            sh: vec![[T::zero(); 3]; 4 * rows],
+            tau: vec![T::of(2.0); rows],
+            log_widths: vec![T::of(0.5); rows],
+            motion_order: 2,
+            motion: vec![[T::zero(); 3]; 2 * rows],
+            rotation_rates: vec![[T::zero(); 4]; rows],
+        }
+    }
+
+    fn bounds() -> Bounds {
+        Bounds::new(1.0, Clock { frames: 9 })
+    }
+
+    fn run<T: Real>(
+        all: &mut Parameters<T>,
+        moments: &mut Moments<T>,
+        rows: &[u32],
+        gradient: &Parameters<T>,
+    ) -> usize {
+        adam(all, moments, rows, gradient, &Rates::new(1.0), &bounds())
+    }
+
+    /// A gradient of 0.5 and then of -1, by hand: the first moments are 0.05 and -0.055, the second
+    /// 0.00025 and 0.00124975; corrected, the steps are 1 and
+    /// -0.055 / 0.19 / sqrt(0.00124975 / 0.001999) = -0.3661.
+    #[test]
+    fn two_steps_are_those_computed_by_hand() {
+        let mut all = parameters::<f64>(3);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.logits[0] = 0.5;
+        gradient.sh[1] = [0.0, 0.5, 0.0];
+        assert_eq!(run(&mut all, &mut moments, &[1], &gradient), 0);
+        assert!((all.logits[1] + 0.05).abs() < 1e-12, "{}", all.logits[1]);
+        gradient.logits[0] = -1.0;
+        gradient.sh[1] = [0.0, -1.0, 0.0];
+        run(&mut all, &mut moments, &[1], &gradient);
+        let two = -0.1 + 0.036_610_352_703_584_27;
+        assert!((all.logits[1] - 0.5 * two).abs() < 1e-12, "{}", all.logits[1]);
+        // Of the other coefficients the rate is a four hundredth of that.
+        assert!((all.sh[5][1] - two * 1.25e-3).abs() < 1e-13, "{}", all.sh[5][1]);
+        assert_eq!((moments.visits.clone(), all.logits[0], all.sh[4]), (vec![0, 2, 0], 0.0, [0.0; 3]));
+        assert!((moments.first.logits[1] + 0.055).abs() < 1e-15);
+        assert!((moments.second.logits[1] - 0.001_249_75).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_first_visit_is_a_whole_step_whenever_it_comes() {
+        let mut all = parameters::<f32>(2);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.tau[0] = 1e-9;
+        for _ in 0..50 {
+            run(&mut all, &mut moments, &[0], &gradient);
+        }
+        run(&mut all, &mut moments, &[1], &gradient);
+        assert!((all.tau[1] - (2.0 - 5e-3)).abs() < 1e-6, "{}", all.tau[1]);
+        assert_eq!(moments.visits, [50, 1]);
+    }
+
+    #[test]
+    fn gradients_that_are_no_numbers_are_contained_and_counted() {
+        let mut all = parameters::<f32>(4);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(4);
+        gradient.centers = vec![[1.0, f32::NAN, 0.0], [f32::INFINITY; 3], [1e30; 3], [1e15, 0.0, 0.0]];
+        let before = all.clone();
+        assert_eq!(run(&mut all, &mut moments, &[0, 1, 2, 3], &gradient), 3);
+        assert_eq!(
+            (all.select(&[0, 1, 2]), &moments.visits[..]),
+            (before.select(&[0, 1, 2]), &[0, 0, 0, 1][..])
+        );
+        assert_eq!(all.centers[3], [3.0 - 1.6e-4, 0.0, 1.0]);
+        for _ in 0..20 {
+            run(&mut all, &mut moments, &[0, 1, 2, 3], &gradient);
+        }
+        assert!(columns(&all).iter().all(|column| column.iter().all(|x| x.is_finite())));
+    }
+
+    #[test]
+    fn rows_end_within_the_bounds() {
+        let mut all = parameters::<f64>(2);
+        all.log_widths = vec![0.002, 0.002];
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.log_widths[0] = 1.0;
+        run(&mut all, &mut moments, &[1], &gradient);
+        assert_eq!(all.log_widths, [0.002, 0.0]);
+    }
+
+    /// Chunks, and threads, change nothing.
+    #[test]
+    fn many_rows_move_as_each_would() {
+        let rows: Vec<u32> = (0..5000).filter(|i| i % 3 != 1).collect();
+        let mut all = parameters::<f32>(5000);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(rows.len());
+        for (g, row) in gradient.centers.iter_mut().zip(&rows) {
+            *g = [*row as f32 - 2500.0, 0.0, 1e-7];
+        }
+        let (mut one, mut one_moments) = (all.select(&[4001]), moments.select(&[4001]));
+        let at = rows.iter().position(|row| *row == 4001).unwrap();
+        for _ in 0..3 {
+            run(&mut all, &mut moments, &rows, &gradient);
+            run(&mut one, &mut one_moments, &[0], &gradient.select(&[at]));
+        }
+        assert_eq!((all.select(&[4001]), moments.select(&[4001])), (one, one_moments));
+        assert_eq!(all.centers[4000], parameters::<f32>(5000).centers[4000]);
+    }
+
+    #[test]
+    fn moments_follow_their_rows() {
+        let all = parameters::<f64>(2);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(2);
+        gradient.logits = vec![1.0, 2.0];
+        run(&mut all.clone(), &mut moments, &[0, 1], &gradient);
+        let mut changed = moments.select(&[1, 0]);
+        changed.append(moments.select(&[1]));
+        assert_eq!(changed.visits, [1, 1, 1]);
+        assert_eq!(
+            changed.first.logits,
+            [moments.first.logits[1], moments.first.logits[0], moments.first.logits[1]]
+        );
+        changed.clear(2);
+        assert_eq!(changed, {
+            let mut expected = moments.select(&[1, 0]);
+            expected.append(Moments::new(&all).select(&[0]));
+            expected
+        });
+        let mut none = Parameters::<f64>::default();
+        let mut no_moments = Moments::new(&none);
+        assert_eq!(
+            adam(&mut none, &mut no_moments, &[], &Parameters::default(), &Rates::new(1.0), &bounds()),
+            0
+        );
+    }
+}

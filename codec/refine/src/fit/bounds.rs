@@ -1,0 +1,133 @@
+//! [`Bounds`]: within what a fit keeps its Gaussians.
+//!
+//! Beyond them gradients vanish or explode: scales that run away, opacities that no gradient brings
+//! back, windows that collapse to less than a frame, so that each frame has Gaussians of its own and
+//! the frames between show ghosts.
+
+use super::parameters::LOGIT_MAX;
+use super::{Clock, Parameters, Real};
+
+/// Shortest and longest standard deviation, as parts of the scene's extent.
+const SCALES: [f64; 2] = [1e-4, 0.1];
+
+/// Shortest and longest window, in frames: one of less than a frame would not reach the held frame
+/// between two that are trained on.
+const WIDTHS: [f64; 2] = [1.0, 6.0];
+
+/// Frames by which a window may be centred before the first or after the last.
+const TAU_MARGIN: f64 = 1.0;
+
+/// A quaternion shorter than this has lost its direction.
+const NORM_MIN: f64 = 1e-12;
+
+/// Least and greatest values of what is fitted. Logits of opacities lie within 7 of 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Radius within which the cameras stand, in units of the capture: the measure of the scene.
+    pub extent: f64,
+    /// Of the logarithms of the standard deviations.
+    pub log_scales: [f64; 2],
+    /// Of the logarithms of the window widths in frames.
+    pub log_widths: [f64; 2],
+    /// Of the window centres, in frames.
+    pub tau: [f64; 2],
+}
+
+impl Bounds {
+    /// Scales from 0.0001 to 0.1 of `extent`, windows from 1 to 6 frames wide, centred at most a
+    /// frame outside the clip.
+    pub fn new(extent: f64, clock: Clock) -> Bounds {
+        Bounds {
+            extent,
+            log_scales: SCALES.map(|part| libm::log(part * extent)),
+            log_widths: WIDTHS.map(libm::log),
+            tau: [-TAU_MARGIN, clock.frames.max(1) as f64 - 1.0 + TAU_MARGIN],
+        }
+    }
+
+    /// These bounds, widened until the finite among `parameters` lie within: for a field that was
+    /// fitted under others.
+    pub fn around<T: Real>(mut self, parameters: &Parameters<T>) -> Bounds {
+        let widen = |bounds: &mut [f64; 2], values: &[T]| {
+            for x in values.iter().map(|x| x.to_double()).filter(|x| x.is_finite()) {
+                *bounds = [bounds[0].min(x), bounds[1].max(x)];
+            }
+        };
+        widen(&mut self.log_scales, parameters.log_scales.as_flattened());
+        widen(&mut self.log_widths, &parameters.log_widths);
+        widen(&mut self.tau, &parameters.tau);
+        self
+    }
+
+    /// Brings a row within the bounds. A quaternion without a direction becomes that of no
+    /// rotation. What is not a number stays so.
+    pub fn project<T: Real>(&self, parameters: &mut Parameters<T>, row: usize) {
+        let within = |x: T, [least, greatest]: [f64; 2]| {
+            if x.is_nan() { x } else { x.max(T::of(least)).min(T::of(greatest)) }
+        };
+        parameters.log_scales[row] = parameters.log_scales[row].map(|x| within(x, self.log_scales));
+        parameters.logits[row] = within(parameters.logits[row], [-LOGIT_MAX, LOGIT_MAX]);
+        if let Some(tau) = parameters.tau.get_mut(row) {
+            *tau = within(*tau, self.tau);
+        }
+        if let Some(width) = parameters.log_widths.get_mut(row) {
+            *width = within(*width, self.log_widths);
+        }
+        let norm = parameters.rotations[row].iter().map(|x| x.to_double().powi(2)).sum::<f64>().sqrt();
+        if norm < NORM_MIN {
+            parameters.rotations[row] = [T::one(), T::zero(), T::zero(), T::zero()];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row() -> Parameters<f64> {
+        Parameters {
+            centers: vec![[100.0, -5.0, 0.0]],
+            rotations: vec![[1e-13, 0.0, -1e-13, 0.0]],
+            log_scales: vec![[-50.0, 50.0, -1.0]],
+            logits: vec![-30.0],
+            sh: vec![[0.0; 3]],
+            tau: vec![-4.0],
+            log_widths: vec![-2.0],
+            ..Parameters::default()
+        }
+    }
+
+    #[test]
+    fn a_row_is_brought_within() {
+        let bounds = Bounds::new(10.0, Clock { frames: 9 });
+        let mut parameters = row();
+        bounds.project(&mut parameters, 0);
+        let [a, b, c] = parameters.log_scales[0].map(f64::exp);
+        assert!((a - 1e-3).abs() < 1e-12 && (b - 1.0).abs() < 1e-12 && (c - (-1.0_f64).exp()).abs() < 1e-12);
+        assert_eq!((parameters.logits[0], parameters.tau[0], parameters.log_widths[0]), (-7.0, -1.0, 0.0));
+        assert_eq!(parameters.rotations[0], [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(parameters.centers[0], row().centers[0]);
+        parameters.tau[0] = 12.0;
+        bounds.project(&mut parameters, 0);
+        assert_eq!(parameters.tau[0], 9.0);
+        let projected = parameters.clone();
+        bounds.project(&mut parameters, 0);
+        assert_eq!(parameters, projected);
+    }
+
+    #[test]
+    fn a_scene_without_time_has_no_windows_to_bound() {
+        let mut parameters = Parameters { tau: Vec::new(), log_widths: Vec::new(), ..row() };
+        Bounds::new(1.0, Clock { frames: 1 }).project(&mut parameters, 0);
+        assert_eq!(parameters.logits[0], -7.0);
+    }
+
+    #[test]
+    fn a_fitted_field_widens_them() {
+        let mut parameters = row();
+        parameters.tau.push(f64::NAN);
+        let bounds = Bounds::new(10.0, Clock { frames: 9 }).around(&parameters);
+        assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0], [-4.0, 9.0]));
+        assert_eq!(bounds.log_widths, [-2.0, 6.0_f64.ln()]);
+    }
+}

@@ -1,0 +1,81 @@
+//! [`LpipsError`]: what may be wrong with a file of weights, or a picture.
+
+use std::fmt;
+
+/// Why LPIPS cannot be computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LpipsError {
+    /// The bytes are not a safetensors file.
+    File(String),
+    /// A tensor is missing.
+    Missing(String),
+    /// The shape of the first tensor is that of neither network.
+    Network(Vec<usize>),
+    /// A tensor has the wrong shape.
+    Shape {
+        /// Its name.
+        tensor: String,
+        /// The shape that its network has there.
+        expected: Vec<usize>,
+        /// The shape in the file.
+        found: Vec<usize>,
+    },
+    /// A tensor holds something else than 32-bit floats.
+    Type {
+        /// Its name.
+        tensor: String,
+        /// What it holds.
+        found: String,
+    },
+    /// A tensor holds a number that is not finite.
+    NotFinite(String),
+    /// A picture has fewer pixels than the network needs.
+    TooSmall {
+        /// Width and height of the picture.
+        size: [usize; 2],
+        /// The smallest side that the network takes.
+        smallest: usize,
+    },
+}
+
+impl fmt::Display for LpipsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LpipsError::File(why) => write!(f, "the LPIPS weights are not a safetensors file: {why}"),
+            LpipsError::Missing(tensor) => {
+                write!(
+                    f,
+                    "the LPIPS weights lack the tensor {tensor}; it is named as in torchvision and lpips"
+                )
+            }
+            LpipsError::Network(found) => write!(
+                f,
+                "the LPIPS weights have a tensor features.0.weight of shape {found:?}: \
+                 AlexNet has [64, 3, 11, 11], VGG16 [64, 3, 3, 3]"
+            ),
+            LpipsError::Shape { tensor, expected, found } => {
+                write!(
+                    f,
+                    "the tensor {tensor} of the LPIPS weights has shape {found:?} instead of {expected:?}"
+                )
+            }
+            LpipsError::Type { tensor, found } => {
+                write!(
+                    f,
+                    "the tensor {tensor} of the LPIPS weights holds {found}; convert it to 32-bit floats"
+                )
+            }
+            LpipsError::NotFinite(tensor) => {
+                write!(f, "the tensor {tensor} of the LPIPS weights holds a number that is not finite")
+            }
+            LpipsError::TooSmall { size: [width, height], smallest } => {
+                write!(
+                    f,
+                    "LPIPS needs pictures of {smallest}x{smallest} pixels at least, not {width}x{height}"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for LpipsError {}
