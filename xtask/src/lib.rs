@@ -4,6 +4,7 @@ pub mod capture;
 pub mod eval;
 pub mod export;
 pub mod fault;
+pub mod fit;
 pub mod import;
 pub mod input;
 pub mod output;

@@ -22,6 +22,7 @@ struct Cli {
 enum Command {
     Demo(commands::demo::Args),
     Package(commands::package::Args),
+    Fit(commands::fit::Args),
     Inspect(commands::inspect::Args),
     Render(commands::render::Args),
     Eval(commands::eval::Args),
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(args) => commands::demo::run(&args),
         Command::Package(args) => commands::package::run(&args),
+        Command::Fit(args) => commands::fit::run(&args),
         Command::Inspect(args) => commands::inspect::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),

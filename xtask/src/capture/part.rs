@@ -8,6 +8,31 @@ use super::Footage;
 use crate::fault::Fault;
 
 impl Footage {
+    /// Keeps the cameras with these names.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] where the capture has no such camera.
+    pub fn keep_cameras(&mut self, names: &[String]) -> Result<(), Fault> {
+        let cameras = &mut self.capture.cameras;
+        if let Some(name) = names.iter().find(|name| cameras.iter().all(|camera| camera.name != **name)) {
+            return Err(Fault::Usage(format!("the capture has no camera \"{name}\"")));
+        }
+        let kept: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
+        let mut keep = kept.iter();
+        cameras.retain(|_| *keep.next().expect("one for each camera"));
+        let mut keep = kept.iter();
+        self.taken_by.retain(|_| *keep.next().expect("one for each camera"));
+        let files = std::mem::take(&mut self.files).into_iter().filter(|(shot, _)| kept[shot.camera]);
+        self.files = files
+            .map(|(mut shot, files)| {
+                shot.camera = kept[..shot.camera].iter().filter(|kept| **kept).count();
+                (shot, files)
+            })
+            .collect();
+        self.capture.shots = self.files.keys().copied().collect();
+        Ok(())
+    }
+
     /// Keeps the frames in `frames`, of which the first becomes the start of the clip and the last
     /// its end.
     ///
@@ -97,6 +122,16 @@ mod tests {
         for wrong in [0..2, 1..1] {
             assert!(matches!(footage.keep_frames(wrong), Err(Fault::Usage(_))));
         }
+    }
+
+    #[test]
+    fn cameras_are_picked_by_name() {
+        let mut footage = footage();
+        footage.keep_cameras(&["b".into()]).unwrap();
+        assert_eq!(footage.capture.cameras.len(), 1);
+        assert_eq!(footage.name(CaptureShot { frame: 4, camera: 0 }), "b/4");
+        assert_eq!(footage.capture.shots.len(), 5);
+        assert!(matches!(footage.keep_cameras(&["a".into()]), Err(Fault::Usage(_))));
     }
 
     #[test]

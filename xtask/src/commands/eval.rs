@@ -2,19 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
-use refine::capture::{self, Split};
+use refine::capture::Holdout;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 use xtask::capture::Footage;
 use xtask::eval::{
-    Judged, Ladder, Strips, Subject, csv, free_views, judge, ladder, means, quarter_frames, swiftest, table,
+    Ladder, Strips, Subject, csv, free_views, judge, ladder, means, quarter_frames, swiftest, table,
 };
 use xtask::fault::Fault;
 use xtask::input::Input;
 use xtask::output;
+
+use super::capture::{Cut, describe};
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
@@ -24,12 +25,8 @@ pub(crate) struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     #[arg(long, value_name = "CAPTURE")]
     capture: PathBuf,
-    /// Frames that are held out from fitting
-    #[arg(long, value_enum, default_value = "odd")]
-    holdout: Holdout,
-    /// Cameras that are held out from fitting, by name, besides those that the capture says
-    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
-    held_cameras: Vec<String>,
+    #[command(flatten)]
+    cut: Cut,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -39,26 +36,8 @@ pub(crate) struct Args {
     out: Option<PathBuf>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Holdout {
-    /// Every other frame, from the second
-    Odd,
-    /// None
-    None,
-}
-
-impl From<Holdout> for capture::Holdout {
-    fn from(holdout: Holdout) -> capture::Holdout {
-        match holdout {
-            Holdout::Odd => capture::Holdout::Odd,
-            Holdout::None => capture::Holdout::None,
-        }
-    }
-}
-
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut footage = Footage::open(&args.capture)?;
-    hold_cameras(&mut footage, &args.held_cameras)?;
+    let footage = args.cut.open(&args.capture)?;
     let subject = Subject::load(&args.subject, &footage)?;
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)
@@ -67,7 +46,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if footage.missing() > 0 {
         eprintln!("note: {} photographs are missing that others have the like of", footage.missing());
     }
-    let holdout = args.holdout.into();
+    let holdout = args.cut.holdout();
     let style =
         ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
     let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
@@ -98,7 +77,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .collect();
     let mut json = json!({
         "subject": args.subject, "capture": args.capture, "held_cameras": held,
-        "holdout": args.holdout.to_possible_value().map(|value| value.get_name().to_owned()),
+        "holdout": args.cut.holdout_name(),
         "splits": splits,
     });
     let mut table = table(&means);
@@ -120,38 +99,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     match args.json {
         true => println!("{json}"),
-        false => print(&footage, &judged, &table),
+        false => print(&footage, holdout, &table)?,
     }
     Ok(())
 }
 
-fn hold_cameras(footage: &mut Footage, names: &[String]) -> Result<(), Fault> {
-    for name in names {
-        let found = footage.capture.cameras.iter_mut().find(|camera| camera.name == *name);
-        match found {
-            Some(camera) => camera.held = true,
-            None => {
-                return Err(Fault::Usage(format!("--held-cameras: the capture has no camera \"{name}\"")));
-            }
-        }
-    }
-    Ok(())
-}
-
-fn print(footage: &Footage, judged: &[Judged], table: &str) {
-    let cameras = &footage.capture.cameras;
-    let held = cameras.iter().filter(|camera| camera.held).count();
-    let is_train = |one: &&Judged| one.split == Split::Train;
-    println!(
-        "{} cameras, {held} of them held; {} frames; {} of {} photographs to fit to",
-        cameras.len(),
-        footage.capture.times.len(),
-        judged.iter().filter(is_train).count(),
-        judged.len()
-    );
+fn print(footage: &Footage, holdout: Holdout, table: &str) -> Result<(), Fault> {
+    println!("{}", describe(footage, holdout)?);
     println!("train: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held\n");
     print!("{table}");
     println!("\nLPIPS is not measured.");
+    Ok(())
 }
 
 /// What only a field or a package can show: other times, other places, other budgets.
@@ -161,7 +119,7 @@ fn more_pictures(
     args: &Args,
     footage: &Footage,
 ) -> anyhow::Result<Option<Ladder>> {
-    let holdout = args.holdout.into();
+    let holdout = args.cut.holdout();
     let interval = swiftest(footage, holdout)?;
     if let Some(interval) = &interval {
         write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, footage, interval)?)?;

@@ -2,10 +2,12 @@
 
 pub(crate) mod apk;
 pub(crate) mod bench;
+pub(crate) mod capture;
 pub(crate) mod ci;
 pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
+pub(crate) mod fit;
 pub(crate) mod inspect;
 pub(crate) mod package;
 pub(crate) mod render;

@@ -7,6 +7,8 @@
 
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use super::columns::{columns, columns_mut, of_row};
 use super::{Bounds, Parameters, Rates, Real};
 
@@ -20,7 +22,7 @@ const EPSILON: f64 = 1e-15;
 const CHUNK: usize = 1024;
 
 /// Adam's memory of the rows of some parameters.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moments<T> {
     /// Decaying means of the gradients.
     pub first: Parameters<T>,

@@ -4,6 +4,8 @@
 //! back, windows that collapse to less than a frame, so that each frame has Gaussians of its own and
 //! the frames between show ghosts.
 
+use serde::{Deserialize, Serialize};
+
 use super::parameters::LOGIT_MAX;
 use super::{Clock, Parameters, Real};
 
@@ -21,7 +23,7 @@ const TAU_MARGIN: f64 = 1.0;
 const NORM_MIN: f64 = 1e-12;
 
 /// Least and greatest values of what is fitted. Logits of opacities lie within 7 of 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
     /// Radius within which the cameras stand, in units of the capture: the measure of the scene.
     pub extent: f64,

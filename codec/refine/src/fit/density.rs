@@ -6,6 +6,8 @@
 //! opacity is judged at its peak and never reset, pulls are averaged over the pictures in whose time
 //! a Gaussian lives.
 
+use serde::{Deserialize, Serialize};
+
 use super::columns::is_finite;
 use super::floaters::floaters;
 use super::relocate::{relocate, sigmoid};
@@ -36,7 +38,7 @@ const EARLY: usize = 25;
 const GROWTH: usize = 10;
 
 /// What becomes of Gaussians that have become transparent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DensityRule {
     /// They are pruned down to the capacity floor, and others are cloned and split: the paper's.
     #[default]
@@ -46,7 +48,7 @@ pub enum DensityRule {
 }
 
 /// How the number of Gaussians is controlled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DensityControl {
     /// Which rule.
     pub rule: DensityRule,
@@ -60,7 +62,7 @@ pub struct DensityControl {
 
 /// What the control remembers from step to step: with it, a fit that was interrupted goes on as if
 /// it had not been.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DensityState {
     /// Sums of the pulls at the rows since the last control.
     pub pulls: Vec<f32>,
@@ -103,18 +105,15 @@ impl DensityState {
         }
     }
 
-    /// Notes a picture of `width` by `height` pixels: the rows that it shows, and the derivatives of
-    /// the loss by their places in it, in pixels. Derivatives that are no numbers count as none.
+    /// Notes a picture: the rows that it shows, and the lengths of the derivatives of the loss by their
+    /// places in it, see [`Gradient::screen`](super::Gradient::screen).
     ///
     /// # Panics
-    /// If there are not as many derivatives as rows.
-    pub fn note<T: Real>(&mut self, rows: &[u32], by_place: &[[T; 2]], [width, height]: [u32; 2]) {
-        assert_eq!(rows.len(), by_place.len(), "a derivative for each row");
-        let half = [width, height].map(|side| 0.5 * side as f32);
-        for (row, by_place) in rows.iter().zip(by_place) {
-            let [x, y] = [0, 1].map(|axis| by_place[axis].to_double() as f32 * half[axis]);
-            let pull = (x * x + y * y).sqrt();
-            self.pulls[*row as usize] += if pull.is_finite() { pull } else { 0.0 };
+    /// If there are not as many lengths as rows.
+    pub fn note<T: Real>(&mut self, rows: &[u32], screen: &[T]) {
+        assert_eq!(rows.len(), screen.len(), "a derivative for each row");
+        for (row, pull) in rows.iter().zip(screen) {
+            self.pulls[*row as usize] += if pull.is_finite() { pull.to_double() as f32 } else { 0.0 };
             self.visits[*row as usize] += 1;
         }
     }

@@ -8,14 +8,17 @@
 //! rates have sizes near 1; fields count it in clips.
 
 mod adam;
+mod backend;
 mod bounds;
 mod columns;
 pub mod cpu;
 mod density;
+mod extent;
 mod floaters;
 mod gradient;
 mod loss;
 mod lpips;
+mod optimize;
 mod parameters;
 mod picture;
 mod rates;
@@ -25,12 +28,15 @@ mod ssim;
 mod view;
 
 pub use adam::{Moments, adam};
+pub use backend::{Backend, Cpu};
 pub use bounds::Bounds;
 pub use density::{DensityChange, DensityControl, DensityRule, DensityState};
+pub use extent::extent;
 pub use floaters::floaters;
 pub use gradient::Gradient;
 pub use loss::{Loss, loss};
 pub use lpips::{Lpips, LpipsError, Net};
+pub use optimize::{Fit, Settings, Shot, Step, psnr_of_subject};
 pub use parameters::{Clock, Parameters};
 pub use picture::Picture;
 pub use rates::{Rates, decay};

@@ -4,7 +4,8 @@
 //! opacities are logits, widths and scales logarithms, and time is counted in frames, so that every
 //! motion coefficient is a length: how far a Gaussian goes within a frame.
 
-use codec::{Field, Temporal, sh_coefficients};
+use codec::{Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
+use serde::{Deserialize, Serialize};
 
 use super::Real;
 
@@ -12,7 +13,7 @@ use super::Real;
 pub(super) const LOGIT_MAX: f64 = 7.0;
 
 /// The frames of a clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
     /// Number of frames, the first at clip time 0 and the last at 1; at least 1.
     pub frames: usize,
@@ -27,7 +28,7 @@ impl Clock {
 
 /// What a fit moves, or a gradient of it, or Adam's moments of it. Row `i` of each column is
 /// Gaussian `i`; a column that the scene does not need is empty.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parameters<T> {
     /// Centres at `tau`, in units of the capture.
     pub centers: Vec<[T; 3]>,
@@ -64,6 +65,32 @@ impl<T: Real> Parameters<T> {
     /// Whether there are no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.centers.is_empty()
+    }
+
+    /// Whether all columns have the length that their number of rows, degree and order ask for.
+    pub fn is_consistent(&self) -> bool {
+        let rows = self.len();
+        let per_row = |length: usize, each: usize| length == rows * each;
+        let absent_or = |length: usize| length == 0 || length == rows;
+        self.sh_degree <= SH_DEGREE_MAX
+            && self.motion_order <= MOTION_ORDER_MAX
+            && per_row(self.rotations.len(), 1)
+            && per_row(self.log_scales.len(), 1)
+            && per_row(self.logits.len(), 1)
+            && per_row(self.sh.len(), sh_coefficients(self.sh_degree))
+            && absent_or(self.tau.len())
+            && self.log_widths.len() == self.tau.len()
+            && per_row(self.motion.len(), usize::from(self.motion_order))
+            && absent_or(self.rotation_rates.len())
+    }
+
+    /// Whether the columns are as long as those of `other`.
+    pub fn has_shape_of(&self, other: &Parameters<T>) -> bool {
+        self.is_consistent()
+            && self.len() == other.len()
+            && (self.sh_degree, self.motion_order) == (other.sh_degree, other.motion_order)
+            && self.tau.len() == other.tau.len()
+            && self.rotation_rates.len() == other.rotation_rates.len()
     }
 
     /// `rows` rows of zeros with the columns of `self`: a gradient, or moments.

@@ -2,6 +2,8 @@
 
 use codec::sh_coefficients;
 
+use serde::{Deserialize, Serialize};
+
 use super::columns::COLUMNS;
 use super::{Parameters, Real};
 
@@ -12,7 +14,7 @@ const DECAY_SHARE: f64 = 0.1;
 const DECAY_TO: f64 = 0.01;
 
 /// Step lengths of Adam by column.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// Of the centres, in units of the capture.
     pub centers: f64,

@@ -96,11 +96,9 @@ fn pulling(count: usize, rows: &[u32]) -> DensityState {
     let mut state = DensityState::new(count, 7);
     let all: Vec<u32> = (0..count as u32).collect();
     let pull = |row: &u32| if rows.contains(row) { 3e-4 } else { 1e-4 };
-    // In a picture of 200 x 100 pixels the halves are 100 and 50.
-    let along: Vec<[f64; 2]> = all.iter().map(|row| [pull(row) / 100.0, 0.0]).collect();
-    let down: Vec<[f64; 2]> = all.iter().map(|row| [0.0, -pull(row) / 50.0]).collect();
-    state.note(&all, &along, [200, 100]);
-    state.note(&all, &down, [200, 100]);
+    let pulls: Vec<f64> = all.iter().map(pull).collect();
+    state.note(&all, &pulls);
+    state.note(&all, &pulls);
     state
 }
 
@@ -162,8 +160,8 @@ fn halves_are_drawn_from_the_whole() {
 #[test]
 fn pulls_are_averaged_over_the_pictures_that_show_a_gaussian() {
     let mut state = DensityState::new(3, 0);
-    state.note(&[0], &[[5e-6_f32, 0.0]], [100, 100]);
-    state.note(&[1], &[[f32::NAN, 0.0]], [100, 100]);
+    state.note(&[0], &[2.5e-4_f32]);
+    state.note(&[1], &[f32::NAN]);
     for _ in 0..50 {
         state.note::<f32>(&[1], &[[1e-7, 0.0]], [100, 100]);
     }
@@ -238,8 +236,8 @@ fn a_resumed_fit_is_the_same() {
                 gradient.logits[i] = 1e-3 * (*row as f32).cos();
             }
             adam(all, moments, &rows, &gradient, &Rates::new(10.0), &bounds());
-            let by_place: Vec<[f32; 2]> = rows.iter().map(|row| [1e-5 * (*row % 5) as f32, 0.0]).collect();
-            state.note(&rows, &by_place, [100, 100]);
+            let pulls: Vec<f32> = rows.iter().map(|row| 5e-4 * (*row % 5) as f32).collect();
+            state.note(&rows, &pulls);
             let control = DensityControl { interval: 10, floor: 20, cap: 100, ..CONTROL };
             control.control(state, all, moments, &bounds(), [step + 1, 200]);
         }

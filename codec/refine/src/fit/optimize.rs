@@ -1,0 +1,235 @@
+//! [`Fit`]: one step after the other.
+//!
+//! A fit is a value: what it holds decides what it ends as, so one that was written down and read
+//! again ends as it would have.
+
+use codec::{Camera, Field};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Backend, Bounds, Clock, DensityControl, DensityRule, DensityState, Lpips, Moments, Parameters,
+    Photograph, Picture, Rates, View, adam, decay, extent, loss,
+};
+
+/// Steps from one control of the number of Gaussians to the next, as in 3D Gaussian Splatting.
+const INTERVAL: usize = 100;
+
+/// Gaussians that doubling makes at most, as a multiple of the floor and of those at the start: the
+/// paper's fits end with 1.1 to 1.75 times their floor.
+const CAP: usize = 2;
+
+/// Mask above which a pixel belongs to the subject, of 255.
+const SUBJECT: u8 = 127;
+
+/// What a fit is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Steps, each on one photograph.
+    pub steps: u64,
+    /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for none.
+    pub floor: usize,
+    /// How Gaussians are made and removed.
+    pub rule: DensityRule,
+    /// Whether windows' centres move by opacity alone, see [`super::cpu::Drawing::backward`].
+    pub detached: bool,
+    /// Seed of all chance.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    /// The paper's.
+    fn default() -> Settings {
+        Settings { steps: 96_000, floor: 200_000, rule: DensityRule::Floor, detached: true, seed: 0 }
+    }
+}
+
+/// A photograph, and who took it when.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// The camera; its image has the size of the photograph.
+    pub camera: Camera,
+    /// Time in frames.
+    pub frame: f64,
+    /// The photograph.
+    pub photograph: Photograph,
+}
+
+impl Shot {
+    /// What the camera sees.
+    pub fn view(&self) -> View<'_> {
+        View { camera: &self.camera, frame: self.frame }
+    }
+}
+
+/// What a step came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// The objective on its photograph, before the step.
+    pub loss: f64,
+    /// Gaussians that were drawn.
+    pub drawn: usize,
+}
+
+/// A fit on its way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    settings: Settings,
+    clock: Clock,
+    rates: Rates,
+    bounds: Bounds,
+    parameters: Parameters<f32>,
+    moments: Moments<f32>,
+    control: DensityControl,
+    density: DensityState,
+    step: u64,
+    non_finite: u64,
+    started_with: usize,
+}
+
+impl Fit {
+    /// A fit that begins with `parameters`; `cameras` are those that it will see.
+    pub fn new<'a>(
+        settings: Settings,
+        parameters: Parameters<f32>,
+        clock: Clock,
+        cameras: impl IntoIterator<Item = &'a Camera>,
+    ) -> Fit {
+        let extent = extent(cameras, &parameters.centers);
+        let bounds = Bounds::new(extent, clock).around(&parameters);
+        Fit {
+            settings,
+            clock,
+            rates: Rates::new(extent),
+            bounds,
+            moments: Moments::new(&parameters),
+            control: DensityControl {
+                rule: settings.rule,
+                interval: INTERVAL,
+                floor: settings.floor,
+                cap: CAP * settings.floor.max(parameters.len()),
+            },
+            density: DensityState::new(parameters.len(), settings.seed),
+            started_with: parameters.len(),
+            parameters,
+            step: 0,
+            non_finite: 0,
+        }
+    }
+
+    /// Takes a step on one of `shots`; all get their turn before any has its next, in an order that
+    /// chance decides.
+    ///
+    /// # Panics
+    /// If there are no shots.
+    pub fn step_on(
+        &mut self,
+        shots: &[&Shot],
+        lpips: Option<&Lpips<f32>>,
+        backend: &mut dyn Backend,
+    ) -> Step {
+        let shot = shots[turn(self.step, shots.len(), self.settings.seed)];
+        let mut value = 0.0;
+        let mut objective = |picture: &Picture<f32>| {
+            let loss = loss(&picture.pixels, &shot.photograph, lpips);
+            value = loss.value;
+            loss.gradient
+        };
+        let gradient =
+            backend.gradient(&self.parameters, &shot.view(), self.settings.detached, &mut objective);
+        let rates = self.rates.scaled(decay(self.step as usize, self.settings.steps as usize));
+        let skipped = adam(
+            &mut self.parameters,
+            &mut self.moments,
+            &gradient.rows,
+            &gradient.values,
+            &rates,
+            &self.bounds,
+        );
+        self.non_finite += (gradient.non_finite + skipped) as u64;
+        self.step += 1;
+        self.density.note(&gradient.rows, &gradient.screen);
+        self.control.control(
+            &mut self.density,
+            &mut self.parameters,
+            &mut self.moments,
+            &self.bounds,
+            [self.step as usize, self.settings.steps as usize],
+        );
+        Step { loss: value, drawn: gradient.rows.len() }
+    }
+
+    /// Draws what the camera of `shot` sees.
+    pub fn draw(&self, shot: &Shot, backend: &mut dyn Backend) -> Picture<f32> {
+        backend.draw(&self.parameters, &shot.view())
+    }
+
+    /// The field so far.
+    pub fn to_field(&self) -> Field {
+        self.parameters.to_field(self.clock)
+    }
+
+    /// Steps done.
+    pub fn step(&self) -> u64 {
+        self.step
+    }
+
+    /// Whether all steps are done.
+    pub fn is_done(&self) -> bool {
+        self.step >= self.settings.steps
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.parameters.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.parameters.is_empty()
+    }
+
+    /// Number of Gaussians at the start.
+    pub fn started_with(&self) -> usize {
+        self.started_with
+    }
+
+    /// Gradients of a Gaussian that held numbers that are not finite, so far; they were left out.
+    pub fn non_finite(&self) -> u64 {
+        self.non_finite
+    }
+
+    /// Whether its columns have the lengths that belong together: not what was written down and
+    /// damaged.
+    pub fn is_consistent(&self) -> bool {
+        let rows = self.parameters.len();
+        let Moments { first, second, visits } = &self.moments;
+        self.parameters.is_consistent()
+            && [first, second].iter().all(|moment| moment.has_shape_of(&self.parameters))
+            && visits.len() == rows
+            && self.density.pulls.len() == rows
+            && self.density.visits.len() == rows
+    }
+}
+
+/// Which of `count` has its turn at `step`: each once in every `count` steps, in an order that chance
+/// decides anew each time.
+fn turn(step: u64, count: usize, seed: u64) -> usize {
+    let (round, place) = (step / count as u64, (step % count as u64) as usize);
+    let mut order: Vec<usize> = (0..count).collect();
+    fastrand::Rng::with_seed(seed ^ round.wrapping_mul(0x9e37_79b9_7f4a_7c15)).shuffle(&mut order);
+    order[place]
+}
+
+/// PSNR in dB of the pixels that show the subject; `None` where none does.
+pub fn psnr_of_subject(picture: &Picture<f32>, photograph: &Photograph) -> Option<f64> {
+    let mut squares = 0.0;
+    let mut pixels = 0;
+    for (i, (drawn, taken)) in picture.pixels.iter().zip(&photograph.pixels).enumerate() {
+        if taken[3] > SUBJECT && photograph.is_seen(i) {
+            let error = |c: usize| f64::from(drawn[c].clamp(0.0, 1.0)) - f64::from(taken[c]) / 255.0;
+            squares += (0..3).map(|c| error(c).powi(2)).sum::<f64>();
+            pixels += 1;
+        }
+    }
+    (pixels > 0).then(|| crate::image::psnr(squares, pixels))
+}

@@ -1,0 +1,243 @@
+//! `cargo xtask fit`: the photographs of a capture become a field.
+
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use refine::fit::{Cpu, DensityRule, Lpips};
+use serde_json::json;
+use xtask::capture::Footage;
+use xtask::export::field_file;
+use xtask::fault::Fault;
+use xtask::fit::{self, DepthScale, Fitted, Progress, Settings, Shots, Start, log};
+use xtask::output;
+
+use super::capture::{Cut, describe};
+
+/// Fit a field to the photographs of a capture.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
+    capture: PathBuf,
+    /// Field file to write; CAPTURE's name with .ply in the current folder by default. Beside it go
+    /// the table and the picture of the fit (.fit.csv, .fit.png) and, until it is done, a
+    /// .checkpoint, from which the same command goes on
+    #[arg(short, long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
+    #[arg(long, value_name = "N")]
+    steps: Option<NonZeroU64>,
+    #[command(flatten)]
+    cut: Cut,
+    /// Where the first Gaussians come from
+    #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
+    anchor: Anchor,
+    /// Folder of depth maps, named as the photographs are, instead: 16-bit PNG in thousandths of a
+    /// unit, PFM or NPY
+    #[arg(long, value_name = "DIR", conflicts_with = "anchor")]
+    depths: Option<PathBuf>,
+    /// How depth maps come to the scale of the cameras
+    #[arg(long, value_enum, default_value_t = Scale::Rig, requires = "depths")]
+    depth_scale: Scale,
+    /// Fitted field or package to go on from instead
+    #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "depths"])]
+    from: Option<PathBuf>,
+    /// Fewest Gaussians that pruning leaves, and about as many to start with; by default 12000 for
+    /// each frame that is fitted to, at most 200000, and fewer for photographs below 512x375
+    #[arg(long, value_name = "N")]
+    gaussians: Option<usize>,
+    /// Prune as if there were no fewest
+    #[arg(long)]
+    no_floor: bool,
+    /// How Gaussians are made and removed
+    #[arg(long, value_enum, default_value_t = Rule::Floor)]
+    rule: Rule,
+    /// Degree of view-dependent colour
+    #[arg(long, value_name = "0..3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: u8,
+    /// Weights of LPIPS (AlexNet or VGG16), safetensors; without them that part of the loss is left out
+    #[arg(long, value_name = "FILE")]
+    lpips_weights: Option<PathBuf>,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Engine::Cpu)]
+    backend: Engine,
+    /// Captured frames per second
+    #[arg(long, default_value_t = 30.0, value_parser = positive)]
+    fps: f32,
+    /// Seed of all chance
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Anchor {
+    /// The visual hull of the masks, refined where the photographs agree
+    Sweep,
+    /// The visual hull of the masks
+    Hull,
+    /// None: Gaussians anywhere
+    None,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Scale {
+    /// One factor for all: their median is the distance of the cameras, as in the paper
+    Rig,
+    /// A factor and an offset for each, found on the visual hull
+    Hull,
+    /// They are in units of the capture
+    Metric,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Rule {
+    /// Split, clone and prune, but never below --gaussians (the paper)
+    Floor,
+    /// Move what has died to where it is needed; their number stays
+    Relocate,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Engine {
+    /// All cores; the same result on every machine
+    Cpu,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| "a positive number".into())
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let began = Instant::now();
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", name_of(&args.capture))));
+    output::check(&out)?;
+    let footage = args.cut.open(&args.capture)?;
+    let holdout = args.cut.holdout();
+    println!("{}", describe(&footage, holdout)?);
+    let lpips = load_lpips(args)?;
+
+    let bar = ProgressBar::new(footage.capture.shots.len() as u64)
+        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} photographs")?);
+    let shots = Shots::load(&footage, holdout, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let settings = settings(args, &footage, &shots);
+    let mut backend = match args.backend {
+        Engine::Cpu => Cpu,
+    };
+    let bar = ProgressBar::new(settings.steps)
+        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
+    let fitted =
+        fit::fit(&settings, &footage, &shots, lpips.as_ref(), &mut backend, &out, &mut |progress| {
+            show(&bar, progress);
+        })?;
+    bar.finish_and_clear();
+    let info = fit::info(&footage, args.fps);
+    output::write(&out, &field_file(&fitted.field, &info))?;
+    fit::forget_checkpoint(&out)?;
+    report(args, &settings, &fitted, &out, began)
+}
+
+fn load_lpips(args: &Args) -> anyhow::Result<Option<Lpips<f32>>> {
+    let Some(path) = &args.lpips_weights else {
+        eprintln!("note: no --lpips-weights: the loss is 0.8 L1 + 0.2 D-SSIM, without its LPIPS part");
+        return Ok(None);
+    };
+    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
+    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+}
+
+fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Settings {
+    let frames = shots.frames().len();
+    let gaussians = args.gaussians.unwrap_or_else(|| fit::usual_gaussians(frames, footage));
+    let start = match (&args.depths, &args.from) {
+        (Some(folder), _) => Start::Depths(
+            folder.clone(),
+            match args.depth_scale {
+                Scale::Rig => DepthScale::Rig,
+                Scale::Hull => DepthScale::Hull,
+                Scale::Metric => DepthScale::Metric,
+            },
+        ),
+        (_, Some(field)) => Start::Field(field.clone()),
+        _ => match args.anchor {
+            Anchor::Sweep => Start::Sweep,
+            Anchor::Hull => Start::Hull,
+            Anchor::None => Start::Scatter,
+        },
+    };
+    Settings {
+        steps: args.steps.map_or_else(|| fit::usual_steps(frames), NonZeroU64::get),
+        start,
+        gaussians,
+        floor: if args.no_floor { 0 } else { gaussians },
+        rule: match args.rule {
+            Rule::Floor => DensityRule::Floor,
+            Rule::Relocate => DensityRule::Relocate,
+        },
+        sh_degree: args.sh_degree,
+        seed: args.seed,
+        holdout: args.cut.holdout(),
+        capture: fit::fingerprint(footage),
+    }
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) {
+    bar.set_position(progress.step);
+    let held = progress.entry.and_then(|entry| entry.held_psnr_db);
+    let held = held.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
+    bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
+}
+
+fn report(
+    args: &Args,
+    settings: &Settings,
+    fitted: &Fitted,
+    out: &Path,
+    began: Instant,
+) -> anyhow::Result<()> {
+    let last = fitted.entries.last().context("a fit has at least one step")?;
+    let ms_per_step = 1e3 * last.seconds / settings.steps as f64;
+    if args.json {
+        let object = json!({
+            "out": out, "steps": settings.steps, "resumed_at": fitted.resumed_at,
+            "gaussians_at_start": fitted.started_with, "gaussians": fitted.field.len(),
+            "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
+            "ms_per_step": ms_per_step, "non_finite": fitted.non_finite,
+        });
+        println!("{object:#}");
+        return Ok(());
+    }
+    println!("Gaussians        {} at the start, {} at the end", fitted.started_with, fitted.field.len());
+    if let Some(psnr) = last.held_psnr_db {
+        println!("held             {psnr:.2} dB, the subject in a few photographs; `eval` measures all");
+    }
+    if fitted.non_finite > 0 {
+        println!("left out         {} gradients that were not finite", fitted.non_finite);
+    }
+    if fitted.resumed_at > 0 {
+        println!("resumed          at step {}", fitted.resumed_at);
+    }
+    println!("steps            {}, {ms_per_step:.1} ms each by {}", settings.steps, fitted.backend);
+    println!(
+        "{}, {}, {}, written in {:.1} s",
+        out.display(),
+        log::table_path(out).display(),
+        log::preview_path(out).display(),
+        began.elapsed().as_secs_f64()
+    );
+    Ok(())
+}
+
+fn name_of(folder: &Path) -> String {
+    let absolute = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    absolute.file_name().map_or_else(|| "field".into(), |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,69 @@
+//! [`Checkpoint`]: a fit that was interrupted, so that it goes on as if it had not been.
+
+use std::path::{Path, PathBuf};
+
+use refine::fit::Fit;
+use serde::{Deserialize, Serialize};
+
+use super::Settings;
+use super::log::Entry;
+use crate::fault::Fault;
+use crate::output;
+
+/// First bytes of a checkpoint; the last one is the version of its contents.
+const MAGIC: [u8; 8] = *b"aarcfit\x01";
+
+/// A fit, and what was asked for.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Checkpoint {
+    pub(super) settings: Settings,
+    pub(super) fit: Fit,
+    /// Seconds that it took so far.
+    pub(super) seconds: f64,
+    /// Its table so far.
+    pub(super) entries: Vec<Entry>,
+}
+
+/// Where the checkpoint of a field lies: beside it.
+pub(super) fn path_for(field: &Path) -> PathBuf {
+    field.with_extension("checkpoint")
+}
+
+impl Checkpoint {
+    /// The checkpoint at `path`, `None` if there is none.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] where it cannot be read, [`Fault::Usage`] where it is of a fit with other
+    /// `settings`.
+    pub(super) fn load(path: &Path, settings: &Settings) -> Result<Option<Checkpoint>, Fault> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bad = |what: String| {
+            Fault::Data(format!("{}: {what}; remove it to start from the beginning", path.display()))
+        };
+        let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
+        let body = bytes.strip_prefix(&MAGIC).ok_or_else(|| bad("no checkpoint of this version".into()))?;
+        let checkpoint: Checkpoint =
+            postcard::from_bytes(body).map_err(|_| bad("the checkpoint is damaged".into()))?;
+        if !checkpoint.fit.is_consistent() {
+            return Err(bad("the checkpoint is damaged".into()));
+        }
+        match checkpoint.settings == *settings {
+            true => Ok(Some(checkpoint)),
+            false => Err(Fault::Usage(format!(
+                "{} is of a fit with other options: repeat them, remove it, or name another --out",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Writes it to `path`, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that names the path.
+    pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
+        let bytes = postcard::to_extend(self, MAGIC.to_vec())?;
+        Ok(output::write(path, &bytes)?)
+    }
+}

@@ -1,0 +1,64 @@
+//! What a fit leaves beside its field as it goes: a table of its progress and a picture.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use image::{Rgb, RgbImage};
+use refine::fit::{Picture, Shot};
+use serde::{Deserialize, Serialize};
+
+/// A line of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Steps done.
+    pub step: u64,
+    /// Seconds since the start, those of an interrupted fit included.
+    pub seconds: f64,
+    /// Mean loss of the steps since the last line.
+    pub loss: f64,
+    /// PSNR of the subject in a few held photographs, in dB; `None` where nothing is held.
+    pub held_psnr_db: Option<f64>,
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Mean number of them in a picture since the last line.
+    pub drawn: usize,
+}
+
+/// Where the table of a field's fit lies: beside it.
+pub fn table_path(field: &Path) -> PathBuf {
+    field.with_extension("fit.csv")
+}
+
+/// Where the picture of a field's fit lies.
+pub fn preview_path(field: &Path) -> PathBuf {
+    field.with_extension("fit.png")
+}
+
+/// The table as CSV.
+pub fn csv(entries: &[Entry]) -> String {
+    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn\n");
+    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn } in entries {
+        let held = held_psnr_db.map_or(String::new(), |psnr| format!("{psnr:.3}"));
+        writeln!(text, "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn}").expect("text grows");
+    }
+    text
+}
+
+/// The photograph and what is drawn of it, side by side.
+pub(super) fn preview(shot: &Shot, picture: &Picture<f32>) -> RgbImage {
+    let (width, height) = (picture.width, picture.height);
+    let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    RgbImage::from_fn(2 * width, height, |x, y| {
+        let at = |x: u32| (y * width + x) as usize;
+        match x < width {
+            true => {
+                let [r, g, b, _] = shot.photograph.pixels[at(x)];
+                Rgb([r, g, b])
+            }
+            false => {
+                let [r, g, b, _] = picture.pixels[at(x - width)];
+                Rgb([r, g, b].map(byte))
+            }
+        }
+    })
+}

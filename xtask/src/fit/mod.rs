@@ -1,0 +1,285 @@
+//! Fitting: the photographs of a capture become a field.
+//!
+//!     Footage -> Shots -> anchor | field -> Fit -> field
+//!
+//! Beside the field it leaves a table of its progress, a picture, and, until it is done, a checkpoint
+//! from which it goes on where it was.
+
+mod checkpoint;
+pub mod log;
+mod shots;
+mod start;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use codec::{ClipInfo, Field, Viewpoint};
+use refine::capture::{CalibratedCamera, Holdout};
+use refine::fit::{self, Backend, DensityRule, Fit, Lpips, Shot};
+use serde::{Deserialize, Serialize};
+
+use crate::capture::Footage;
+use crate::fault::Fault;
+use crate::output;
+use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
+use checkpoint::Checkpoint;
+use log::Entry;
+pub use shots::Shots;
+pub use start::{DepthScale, Start};
+
+/// Lines of the table over a whole fit.
+const LINES: u64 = 50;
+
+/// Time between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
+
+/// Time between two calls to the caller, which draws progress.
+const SHOW_EVERY: Duration = Duration::from_millis(200);
+
+/// Everything that decides what a fit ends as, so that a checkpoint of other settings is refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Steps to take.
+    pub steps: u64,
+    /// What the fit starts from.
+    pub start: Start,
+    /// Gaussians that the anchor makes about.
+    pub gaussians: usize,
+    /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for no floor.
+    pub floor: usize,
+    /// How Gaussians are made and removed.
+    pub rule: DensityRule,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u8,
+    /// Seed of all chance.
+    pub seed: u64,
+    /// The frames that are held out.
+    pub holdout: Holdout,
+    /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
+    /// of its cameras.
+    pub capture: String,
+}
+
+/// How far a fit is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Steps done.
+    pub step: u64,
+    /// Loss of the last step.
+    pub loss: f64,
+    /// The last line of the table.
+    pub entry: Option<Entry>,
+    /// Gaussians.
+    pub gaussians: usize,
+}
+
+/// A fitted field, and how it came about.
+#[derive(Debug)]
+pub struct Fitted {
+    /// The field.
+    pub field: Field,
+    /// The table.
+    pub entries: Vec<Entry>,
+    /// Gradients and moments that were not finite, and so were left out.
+    pub non_finite: u64,
+    /// Steps that were done before this run.
+    pub resumed_at: u64,
+    /// Gaussians at the start.
+    pub started_with: usize,
+    /// What drew.
+    pub backend: &'static str,
+}
+
+/// Fits a field to the photographs of `shots`, as `settings` say. `out` is the path of the field,
+/// beside which the table, the picture and the checkpoint go; the field itself is left to the caller.
+///
+/// # Errors
+/// A [`Fault`] where there is nothing to start from or a file cannot be read or
+/// written.
+pub fn fit(
+    settings: &Settings,
+    footage: &Footage,
+    shots: &Shots,
+    lpips: Option<&Lpips<f32>>,
+    backend: &mut dyn Backend,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&Progress),
+) -> anyhow::Result<Fitted> {
+    let path = checkpoint::path_for(out);
+    let Checkpoint { mut fit, seconds: before, mut entries, .. } = match Checkpoint::load(&path, settings)? {
+        Some(checkpoint) => checkpoint,
+        None => {
+            let fit = start::start(settings, footage, shots)?;
+            Checkpoint { settings: settings.clone(), fit, seconds: 0.0, entries: Vec::new() }
+        }
+    };
+    let resumed_at = fit.step();
+    let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
+    let start = Instant::now();
+    let (mut saved, mut shown) = (start, start);
+    let every = (settings.steps / LINES).max(1);
+    let (mut loss, mut drawn, mut count) = (0.0, 0, 0);
+    while !fit.is_done() {
+        let step = fit.step_on(&train, lpips, backend);
+        (loss, drawn, count) = (loss + step.loss, drawn + step.drawn, count + 1);
+        let done = fit.step();
+        if done % every == 0 || fit.is_done() {
+            let seconds = before + start.elapsed().as_secs_f64();
+            let held_psnr_db = held_psnr(&fit, shots, backend);
+            let gaussians = fit.len();
+            let (mean, drawn_mean) = (loss / f64::from(count), drawn / count as usize);
+            entries.push(Entry {
+                step: done,
+                seconds,
+                loss: mean,
+                held_psnr_db,
+                gaussians,
+                drawn: drawn_mean,
+            });
+            (loss, drawn, count) = (0.0, 0, 0);
+            leave_traces(out, &entries, &fit, shots, backend)?;
+        }
+        if saved.elapsed() >= CHECKPOINT_EVERY && !fit.is_done() {
+            let seconds = before + start.elapsed().as_secs_f64();
+            let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries };
+            checkpoint.save(&path)?;
+            Checkpoint { fit, entries, .. } = checkpoint;
+            saved = Instant::now();
+        }
+        if shown.elapsed() >= SHOW_EVERY {
+            shown = Instant::now();
+            on_progress(&Progress {
+                step: done,
+                loss: step.loss,
+                entry: entries.last().copied(),
+                gaussians: fit.len(),
+            });
+        }
+    }
+    Ok(Fitted {
+        field: fit.to_field(),
+        entries,
+        non_finite: fit.non_finite(),
+        resumed_at,
+        started_with: fit.started_with(),
+        backend: backend.name(),
+    })
+}
+
+/// Mean PSNR of the subject in the held photographs.
+fn held_psnr(fit: &Fit, shots: &Shots, backend: &mut dyn Backend) -> Option<f64> {
+    let psnr = |shot: &Shot| fit::psnr_of_subject(&fit.draw(shot, backend), &shot.photograph);
+    let known: Vec<f64> = shots.held.iter().filter_map(psnr).collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+}
+
+/// Writes the table and the picture: of a held photograph where there is one.
+fn leave_traces(
+    out: &Path,
+    entries: &[Entry],
+    fit: &Fit,
+    shots: &Shots,
+    backend: &mut dyn Backend,
+) -> anyhow::Result<()> {
+    output::write(&log::table_path(out), log::csv(entries).as_bytes())?;
+    let shown = shots.held.get(shots.held.len() / 2).unwrap_or_else(|| &shots.train[shots.train.len() / 2].1);
+    output::write_png(&log::preview_path(out), &log::preview(shown, &fit.draw(shown, backend)))
+}
+
+impl Settings {
+    fn of_fit(&self) -> fit::Settings {
+        fit::Settings {
+            steps: self.steps,
+            floor: self.floor,
+            rule: self.rule,
+            seed: self.seed,
+            ..fit::Settings::default()
+        }
+    }
+}
+
+/// Removes the checkpoint of the field at `out`, which is done.
+///
+/// # Errors
+/// [`Fault::Usage`] where it is there and cannot be removed.
+pub fn forget_checkpoint(out: &Path) -> Result<(), Fault> {
+    let path = checkpoint::path_for(out);
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(Fault::Usage(format!("cannot remove {}: {error}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Steps for so many frames that are fitted to: the paper takes 96,000 for 17.
+pub fn usual_steps(frames: usize) -> u64 {
+    (5_600 * frames as u64).min(96_000)
+}
+
+/// Gaussians for so many frames that are fitted to: the paper takes 200,000 for 17 frames of 512x375
+/// pixels. Smaller photographs show less.
+pub fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
+    let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
+    let largest = footage.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
+    let part = (largest / (512.0 * 375.0)).min(1.0);
+    (part * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
+}
+
+/// What a clip of this capture is, as far as a capture tells: its frames at `fps`, upwards as its
+/// cameras are held, and the view of its first camera.
+pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
+    let cameras = &footage.capture.cameras;
+    let mut up = [0.0; 3];
+    for CalibratedCamera { camera, .. } in cameras {
+        (0..3).for_each(|axis| up[axis] -= camera.camera_from_world[1][axis]);
+    }
+    let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let up = if length > 1e-6 { up.map(|x| (x / length) as f32) } else { DEFAULT_UP };
+    let frames = footage.capture.times.len();
+    ClipInfo {
+        duration_s: if frames > 1 { (frames - 1) as f32 / fps } else { DEFAULT_DURATION_S },
+        fps,
+        up: upright(up),
+        metres_per_unit: DEFAULT_METRES_PER_UNIT,
+        viewpoints: cameras.first().map(viewpoint).into_iter().collect(),
+    }
+}
+
+/// The axis that `up` is nearly along, if there is one: nobody holds a camera exactly level.
+fn upright(up: [f32; 3]) -> [f32; 3] {
+    let nearly = (0..3).find(|&axis| up[axis].abs() > 0.9);
+    nearly.map_or(up, |axis| std::array::from_fn(|i| if i == axis { up[axis].signum() } else { 0.0 }))
+}
+
+fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
+    let CalibratedCamera { name, camera, .. } = camera;
+    let (position, forward) = (camera.position(), camera.camera_from_world[2]);
+    // As far as it stands from the world's origin, which captures put near their subject.
+    let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+    Viewpoint {
+        name: name.clone(),
+        position: position.map(|x| x as f32),
+        target: std::array::from_fn(|axis| (position[axis] + distance * forward[axis]) as f32),
+        fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
+    }
+}
+
+/// What tells a capture, as it is cut and shrunk, from another.
+pub fn fingerprint(footage: &Footage) -> String {
+    let capture = &footage.capture;
+    let mut crc = flate2::Crc::new();
+    for camera in &capture.cameras {
+        crc.update(format!("{camera:?}").as_bytes());
+    }
+    for shot in &capture.shots {
+        crc.update(footage.name(*shot).as_bytes());
+    }
+    format!(
+        "{} cameras, {} frames, {} photographs, {:08x}",
+        capture.cameras.len(),
+        capture.times.len(),
+        capture.shots.len(),
+        crc.sum()
+    )
+}

@@ -1,0 +1,117 @@
+//! [`Start`]: what a fit starts from.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
+use refine::capture::CaptureShot;
+use refine::fit::{Fit, Parameters, Shot};
+use serde::{Deserialize, Serialize};
+
+use super::{Settings, Shots};
+use crate::capture::Footage;
+use crate::fault::Fault;
+use crate::input::Input;
+
+/// What a fit starts from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Start {
+    /// The visual hull of the masks.
+    Hull,
+    /// The visual hull, refined by plane sweep.
+    Sweep,
+    /// Depth maps in a folder, named as the photographs are.
+    Depths(PathBuf, DepthScale),
+    /// Nothing: Gaussians anywhere.
+    Scatter,
+    /// A fitted field or a package.
+    Field(PathBuf),
+}
+
+/// How depth maps come to the scale of the cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DepthScale {
+    /// They are in units of the capture.
+    Metric,
+    /// One factor for all: their median becomes the radius of the rig (the paper's rule).
+    Rig,
+    /// A factor and an offset for each, by which it fits the visual hull.
+    Hull,
+}
+
+impl From<DepthScale> for Alignment {
+    fn from(scale: DepthScale) -> Alignment {
+        match scale {
+            DepthScale::Metric => Alignment::Metric,
+            DepthScale::Rig => Alignment::Rig,
+            DepthScale::Hull => Alignment::Hull,
+        }
+    }
+}
+
+/// A fit at its first step.
+///
+/// # Errors
+/// [`Fault::Data`] where there is nothing to start from, or a file cannot be read.
+pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> anyhow::Result<Fit> {
+    let wanted = Anchor { gaussians: settings.gaussians, sh_degree: settings.sh_degree, ..Anchor::default() };
+    let parameters = match &settings.start {
+        Start::Hull => anchored(Anchor { source: Source::Hull, ..wanted }, footage, shots, None)?,
+        Start::Sweep => anchored(Anchor { source: Source::HullAndSweep, ..wanted }, footage, shots, None)?,
+        Start::Depths(folder, scale) => {
+            let source = Source::Given((*scale).into());
+            anchored(Anchor { source, ..wanted }, footage, shots, Some(folder))?
+        }
+        Start::Scatter => {
+            let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
+            scatter(&wanted, shots.clock, &cameras, settings.seed)
+                .map_err(|error| Fault::Data(error.to_string()))?
+        }
+        Start::Field(path) => {
+            let (field, _) = Input::load(path)?.into_field();
+            Parameters::from_field(&field, shots.clock)
+        }
+    };
+    let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
+    Ok(Fit::new(settings.of_fit(), parameters, shots.clock, cameras))
+}
+
+/// What stops an anchor: itself, or a depth map.
+enum Stop {
+    Anchor(AnchorError),
+    Fault(Fault),
+}
+
+impl From<AnchorError> for Stop {
+    fn from(error: AnchorError) -> Stop {
+        Stop::Anchor(error)
+    }
+}
+
+fn anchored(
+    wanted: Anchor,
+    footage: &Footage,
+    shots: &Shots,
+    depths: Option<&PathBuf>,
+) -> Result<Parameters<f32>, Fault> {
+    let mut frames: BTreeMap<usize, Vec<&(CaptureShot, Shot)>> = BTreeMap::new();
+    for shot in &shots.train {
+        frames.entry(shot.0.frame).or_default().push(shot);
+    }
+    let view = |(taken, shot): &(CaptureShot, Shot)| {
+        let depths = match depths {
+            Some(folder) => footage.depth(folder, *taken).map_err(Stop::Fault)?,
+            None => None,
+        };
+        let (camera, photograph) = (shot.camera.clone(), shot.photograph.clone());
+        Ok(AnchorView { camera_id: taken.camera, camera, photograph, depths })
+    };
+    let frames = frames.into_iter().map(|(frame, shots)| {
+        let views = shots.into_iter().map(view).collect::<Result<_, Stop>>()?;
+        Ok(AnchorFrame { frame, views })
+    });
+    anchor(&wanted, shots.clock, frames).map_err(|stop| match stop {
+        Stop::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
+        Stop::Fault(fault) => fault,
+    })
+}
