@@ -295,6 +295,23 @@ fn threads_do_not_show() {
     assert_eq!(one, on(4));
 }
 
+#[test]
+fn the_width_of_vectors_does_not_show() {
+    let parameters = Parameters::<f32>::from_field(&cloud(13, 500, 0), CLOCK);
+    let camera = camera(77, 53);
+    let Drawing { picture, splats, tiles, reached } =
+        draw(&parameters, &View { camera: &camera, frame: 4.0 });
+    let on = |arch| {
+        let drawn = rasterize::rasterize(arch, &splats, &tiles, picture.width, picture.height);
+        let by_pixels = weights(&picture);
+        let back =
+            rasterize_backward::rasterize_backward(arch, &splats, &tiles, &reached, &picture, &by_pixels);
+        (drawn, back.iter().map(|gradient| format!("{gradient:?}")).collect::<Vec<_>>())
+    };
+    assert!(picture.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is seen");
+    assert_eq!(on(Arch::Scalar), on(Arch::new()));
+}
+
 fn assert_finite(parameters: &Parameters<f32>, view: &View) -> Gradient<f32> {
     let drawing = draw(parameters, view);
     assert!(drawing.picture.pixels.iter().flatten().all(|x| x.is_finite()), "a pixel is not finite");
