@@ -17,6 +17,7 @@ mod sh;
 #[cfg(test)]
 mod tests;
 
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::{Gradient, Parameters, Picture, Real, View};
@@ -43,7 +44,7 @@ pub fn draw<T: Real>(parameters: &Parameters<T>, view: &View) -> Drawing<T> {
     splats.par_sort_by(|a, b| a.depth.partial_cmp(&b.depth).expect("depths of splats are finite"));
     let (width, height) = (view.camera.width, view.camera.height);
     let tiles = Tiles::new(&splats, width, height);
-    let (picture, reached) = rasterize::rasterize(&splats, &tiles, width, height);
+    let (picture, reached) = rasterize::rasterize(Arch::new(), &splats, &tiles, width, height);
     Drawing { picture, splats, tiles, reached }
 }
 
@@ -66,6 +67,7 @@ impl<T: Real> Drawing<T> {
     ) -> Gradient<T> {
         assert_eq!(d_picture.len(), self.picture.pixels.len(), "a gradient for each pixel");
         let d_splats = rasterize_backward::rasterize_backward(
+            Arch::new(),
             &self.splats,
             &self.tiles,
             &self.reached,

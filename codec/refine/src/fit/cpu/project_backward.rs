@@ -26,7 +26,7 @@ pub(super) fn project_backward<T: Real>(
     by_row.par_sort_unstable();
     let mut values = parameters.zeros(by_row.len());
     let mut screen = vec![T::zero(); by_row.len()];
-    let write_chunk = |((mut rows, chunk), screen): ((Rows<T>, &[(u32, u32)]), &mut [T])| {
+    let write_chunk = |(mut rows, chunk): (Rows<T>, &[(u32, u32)])| {
         let mut non_finite = 0;
         for (place, (row, index)) in chunk.iter().enumerate() {
             let d_splat = &d_splats[*index as usize];
@@ -35,15 +35,15 @@ pub(super) fn project_backward<T: Real>(
             let length = (x * x + y * y).sqrt();
             if by_gaussian.is_finite() && length.is_finite() {
                 rows.write(place, &by_gaussian);
-                screen[place] = length;
+                rows.screen[place] = length;
             } else {
                 non_finite += 1;
             }
         }
         non_finite
     };
-    let chunks = Rows::chunks(&mut values).into_par_iter().zip(by_row.par_chunks(CHUNK));
-    let non_finite = chunks.zip(screen.par_chunks_mut(CHUNK)).map(write_chunk).sum();
+    let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter().zip(by_row.par_chunks(CHUNK));
+    let non_finite = chunks.map(write_chunk).sum();
     Gradient { rows: by_row.into_iter().map(|(row, _)| row).collect(), values, screen, non_finite }
 }
 
@@ -58,13 +58,14 @@ struct Rows<'a, T> {
     log_widths: &'a mut [T],
     motion: &'a mut [[T; 3]],
     rotation_rates: &'a mut [[T; 4]],
+    screen: &'a mut [T],
     coefficients: usize,
     motion_order: usize,
 }
 
 impl<'a, T: Real> Rows<'a, T> {
     /// [`CHUNK`] rows each, in their order.
-    fn chunks(values: &'a mut Parameters<T>) -> Vec<Rows<'a, T>> {
+    fn chunks(values: &'a mut Parameters<T>, screen: &'a mut [T]) -> Vec<Rows<'a, T>> {
         let count = values.len().div_ceil(CHUNK);
         let coefficients = sh_coefficients(values.sh_degree);
         let motion_order = usize::from(values.motion_order);
@@ -77,6 +78,7 @@ impl<'a, T: Real> Rows<'a, T> {
         let mut log_widths = values.log_widths.chunks_mut(CHUNK);
         let mut motion = values.motion.chunks_mut(CHUNK * motion_order.max(1));
         let mut rotation_rates = values.rotation_rates.chunks_mut(CHUNK);
+        let mut screen = screen.chunks_mut(CHUNK);
         // Empty columns have no chunks.
         let chunk = |_| Rows {
             centers: centers.next().unwrap_or_default(),
@@ -88,6 +90,7 @@ impl<'a, T: Real> Rows<'a, T> {
             log_widths: log_widths.next().unwrap_or_default(),
             motion: motion.next().unwrap_or_default(),
             rotation_rates: rotation_rates.next().unwrap_or_default(),
+            screen: screen.next().unwrap_or_default(),
             coefficients,
             motion_order,
         };

@@ -24,14 +24,15 @@ const ROUND: usize = 8;
 pub(super) type Lanes<T> = [T; TILE];
 
 /// Draws splats, which are sorted front to back. Returns the picture and, of each tile, how many of its
-/// splats were drawn until all its pixels were finished.
+/// splats were drawn until all its pixels were finished. `arch` says how wide vectors are, which does
+/// not show.
 pub(super) fn rasterize<T: Real>(
+    arch: Arch,
     splats: &[Splat<T>],
     tiles: &Tiles,
     width: u32,
     height: u32,
 ) -> (Picture<T>, Vec<u32>) {
-    let arch = Arch::new();
     let size = [width as usize, height as usize];
     let draw =
         |tile| arch.dispatch(Draw { splats, order: tiles.splats(tile), corner: tiles.corner(tile), size });

@@ -26,15 +26,16 @@ pub(super) struct SplatGradient<T> {
     pub(super) color: [T; 3],
 }
 
-/// The gradient by each of `splats`, given that by the pixels.
+/// The gradient by each of `splats`, given that by the pixels. `arch` says how wide vectors are, which
+/// does not show.
 pub(super) fn rasterize_backward<T: Real>(
+    arch: Arch,
     splats: &[Splat<T>],
     tiles: &Tiles,
     reached: &[u32],
     picture: &Picture<T>,
     d_picture: &[[T; 4]],
 ) -> Vec<SplatGradient<T>> {
-    let arch = Arch::new();
     let drawn = |tile: usize| &tiles.splats(tile)[..reached[tile] as usize];
     let back = |tile| {
         arch.dispatch(Back { splats, order: drawn(tile), corner: tiles.corner(tile), picture, d_picture })
@@ -132,9 +133,10 @@ impl<T: Real> Pixels<T> {
             }
             for x in 0..TILE.min(width - corner[0]) {
                 let index = (corner[1] + y) * width + corner[0] + x;
-                for channel in 0..4 {
-                    row.gradient[channel][x] = d_picture[index][channel];
-                    row.rest[x] += picture.pixels[index][channel] * d_picture[index][channel];
+                let pixel = picture.pixels[index].into_iter().zip(d_picture[index]);
+                for (channel, (color, gradient)) in pixel.enumerate() {
+                    row.gradient[channel][x] = gradient;
+                    row.rest[x] += color * gradient;
                 }
             }
             row
