@@ -125,7 +125,10 @@ impl DensityState {
 
 impl DensityControl {
     /// Adds and takes Gaussians if it is time to: `step` of `steps` are done. `None` where nothing
-    /// was looked at, and `None` of what it is given has changed.
+    /// was looked at: Gaussians are then as they were.
+    ///
+    /// # Panics
+    /// If the state or the moments are of another number of Gaussians.
     pub fn control<T: Real>(
         &self,
         state: &mut DensityState,
@@ -136,6 +139,7 @@ impl DensityControl {
     ) -> Option<DensityChange> {
         let reached = |percent: usize| step * 100 >= steps * percent;
         let count = parameters.len();
+        assert!(state.visits.len() == count && moments.visits.len() == count, "a state of {count} Gaussians");
         if reached(EARLY) {
             state.early.get_or_insert(count);
         }

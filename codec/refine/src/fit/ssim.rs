@@ -37,15 +37,18 @@ pub(crate) fn ssim_and_gradient<T: Real>(a: &[[T; 4]], b: &[[T; 4]], width: usiz
 
     let mut means = vec![T::zero(); height * means_row];
     means.par_chunks_mut(means_row).enumerate().for_each(|(y, row)| {
-        let of_row = y * width..(y + 1) * width;
-        let mut padded = vec![T::zero(); width + 2 * HALF];
-        for (i, blurred) in row.chunks_mut(width).enumerate() {
-            let (mean, c) = (i / 3, i % 3);
-            for (x, (a, b)) in a[of_row.clone()].iter().zip(&b[of_row.clone()]).enumerate() {
+        let pixels = || a[y * width..].iter().zip(&b[y * width..]).take(width).enumerate();
+        let mut padded = vec![vec![T::zero(); width + 2 * HALF]; MEANS];
+        for c in 0..3 {
+            for (x, (a, b)) in pixels() {
                 let (a, b) = (a[c], b[c]);
-                padded[HALF + x] = [a, b, a * a, b * b, a * b][mean];
+                for (padded, value) in padded.iter_mut().zip([a, b, a * a, b * b, a * b]) {
+                    padded[HALF + x] = value;
+                }
             }
-            blur_along(&padded, &window, blurred);
+            for (i, padded) in padded.iter().enumerate() {
+                blur_along(padded, &window, &mut row[(3 * i + c) * width..][..width]);
+            }
         }
     });
 

@@ -9,6 +9,7 @@ use safetensors::tensor::{TensorView, serialize};
 
 use super::convolution::Convolution;
 use super::*;
+use crate::fit::{Photograph, loss};
 
 /// Shapes and bytes by name.
 type Tensors = BTreeMap<String, (Vec<usize>, Vec<u8>)>;
@@ -110,6 +111,35 @@ fn the_gradient_is_that_of_finite_differences() {
                 let found = gradient[pixel][c];
                 assert!((found - expected).abs() < 1e-5 * largest, "{pixel} {c}: {found} {expected}");
             }
+        }
+    }
+}
+
+/// The paper's weight of 0.1, and no gradient where the photograph shows nothing; on one thread as
+/// on three.
+#[test]
+fn it_is_a_part_of_the_loss() {
+    let lpips = small([[3, 1, 1]; 3], [2, 2]);
+    let picture: Vec<[f64; 4]> = pattern([20, 18], [7, 13, 29, 64]);
+    let pixels = (0..360_u32).map(|i| [i % 251, i * 7 % 256, i * 31 % 256, 255].map(|x| x as u8)).collect();
+    let seen = (0..360).map(|i| i % 20 != 3).collect();
+    let photograph = Photograph { width: 20, height: 18, pixels, seen };
+    let on_threads = |count: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
+        pool.install(|| loss(&picture, &photograph, Some(&lpips)))
+    };
+    let (with, without) = (on_threads(1), loss(&picture, &photograph, None));
+    assert_eq!(with, on_threads(3));
+    let target = |i: usize| photograph.pixels[i].map(|byte| f64::from(byte) / 255.0);
+    let taken: Vec<[f64; 4]> = (0..360).map(target).collect();
+    let drawn: Vec<[f64; 4]> =
+        (0..360).map(|i| if photograph.is_seen(i) { picture[i] } else { taken[i] }).collect();
+    let (distance, gradient) = lpips.distance_and_gradient(&drawn, &taken, 20);
+    assert!(distance > 0.01 && (with.value - without.value - 0.1 * distance).abs() < 1e-12);
+    for (i, (a, b)) in with.gradient.iter().zip(&without.gradient).enumerate() {
+        for c in 0..3 {
+            let expected = if photograph.is_seen(i) { b[c] + 0.1 * gradient[i][c] } else { 0.0 };
+            assert!((a[c] - expected).abs() < 1e-15);
         }
     }
 }
