@@ -363,11 +363,11 @@ fn cameras_of_a_real_capture_agree() {
         |camera: usize| *capture.shots.iter().find(|shot| (shot.camera, shot.frame) == (camera, 7)).unwrap();
     assert_eq!(footage.name(shot(8)), "08/000007");
     let seen = footage.photo(shot(8)).unwrap().image;
-    let depth = image::open(folder.join("depths/00/000007.png")).unwrap().to_luma16();
+    let depth = footage.depth(&folder.join("depths"), shot(0)).unwrap().expect("depths");
     let (from, to) = (&capture.cameras[0].camera, &capture.cameras[8].camera);
     let (mut inside, mut points) = (0, 0);
-    for (x, y, z) in depth.enumerate_pixels().filter(|(_, _, z)| z.0[0] > 0) {
-        let z = f64::from(z.0[0]) / 1000.0;
+    for (i, z) in depth.depths.iter().map(|z| f64::from(*z)).enumerate().filter(|(_, z)| *z > 0.0) {
+        let (x, y) = (i as u32 % depth.width, i as u32 / depth.width);
         let at = |i: usize, pixel: u32| (f64::from(pixel) + 0.5 - from.k[i][2]) / from.k[i][i] * z;
         let seen_from = [at(0, x), at(1, y), z];
         let m = &from.camera_from_world;

@@ -103,7 +103,8 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
     for entry in std::fs::read_dir(folder).map_err(|error| bad(folder, error))? {
         let path = entry.map_err(|error| bad(folder, error))?.path();
         let stem = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
-        frames.extend(stem.filter(|_| find_image(&path).is_some()));
+        // As it is looked for afterwards.
+        frames.extend(stem.filter(|stem| find_image(&folder.join(stem)).is_some()));
     }
     Ok(frames)
 }
@@ -172,6 +173,18 @@ mod tests {
         assert_eq!(numbers(&storage["H_00"]), [375.0]);
         assert!(numbers("data: [ 1, x ]").is_empty());
         assert_eq!(names(&parse("names: [ \"a\", c ]")).unwrap(), ["a", "c"]);
+    }
+
+    #[test]
+    fn photographs_are_found_whatever_their_endings() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["1.png", "2.PNG", "3.25.jpeg", "4.WebP", "notes.txt", "5"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let mut found = frames(folder.path()).unwrap();
+        found.sort();
+        assert_eq!(found, ["1", "2", "3.25"]);
+        assert!(found.iter().all(|name| find_image(&folder.path().join(name)).is_some()));
     }
 
     #[test]

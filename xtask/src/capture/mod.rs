@@ -148,19 +148,20 @@ pub fn read_picture(path: &Path, camera: &Camera) -> Result<Image, Fault> {
 
 /// The photograph at `path`, which may lack its ending.
 pub fn find_image(path: &Path) -> Option<PathBuf> {
-    let with_ending = |ending: &&str| {
+    let with_ending = |ending: String| {
         let mut name = path.as_os_str().to_owned();
         name.push(".");
         name.push(ending);
         PathBuf::from(name)
     };
+    let endings = ENDINGS.iter().flat_map(|ending| [ending.to_string(), ending.to_uppercase()]);
     let is_image = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
         ENDINGS.contains(&ending.to_lowercase().as_str()) && path.is_file()
     };
     match is_image(path) {
         true => Some(path.to_owned()),
-        false => ENDINGS.iter().map(with_ending).find(|path| path.is_file()),
+        false => endings.map(with_ending).find(|path| path.is_file()),
     }
 }
 

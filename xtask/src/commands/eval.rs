@@ -81,11 +81,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         "splits": splits,
     });
     let mut table = table(&means);
-    if let (Some(out), Subject::Drawn(input)) = (&args.out, &subject) {
-        if let Some(ladder) = more_pictures(out, input, args, &footage)? {
-            table += &ladder.table();
-            json["ladder"] = serde_json::to_value(&ladder)?;
-        }
+    if let (Some(out), Subject::Drawn(input)) = (&args.out, &subject)
+        && let Some(ladder) = more_pictures(out, input, args, &footage)?
+    {
+        table += &ladder.table();
+        json["ladder"] = serde_json::to_value(&ladder)?;
     }
     let json = format!("{json:#}");
     if let Some(out) = &args.out {

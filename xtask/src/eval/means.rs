@@ -64,8 +64,10 @@ pub fn table(means: &[SplitMeasures]) -> String {
     );
     for row in means {
         let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
-            (Some(psnr), Some(deviation)) => format!("{psnr:.2} ± {deviation:.2}"),
-            _ => "–".into(),
+            (Some(psnr), Some(deviation)) if psnr.is_finite() => format!("{psnr:.2} ± {deviation:.2}"),
+            // Some picture is exact: nothing deviates from infinity.
+            (Some(psnr), _) => format!("{psnr:.2}"),
+            (None, _) => "–".into(),
         };
         let SplitMeasures { split, images, psnr_full, ssim, .. } = row;
         writeln!(text, "| {split} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | – |")
@@ -86,4 +88,38 @@ pub fn csv(judged: &[Judged], footage: &Footage) -> String {
             .expect("text grows");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use refine::capture::CaptureShot;
+
+    fn judged(psnr_fg: &[Option<f64>]) -> Vec<Judged> {
+        let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
+            shot: CaptureShot { frame, camera: 0 },
+            split: Split::Train,
+            measures: Measures { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5 },
+        };
+        psnr_fg.iter().enumerate().map(one).collect()
+    }
+
+    #[test]
+    fn means_and_deviations_are_of_pictures_with_a_subject() {
+        let rows = means(&judged(&[Some(20.0), None, Some(26.0)]));
+        assert_eq!((rows[0].psnr_fg, rows[0].psnr_fg_deviation), (Some(23.0), Some(3.0)));
+        assert_eq!((rows[0].images, rows[0].without_subject, rows.len()), (3, 1, 1));
+        assert!(
+            table(&rows).contains("| train | 3 | 23.00 ± 3.00 | 30.00 | 0.5000 | – |"),
+            "{}",
+            table(&rows)
+        );
+    }
+
+    #[test]
+    fn exact_pictures_and_empty_ones_have_no_deviation() {
+        let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)));
+        assert!(text(&[Some(f64::INFINITY), Some(20.0)]).contains("| 2 | inf | 30.00 |"));
+        assert!(text(&[None]).contains("| 1 | – | 30.00 |"));
+    }
 }

@@ -51,9 +51,9 @@ pub(super) fn figure(t: f64) -> Vec<Part> {
         |side: f64, out: f64| waist.at(dvec3(0.205 * side, 0.46, 0.0)).turned(DVec3::Z, out * side);
     let left = shoulder(1.0, 13.0).turned(DVec3::X, between(-35.0, 25.0, blow));
     arm(&mut parts, left, -35.0);
-    // The blow goes round the side, so that it stays below the top of the pictures.
+    // Leaning outwards, the blow passes the head and stays below the top of the pictures.
     let right =
-        shoulder(-1.0, 13.0 + 160.0 * blow * (1.0 - blow)).turned(DVec3::X, between(-165.0, -35.0, blow));
+        shoulder(-1.0, 13.0 - 240.0 * blow * (1.0 - blow)).turned(DVec3::X, between(-165.0, -35.0, blow));
     let hand = arm(&mut parts, right, between(-70.0, -12.0, blow));
     let grip = hand.turned(DVec3::X, -60.0);
     parts.push(grip.part(dvec3(0.0, -0.14, 0.0), capsule(0.42, 0.022), SHAFT));

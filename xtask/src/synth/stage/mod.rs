@@ -39,8 +39,8 @@ const SIDE: RangeInclusive<u32> = 8..=2048;
 /// shorter side of the picture as its tangent.
 const DISTANCE: f64 = 3.0;
 const HEIGHTS: [f64; 2] = [1.2, 2.2];
-const TARGET: [f64; 3] = [0.0, 1.05, 0.1];
-const HALF_VIEW: f64 = 0.42;
+const TARGET: [f64; 3] = [0.0, 0.97, 0.1];
+const HALF_VIEW: f64 = 0.43;
 
 /// One of this many cameras is held out, from this one.
 const HELD_STRIDE: usize = 8;
