@@ -92,6 +92,12 @@ impl Scene {
         Ok(Scene::new(name_of_folder(path), subject, plate, overrides))
     }
 
+    /// Whether `path` is a folder with a capture and no field.
+    pub fn is_capture(path: &Path) -> bool {
+        let names = if path.is_dir() { list(path).unwrap_or_default() } else { Vec::new() };
+        !names.iter().any(|name| is_field_name(name)) && names.iter().any(|name| is_capture_name(name))
+    }
+
     /// Overrides before hints before defaults.
     fn new(name: String, subject: Imported, plate: Option<Imported>, overrides: Overrides) -> Scene {
         let hints = &subject.hints;
@@ -263,8 +269,8 @@ fn field_in<'a>(folder: &Path, names: &'a [String]) -> Result<&'a str, Fault> {
     match fields[..] {
         [field] => Ok(field),
         [] if names.iter().any(|name| is_capture_name(name)) => fault(format!(
-            "no field in {folder}, only a capture: fitting from a capture is not supported yet; \
-             put a fitted field there ({FORMATS})"
+            "no field in {folder}, only a capture: run `cargo xtask fit {folder}` first, or put a fitted \
+             field there ({FORMATS})"
         )),
         [] => fault(format!("no field in {folder}: a field is a file of one of these formats: {FORMATS}")),
         _ => fault(format!("{folder} holds several fields, name one of them: {}", fields.join(", "))),
@@ -282,8 +288,15 @@ fn is_field_name(name: &str) -> bool {
 /// Whether an entry with this name says that a folder holds footage or its calibration.
 fn is_capture_name(name: &str) -> bool {
     let extension = extension_of(name);
-    let known =
-        ["images", "sparse", "transforms.json", "transforms_train.json", "poses_bounds.npy", "intri.yml"];
+    let known = [
+        "capture.json",
+        "images",
+        "sparse",
+        "transforms.json",
+        "transforms_train.json",
+        "poses_bounds.npy",
+        "intri.yml",
+    ];
     known.contains(&name)
         || POINT_CLOUDS.contains(&name)
         || ["mp4", "mov", "mkv", "jpg", "jpeg", "png"].contains(&extension.as_str())

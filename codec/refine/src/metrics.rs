@@ -4,7 +4,7 @@
 //! out by its mask.
 
 use crate::capture::Photo;
-use crate::fit::ssim_and_gradient;
+use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
 /// Mask above which a pixel belongs to the subject.
@@ -20,14 +20,16 @@ pub struct Measures {
     pub psnr_full: f64,
     /// Mean structural similarity of the whole frame, see [`ssim`].
     pub ssim: f64,
+    /// LPIPS of the whole frame (Zhang et al. 2018), by the network whose weights are given.
+    pub lpips: Option<f64>,
 }
 
 impl Measures {
     /// Compares `picture` with `photo`.
     ///
     /// # Panics
-    /// If their sizes differ.
-    pub fn of(picture: &Image, photo: &Photo) -> Measures {
+    /// If their sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
+    pub fn of(picture: &Image, photo: &Photo, lpips: Option<&Lpips<f32>>) -> Measures {
         let mut saved = rounded(picture);
         for (pixel, _) in saved.pixels.iter_mut().zip(&photo.seen).filter(|(_, seen)| !**seen) {
             *pixel = [0.0; 4];
@@ -45,6 +47,12 @@ impl Measures {
             psnr_fg: psnr(all.clone().filter(subject).collect()),
             psnr_full: psnr(all.filter(seen).collect()).unwrap_or(f64::INFINITY),
             ssim: ssim(&saved, taken),
+            lpips: lpips.map(|lpips| {
+                let single = |image: &Image| -> Vec<[f32; 4]> {
+                    image.pixels.iter().map(|pixel| pixel.map(|c| c as f32)).collect()
+                };
+                lpips.distance(&single(&saved), &single(taken), taken.width as usize)
+            }),
         }
     }
 }
@@ -89,7 +97,7 @@ mod tests {
     fn equal_images_are_alike() {
         let waves = image(|x, y| [(0.5 * x).sin().abs(), (0.3 * y).cos().abs(), 0.5]);
         let saved = rounded(&waves);
-        let measures = Measures::of(&waves, &photo(saved));
+        let measures = Measures::of(&waves, &photo(saved), None);
         assert_eq!((measures.psnr_fg, measures.psnr_full), (Some(f64::INFINITY), f64::INFINITY));
         assert!((measures.ssim - 1.0).abs() < 1e-12);
     }
@@ -112,7 +120,7 @@ mod tests {
             *pixel = if i % 24 < 6 { [0.4, 0.4, 0.4, 1.0] } else { [0.0; 4] };
         }
         let drawn = image(|x, _| if x < 6.0 { [0.6; 3] } else { [0.2; 3] });
-        let measures = Measures::of(&drawn, &taken);
+        let measures = Measures::of(&drawn, &taken, None);
         let psnr = |mse: f64| -10.0 * mse.log10();
         assert!((measures.psnr_fg.unwrap() - psnr(0.04)).abs() < 1e-9);
         assert!((measures.psnr_full - psnr(0.04)).abs() < 1e-9);
@@ -121,7 +129,7 @@ mod tests {
         for (pixel, seen) in taken.image.pixels.iter_mut().zip(&taken.seen) {
             *pixel = if *seen { [0.6, 0.6, 0.6, 1.0] } else { [0.0; 4] };
         }
-        let measures = Measures::of(&drawn, &taken);
+        let measures = Measures::of(&drawn, &taken, None);
         assert_eq!(measures.psnr_full, f64::INFINITY);
         assert!((measures.ssim - 1.0).abs() < 1e-12);
     }
@@ -131,6 +139,6 @@ mod tests {
         let black = image(|_, _| [0.0; 3]);
         let mut empty = photo(black.clone());
         empty.image.pixels.fill([0.0; 4]);
-        assert_eq!(Measures::of(&black, &empty).psnr_fg, None);
+        assert_eq!(Measures::of(&black, &empty, None).psnr_fg, None);
     }
 }

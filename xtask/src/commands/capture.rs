@@ -5,6 +5,7 @@ use std::path::Path;
 
 use clap::ValueEnum;
 use refine::capture;
+use refine::fit::Lpips;
 use xtask::capture::Footage;
 use xtask::fault::Fault;
 
@@ -88,6 +89,14 @@ pub(crate) fn describe(footage: &Footage, holdout: capture::Holdout) -> Result<S
         cameras.iter().filter(|camera| camera.held).count(),
         footage.capture.times.len(),
     ))
+}
+
+/// The network of LPIPS, where its weights are given.
+pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
+    let Some(path) = weights else { return Ok(None) };
+    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
+    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
 }
 
 fn frames(text: &str) -> Result<Range<usize>, String> {

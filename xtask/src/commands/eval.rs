@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::capture::Holdout;
+use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 use xtask::capture::Footage;
@@ -15,7 +16,7 @@ use xtask::fault::Fault;
 use xtask::input::Input;
 use xtask::output;
 
-use super::capture::{Cut, describe};
+use super::capture::{Cut, describe, load_lpips};
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
@@ -27,6 +28,9 @@ pub(crate) struct Args {
     capture: PathBuf,
     #[command(flatten)]
     cut: Cut,
+    /// Weights of LPIPS (AlexNet or VGG16) as safetensors; without them it is not measured
+    #[arg(long, value_name = "FILE")]
+    lpips_weights: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -50,8 +54,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let style =
         ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
     let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
+    let lpips = load_lpips(args.lpips_weights.as_deref())?;
     let mut strips = Strips::new(&subject, &footage, holdout)?;
-    let judged = judge(&subject, &footage, holdout, |look| {
+    let judged = judge(&subject, &footage, holdout, lpips.as_ref(), |look| {
         if let (Some(look), Some(_)) = (look, &args.out) {
             strips.look(look);
         }
@@ -99,16 +104,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     match args.json {
         true => println!("{json}"),
-        false => print(&footage, holdout, &table)?,
+        false => print(&footage, holdout, lpips.as_ref(), &table)?,
     }
     Ok(())
 }
 
-fn print(footage: &Footage, holdout: Holdout, table: &str) -> Result<(), Fault> {
+fn print(footage: &Footage, holdout: Holdout, lpips: Option<&Lpips<f32>>, table: &str) -> Result<(), Fault> {
     println!("{}", describe(footage, holdout)?);
     println!("train: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held\n");
     print!("{table}");
-    println!("\nLPIPS is not measured.");
+    match lpips {
+        Some(lpips) => println!("\nLPIPS by {}", lpips.net()),
+        None => println!("\nLPIPS is not measured: it takes --lpips-weights."),
+    }
     Ok(())
 }
 

@@ -1,21 +1,21 @@
 //! `cargo xtask fit`: the photographs of a capture become a field.
 
+use std::ffi::OsStr;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
-use clap::ValueEnum;
+use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use refine::fit::{Cpu, DensityRule, Lpips};
+use refine::fit::{Cpu, DensityRule};
 use serde_json::json;
 use xtask::capture::Footage;
 use xtask::export::field_file;
-use xtask::fault::Fault;
 use xtask::fit::{self, DepthScale, Fitted, Progress, Settings, Shots, Start, log};
 use xtask::output;
 
-use super::capture::{Cut, describe};
+use super::capture::{Cut, describe, load_lpips};
 
 /// Fit a field to the photographs of a capture.
 #[derive(clap::Args)]
@@ -114,14 +114,26 @@ fn positive(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "a positive number".into())
 }
 
+/// Fits a capture as it is by default.
+pub(crate) fn run_by_default(capture: &Path, out: &Path) -> anyhow::Result<()> {
+    /// The arguments as a command line of their own.
+    #[derive(clap::Parser)]
+    struct Alone {
+        #[command(flatten)]
+        args: Args,
+    }
+    let words = [OsStr::new("fit"), capture.as_os_str(), OsStr::new("--out"), out.as_os_str()];
+    run(&Alone::try_parse_from(words)?.args)
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let began = Instant::now();
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", name_of(&args.capture))));
     output::check(&out)?;
     let footage = args.cut.open(&args.capture)?;
     let holdout = args.cut.holdout();
-    println!("{}", describe(&footage, holdout)?);
-    let lpips = load_lpips(args)?;
+    let splits = describe(&footage, holdout)?;
+    let lpips = load_lpips(args.lpips_weights.as_deref())?;
 
     let bar = ProgressBar::new(footage.capture.shots.len() as u64)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} photographs")?);
@@ -142,17 +154,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let info = fit::info(&footage, args.fps);
     output::write(&out, &field_file(&fitted.field, &info))?;
     fit::forget_checkpoint(&out)?;
-    report(args, &settings, &fitted, &out, began)
-}
-
-fn load_lpips(args: &Args) -> anyhow::Result<Option<Lpips<f32>>> {
-    let Some(path) = &args.lpips_weights else {
-        eprintln!("note: no --lpips-weights: the loss is 0.8 L1 + 0.2 D-SSIM, without its LPIPS part");
-        return Ok(None);
-    };
-    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
-    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
-    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+    report(args, &settings, &fitted, &splits, &out, began)
 }
 
 fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Settings {
@@ -201,6 +203,7 @@ fn report(
     args: &Args,
     settings: &Settings,
     fitted: &Fitted,
+    splits: &str,
     out: &Path,
     began: Instant,
 ) -> anyhow::Result<()> {
@@ -215,6 +218,10 @@ fn report(
         });
         println!("{object:#}");
         return Ok(());
+    }
+    println!("{splits}");
+    if args.lpips_weights.is_none() {
+        println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights");
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.started_with, fitted.field.len());
     if let Some(psnr) = last.held_psnr_db {
@@ -237,7 +244,8 @@ fn report(
     Ok(())
 }
 
-fn name_of(folder: &Path) -> String {
+/// The name of a folder, also where it is written as `.` or `..`.
+pub(super) fn name_of(folder: &Path) -> String {
     let absolute = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     absolute.file_name().map_or_else(|| "field".into(), |name| name.to_string_lossy().into_owned())
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask package`: a fitted field becomes a package.
+//! `cargo xtask package`: a fitted field, or a capture, becomes a package.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -14,6 +14,8 @@ use xtask::output;
 use xtask::package::{Coding, Counts, Part, QUALITY_DB, Report, Rung, Settings, ladder, package_showing};
 use xtask::scene::Scene;
 
+use super::fit;
+
 /// Most that a part of a package may be worse than a package of its size, in dB.
 const LADDER_LOSS_DB: f64 = 0.5;
 
@@ -25,11 +27,12 @@ const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key option
   {"duration_s": 1.32, "fps": 25, "up": [0, -1, 0], "metres_per_unit": 1, "viewpoints": [
     {"name": "front", "position": [0, 0, -3], "target": [0, 0, 0], "fov_y_deg": 50}]}"#;
 
-/// Make a package from a fitted field.
+/// Make a package from a fitted field, or from a capture that it fits one to first.
 #[derive(clap::Args)]
 #[command(after_help = SCENE_HELP)]
 pub(crate) struct Args {
-    /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json
+    /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a capture,
+    /// to which a field is fitted first, beside the package, as `fit` does by default
     scene: PathBuf,
     /// Package to write; SCENE's name with .aarc in the current folder by default
     #[arg(short, long, value_name = "PATH")]
@@ -98,7 +101,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
-    let scene = Scene::load(&args.scene)?;
+    let path = match Scene::is_capture(&args.scene) {
+        true => fit_first(args)?,
+        false => args.scene.clone(),
+    };
+    let scene = Scene::load(&path)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
     let settings = Settings {
@@ -145,6 +152,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
              {LADDER_LOSS_DB} dB are allowed"
         ),
     }
+}
+
+/// Fits the capture that stands where a field should, beside the package; a field that is there
+/// already, from an earlier run, is taken as it is.
+fn fit_first(args: &Args) -> anyhow::Result<PathBuf> {
+    let field = match &args.out {
+        Some(out) => out.with_extension("ply"),
+        None => PathBuf::from(format!("{}.ply", fit::name_of(&args.scene))),
+    };
+    match field.exists() {
+        true => eprintln!("note: {} is there already; remove it to fit anew", field.display()),
+        false => fit::run_by_default(&args.scene, &field)?,
+    }
+    Ok(field)
 }
 
 fn print_report(report: &Report) {

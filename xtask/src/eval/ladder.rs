@@ -92,7 +92,7 @@ pub fn ladder(
             |layer: usize| reference::render(&Scene::from_layers(clip, layer + 1), camera, t, Order::Depth);
         let pictures: Vec<Image> = (0..layers).map(draw).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
-            measures.push(Measures::of(picture, &photo));
+            measures.push(Measures::of(picture, &photo, None));
         }
         if i == count / 2 {
             let crop = Crop::around(&[&photo]);

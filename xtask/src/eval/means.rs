@@ -22,7 +22,7 @@ pub struct SplitMeasures {
     pub psnr_full: f64,
     /// SSIM of whole images, mean.
     pub ssim: f64,
-    /// Not measured: it takes the weights of a network.
+    /// LPIPS of whole images, mean; absent without the weights of a network.
     pub lpips: Option<f64>,
     /// Number of images.
     pub images: usize,
@@ -36,6 +36,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
         let measures: Vec<Measures> =
             judged.iter().filter(|one| one.split == split).map(|one| one.measures).collect();
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
+        let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
         let known = !subject.is_empty();
         let center = mean(&subject);
         let squares: Vec<f64> = subject.iter().map(|x| (x - center).powi(2)).collect();
@@ -45,7 +46,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
             psnr_fg_deviation: known.then(|| mean(&squares).sqrt()),
             psnr_full: mean(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
-            lpips: None,
+            lpips: (!lpips.is_empty()).then(|| mean(&lpips)),
             images: measures.len(),
             without_subject: measures.len() - subject.len(),
         })
@@ -70,7 +71,8 @@ pub fn table(means: &[SplitMeasures]) -> String {
             (None, _) => "–".into(),
         };
         let SplitMeasures { split, images, psnr_full, ssim, .. } = row;
-        writeln!(text, "| {split} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | – |")
+        let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
+        writeln!(text, "| {split} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
             .expect("text grows");
     }
     text
@@ -78,13 +80,14 @@ pub fn table(means: &[SplitMeasures]) -> String {
 
 /// Every picture's measures as CSV.
 pub fn csv(judged: &[Judged], footage: &Footage) -> String {
-    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim\n");
+    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim,lpips\n");
     for Judged { shot, split, measures } in judged {
         let camera = &footage.capture.cameras[shot.camera].name;
         let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
         let (name, frame, split) = (footage.name(*shot), shot.frame, split.name());
         let Measures { psnr_full, ssim, .. } = measures;
-        writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6}")
+        let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
+        writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6},{lpips}")
             .expect("text grows");
     }
     text
@@ -99,7 +102,7 @@ mod tests {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
             shot: CaptureShot { frame, camera: 0 },
             split: Split::Train,
-            measures: Measures { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5 },
+            measures: Measures { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5, lpips: None },
         };
         psnr_fg.iter().enumerate().map(one).collect()
     }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use refine::capture::{CaptureShot, Holdout, Photo, Split};
+use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
 use refine::metrics::Measures;
 use refine::reference::{self, Order};
@@ -103,7 +104,7 @@ fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(CaptureShot, Split
 }
 
 /// Compares pictures of `subject` with all photographs of `footage`. Pictures that a folder lacks
-/// are left out. `on_shot` is called for each shot, with its picture where there is one.
+/// are left out. LPIPS is measured where its network is given. `on_shot` is called for each shot, with its picture where there is one.
 ///
 /// # Errors
 /// [`Fault::Data`] where a file cannot be read or nothing is left to compare.
@@ -111,6 +112,7 @@ pub fn judge(
     subject: &Subject,
     footage: &Footage,
     holdout: Holdout,
+    lpips: Option<&Lpips<f32>>,
     mut on_shot: impl FnMut(Option<Look>),
 ) -> anyhow::Result<Vec<Judged>> {
     let mut judged = Vec::new();
@@ -121,8 +123,13 @@ pub fn judge(
         }
         // First the photograph: it must have the size that the picture is drawn in.
         let photo = footage.photo(shot)?;
+        if let Some(lpips) = lpips {
+            let Image { width, height, .. } = photo.image;
+            let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", footage.name(shot)));
+            lpips.check_size(width as usize, height as usize).map_err(too_small)?;
+        }
         if let Some(picture) = subject.picture(footage, shot)? {
-            let one = Judged { shot, split, measures: Measures::of(&picture, &photo) };
+            let one = Judged { shot, split, measures: Measures::of(&picture, &photo, lpips) };
             on_shot(Some(Look { judged: &one, picture: &picture, photo: &photo }));
             judged.push(one);
         }
