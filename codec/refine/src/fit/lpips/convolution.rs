@@ -12,8 +12,8 @@ use crate::fit::Real;
 const LANES: usize = 8;
 const PIXELS: usize = 4;
 
-/// Pixels that one thread takes: few, as the last layers have few.
-const CHUNK: usize = 2 * PIXELS;
+/// Pixels that one thread takes of a block of outputs.
+const CHUNK: usize = 16 * PIXELS;
 
 /// An image of any number of channels, `[y][x][channel]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,23 +63,30 @@ impl<T: Real> Kernel<T> {
         let count = size[0] * size[1];
         let begin =
             |pixel: usize| (pixel / size[1] * stride) * row_length + (pixel % size[1]) * stride * self.inputs;
-        let mut values = vec![T::zero(); count * self.outputs];
-        values.par_chunks_mut(CHUNK * self.outputs).enumerate().for_each(|(chunk, values)| {
-            for (block, weights) in self.weights.chunks(self.size[0] * taps).enumerate() {
-                let outputs = block * LANES..self.outputs.min((block + 1) * LANES);
-                for (group, values) in values.chunks_mut(PIXELS * self.outputs).enumerate() {
-                    let first = chunk * CHUNK + group * PIXELS;
+        // Sums of a block of outputs lie together, pixel by pixel: weights are then read once for many.
+        let chunks = count.div_ceil(CHUNK);
+        let blocks = self.outputs.div_ceil(LANES);
+        let mut sums = vec![[T::zero(); LANES]; blocks * chunks * CHUNK];
+        sums.par_chunks_mut(CHUNK).enumerate().for_each(|(i, sums)| {
+            let weights = &self.weights[i / chunks * self.size[0] * taps..][..self.size[0] * taps];
+            for (group, sums) in sums.as_chunks_mut::<PIXELS>().0.iter_mut().enumerate() {
+                let first = i % chunks * CHUNK + group * PIXELS;
+                if first < count {
                     // Beyond the last pixel, that one again.
                     let begins: [usize; PIXELS] = std::array::from_fn(|i| begin((first + i).min(count - 1)));
-                    let mut sums = [[T::zero(); LANES]; PIXELS];
+                    let mut of_group = [[T::zero(); LANES]; PIXELS];
                     for (row, weights) in weights.chunks(taps).enumerate() {
                         let stretches = begins.map(|begin| &padded[begin + row * row_length..][..taps]);
-                        accumulate(&mut sums, stretches, weights);
+                        accumulate(&mut of_group, stretches, weights);
                     }
-                    for (values, sums) in values.chunks_mut(self.outputs).zip(sums) {
-                        values[outputs.clone()].copy_from_slice(&sums[..outputs.len()]);
-                    }
+                    *sums = of_group;
                 }
+            }
+        });
+        let mut values = vec![T::zero(); count * self.outputs];
+        values.par_chunks_mut(self.outputs).enumerate().for_each(|(pixel, values)| {
+            for (block, values) in values.chunks_mut(LANES).enumerate() {
+                values.copy_from_slice(&sums[block * chunks * CHUNK + pixel][..values.len()]);
             }
         });
         Map { size, channels: self.outputs, values }
