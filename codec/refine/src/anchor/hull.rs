@@ -1,0 +1,373 @@
+//! The visual hull: the largest body that casts all silhouettes.
+//!
+//! A box around it is found by halving space; a grid in the box is carved; the ray of each pixel is
+//! followed through the grid to where it enters, and there along the ray itself, so that depths are
+//! as fine as the masks and not as the grid. What no silhouette shows, hollows and loops, stays
+//! filled.
+
+use glam::{DVec3, UVec3};
+use rayon::prelude::*;
+
+use super::AnchorError;
+use super::eye::{Eye, nearest_to_axes};
+use super::silhouette::Silhouette;
+
+/// How a visual hull is carved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HullSettings {
+    /// Voxels along the longest side of the grid, taken to `[8, 512]`.
+    pub voxels: usize,
+    /// Number of masks that may miss a point of the subject, as wrong masks do; at most one in
+    /// eight of those that see it.
+    pub misses: usize,
+}
+
+impl Default for HullSettings {
+    fn default() -> HullSettings {
+        HullSettings { voxels: 128, misses: 1 }
+    }
+}
+
+/// Cells along each side of the box while it is looked for, and how often it may shrink: every time
+/// it has been less than 0.9 as large as before, so that a fly in a hall is found too.
+const SEARCH_CELLS: u32 = 24;
+const SEARCHES: usize = 12;
+
+/// How often the interval that holds the surface is halved: 2 voxels then become a quarter of one.
+const HALVINGS: usize = 3;
+
+/// A carved grid.
+pub(super) struct Hull {
+    silhouettes: Vec<Silhouette>,
+    misses: usize,
+    /// Corner of the grid.
+    low: DVec3,
+    /// Side of a voxel.
+    pub(super) voxel: f64,
+    size: UVec3,
+    /// Whether each voxel belongs to the hull, x fastest.
+    inside: Vec<bool>,
+}
+
+impl Hull {
+    /// Carves. An empty mask says nothing: the subject may be beyond the edge, or the mask failed.
+    ///
+    /// # Errors
+    /// Where there is no hull, see [`AnchorError`].
+    pub(super) fn carve(all: Vec<Silhouette>, settings: HullSettings) -> Result<Hull, AnchorError> {
+        if !all.is_empty() && all.iter().all(Silhouette::is_full) {
+            return Err(AnchorError::NoMasks);
+        }
+        let silhouettes: Vec<Silhouette> = all.into_iter().filter(|s| !s.is_empty()).collect();
+        match silhouettes.len() {
+            0 => return Err(AnchorError::NoSubject),
+            1 => return Err(AnchorError::OneView),
+            _ => (),
+        }
+        let misses = settings.misses.min(silhouettes.len() / 8);
+        let mut hull =
+            Hull { silhouettes, misses, low: DVec3::ZERO, voxel: 0.0, size: UVec3::ZERO, inside: Vec::new() };
+        let [low, high] = hull.find_box().ok_or(AnchorError::NoHull)?;
+        let voxels = settings.voxels.clamp(8, 512);
+        hull.voxel = (high - low).max_element() / (voxels - 2) as f64;
+        hull.size = ((high - low) / hull.voxel).ceil().as_uvec3() + 2;
+        hull.low = 0.5 * (low + high) - 0.5 * hull.voxel * hull.size.as_dvec3();
+        let slab = (hull.size.x * hull.size.y) as usize;
+        let mut inside = vec![false; slab * hull.size.z as usize];
+        inside.par_chunks_mut(slab).enumerate().for_each(|(z, slab)| {
+            for (i, inside) in slab.iter_mut().enumerate() {
+                let cell = UVec3::new(i as u32 % hull.size.x, i as u32 / hull.size.x, z as u32);
+                *inside = hull.holds(hull.center(cell));
+            }
+        });
+        hull.inside = inside;
+        if hull.inside.contains(&true) { Ok(hull) } else { Err(AnchorError::NoHull) }
+    }
+
+    fn center(&self, cell: UVec3) -> DVec3 {
+        self.low + self.voxel * (cell.as_dvec3() + 0.5)
+    }
+
+    /// Whether most silhouettes show something, and hardly any shows that it is not there.
+    ///
+    /// Most, for what stands right before a camera is in its silhouette and in that of the camera
+    /// opposite, and the others do not see it.
+    fn agree(&self, votes: impl Iterator<Item = Option<bool>>) -> bool {
+        let (mut shown, mut missed) = (0, 0);
+        for vote in votes.flatten() {
+            match vote {
+                true => shown += 1,
+                false => missed += 1,
+            }
+            if missed > self.misses {
+                return false;
+            }
+        }
+        shown > self.silhouettes.len() / 2
+    }
+
+    /// Whether a point belongs to the hull.
+    fn holds(&self, point: DVec3) -> bool {
+        self.agree(self.silhouettes.iter().map(|silhouette| silhouette.at(point)))
+    }
+
+    /// A box around the hull: from one that holds all cameras down to the cells in which it may be.
+    fn find_box(&self) -> Option<[DVec3; 2]> {
+        let eyes: Vec<Eye> = self.silhouettes.iter().map(|s| s.eye.clone()).collect();
+        let farthest = |from: DVec3| eyes.iter().map(|eye| eye.position.distance(from)).fold(0.0, f64::max);
+        let mean = |of: fn(&Eye) -> DVec3| eyes.iter().map(of).sum::<DVec3>() / eyes.len() as f64;
+        let (middle, reach) = match nearest_to_axes(&eyes) {
+            Some(middle) => (middle, farthest(middle)),
+            // Side by side: beyond some ten times their distance silhouettes say little of depth.
+            None => {
+                let reach = 10.0 * farthest(mean(|eye| eye.position));
+                (mean(|eye| eye.position) + reach * mean(|eye| eye.forward), reach)
+            }
+        };
+        let (mut low, mut high) = (middle - reach, middle + reach);
+        for _ in 0..SEARCHES {
+            let cell = (high - low) / f64::from(SEARCH_CELLS);
+            let radius = 0.5 * cell.length();
+            if !radius.is_normal() {
+                return None;
+            }
+            let n = SEARCH_CELLS;
+            let kept: Vec<UVec3> = (0..n * n * n)
+                .into_par_iter()
+                .map(|i| UVec3::new(i % n, i / n % n, i / (n * n)))
+                .filter(|at| {
+                    let center = low + cell * (at.as_dvec3() + 0.5);
+                    self.agree(self.silhouettes.iter().map(|silhouette| silhouette.near(center, radius)))
+                })
+                .collect();
+            let first = kept.iter().copied().reduce(UVec3::min)?;
+            let last = kept.iter().copied().reduce(UVec3::max)?;
+            let before = high - low;
+            (low, high) = (low + cell * first.as_dvec3(), low + cell * (last.as_dvec3() + 1.0));
+            if (high - low).cmpgt(0.9 * before).all() {
+                break;
+            }
+        }
+        Some([low, high])
+    }
+
+    /// Middle of the hull.
+    pub(super) fn centroid(&self) -> DVec3 {
+        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+        for (i, _) in self.inside.iter().enumerate().filter(|(_, inside)| **inside) {
+            let (i, size) = (i as u32, self.size);
+            sum += self.center(UVec3::new(i % size.x, i / size.x % size.y, i / (size.x * size.y)));
+            count += 1.0;
+        }
+        sum / count
+    }
+
+    /// Depths at which the ray of each pixel in `subject` enters the hull and first leaves it;
+    /// `[0, 0]` for the others, for those that miss it, and for all where the camera is inside.
+    pub(super) fn spans(&self, eye: &Eye, subject: impl Fn(usize) -> bool + Sync) -> Vec<[f32; 2]> {
+        let [width, height] = eye.size.map(|n| n as usize);
+        let mut spans = vec![[0.0; 2]; width * height];
+        spans.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, span) in row.iter_mut().enumerate().filter(|(x, _)| subject(y * width + x)) {
+                let ray = eye.ray([x as u32, y as u32]);
+                if let Some(found) = self.span(eye.position, ray) {
+                    *span = found.map(|depth| depth as f32);
+                }
+            }
+        });
+        spans
+    }
+
+    fn span(&self, origin: DVec3, ray: DVec3) -> Option<[f64; 2]> {
+        let step = self.voxel / ray.length();
+        let (from, along) = ((origin - self.low) / self.voxel, ray / self.voxel);
+        let holds = |depth: f64| self.holds(origin + depth * ray);
+        let [enter, leave] = self.walk(from, along).or_else(|| {
+            // Past the centres of all voxels: along an edge, or something thin.
+            let [start, end] = self.crossing(from, along)?;
+            let depth = |k: u32| start + (f64::from(k) + 0.5) * 0.5 * step;
+            let enter = (0..).map(depth).take_while(|depth| *depth < end).find(|depth| holds(*depth))?;
+            Some([enter, enter + step])
+        })?;
+        if enter == 0.0 {
+            return None;
+        }
+        let (mut out, mut within) = (enter - step, enter + step);
+        // Where a corner of a voxel was only just cut, the ray itself may be nowhere inside.
+        if out > 0.0 && !holds(out) && holds(within) {
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (out + within);
+                if holds(middle) { within = middle } else { out = middle }
+            }
+            return Some([0.5 * (out + within), leave.max(within)]);
+        }
+        Some([enter, leave])
+    }
+
+    /// Where a ray enters and leaves the grid, in front of its origin; both in voxels.
+    fn crossing(&self, origin: DVec3, ray: DVec3) -> Option<[f64; 2]> {
+        let inverse = nonzero(ray).recip();
+        let (a, b) = (-origin * inverse, (self.size.as_dvec3() - origin) * inverse);
+        let (start, end) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+        (start < end).then_some([start, end])
+    }
+
+    /// Follows a ray from voxel to voxel (Amanatides and Woo, 1987) through the first of its stretches
+    /// within the hull; `origin` and `ray` are in voxels.
+    fn walk(&self, origin: DVec3, ray: DVec3) -> Option<[f64; 2]> {
+        let [start, _] = self.crossing(origin, ray)?;
+        let ray = nonzero(ray);
+        let inverse = ray.recip();
+        let at = (origin + start * ray).floor().clamp(DVec3::ZERO, self.size.as_dvec3() - 1.0);
+        let mut cell = at.as_ivec3();
+        let step = ray.signum().as_ivec3();
+        let ahead = at + DVec3::select(ray.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
+        let mut next = ((ahead - origin) * inverse).to_array();
+        let across = inverse.abs().to_array();
+        let (mut depth, mut entered) = (start, None);
+        loop {
+            let [x, y, z] = cell.to_array().map(|c| c as usize);
+            let index = (z * self.size.y as usize + y) * self.size.x as usize + x;
+            match (self.inside[index], entered) {
+                (true, None) => entered = Some(depth),
+                (false, Some(entered)) => return Some([entered, depth]),
+                _ => (),
+            }
+            let axis = if next[0] <= next[1] && next[0] <= next[2] {
+                0
+            } else if next[1] <= next[2] {
+                1
+            } else {
+                2
+            };
+            depth = next[axis].max(depth);
+            next[axis] += across[axis];
+            cell[axis] += step[axis];
+            if cell[axis] < 0 || cell[axis] >= self.size[axis] as i32 {
+                return entered.map(|entered| [entered, depth]);
+            }
+        }
+    }
+}
+
+/// A direction without a 0, which would make 0 * inf of a ray along a face of the grid.
+fn nonzero(ray: DVec3) -> DVec3 {
+    DVec3::select(ray.abs().cmplt(DVec3::splat(1e-12)), DVec3::splat(1e-12), ray)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anchor::AnchorView;
+    use crate::anchor::scene::{Shape, pattern, ring, sphere, view};
+
+    fn body() -> Vec<Shape> {
+        let limb = Shape { ends: [DVec3::new(0.1, 0.2, 0.0), DVec3::new(0.5, 0.5, 0.2)], radius: 0.08 };
+        vec![sphere(DVec3::ZERO, 0.4), limb]
+    }
+
+    fn seen(shapes: &[Shape], cameras: usize) -> Vec<(AnchorView, Vec<f32>)> {
+        let cameras = ring(cameras, 3.0, 128);
+        cameras.iter().enumerate().map(|(i, camera)| view(i, camera, shapes, pattern)).collect()
+    }
+
+    fn carve(views: &[(AnchorView, Vec<f32>)], voxels: usize) -> Result<Hull, AnchorError> {
+        let silhouette =
+            |(view, _): &(AnchorView, Vec<f32>)| Silhouette::new(&Eye::new(&view.camera), &view.photograph);
+        Hull::carve(views.iter().map(silhouette).collect(), HullSettings { voxels, misses: 1 })
+    }
+
+    /// Errors of the depths of a view in voxels, sorted, and the share of its pixels that have one.
+    fn errors(hull: &Hull, (view, depths): &(AnchorView, Vec<f32>)) -> (Vec<f64>, f64) {
+        let spans = hull.spans(&Eye::new(&view.camera), |pixel| depths[pixel] > 0.0);
+        let found = spans.iter().zip(depths).filter(|(span, _)| span[0] > 0.0);
+        let mut errors: Vec<f64> =
+            found.map(|(span, depth)| f64::from((span[0] - depth).abs()) / hull.voxel).collect();
+        errors.sort_by(f64::total_cmp);
+        let share = errors.len() as f64 / depths.iter().filter(|depth| **depth > 0.0).count() as f64;
+        (errors, share)
+    }
+
+    #[test]
+    fn depths_are_within_a_voxel_of_spheres_and_limbs() {
+        let views = seen(&body(), 32);
+        let hull = carve(&views, 64).unwrap();
+        for i in [0, 7] {
+            let (errors, share) = errors(&hull, &views[i]);
+            let (median, p90) = (errors[errors.len() / 2], errors[errors.len() * 9 / 10]);
+            assert!(median < 0.5 && p90 < 1.5 && share > 0.99, "{median} {p90} {share}");
+        }
+        assert!(hull.centroid().length() < 0.1);
+    }
+
+    #[test]
+    fn a_small_subject_far_from_the_middle_fills_the_grid() {
+        let views = seen(&[sphere(DVec3::new(0.3, -0.2, 0.1), 0.03)], 16);
+        let hull = carve(&views, 32).unwrap();
+        assert!(hull.voxel < 0.006, "{}", hull.voxel);
+        assert!(hull.centroid().distance(DVec3::new(0.3, -0.2, 0.1)) < 0.006);
+    }
+
+    #[test]
+    fn a_wrong_mask_and_an_empty_one_do_no_harm() {
+        let mut views = seen(&body(), 16);
+        views[3].0.photograph.pixels.fill([0; 4]);
+        for pixel in &mut views[5].0.photograph.pixels[..128 * 70] {
+            *pixel = [0; 4];
+        }
+        let (errors, share) = errors(&carve(&views, 64).unwrap(), &views[0]);
+        assert!(errors[errors.len() / 2] < 1.0 && share > 0.99);
+    }
+
+    /// What a lens left blank is not background.
+    #[test]
+    fn what_is_not_seen_does_not_vote() {
+        let mut views = seen(&body(), 16);
+        for (view, _) in &mut views[..4] {
+            view.photograph.seen = (0..128 * 128).map(|i| i % 128 < 64).collect();
+            for (i, pixel) in view.photograph.pixels.iter_mut().enumerate() {
+                *pixel = if i % 128 < 64 { *pixel } else { [0; 4] };
+            }
+        }
+        let (errors, share) = errors(&carve(&views, 64).unwrap(), &views[8]);
+        assert!(errors[errors.len() / 2] < 1.0 && share > 0.99);
+    }
+
+    #[test]
+    fn from_inside_the_subject_there_is_no_depth() {
+        let mut views = seen(&body(), 16);
+        let inside = codec::Camera::look_at([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, 32, 32);
+        let (mut within, _) = view(16, &inside, &[], pattern);
+        within.photograph.pixels.fill([9, 9, 9, 255]);
+        views.push((within, vec![1.0; 32 * 32]));
+        let hull = carve(&views, 64).unwrap();
+        assert!(hull.spans(&Eye::new(&inside), |_| true).iter().all(|span| *span == [0.0; 2]));
+        assert!(errors(&hull, &views[0]).1 > 0.99);
+    }
+
+    #[test]
+    fn without_silhouettes_there_is_no_hull() {
+        let fault = |views: &[(AnchorView, Vec<f32>)]| carve(views, 32).err();
+        let views = seen(&body(), 16);
+        let mut full = views.clone();
+        full.iter_mut().for_each(|(view, _)| view.photograph.pixels.fill([9, 9, 9, 255]));
+        assert_eq!(fault(&full), Some(AnchorError::NoMasks));
+        assert_eq!(fault(&seen(&[], 16)), Some(AnchorError::NoSubject));
+        assert_eq!(fault(&views[..1]), Some(AnchorError::OneView));
+        // Each camera sees something elsewhere.
+        let apart: Vec<_> = (0..4)
+            .map(|i| {
+                let y = f64::from(i) * 0.2 - 0.3;
+                view(
+                    i as usize,
+                    &ring(4, 3.0, 128)[i as usize],
+                    &[sphere(DVec3::new(0.0, y, 0.0), 0.02)],
+                    pattern,
+                )
+            })
+            .collect();
+        assert_eq!(fault(&apart), Some(AnchorError::NoHull));
+        // A camera twice: parallel axes, and no end in depth but that of the search.
+        assert!(fault(&[views[0].clone(), views[0].clone()]).is_some());
+    }
+}

@@ -1,0 +1,358 @@
+//! Plane sweep: where behind the hull's surface the photographs agree.
+//!
+//! A pixel of the subject tries depths from where its ray enters the hull to a little behind; at each
+//! the window around it is looked up in the nearest other views, and the depth at which it looks most
+//! alike is taken, by zero-mean normalised cross-correlation (Collins, 1996; the mean of the best half
+//! of the views leaves out those that something hides it from, as Kang, Szeliski and Chai, 2001,
+//! have it). Where nothing is alike, or neighbours see through the point, the hull's depth stays.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::DepthMap;
+use super::eye::Eye;
+use super::hull::Hull;
+use super::silhouette::is_subject;
+use crate::fit::Photograph;
+
+/// How depths are swept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SweepSettings {
+    /// Number of depths that a pixel tries, the hull's included; taken to `[2, 256]`.
+    pub depths: usize,
+    /// Photographs are shrunk by a whole number to be about this wide or high, whichever is more.
+    pub size: u32,
+}
+
+impl Default for SweepSettings {
+    fn default() -> SweepSettings {
+        SweepSettings { depths: 16, size: 512 }
+    }
+}
+
+/// Number of other views that a view is compared with, and how many of them must agree.
+const NEIGHBORS: usize = 4;
+const BEST: usize = 2;
+
+/// Cosines of the least and the greatest angle between two views of the subject: nearer ones see
+/// no depth, farther ones another side.
+const ANGLES: [f64; 2] = [0.9998, 0.5];
+
+/// The window reaches this far to either side.
+const REACH: i32 = 2;
+
+/// Least number of its pixels that must show the subject.
+const LEAST_PIXELS: usize = 13;
+
+/// Least standard deviation of the window's brightness, of 1: below there is noise.
+const LEAST_CONTRAST: f32 = 2.0 / 255.0;
+
+/// How alike it must look at the best depth, and by how much more than at the hull's.
+const LEAST_SCORE: f32 = 0.7;
+const LEAST_GAIN: f32 = 0.05;
+
+/// How far behind the hull to look: voxels, or a share of the hull's thickness.
+const REACH_VOXELS: f64 = 3.0;
+const REACH_THICKNESS: f64 = 0.05;
+
+/// A photograph as it is compared.
+struct Plate {
+    eye: Eye,
+    /// Brightness over black.
+    luma: Vec<f32>,
+    subject: Vec<bool>,
+    spans: Vec<[f32; 2]>,
+    /// The other views to compare with, nearest first.
+    neighbors: Vec<usize>,
+}
+
+/// Depth maps of the views whose place in `wanted` is true, empty ones for the others.
+pub(super) fn sweep(
+    settings: SweepSettings,
+    hull: &Hull,
+    views: &[(&Eye, &Photograph)],
+    wanted: &[bool],
+) -> Vec<DepthMap> {
+    let middle = hull.centroid();
+    let neighbors: Vec<Vec<usize>> = (0..views.len()).map(|i| nearest(views, i, middle)).collect();
+    // A neighbour's depths are what a view's are checked by.
+    let needed = |i: usize| wanted[i] || (0..views.len()).any(|j| wanted[j] && neighbors[j].contains(&i));
+    let plates: Vec<Plate> = (0..views.len())
+        .into_par_iter()
+        .map(|i| {
+            let (eye, photograph) = views[i];
+            let mut plate = shrunk(eye, photograph, settings.size);
+            if needed(i) {
+                plate.spans = hull.spans(&plate.eye, |pixel| plate.subject[pixel]);
+            }
+            plate.neighbors = neighbors[i].clone();
+            plate
+        })
+        .collect();
+    let matched: Vec<Vec<f32>> = (0..plates.len())
+        .map(|i| if needed(i) { matched(&plates, i, settings.depths, hull.voxel) } else { Vec::new() })
+        .collect();
+    let checked = |i: usize| match wanted[i] {
+        true => checked(&plates, &matched, i, hull.voxel),
+        false => DepthMap { width: 0, height: 0, depths: Vec::new() },
+    };
+    (0..plates.len()).map(checked).collect()
+}
+
+/// The views that look at `middle` from nearest to where view `i` does.
+fn nearest(views: &[(&Eye, &Photograph)], i: usize, middle: DVec3) -> Vec<usize> {
+    let towards = |i: usize| (middle - views[i].0.position).normalize_or_zero();
+    let cosine = |other: usize| towards(i).dot(towards(other));
+    let mut others: Vec<usize> = (0..views.len())
+        .filter(|other| *other != i && cosine(*other) < ANGLES[0] && cosine(*other) > ANGLES[1])
+        .collect();
+    others.sort_by(|a, b| cosine(*b).total_cmp(&cosine(*a)));
+    others.truncate(NEIGHBORS);
+    others
+}
+
+fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> Plate {
+    let factor = ((eye.size[0].max(eye.size[1]) + size / 2) / size.max(1)).max(1);
+    let factor = factor.min(eye.size[0]).min(eye.size[1]);
+    let eye = eye.shrunk(factor);
+    let [width, height] = eye.size;
+    let (mut luma, mut subject) = (Vec::new(), Vec::new());
+    for pixel in 0..width * height {
+        let (mut sum, mut shown) = (0, 0);
+        for part in 0..factor * factor {
+            let x = pixel % width * factor + part % factor;
+            let y = pixel / width * factor + part / factor;
+            let at = y as usize * photograph.width as usize + x as usize;
+            // Rec. 601, in 1/256.
+            let [r, g, b, _] = photograph.pixels[at].map(u32::from);
+            sum += 77 * r + 150 * g + 29 * b;
+            shown += u32::from(is_subject(photograph, at));
+        }
+        luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
+        subject.push(2 * shown > factor * factor);
+    }
+    Plate { eye, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
+}
+
+/// What a window looks like: brightness less its mean, over its norm.
+struct Window {
+    /// Of each pixel, its ray as `Vec3` of its place, and its brightness.
+    pixels: Vec<(Vec3, f32)>,
+}
+
+impl Window {
+    /// The window around a pixel; `None` where there is too little to compare.
+    fn around(plate: &Plate, x: i32, y: i32) -> Option<Window> {
+        let [width, height] = plate.eye.size.map(|n| n as i32);
+        let mut pixels = Vec::with_capacity((2 * REACH as usize + 1).pow(2));
+        for v in (y - REACH).max(0)..(y + REACH + 1).min(height) {
+            for u in (x - REACH).max(0)..(x + REACH + 1).min(width) {
+                let at = (v * width + u) as usize;
+                if plate.subject[at] {
+                    pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), plate.luma[at]));
+                }
+            }
+        }
+        if pixels.len() < LEAST_PIXELS {
+            return None;
+        }
+        let n = pixels.len() as f32;
+        let mean = pixels.iter().map(|(_, luma)| luma).sum::<f32>() / n;
+        let norm = pixels.iter().map(|(_, luma)| (luma - mean).powi(2)).sum::<f32>().sqrt();
+        if norm < LEAST_CONTRAST * n.sqrt() {
+            return None;
+        }
+        for (_, luma) in &mut pixels {
+            *luma = (*luma - mean) / norm;
+        }
+        Some(Window { pixels })
+    }
+
+    /// How alike it looks in `other` if it is `depth` away, -1 to 1; `rays` are those of its pixels
+    /// there.
+    fn likeness(&self, other: &Plate, rays: &[Vec3], offset: Vec3, depth: f32) -> Option<f32> {
+        let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
+        for ((_, luma), ray) in self.pixels.iter().zip(rays) {
+            let at = depth * *ray + offset;
+            let there = brightness(other, at)?;
+            sum += there;
+            squares += there * there;
+            product += luma * there;
+        }
+        let n = self.pixels.len() as f32;
+        let variance = (squares - sum * sum / n) / n;
+        // The window's own sum is 0, so the other's mean does not matter to the product.
+        Some(if variance < LEAST_CONTRAST.powi(2) { 0.0 } else { product / (variance * n).sqrt() })
+    }
+}
+
+/// Brightness at a place given as pixel times depth, and depth; `None` outside the image.
+fn brightness(plate: &Plate, at: Vec3) -> Option<f32> {
+    let [width, height] = plate.eye.size;
+    let (x, y) = (at.x / at.z - 0.5, at.y / at.z - 0.5);
+    let within = at.z > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
+    if !within {
+        return None;
+    }
+    let (left, top) = (x as usize, y as usize);
+    let (u, v) = (x - left as f32, y - top as f32);
+    let row = |top: usize| {
+        let at = top * width as usize + left;
+        plate.luma[at] + u * (plate.luma[at + 1] - plate.luma[at])
+    };
+    let (above, below) = (row(top), row(top + 1));
+    Some(above + v * (below - above))
+}
+
+/// The depths of view `i` at which it looks most like its neighbours; the hull's where it looks like
+/// them at none.
+fn matched(plates: &[Plate], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
+    let plate = &plates[i];
+    let depths = depths.clamp(2, 256);
+    // Rays of this view in each other: pixel times depth = depth * (matrix * pixel) + offset.
+    let others: Vec<_> = plate
+        .neighbors
+        .iter()
+        .map(|&other| {
+            let eye = &plates[other].eye;
+            let matrix = eye.pixel_from_world * plate.eye.world_from_pixel;
+            let offset = eye.pixel_from_world * plate.eye.position + eye.offset;
+            (&plates[other], matrix.as_mat3(), offset.as_vec3())
+        })
+        .collect();
+    let width = plate.eye.size[0] as usize;
+    let mut swept: Vec<f32> = plate.spans.iter().map(|[enter, _]| *enter).collect();
+    swept.par_iter_mut().enumerate().filter(|(_, depth)| **depth > 0.0).for_each(|(pixel, depth)| {
+        let (x, y) = (pixel % width, pixel / width);
+        let Some(window) = Window::around(plate, x as i32, y as i32) else { return };
+        let [enter, leave] = plate.spans[pixel];
+        let ray = plate.eye.ray([x as u32, y as u32]).length();
+        let behind = (REACH_VOXELS * voxel / ray) as f32;
+        let behind = behind.max(REACH_THICKNESS as f32 * (leave - enter)).min(leave - enter);
+        let step = behind / (depths - 1) as f32;
+        let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths];
+        for (slot, (other, matrix, offset)) in others.iter().enumerate() {
+            let rays: Vec<Vec3> = window.pixels.iter().map(|(place, _)| *matrix * *place).collect();
+            for (k, scores) in scores.iter_mut().enumerate() {
+                let likeness = window.likeness(other, &rays, *offset, enter + k as f32 * step);
+                scores[slot] = likeness.unwrap_or(f32::NEG_INFINITY);
+            }
+        }
+        let best = BEST.min(others.len().max(1));
+        let scores: Vec<f32> = scores
+            .into_iter()
+            .map(|mut of| {
+                of.sort_by(|a, b| b.total_cmp(a));
+                of[..best].iter().sum::<f32>() / best as f32
+            })
+            .collect();
+        *depth = enter + step * peak(&scores);
+    });
+    swept
+}
+
+/// Where the scores are highest, in steps from the first, between two by a parabola; 0 where no
+/// score is high.
+fn peak(scores: &[f32]) -> f32 {
+    let Some(k) = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])) else { return 0.0 };
+    let gains = scores[k] > scores[0] + LEAST_GAIN || !scores[0].is_finite();
+    if scores[k] < LEAST_SCORE || !gains {
+        return 0.0;
+    }
+    let near = |k: Option<usize>| k.and_then(|k| scores.get(k)).copied().filter(|s| s.is_finite());
+    let aside = match (near(k.checked_sub(1)), near(Some(k + 1))) {
+        (Some(before), Some(after)) => {
+            let curve = before - 2.0 * scores[k] + after;
+            if curve < 0.0 { (0.5 * (before - after) / curve).clamp(-0.5, 0.5) } else { 0.0 }
+        }
+        _ => 0.0,
+    };
+    k as f32 + aside
+}
+
+/// The matched depths of view `i` that a neighbour's depths confirm, and the hull's for the others.
+///
+/// A neighbour confirms a point within a voxel of its own surface, and denies one that it sees
+/// through; of one behind its surface it says nothing.
+fn checked(plates: &[Plate], matched: &[Vec<f32>], i: usize, voxel: f64) -> DepthMap {
+    let plate = &plates[i];
+    let [width, height] = plate.eye.size;
+    let depth = |pixel: usize| {
+        let (found, [enter, _]) = (matched[i][pixel], plate.spans[pixel]);
+        if found == enter {
+            return enter;
+        }
+        let pixel = pixel as u32;
+        let ray = plate.eye.ray([pixel % width, pixel / width]);
+        let point = plate.eye.position + f64::from(found) * ray;
+        let mut votes = 0;
+        for &other in &plate.neighbors {
+            let eye = &plates[other].eye;
+            let Some((place, there)) = eye.project(point) else { continue };
+            let Some(at) = eye.pixel(place).filter(|at| matched[other][*at] > 0.0) else { continue };
+            let before = f64::from(matched[other][at]) - there;
+            votes += if before.abs() < voxel { 1 } else { -i32::from(before > 0.0) };
+        }
+        if votes > 0 { found } else { enter }
+    };
+    let depths = (0..(width * height) as usize).into_par_iter().map(depth).collect();
+    DepthMap { width, height, depths }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anchor::hull::HullSettings;
+    use crate::anchor::scene::{pattern, ring, sphere, view};
+    use crate::anchor::silhouette::Silhouette;
+
+    /// Mean errors of the hull's and of swept depths where the hull is far from the surface: in view 0
+    /// of four balls with a smaller one between them, in a hollow that no silhouette shows.
+    fn errors(color: fn(DVec3) -> [u8; 3]) -> [f64; 2] {
+        let ball = |x: f64, y: f64| sphere(DVec3::new(x, y, 0.0), 0.22);
+        let small = sphere(DVec3::ZERO, 0.17);
+        let shapes = [ball(0.2, 0.2), ball(-0.2, 0.2), ball(0.2, -0.2), ball(-0.2, -0.2), small];
+        let views: Vec<_> =
+            ring(24, 3.0, 200).iter().enumerate().map(|(i, c)| view(i, c, &shapes, color)).collect();
+        let eyes: Vec<Eye> = views.iter().map(|(view, _)| Eye::new(&view.camera)).collect();
+        let silhouettes =
+            eyes.iter().zip(&views).map(|(eye, (view, _))| Silhouette::new(eye, &view.photograph));
+        let hull = Hull::carve(silhouettes.collect(), HullSettings { voxels: 64, misses: 0 }).unwrap();
+        let pairs: Vec<_> = eyes.iter().zip(views.iter().map(|(view, _)| &view.photograph)).collect();
+        let wanted: Vec<bool> = (0..24).map(|i| i == 0).collect();
+        let swept = sweep(SweepSettings::default(), &hull, &pairs, &wanted);
+        assert!(swept[1..].iter().all(|map| map.depths.is_empty()));
+        let spans = hull.spans(&eyes[0], |pixel| views[0].1[pixel] > 0.0);
+        let far: Vec<[f32; 2]> = (0..spans.len())
+            .map(|i| [spans[i][0] - views[0].1[i], swept[0].depths[i] - views[0].1[i]])
+            .zip(&spans)
+            .filter(|(error, span)| span[0] > 0.0 && error[0].abs() > 0.015)
+            .map(|(error, _)| error)
+            .collect();
+        assert!(far.len() > 100, "{}", far.len());
+        [0, 1].map(|k| far.iter().map(|error| f64::from(error[k].abs())).sum::<f64>() / far.len() as f64)
+    }
+
+    #[test]
+    fn a_pattern_is_found_in_a_hollow() {
+        let [hull, swept] = errors(pattern);
+        assert!(swept < 0.7 * hull, "hull {hull}, swept {swept}");
+    }
+
+    #[test]
+    fn without_a_pattern_the_hull_stays() {
+        for color in [|_| [0; 3], |_| [200, 100, 50]] as [fn(DVec3) -> [u8; 3]; 2] {
+            let [hull, swept] = errors(color);
+            assert!((swept - hull).abs() < 0.05 * hull, "hull {hull}, swept {swept}");
+        }
+    }
+
+    #[test]
+    fn peaks_lie_between_steps_and_only_where_they_are_high() {
+        let parabola: Vec<f32> = (0..9).map(|k| 0.95 - 0.02 * (k as f32 - 4.3).powi(2)).collect();
+        assert!((peak(&parabola) - 4.3).abs() < 1e-4);
+        assert_eq!(peak(&parabola.iter().map(|s| s - 0.5).collect::<Vec<_>>()), 0.0);
+        assert_eq!(peak(&[0.9, 0.91, 0.92]), 0.0);
+        assert_eq!(peak(&[f32::NEG_INFINITY; 3]), 0.0);
+    }
+}
