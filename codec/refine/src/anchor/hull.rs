@@ -28,9 +28,6 @@ impl Default for HullSettings {
     }
 }
 
-/// Of the views, at least one in so many must show a point for it to belong to the hull, and two.
-const SEEN_BY: usize = 4;
-
 /// Cells along each side of the box while it is looked for, and how often it may shrink: every time
 /// it has been less than 0.9 as large as before, so that a fly in a hall is found too.
 const SEARCH_CELLS: u32 = 24;
@@ -91,7 +88,10 @@ impl Hull {
         self.low + self.voxel * (cell.as_dvec3() + 0.5)
     }
 
-    /// Whether enough silhouettes show something, and hardly any shows that it is not there.
+    /// Whether most silhouettes show something, and hardly any shows that it is not there.
+    ///
+    /// Most, for what stands right before a camera is in its silhouette and in that of the camera
+    /// opposite, and the others do not see it.
     fn agree(&self, votes: impl Iterator<Item = Option<bool>>) -> bool {
         let (mut shown, mut missed) = (0, 0);
         for vote in votes.flatten() {
@@ -103,7 +103,7 @@ impl Hull {
                 return false;
             }
         }
-        shown >= (self.silhouettes.len() / SEEN_BY).max(2)
+        shown > self.silhouettes.len() / 2
     }
 
     /// Whether a point belongs to the hull.
@@ -140,9 +140,6 @@ impl Hull {
                     self.agree(self.silhouettes.iter().map(|silhouette| silhouette.near(center, radius)))
                 })
                 .collect();
-            if cfg!(test) {
-                eprintln!("box {low} {high} kept {}", kept.len());
-            }
             let first = kept.iter().copied().reduce(UVec3::min)?;
             let last = kept.iter().copied().reduce(UVec3::max)?;
             let before = high - low;

@@ -61,11 +61,11 @@ impl Silhouette {
     pub(super) fn near(&self, center: DVec3, radius: f64) -> Option<bool> {
         let depth = (center - self.eye.position).dot(self.eye.forward);
         let away = center.distance(self.eye.position);
-        if depth < -radius {
-            return None;
-        }
         if depth <= radius {
-            return Some(true);
+            // Around the camera, or beside it: what is in front of it goes no farther than this.
+            let [x, y] = self.eye.size.map(|n| f64::from(n) / self.eye.focal);
+            let reach = radius * (1.0 + 2.0 * (1.0 + x * x + y * y).sqrt());
+            return (depth >= -radius && away < reach).then_some(true);
         }
         // The outline of a ball off the axis is an ellipse, stretched by distance over depth.
         let extent = self.eye.focal * radius / (depth - radius) * (away / depth);

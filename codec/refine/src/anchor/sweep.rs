@@ -26,7 +26,7 @@ pub struct SweepSettings {
 
 impl Default for SweepSettings {
     fn default() -> SweepSettings {
-        SweepSettings { depths: 16, size: 256 }
+        SweepSettings { depths: 16, size: 512 }
     }
 }
 
@@ -306,34 +306,37 @@ mod tests {
     use crate::anchor::scene::{pattern, ring, sphere, view};
     use crate::anchor::silhouette::Silhouette;
 
-    /// Mean errors of the hull's and of swept depths of view 0 of a ball between a few cameras, whose
-    /// hull is a polyhedron with corners.
+    /// Mean errors of the hull's and of swept depths where the hull is far from the surface: in view 0
+    /// of four balls with a smaller one between them, in a hollow that no silhouette shows.
     fn errors(color: fn(DVec3) -> [u8; 3]) -> [f64; 2] {
-        let shapes = [sphere(DVec3::ZERO, 0.5)];
+        let ball = |x: f64, y: f64| sphere(DVec3::new(x, y, 0.0), 0.22);
+        let small = sphere(DVec3::ZERO, 0.17);
+        let shapes = [ball(0.2, 0.2), ball(-0.2, 0.2), ball(0.2, -0.2), ball(-0.2, -0.2), small];
         let views: Vec<_> =
-            ring(12, 3.0, 160).iter().enumerate().map(|(i, c)| view(i, c, &shapes, color)).collect();
+            ring(24, 3.0, 200).iter().enumerate().map(|(i, c)| view(i, c, &shapes, color)).collect();
         let eyes: Vec<Eye> = views.iter().map(|(view, _)| Eye::new(&view.camera)).collect();
         let silhouettes =
             eyes.iter().zip(&views).map(|(eye, (view, _))| Silhouette::new(eye, &view.photograph));
         let hull = Hull::carve(silhouettes.collect(), HullSettings { voxels: 64, misses: 0 }).unwrap();
         let pairs: Vec<_> = eyes.iter().zip(views.iter().map(|(view, _)| &view.photograph)).collect();
-        let wanted: Vec<bool> = (0..12).map(|i| i == 0).collect();
+        let wanted: Vec<bool> = (0..24).map(|i| i == 0).collect();
         let swept = sweep(SweepSettings::default(), &hull, &pairs, &wanted);
         assert!(swept[1..].iter().all(|map| map.depths.is_empty()));
         let spans = hull.spans(&eyes[0], |pixel| views[0].1[pixel] > 0.0);
-        let enter: Vec<f32> = spans.iter().map(|span| span[0]).collect();
-        [&enter, &swept[0].depths].map(|depths| {
-            let pairs =
-                depths.iter().zip(&views[0].1).filter(|(depth, truth)| **depth > 0.0 && **truth > 0.0);
-            let errors: Vec<f64> = pairs.map(|(depth, truth)| f64::from((depth - truth).abs())).collect();
-            errors.iter().sum::<f64>() / errors.len() as f64
-        })
+        let far: Vec<[f32; 2]> = (0..spans.len())
+            .map(|i| [spans[i][0] - views[0].1[i], swept[0].depths[i] - views[0].1[i]])
+            .zip(&spans)
+            .filter(|(error, span)| span[0] > 0.0 && error[0].abs() > 0.015)
+            .map(|(error, _)| error)
+            .collect();
+        assert!(far.len() > 100, "{}", far.len());
+        [0, 1].map(|k| far.iter().map(|error| f64::from(error[k].abs())).sum::<f64>() / far.len() as f64)
     }
 
     #[test]
-    fn a_pattern_is_found_inside_the_hull() {
+    fn a_pattern_is_found_in_a_hollow() {
         let [hull, swept] = errors(pattern);
-        assert!(swept < 0.5 * hull, "hull {hull}, swept {swept}");
+        assert!(swept < 0.7 * hull, "hull {hull}, swept {swept}");
     }
 
     #[test]
