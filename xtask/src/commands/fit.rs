@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::{Parser, ValueEnum};
@@ -12,7 +12,7 @@ use refine::fit::{Cpu, DensityRule};
 use serde_json::json;
 use xtask::capture::Footage;
 use xtask::export::field_file;
-use xtask::fit::{self, DepthScale, Fitted, Progress, Settings, Shots, Start, log};
+use xtask::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
 use xtask::output;
 
 use super::capture::{Cut, describe, load_lpips};
@@ -67,6 +67,9 @@ pub(crate) struct Args {
     /// Captured frames per second
     #[arg(long, default_value_t = 30.0, value_parser = positive)]
     fps: f32,
+    /// Seconds between checkpoints
+    #[arg(long, value_name = "S", default_value_t = 120.0, value_parser = positive)]
+    checkpoint_every: f32,
     /// Seed of all chance
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -144,12 +147,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut backend = match args.backend {
         Engine::Cpu => Cpu,
     };
+    let runtime = Runtime {
+        backend: &mut backend,
+        lpips: lpips.as_ref(),
+        checkpoint_every: Duration::from_secs_f32(args.checkpoint_every),
+    };
     let bar = ProgressBar::new(settings.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
-    let fitted =
-        fit::fit(&settings, &footage, &shots, lpips.as_ref(), &mut backend, &out, &mut |progress| {
-            show(&bar, progress);
-        })?;
+    let fitted = fit::fit(&settings, &footage, &shots, runtime, &out, &mut |progress| {
+        show(&bar, progress);
+    })?;
     bar.finish_and_clear();
     let info = fit::info(&footage, args.fps);
     output::write(&out, &field_file(&fitted.field, &info))?;

@@ -30,9 +30,6 @@ pub use start::{DepthScale, Start};
 /// Lines of the table over a whole fit.
 const LINES: u64 = 50;
 
-/// Time between two checkpoints.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
-
 /// Time between two calls to the caller, which draws progress.
 const SHOW_EVERY: Duration = Duration::from_millis(200);
 
@@ -58,6 +55,16 @@ pub struct Settings {
     /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
     /// of its cameras.
     pub capture: String,
+}
+
+/// With what a fit is carried out.
+pub struct Runtime<'a> {
+    /// Draws.
+    pub backend: &'a mut dyn Backend,
+    /// The network of LPIPS; without it the loss is without that part.
+    pub lpips: Option<&'a Lpips<f32>>,
+    /// Time between two checkpoints.
+    pub checkpoint_every: Duration,
 }
 
 /// How far a fit is.
@@ -100,11 +107,17 @@ pub fn fit(
     settings: &Settings,
     footage: &Footage,
     shots: &Shots,
-    lpips: Option<&Lpips<f32>>,
-    backend: &mut dyn Backend,
+    runtime: Runtime,
     out: &Path,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> anyhow::Result<Fitted> {
+    let Runtime { lpips, backend, checkpoint_every } = runtime;
+    if let Some(lpips) = lpips {
+        for camera in &footage.capture.cameras {
+            let (width, height) = (camera.camera.width as usize, camera.camera.height as usize);
+            lpips.check_size(width, height).map_err(|error| Fault::Usage(error.to_string()))?;
+        }
+    }
     let path = checkpoint::path_for(out);
     let Checkpoint { mut fit, seconds: before, mut entries, .. } = match Checkpoint::load(&path, settings)? {
         Some(checkpoint) => checkpoint,
@@ -139,7 +152,7 @@ pub fn fit(
             (loss, drawn, count) = (0.0, 0, 0);
             leave_traces(out, &entries, &fit, shots, backend)?;
         }
-        if saved.elapsed() >= CHECKPOINT_EVERY && !fit.is_done() {
+        if saved.elapsed() >= checkpoint_every && !fit.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
             let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries };
             checkpoint.save(&path)?;

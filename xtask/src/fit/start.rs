@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use anyhow::bail;
 use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
 use refine::capture::CaptureShot;
 use refine::fit::{Fit, Parameters, Shot};
@@ -72,6 +73,9 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
             Parameters::from_field(&field, shots.clock)
         }
     };
+    if parameters.is_empty() {
+        bail!(Fault::Data("there is no Gaussian to start from".into()));
+    }
     let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
     Ok(Fit::new(settings.of_fit(), parameters, shots.clock, cameras))
 }

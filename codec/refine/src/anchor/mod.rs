@@ -16,6 +16,7 @@ mod flow;
 mod ground;
 mod hull;
 mod mirror;
+mod scatter;
 #[cfg(test)]
 mod scene;
 mod silhouette;
@@ -31,6 +32,7 @@ pub use align::Alignment;
 pub use depth_map::DepthMap;
 pub use error::AnchorError;
 pub use hull::HullSettings;
+pub use scatter::scatter;
 pub use sweep::SweepSettings;
 
 use crate::fit::{Clock, Parameters, Photograph};

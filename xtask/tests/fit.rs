@@ -1,0 +1,144 @@
+//! `cargo xtask fit` and what it takes a capture to: on a stage that a ray tracer made.
+
+mod tool;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::{TempDir, tempdir};
+use tool::xtask;
+
+/// A folder with a stage of eight cameras and five frames.
+fn studio() -> TempDir {
+    let folder = tempdir().unwrap();
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "8", "--frames", "5", "--size", "48x48"];
+    assert_eq!(xtask(folder.path(), &stage).code, Some(0));
+    folder
+}
+
+fn fit(folder: &Path, more: &[&str]) -> Value {
+    let args = [&["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--json"], more].concat();
+    xtask(folder, &args).json()
+}
+
+/// PSNR of the subject in a split.
+fn measured(folder: &Path, split: &str) -> f64 {
+    let json = xtask(folder, &["eval", "field.ply", "--capture", "stage", "--json"]).json();
+    json["splits"][split]["psnr_fg"].as_f64().unwrap()
+}
+
+#[test]
+fn a_fit_shows_what_it_has_not_seen() {
+    let folder = studio();
+    let folder = folder.path();
+    let json = fit(folder, &["--steps", "600", "--gaussians", "1500", "--anchor", "hull"]);
+    assert_eq!((json["steps"].as_u64(), json["non_finite"].as_u64()), (Some(600), Some(0)));
+    assert!(json["gaussians"].as_u64() >= json["gaussians_at_start"].as_u64(), "{json}");
+    let (held_frames, both_held) = (measured(folder, "interp_b"), measured(folder, "interp_a"));
+    println!("held frames {held_frames:.2} dB, held cameras in held frames {both_held:.2} dB");
+    assert!(held_frames > 18.0 && both_held > 15.0, "{held_frames} {both_held}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let size = image::image_dimensions(folder.join("field.fit.png")).unwrap();
+    assert_eq!(size, (96, 48));
+    assert!(!folder.join("field.checkpoint").exists());
+    // It is a field like any other.
+    assert_eq!(xtask(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code, Some(0));
+
+    // Nothing to start from is a worse start, with the same number of steps.
+    fit(folder, &["--steps", "600", "--gaussians", "1500", "--anchor", "none"]);
+    let scattered = measured(folder, "interp_b");
+    assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
+}
+
+#[test]
+fn a_killed_fit_ends_as_it_would_have() {
+    let folder = studio();
+    let folder = folder.path();
+    let args =
+        ["fit", "stage", "-o", "field.ply", "--steps", "2000", "--gaussians", "600", "--sh-degree", "0"];
+    let json = [&args[..], &["--json"]].concat();
+    xtask(folder, &json).json();
+    let whole = fs::read(folder.join("field.ply")).unwrap();
+    fs::remove_file(folder.join("field.ply")).unwrap();
+
+    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(folder)
+        .args(args)
+        // Checkpoints are minutes apart otherwise.
+        .args(["--checkpoint-every", "0.05"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !folder.join("field.checkpoint").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no checkpoint");
+        thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!folder.join("field.ply").exists(), "nothing half-written");
+
+    // Another fit does not go on from it.
+    let other = [&args[..], &["--seed", "1"]].concat();
+    let error = xtask(folder, &other).error(2);
+    assert!(error.contains("field.checkpoint is of a fit with other options"), "{error}");
+    let resumed = xtask(folder, &json).json();
+    assert!(resumed["resumed_at"].as_u64().unwrap() > 0, "{resumed}");
+    assert!(fs::read(folder.join("field.ply")).unwrap() == whole, "the same field, bit by bit");
+
+    fs::write(folder.join("field.checkpoint"), b"aarcfit\x01 and then nonsense").unwrap();
+    assert!(xtask(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
+}
+
+#[test]
+fn a_field_is_fitted_further() {
+    let folder = studio();
+    let folder = folder.path();
+    fit(folder, &["--steps", "100", "--gaussians", "600"]);
+    let before = measured(folder, "train");
+    fs::rename(folder.join("field.ply"), folder.join("first.ply")).unwrap();
+    fit(folder, &["--steps", "200", "--gaussians", "600", "--from", "first.ply"]);
+    let after = measured(folder, "train");
+    assert!(after > before + 0.5, "{before} before, {after} after");
+}
+
+#[test]
+fn a_capture_becomes_a_package() {
+    let folder = tempdir().unwrap();
+    let folder = folder.path();
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "4", "--frames", "1", "--size", "16x16"];
+    assert_eq!(xtask(folder, &stage).code, Some(0));
+    // One frame takes 5600 steps by default; a field that is there is not fitted again.
+    let args = ["fit", "stage", "--steps", "50", "--holdout", "none"];
+    assert_eq!(xtask(folder, &args).code, Some(0));
+    let outcome = xtask(folder, &["package", "stage"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("stage.ply is there already"), "{}", outcome.stderr);
+    let json = xtask(folder, &["inspect", "stage.aarc", "--json"]).json();
+    assert_eq!(json["motion_order"], 0, "one frame does not move");
+}
+
+#[test]
+fn what_cannot_be_fitted_is_said_in_one_line() {
+    let folder = studio();
+    let folder = folder.path();
+    let error = |code, more: &[&str]| xtask(folder, &[&["fit", "stage"], more].concat()).error(code);
+    assert!(error(2, &["--frames", "3..9"]).contains("the capture has 0..5"));
+    assert!(error(2, &["--size", "64x64"]).contains("camera 00 has 48x48"));
+    assert!(error(2, &["--cameras", "nobody"]).contains("no camera \"nobody\""));
+    assert!(error(2, &["-o", "no/field.ply"]).contains("no folder no"));
+    assert!(
+        error(3, &["--frames", "1..2", "--held-cameras", "00,01,02,04,05,06,07"]).contains("none is left")
+    );
+    assert!(error(3, &["--cameras", "00"]).contains("visual hull takes two cameras or more"));
+    assert!(error(3, &["--depths", "nowhere"]).contains("no anchor: no depth map"));
+    assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
+    assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");
+}
