@@ -180,7 +180,7 @@ pub fn anchor<E: From<AnchorError>>(
         let time = (clock.frames > 1).then_some(frame.frame);
         let gaussians = surfaces
             .iter()
-            .map(|surface| surface.ground(step, settings, time))
+            .map(|surface| surface.ground(step, surfaces.len(), settings, time))
             .reduce(|mut all, more| {
                 all.append(more);
                 all
