@@ -21,6 +21,10 @@ const OPACITY: f64 = 0.5;
 /// Opacity of what lies behind, by that of what lies in front.
 pub(super) const BEHIND: f64 = 0.5;
 
+/// Of views all around, about one in so many sees a point of the surface: their rays lie that much
+/// denser on it than those of one view.
+const VIEWS_PER_COVER: f64 = 3.0;
+
 /// Standard deviation of a Gaussian, by the distance between sampled rays.
 const SIZE: f64 = 0.7;
 
@@ -61,8 +65,15 @@ impl Surface<'_> {
     }
 
     /// The Gaussians of every `step`-th pixel along either axis, `step` at least 1 and not
-    /// necessarily whole, at frame `frame`.
-    pub(super) fn ground(&self, step: f64, anchor: &Anchor, frame: Option<usize>) -> Parameters<f32> {
+    /// necessarily whole, at frame `frame`. `views` put theirs on the same subject.
+    pub(super) fn ground(
+        &self,
+        step: f64,
+        views: usize,
+        anchor: &Anchor,
+        frame: Option<usize>,
+    ) -> Parameters<f32> {
+        let overlap = (views as f64 / VIEWS_PER_COVER).max(1.0).sqrt();
         let single = |v: glam::DVec3| v.to_array().map(|x| x as f32);
         let mut grounded = Parameters { sh_degree: anchor.sh_degree, ..Parameters::default() };
         for y in lattice(step, self.eye.size[1]) {
@@ -70,7 +81,7 @@ impl Surface<'_> {
                 let Some(depth) = self.depth([x, y]) else { continue };
                 let pixel = y as usize * self.eye.size[0] as usize + x as usize;
                 let ray = self.eye.ray([x, y]);
-                let spacing = depth * step / self.eye.focal;
+                let spacing = depth * step / self.eye.focal / overlap;
                 let mut apart = APART * spacing;
                 if let Some([_, leave]) = self.spans.get(pixel).filter(|[_, leave]| f64::from(*leave) > depth)
                 {

@@ -60,7 +60,8 @@ pub struct Anchor {
     /// How depths are swept.
     pub sweep: SweepSettings,
     /// Whether Gaussians get a velocity from where their nearest neighbours are in the frames before
-    /// and after.
+    /// and after. Off by default: nearest neighbours understate motion, and where the subject moves
+    /// fast the held frames of an anchor with velocities are no better than of one without.
     pub flow: bool,
     /// Width of the Gaussians' windows in frames of the capture. The paper's scale of 1.5 is taken to
     /// count these, not the spacing of the training frames: of two training frames with one held out
@@ -81,7 +82,7 @@ impl Default for Anchor {
             mirror: Mirror::Auto,
             hull: HullSettings::default(),
             sweep: SweepSettings::default(),
-            flow: true,
+            flow: false,
             width: 1.5,
             sh_degree: 3,
             motion_order: 3,
@@ -181,7 +182,7 @@ pub fn anchor<E: From<AnchorError>>(
         let time = (clock.frames > 1).then_some(frame.frame);
         let gaussians = surfaces
             .iter()
-            .map(|surface| surface.ground(step, settings, time))
+            .map(|surface| surface.ground(step, surfaces.len(), settings, time))
             .reduce(|mut all, more| {
                 all.append(more);
                 all
@@ -210,7 +211,7 @@ pub fn anchor<E: From<AnchorError>>(
 }
 
 /// The depths of a frame that its anchor would be put at, one map for each of its views that are in
-/// [`Anchor::views`], in their order; 0 outside the subject.
+/// [`Anchor::views`], in their order; of a hull 0 outside the subject, given ones as far as they go.
 ///
 /// # Errors
 /// Where there is no surface, see [`AnchorError`].

@@ -57,7 +57,7 @@ fn nearest(away: DVec3, ray: DVec3, radius: f64) -> Option<f64> {
 pub(super) fn ring(count: usize, radius: f64, size: u32) -> Vec<Camera> {
     let camera = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / count as f64;
-        let raised = if i % 2 == 0 { 0.1 } else { 0.5 };
+        let raised = if i.is_multiple_of(2) { 0.1 } else { 0.5 };
         let (level, up) = (radius * f64::cos(raised), radius * f64::sin(raised));
         let position = [level * angle.sin(), up, level * angle.cos()];
         Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.7, size, size)

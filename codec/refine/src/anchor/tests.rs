@@ -25,7 +25,7 @@ fn frame(number: usize, cameras: &[Camera]) -> AnchorFrame {
 
 fn settings(source: Source) -> Anchor {
     let hull = HullSettings { voxels: 64, misses: 1 };
-    Anchor { source, hull, gaussians: 2000, ..Anchor::default() }
+    Anchor { source, hull, flow: true, gaussians: 2000, ..Anchor::default() }
 }
 
 fn run(settings: &Anchor, frames: &[AnchorFrame]) -> Result<Parameters<f32>, AnchorError> {
