@@ -80,16 +80,29 @@ impl Scene {
             return Ok(Scene::new(name_of_file(path), import(path)?, None, Overrides::default()));
         }
         let names = list(path)?;
-        let subject = import(&path.join(field_in(path, &names)?))?;
+        Scene::in_folder(path, &path.join(field_in(path, &names)?), &names)
+    }
+
+    /// Reads the scene of a folder that has no field itself, but everything else: `field` is its field.
+    ///
+    /// # Errors
+    /// Those of [`Scene::load`].
+    pub fn load_with(folder: &Path, field: &Path) -> anyhow::Result<Scene> {
+        Scene::in_folder(folder, field, &list(folder)?)
+    }
+
+    /// The scene of a folder with entries `names`.
+    fn in_folder(folder: &Path, field: &Path, names: &[String]) -> anyhow::Result<Scene> {
+        let subject = import(field)?;
         let plate = match names.iter().any(|name| name == PLATE) {
-            true => Some(load_plate(&path.join(PLATE))?),
+            true => Some(load_plate(&folder.join(PLATE))?),
             false => None,
         };
         let overrides = match names.iter().any(|name| name == OVERRIDES) {
-            true => Overrides::load(&path.join(OVERRIDES))?,
+            true => Overrides::load(&folder.join(OVERRIDES))?,
             false => Overrides::default(),
         };
-        Ok(Scene::new(name_of_folder(path), subject, plate, overrides))
+        Ok(Scene::new(name_of_folder(folder), subject, plate, overrides))
     }
 
     /// Whether `path` is a folder with a capture and no field.

@@ -58,7 +58,12 @@ impl Footage {
         // One frame lasts: it is the whole of its clip.
         let duration = if last > first { last - first } else { 1.0 };
         capture.times = times.iter().map(|t| (t - first) / duration).collect();
-        Ok(())
+        // Of some captures every camera took one photograph.
+        let used: Vec<String> = (0..capture.cameras.len())
+            .filter(|camera| capture.shots.iter().any(|shot| shot.camera == *camera))
+            .map(|camera| capture.cameras[camera].name.clone())
+            .collect();
+        self.keep_cameras(&used)
     }
 
     /// Shrinks all photographs to `width` x `height` pixels; their cameras see what they saw.

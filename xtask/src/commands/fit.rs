@@ -1,17 +1,18 @@
 //! `cargo xtask fit`: the photographs of a capture become a field.
 
 use std::ffi::OsStr;
-use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use refine::anchor::Mirror;
 use refine::fit::{Cpu, DensityRule};
 use serde_json::json;
 use xtask::capture::Footage;
 use xtask::export::field_file;
+use xtask::fault::Fault;
 use xtask::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
 use xtask::output;
 
@@ -22,19 +23,27 @@ use super::capture::{Cut, describe, load_lpips};
 pub(crate) struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     capture: PathBuf,
-    /// Field file to write; CAPTURE's name with .ply in the current folder by default. Beside it go
+    /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. Beside it go
     /// the table and the picture of the fit (.fit.csv, .fit.png) and, until it is done, a
     /// .checkpoint, from which the same command goes on
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
-    #[arg(long, value_name = "N")]
-    steps: Option<NonZeroU64>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    steps: Option<u64>,
     #[command(flatten)]
     cut: Cut,
     /// Where the first Gaussians come from
     #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
     anchor: Anchor,
+    /// Cameras whose pixels the anchor puts Gaussians at, by name, as the paper's frontal ones; all by
+    /// default
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    anchor_cameras: Vec<String>,
+    /// Whether the side that they do not see is mirrored from the one they see: auto does so in clips of
+    /// at most nine frames where they stand on one side
+    #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
+    mirror: MirrorWhen,
     /// Folder of depth maps, named as the photographs are, instead: 16-bit PNG in thousandths of a
     /// unit, PFM or NPY
     #[arg(long, value_name = "DIR", conflicts_with = "anchor")]
@@ -43,20 +52,21 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = Scale::Rig, requires = "depths")]
     depth_scale: Scale,
     /// Fitted field or package to go on from instead
-    #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "depths"])]
+    #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror"])]
     from: Option<PathBuf>,
     /// Fewest Gaussians that pruning leaves, and about as many to start with; by default 12000 for
     /// each frame that is fitted to, at most 200000, and fewer for photographs below 512x375
-    #[arg(long, value_name = "N")]
-    gaussians: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    gaussians: Option<u32>,
     /// Prune as if there were no fewest
     #[arg(long)]
     no_floor: bool,
     /// How Gaussians are made and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
-    /// Degree of view-dependent colour
-    #[arg(long, value_name = "0..3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    /// Degree of view-dependent colour; that of FIELD with --from
+    #[arg(long, value_name = "0..3", default_value_t = 3, conflicts_with = "from",
+          value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
     /// Weights of LPIPS (AlexNet or VGG16), safetensors; without them that part of the loss is left out
     #[arg(long, value_name = "FILE")]
@@ -89,6 +99,13 @@ enum Anchor {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
+enum MirrorWhen {
+    Auto,
+    On,
+    Off,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
 enum Scale {
     /// One factor for all: their median is the distance of the cameras, as in the paper
     Rig,
@@ -108,84 +125,109 @@ enum Rule {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Engine {
-    /// All cores; the same result on every machine
+    /// All cores; the same result for any number of them
     Cpu,
 }
 
 fn positive(text: &str) -> Result<f32, String> {
-    let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
-    number.ok_or_else(|| "a positive number".into())
+    let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
+    number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
 /// Fits a capture as it is by default.
-pub(crate) fn run_by_default(capture: &Path, out: &Path) -> anyhow::Result<()> {
+pub(super) fn by_default(capture: &Path, out: &Path) -> anyhow::Result<()> {
     /// The arguments as a command line of their own.
     #[derive(clap::Parser)]
     struct Alone {
         #[command(flatten)]
         args: Args,
     }
-    let words = [OsStr::new("fit"), capture.as_os_str(), OsStr::new("--out"), out.as_os_str()];
-    run(&Alone::try_parse_from(words)?.args)
+    let words = [OsStr::new("fit"), capture.as_os_str()];
+    fit_to(out, &Alone::try_parse_from(words)?.args).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let began = Instant::now();
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", name_of(&args.capture))));
-    output::check(&out)?;
+    let done = fit_to(&out, args)?;
+    report(args, &done, &out, began)
+}
+
+/// A fit that is done.
+struct Done {
+    settings: Settings,
+    fitted: Fitted,
+    splits: String,
+}
+
+/// Fits as the arguments say, but to the field file `out`.
+fn fit_to(out: &Path, args: &Args) -> anyhow::Result<Done> {
+    output::check(out)?;
+    if out.extension() != Some(OsStr::new("ply")) {
+        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
+    }
     let footage = args.cut.open(&args.capture)?;
     let holdout = args.cut.holdout();
     let splits = describe(&footage, holdout)?;
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
 
-    let bar = ProgressBar::new(footage.capture.shots.len() as u64)
-        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} photographs")?);
+    let bar =
+        ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {pos} photographs")?);
     let shots = Shots::load(&footage, holdout, || bar.inc(1))?;
     bar.finish_and_clear();
 
-    let settings = settings(args, &footage, &shots);
+    let settings = settings(args, &footage, &shots)?;
     let mut backend = match args.backend {
         Engine::Cpu => Cpu,
     };
     let runtime = Runtime {
         backend: &mut backend,
         lpips: lpips.as_ref(),
-        checkpoint_every: Duration::from_secs_f32(args.checkpoint_every),
+        checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
     let bar = ProgressBar::new(settings.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
-    let fitted = fit::fit(&settings, &footage, &shots, runtime, &out, &mut |progress| {
-        show(&bar, progress);
-    })?;
+    bar.println(&splits);
+    let fitted = fit::fit(&settings, &footage, &shots, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::info(&footage, args.fps);
-    output::write(&out, &field_file(&fitted.field, &info))?;
-    fit::forget_checkpoint(&out)?;
-    report(args, &settings, &fitted, &splits, &out, began)
+    output::write(out, &field_file(&fitted.field, &fit::info(&footage, args.fps)))?;
+    fit::forget_checkpoint(out)?;
+    Ok(Done { settings, fitted, splits })
 }
 
-fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Settings {
+fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, Fault> {
     let frames = shots.frames().len();
-    let gaussians = args.gaussians.unwrap_or_else(|| fit::usual_gaussians(frames, footage));
+    let gaussians = args.gaussians.map_or_else(|| fit::usual_gaussians(frames, footage), |n| n as usize);
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => Start::Depths(
-            folder.clone(),
+            folder.to_string_lossy().into_owned(),
             match args.depth_scale {
                 Scale::Rig => DepthScale::Rig,
                 Scale::Hull => DepthScale::Hull,
                 Scale::Metric => DepthScale::Metric,
             },
         ),
-        (_, Some(field)) => Start::Field(field.clone()),
+        (_, Some(field)) => Start::Field(field.to_string_lossy().into_owned(), checksum(field)?),
         _ => match args.anchor {
             Anchor::Sweep => Start::Sweep,
             Anchor::Hull => Start::Hull,
             Anchor::None => Start::Scatter,
         },
     };
-    Settings {
-        steps: args.steps.map_or_else(|| fit::usual_steps(frames), NonZeroU64::get),
+    let lpips = match &args.lpips_weights {
+        Some(weights) => Some(format!("{}, {:08x}", weights.display(), checksum(weights)?)),
+        None => None,
+    };
+    Ok(Settings {
+        lpips,
+        steps: args.steps.unwrap_or_else(|| fit::usual_steps(frames)),
         start,
+        anchor_cameras: args.anchor_cameras.clone(),
+        mirror: match args.mirror {
+            MirrorWhen::Auto => Mirror::Auto,
+            MirrorWhen::On => Mirror::On,
+            MirrorWhen::Off => Mirror::Off,
+        },
         gaussians,
         floor: if args.no_floor { 0 } else { gaussians },
         rule: match args.rule {
@@ -196,7 +238,12 @@ fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Settings {
         seed: args.seed,
         holdout: args.cut.holdout(),
         capture: fit::fingerprint(footage),
-    }
+    })
+}
+
+fn checksum(path: &Path) -> Result<u32, Fault> {
+    let bytes = std::fs::read(path);
+    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))
 }
 
 fn show(bar: &ProgressBar, progress: &Progress) {
@@ -206,29 +253,25 @@ fn show(bar: &ProgressBar, progress: &Progress) {
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
-fn report(
-    args: &Args,
-    settings: &Settings,
-    fitted: &Fitted,
-    splits: &str,
-    out: &Path,
-    began: Instant,
-) -> anyhow::Result<()> {
+fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Result<()> {
+    let Done { settings, fitted, splits } = done;
     let last = fitted.entries.last().context("a fit has at least one step")?;
-    let ms_per_step = 1e3 * last.seconds / settings.steps as f64;
+    let ms_per_step = fitted.ms_per_step;
     if args.json {
         let object = json!({
             "out": out, "steps": settings.steps, "resumed_at": fitted.resumed_at,
             "gaussians_at_start": fitted.started_with, "gaussians": fitted.field.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
-            "ms_per_step": ms_per_step, "non_finite": fitted.non_finite,
+            "ms_per_step": ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
+            "lpips": settings.lpips, "backend": fitted.backend,
         });
         println!("{object:#}");
         return Ok(());
     }
     println!("{splits}");
-    if args.lpips_weights.is_none() {
-        println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights");
+    match &settings.lpips {
+        Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),
+        None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.started_with, fitted.field.len());
     if let Some(psnr) = last.held_psnr_db {

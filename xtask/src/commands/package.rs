@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::prune::Ranking;
 use serde_json::json;
+use xtask::fault::Fault;
 use xtask::output;
 use xtask::package::{Coding, Counts, Part, QUALITY_DB, Report, Rung, Settings, ladder, package_showing};
 use xtask::scene::Scene;
@@ -101,11 +102,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
-    let path = match Scene::is_capture(&args.scene) {
-        true => fit_first(args)?,
-        false => args.scene.clone(),
+    let scene = match Scene::is_capture(&args.scene) {
+        true => Scene::load_with(&args.scene, &fit_first(args)?)?,
+        false => Scene::load(&args.scene)?,
     };
-    let scene = Scene::load(&path)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
     let settings = Settings {
@@ -154,17 +154,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// Fits the capture that stands where a field should, beside the package; a field that is there
-/// already, from an earlier run, is taken as it is.
+/// Fits the capture that stands where a field should, to a field file beside the package.
 fn fit_first(args: &Args) -> anyhow::Result<PathBuf> {
     let field = match &args.out {
         Some(out) => out.with_extension("ply"),
         None => PathBuf::from(format!("{}.ply", fit::name_of(&args.scene))),
     };
-    match field.exists() {
-        true => eprintln!("note: {} is there already; remove it to fit anew", field.display()),
-        false => fit::run_by_default(&args.scene, &field)?,
+    if field.exists() {
+        let field = field.display();
+        bail!(Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew")));
     }
+    fit::by_default(&args.scene, &field)?;
     Ok(field)
 }
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
-use super::Settings;
-use super::log::Entry;
+use super::log::{Entry, beside};
+use super::{Settings, crc};
 use crate::fault::Fault;
 use crate::output;
 
@@ -22,11 +22,21 @@ pub(super) struct Checkpoint {
     pub(super) seconds: f64,
     /// Its table so far.
     pub(super) entries: Vec<Entry>,
+    /// What the next line of the table will say.
+    pub(super) tally: Tally,
+}
+
+/// Sums over the steps since the last line of the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tally {
+    pub(super) loss: f64,
+    pub(super) drawn: usize,
+    pub(super) steps: u32,
 }
 
 /// Where the checkpoint of a field lies: beside it.
 pub(super) fn path_for(field: &Path) -> PathBuf {
-    field.with_extension("checkpoint")
+    beside(field, "checkpoint")
 }
 
 impl Checkpoint {
@@ -44,10 +54,14 @@ impl Checkpoint {
         };
         let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
         let body = bytes.strip_prefix(&MAGIC).ok_or_else(|| bad("no checkpoint of this version".into()))?;
-        let checkpoint: Checkpoint =
-            postcard::from_bytes(body).map_err(|_| bad("the checkpoint is damaged".into()))?;
-        if !checkpoint.fit.is_consistent() {
-            return Err(bad("the checkpoint is damaged".into()));
+        let damaged = || bad("the checkpoint is damaged".into());
+        let (checksum, body) = body.split_first_chunk().ok_or_else(damaged)?;
+        if u32::from_le_bytes(*checksum) != crc(body) {
+            return Err(damaged());
+        }
+        let checkpoint: Checkpoint = postcard::from_bytes(body).map_err(|_| damaged())?;
+        if !checkpoint.fit.is_consistent() || checkpoint.fit.is_done() {
+            return Err(damaged());
         }
         match checkpoint.settings == *settings {
             true => Ok(Some(checkpoint)),
@@ -63,7 +77,8 @@ impl Checkpoint {
     /// # Errors
     /// [`Fault::Usage`] that names the path.
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let bytes = postcard::to_extend(self, MAGIC.to_vec())?;
+        let body = postcard::to_stdvec(self)?;
+        let bytes = [&MAGIC[..], &crc(&body).to_le_bytes(), &body].concat();
         Ok(output::write(path, &bytes)?)
     }
 }

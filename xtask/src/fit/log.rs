@@ -26,12 +26,20 @@ pub struct Entry {
 
 /// Where the table of a field's fit lies: beside it.
 pub fn table_path(field: &Path) -> PathBuf {
-    field.with_extension("fit.csv")
+    beside(field, "fit.csv")
 }
 
 /// Where the picture of a field's fit lies.
 pub fn preview_path(field: &Path) -> PathBuf {
-    field.with_extension("fit.png")
+    beside(field, "fit.png")
+}
+
+/// A file beside a field: its path without `.ply`, and this ending.
+pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
+    let mut name = field.file_stem().unwrap_or_default().to_owned();
+    name.push(".");
+    name.push(ending);
+    field.with_file_name(name)
 }
 
 /// The table as CSV.

@@ -14,6 +14,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use codec::{ClipInfo, Field, Viewpoint};
+use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
 use refine::fit::{self, Backend, DensityRule, Fit, Lpips, Shot};
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,7 @@ use crate::capture::Footage;
 use crate::fault::Fault;
 use crate::output;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
-use checkpoint::Checkpoint;
+use checkpoint::{Checkpoint, Tally};
 use log::Entry;
 pub use shots::Shots;
 pub use start::{DepthScale, Start};
@@ -33,13 +34,18 @@ const LINES: u64 = 50;
 /// Time between two calls to the caller, which draws progress.
 const SHOW_EVERY: Duration = Duration::from_millis(200);
 
-/// Everything that decides what a fit ends as, so that a checkpoint of other settings is refused.
+/// What decides what a fit ends as, so that a checkpoint of other settings is refused. The pixels of
+/// photographs and depth maps are not compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Steps to take.
     pub steps: u64,
     /// What the fit starts from.
     pub start: Start,
+    /// Names of the cameras whose pixels an anchor puts Gaussians at; all where none is named.
+    pub anchor_cameras: Vec<String>,
+    /// When an anchor's back side is mirrored.
+    pub mirror: Mirror,
     /// Gaussians that the anchor makes about.
     pub gaussians: usize,
     /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for no floor.
@@ -52,6 +58,8 @@ pub struct Settings {
     pub seed: u64,
     /// The frames that are held out.
     pub holdout: Holdout,
+    /// Network and checksum of the weights of LPIPS, where that is a part of the loss.
+    pub lpips: Option<String>,
     /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
     /// of its cameras.
     pub capture: String,
@@ -93,6 +101,8 @@ pub struct Fitted {
     pub resumed_at: u64,
     /// Gaussians at the start.
     pub started_with: usize,
+    /// Mean time of the steps of this run, without pictures and files between them.
+    pub ms_per_step: f64,
     /// What drew.
     pub backend: &'static str,
 }
@@ -119,42 +129,52 @@ pub fn fit(
         }
     }
     let path = checkpoint::path_for(out);
-    let Checkpoint { mut fit, seconds: before, mut entries, .. } = match Checkpoint::load(&path, settings)? {
-        Some(checkpoint) => checkpoint,
-        None => {
-            let fit = start::start(settings, footage, shots)?;
-            Checkpoint { settings: settings.clone(), fit, seconds: 0.0, entries: Vec::new() }
-        }
-    };
+    let Checkpoint { mut fit, seconds: before, mut entries, mut tally, .. } =
+        match Checkpoint::load(&path, settings)? {
+            Some(checkpoint) => checkpoint,
+            None => {
+                let fit = start::start(settings, footage, shots)?;
+                Checkpoint {
+                    settings: settings.clone(),
+                    fit,
+                    seconds: 0.0,
+                    entries: Vec::new(),
+                    tally: Tally::default(),
+                }
+            }
+        };
     let resumed_at = fit.step();
     let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
     let start = Instant::now();
     let (mut saved, mut shown) = (start, start);
     let every = (settings.steps / LINES).max(1);
-    let (mut loss, mut drawn, mut count) = (0.0, 0, 0);
+    let mut stepping = Duration::ZERO;
     while !fit.is_done() {
+        let begun = Instant::now();
         let step = fit.step_on(&train, lpips, backend);
-        (loss, drawn, count) = (loss + step.loss, drawn + step.drawn, count + 1);
+        stepping += begun.elapsed();
+        tally.loss += step.loss;
+        tally.drawn += step.drawn;
+        tally.steps += 1;
         let done = fit.step();
         if done % every == 0 || fit.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
             let held_psnr_db = held_psnr(&fit, shots, backend);
             let gaussians = fit.len();
-            let (mean, drawn_mean) = (loss / f64::from(count), drawn / count as usize);
             entries.push(Entry {
                 step: done,
                 seconds,
-                loss: mean,
+                loss: tally.loss / f64::from(tally.steps),
                 held_psnr_db,
                 gaussians,
-                drawn: drawn_mean,
+                drawn: tally.drawn / tally.steps as usize,
             });
-            (loss, drawn, count) = (0.0, 0, 0);
+            tally = Tally::default();
             leave_traces(out, &entries, &fit, shots, backend)?;
         }
         if saved.elapsed() >= checkpoint_every && !fit.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
-            let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries };
+            let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries, tally };
             checkpoint.save(&path)?;
             Checkpoint { fit, entries, .. } = checkpoint;
             saved = Instant::now();
@@ -175,6 +195,7 @@ pub fn fit(
         non_finite: fit.non_finite(),
         resumed_at,
         started_with: fit.started_with(),
+        ms_per_step: 1e3 * stepping.as_secs_f64() / (settings.steps - resumed_at) as f64,
         backend: backend.name(),
     })
 }
@@ -278,6 +299,13 @@ fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
     }
 }
 
+/// A checksum.
+pub fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = flate2::Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
 /// What tells a capture, as it is cut and shrunk, from another.
 pub fn fingerprint(footage: &Footage) -> String {
     let capture = &footage.capture;
@@ -285,6 +313,7 @@ pub fn fingerprint(footage: &Footage) -> String {
     for camera in &capture.cameras {
         crc.update(format!("{camera:?}").as_bytes());
     }
+    crc.update(format!("{:?}", capture.times).as_bytes());
     for shot in &capture.shots {
         crc.update(footage.name(*shot).as_bytes());
     }

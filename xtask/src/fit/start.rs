@@ -1,7 +1,7 @@
 //! [`Start`]: what a fit starts from.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::Path;
 
 use anyhow::bail;
 use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
@@ -22,11 +22,11 @@ pub enum Start {
     /// The visual hull, refined by plane sweep.
     Sweep,
     /// Depth maps in a folder, named as the photographs are.
-    Depths(PathBuf, DepthScale),
+    Depths(String, DepthScale),
     /// Nothing: Gaussians anywhere.
     Scatter,
-    /// A fitted field or a package.
-    Field(PathBuf),
+    /// A fitted field or a package, and a checksum of it.
+    Field(String, u32),
 }
 
 /// How depth maps come to the scale of the cameras.
@@ -55,21 +55,27 @@ impl From<DepthScale> for Alignment {
 /// # Errors
 /// [`Fault::Data`] where there is nothing to start from, or a file cannot be read.
 pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> anyhow::Result<Fit> {
-    let wanted = Anchor { gaussians: settings.gaussians, sh_degree: settings.sh_degree, ..Anchor::default() };
+    let wanted = Anchor {
+        views: grounding(settings, footage)?,
+        gaussians: settings.gaussians,
+        mirror: settings.mirror,
+        sh_degree: settings.sh_degree,
+        ..Anchor::default()
+    };
     let parameters = match &settings.start {
         Start::Hull => anchored(Anchor { source: Source::Hull, ..wanted }, footage, shots, None)?,
         Start::Sweep => anchored(Anchor { source: Source::HullAndSweep, ..wanted }, footage, shots, None)?,
         Start::Depths(folder, scale) => {
             let source = Source::Given((*scale).into());
-            anchored(Anchor { source, ..wanted }, footage, shots, Some(folder))?
+            anchored(Anchor { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
         }
         Start::Scatter => {
             let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
             scatter(&wanted, shots.clock, &cameras, settings.seed)
                 .map_err(|error| Fault::Data(error.to_string()))?
         }
-        Start::Field(path) => {
-            let (field, _) = Input::load(path)?.into_field();
+        Start::Field(path, _) => {
+            let (field, _) = Input::load(Path::new(path))?.into_field();
             Parameters::from_field(&field, shots.clock)
         }
     };
@@ -78,6 +84,18 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
     }
     let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
     Ok(Fit::new(settings.of_fit(), parameters, shots.clock, cameras))
+}
+
+/// Numbers of the cameras that are to ground the anchor; `None` for all.
+fn grounding(settings: &Settings, footage: &Footage) -> Result<Option<Vec<usize>>, Fault> {
+    let number = |name: &String| {
+        let found = footage.capture.cameras.iter().position(|camera| camera.name == *name);
+        found.ok_or_else(|| {
+            Fault::Usage(format!("--anchor-cameras: the capture has no camera \"{name}\" to look at"))
+        })
+    };
+    let numbers: Vec<usize> = settings.anchor_cameras.iter().map(number).collect::<Result<_, _>>()?;
+    Ok((!numbers.is_empty()).then_some(numbers))
 }
 
 /// What stops an anchor: itself, or a depth map.
@@ -96,7 +114,7 @@ fn anchored(
     wanted: Anchor,
     footage: &Footage,
     shots: &Shots,
-    depths: Option<&PathBuf>,
+    depths: Option<&Path>,
 ) -> Result<Parameters<f32>, Fault> {
     let mut frames: BTreeMap<usize, Vec<&(CaptureShot, Shot)>> = BTreeMap::new();
     for shot in &shots.train {
@@ -114,8 +132,14 @@ fn anchored(
         let views = shots.into_iter().map(view).collect::<Result<_, Stop>>()?;
         Ok(AnchorFrame { frame, views })
     });
-    anchor(&wanted, shots.clock, frames).map_err(|stop| match stop {
+    let mut parameters = anchor(&wanted, shots.clock, frames).map_err(|stop| match stop {
         Stop::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
         Stop::Fault(fault) => fault,
-    })
+    })?;
+    // An anchor counts frames; those of some captures are not at even distances.
+    let times = &footage.capture.times;
+    for tau in &mut parameters.tau {
+        *tau = (times[*tau as usize] * shots.clock.frames_per_clip()) as f32;
+    }
+    Ok(parameters)
 }

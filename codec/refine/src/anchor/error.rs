@@ -28,6 +28,10 @@ pub enum AnchorError {
     NoDepths,
     /// Depths to be scaled by a rig that has no radius.
     NoRig,
+    /// Gaussians to be put where the cameras look, but they do not look at one point.
+    NoMiddle,
+    /// Gaussians to be put on rays, but there is none for them, or none of them is asked for.
+    NoRays,
     /// A mirror without a side that is the front.
     NoFront,
 }
@@ -68,6 +72,8 @@ impl fmt::Display for AnchorError {
                 "the cameras do not look at one point, so depths cannot be scaled by their distance from it: \
                  give depths in units of the capture or masks to align them to"
             }
+            AnchorError::NoMiddle => "the cameras do not look at one point, so nobody knows where to start",
+            AnchorError::NoRays => "no pixel of the subject gets a Gaussian: ask for more of them",
             AnchorError::NoFront => {
                 "the back side is mirrored only behind cameras on one side: name the frontal ones or \
                  turn mirroring off"

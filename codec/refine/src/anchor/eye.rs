@@ -18,6 +18,8 @@ pub(super) struct Eye {
     pub(super) up: DVec3,
     /// Geometric mean of its focal lengths, in pixels.
     pub(super) focal: f64,
+    /// The larger of them.
+    pub(super) focal_max: f64,
     /// Takes a point of the world, with `offset` added, to its pixel times its depth, and its depth.
     pub(super) pixel_from_world: DMat3,
     pub(super) offset: DVec3,
@@ -45,6 +47,7 @@ impl Eye {
             forward,
             up: -down,
             focal: (k[0][0] * k[1][1]).sqrt(),
+            focal_max: k[0][0].max(k[1][1]),
             pixel_from_world: intrinsics * rotation,
             offset: intrinsics * translation,
             world_from_pixel: rotation.transpose() * back,
@@ -60,6 +63,7 @@ impl Eye {
         Eye {
             size: self.size.map(|n| n / factor),
             focal: self.focal / f,
+            focal_max: self.focal_max / f,
             pixel_from_world: smaller * self.pixel_from_world,
             offset: smaller * self.offset,
             world_from_pixel: self.world_from_pixel * larger,

@@ -28,7 +28,7 @@ struct Point {
     color: Vec3,
 }
 
-/// Sets the velocities of frames in the order of time; `None` of `frames` is an empty one.
+/// Sets the velocities of frames in the order of time.
 pub(super) fn set_velocities(frames: &mut [(usize, Parameters<f32>)]) {
     let points: Vec<Vec<Point>> = frames.iter().map(|(_, gaussians)| points(gaussians)).collect();
     for i in 0..frames.len() {

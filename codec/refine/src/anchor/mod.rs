@@ -27,6 +27,7 @@ mod tests;
 
 use codec::Camera;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 pub use align::Alignment;
 pub use depth_map::DepthMap;
@@ -102,7 +103,7 @@ pub enum Source {
 }
 
 /// When the back side is mirrored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mirror {
     /// In clips of at most nine frames where [`Anchor::views`] names cameras, all on one side: more
     /// frames show the back, cameras all around see it.
@@ -189,6 +190,9 @@ pub fn anchor<E: From<AnchorError>>(
             })
             .unwrap_or_default();
         if gaussians.is_empty() {
+            if fault == AnchorError::NoFrames {
+                fault = AnchorError::NoRays;
+            }
             continue;
         }
         planes.push(normal.map(|normal| Plane { point: middle.unwrap_or_else(|| mean(&gaussians)), normal }));

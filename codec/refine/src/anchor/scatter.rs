@@ -19,7 +19,7 @@ const FILLING: f64 = 0.5;
 /// the clip: the same for the same `seed`. Of `settings`, their number, windows and columns count.
 ///
 /// # Errors
-/// [`AnchorError::NoRig`] where the cameras do not look at one point.
+/// [`AnchorError::NoMiddle`] where the cameras do not look at one point.
 pub fn scatter(
     settings: &Anchor,
     clock: Clock,
@@ -27,7 +27,7 @@ pub fn scatter(
     seed: u64,
 ) -> Result<Parameters<f32>, AnchorError> {
     let eyes: Vec<Eye> = cameras.iter().map(|camera| Eye::new(camera)).collect();
-    let center = nearest_to_axes(&eyes).ok_or(AnchorError::NoRig)?;
+    let center = nearest_to_axes(&eyes).ok_or(AnchorError::NoMiddle)?;
     let distance = eyes.iter().map(|eye| eye.position.distance(center)).sum::<f64>() / eyes.len() as f64;
     let radius = REACH * distance;
     let count = settings.gaussians;

@@ -68,7 +68,7 @@ impl Silhouette {
             return (depth >= -radius && away < reach).then_some(true);
         }
         // The outline of a ball off the axis is an ellipse, stretched by distance over depth.
-        let extent = self.eye.focal * radius / (depth - radius) * (away / depth);
+        let extent = self.eye.focal_max * radius / (depth - radius) * (away / depth);
         let ([u, v], _) = self.eye.project(center)?;
         let [width, height] = self.eye.size.map(f64::from);
         if u + extent < 0.0 || v + extent < 0.0 || u - extent >= width || v - extent >= height {

@@ -24,21 +24,21 @@ const NORM_MIN: f64 = 1e-12;
 
 /// Least and greatest values of what is fitted. Logits of opacities lie within 7 of 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Bounds {
+pub(super) struct Bounds {
     /// Radius within which the cameras stand, in units of the capture: the measure of the scene.
-    pub extent: f64,
+    pub(super) extent: f64,
     /// Of the logarithms of the standard deviations.
-    pub log_scales: [f64; 2],
+    pub(super) log_scales: [f64; 2],
     /// Of the logarithms of the window widths in frames.
-    pub log_widths: [f64; 2],
+    pub(super) log_widths: [f64; 2],
     /// Of the window centres, in frames.
-    pub tau: [f64; 2],
+    pub(super) tau: [f64; 2],
 }
 
 impl Bounds {
     /// Scales from 0.0001 to 0.1 of `extent`, windows from 1 to 6 frames wide, centred at most a
     /// frame outside the clip.
-    pub fn new(extent: f64, clock: Clock) -> Bounds {
+    pub(super) fn new(extent: f64, clock: Clock) -> Bounds {
         Bounds {
             extent,
             log_scales: SCALES.map(|part| libm::log(part * extent)),
@@ -49,7 +49,7 @@ impl Bounds {
 
     /// These bounds, widened until the finite among `parameters` lie within: for a field that was
     /// fitted under others.
-    pub fn around<T: Real>(mut self, parameters: &Parameters<T>) -> Bounds {
+    pub(super) fn around<T: Real>(mut self, parameters: &Parameters<T>) -> Bounds {
         let widen = |bounds: &mut [f64; 2], values: &[T]| {
             for x in values.iter().map(|x| x.to_double()).filter(|x| x.is_finite()) {
                 *bounds = [bounds[0].min(x), bounds[1].max(x)];
@@ -63,7 +63,7 @@ impl Bounds {
 
     /// Brings a row within the bounds. A quaternion without a direction becomes that of no
     /// rotation. What is not a number stays so.
-    pub fn project<T: Real>(&self, parameters: &mut Parameters<T>, row: usize) {
+    pub(super) fn project<T: Real>(&self, parameters: &mut Parameters<T>, row: usize) {
         let within = |x: T, [least, greatest]: [f64; 2]| {
             if x.is_nan() { x } else { x.max(T::of(least)).min(T::of(greatest)) }
         };

@@ -26,7 +26,7 @@ const SPLIT_SHRINK: f64 = 1.6;
 /// Peak opacity below which a Gaussian is pruned.
 const OPACITY_MIN: f64 = 0.005;
 
-/// Intervals before the first control.
+/// Intervals before the first control, or a tenth of the steps, whichever is less.
 const WARM_UP: usize = 5;
 
 /// Percent of the steps up to which a fit densifies, and up to which it does where the number of
@@ -49,53 +49,53 @@ pub enum DensityRule {
 
 /// How the number of Gaussians is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DensityControl {
+pub(super) struct DensityControl {
     /// Which rule.
-    pub rule: DensityRule,
+    pub(super) rule: DensityRule,
     /// Steps from one control to the next; 100 in 3D Gaussian Splatting.
-    pub interval: usize,
+    pub(super) interval: usize,
     /// The capacity floor `N_min`: the number of Gaussians that pruning leaves at least.
-    pub floor: usize,
+    pub(super) floor: usize,
     /// The number of Gaussians that doubling makes at most.
-    pub cap: usize,
+    pub(super) cap: usize,
 }
 
 /// What the control remembers from step to step: with it, a fit that was interrupted goes on as if
 /// it had not been.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DensityState {
+pub(super) struct DensityState {
     /// Sums of the pulls at the rows since the last control.
-    pub pulls: Vec<f32>,
+    pub(super) pulls: Vec<f32>,
     /// Number of pictures that showed each row since then.
-    pub visits: Vec<u32>,
+    pub(super) visits: Vec<u32>,
     /// State of the random numbers.
-    pub seed: u64,
+    pub(super) seed: u64,
     /// Number of Gaussians after a quarter of the steps.
-    pub early: Option<usize>,
+    pub(super) early: Option<usize>,
     /// Whether that number settled.
-    pub settled: Option<bool>,
+    pub(super) settled: Option<bool>,
 }
 
 /// What a control did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DensityChange {
+pub(super) struct DensityChange {
     /// Gaussians that were cloned.
-    pub cloned: usize,
+    pub(super) cloned: usize,
     /// Gaussians that were split in two.
-    pub split: usize,
+    pub(super) split: usize,
     /// Gaussians that were pruned: as transparent, floating or broken.
-    pub pruned: usize,
+    pub(super) pruned: usize,
     /// Those among all before pruning that float.
-    pub floaters: usize,
+    pub(super) floaters: usize,
     /// Gaussians that were to be pruned, but for the floor.
-    pub kept: usize,
+    pub(super) kept: usize,
     /// Gaussians that moved to where others live.
-    pub relocated: usize,
+    pub(super) relocated: usize,
 }
 
 impl DensityState {
     /// The state at the start of a fit of so many Gaussians. Equal seeds make equal fits.
-    pub fn new(gaussians: usize, seed: u64) -> DensityState {
+    pub(super) fn new(gaussians: usize, seed: u64) -> DensityState {
         DensityState {
             pulls: vec![0.0; gaussians],
             visits: vec![0; gaussians],
@@ -110,7 +110,7 @@ impl DensityState {
     ///
     /// # Panics
     /// If there are not as many lengths as rows.
-    pub fn note<T: Real>(&mut self, rows: &[u32], screen: &[T]) {
+    pub(super) fn note<T: Real>(&mut self, rows: &[u32], screen: &[T]) {
         assert_eq!(rows.len(), screen.len(), "a derivative for each row");
         for (row, pull) in rows.iter().zip(screen) {
             self.pulls[*row as usize] += if pull.is_finite() { pull.to_double() as f32 } else { 0.0 };
@@ -129,7 +129,7 @@ impl DensityControl {
     ///
     /// # Panics
     /// If the state or the moments are of another number of Gaussians.
-    pub fn control<T: Real>(
+    pub(super) fn control<T: Real>(
         &self,
         state: &mut DensityState,
         parameters: &mut Parameters<T>,
@@ -148,7 +148,7 @@ impl DensityControl {
         }
         let is_over = reached(if state.settled == Some(false) { SHORT } else { LONG });
         let interval = self.interval.max(1);
-        if is_over || step < WARM_UP * interval || !step.is_multiple_of(interval) {
+        if is_over || step < (WARM_UP * interval).min(steps / 10) || !step.is_multiple_of(interval) {
             return None;
         }
         let mut random = fastrand::Rng::with_seed(state.seed);

@@ -8,7 +8,7 @@ const MARGIN: f64 = 1.1;
 /// Size of a scene in units of the capture: 1.1 times the largest distance of a camera from the mean of
 /// the cameras, as in 3D Gaussian Splatting; where there is only one place, 1.1 times its distance
 /// from the mean of `centers`. 1 where that is nothing either.
-pub fn extent<'a>(cameras: impl IntoIterator<Item = &'a Camera>, centers: &[[f32; 3]]) -> f64 {
+pub(super) fn extent<'a>(cameras: impl IntoIterator<Item = &'a Camera>, centers: &[[f32; 3]]) -> f64 {
     let eyes: Vec<[f64; 3]> = cameras.into_iter().map(Camera::position).collect();
     let middle = mean(&eyes);
     let radius = eyes.iter().map(|eye| distance(*eye, middle)).fold(0.0, f64::max);

@@ -23,7 +23,7 @@ const ITERATIONS: usize = 10;
 /// Of each Gaussian, whether it is a floater: further than four median distances from the geometric
 /// median of the centres whose windows have the same nearest frame, or at the largest scale that the
 /// bounds allow.
-pub fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> Vec<bool> {
+pub(super) fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> Vec<bool> {
     let largest = T::of(bounds.log_scales[1]);
     let mut found: Vec<bool> =
         parameters.log_scales.iter().map(|scales| scales.iter().any(|s| *s >= largest)).collect();

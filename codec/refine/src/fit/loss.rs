@@ -18,11 +18,11 @@ const GAMMA: f64 = 0.1;
 
 /// A picture's distance from its photograph.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Loss<T> {
+pub(super) struct Loss<T> {
     /// The objective, 0 where they are equal. Not finite where the picture is not.
-    pub value: f64,
+    pub(super) value: f64,
     /// Its derivative by each colour of the picture; alpha, which it does not look at, has none.
-    pub gradient: Vec<[T; 4]>,
+    pub(super) gradient: Vec<[T; 4]>,
 }
 
 /// Compares a picture, its colours premultiplied over black, with its photograph. Pixels that the
@@ -30,7 +30,11 @@ pub struct Loss<T> {
 ///
 /// # Panics
 /// If the sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
-pub fn loss<T: Real>(picture: &[[T; 4]], photograph: &Photograph, lpips: Option<&Lpips<T>>) -> Loss<T> {
+pub(super) fn loss<T: Real>(
+    picture: &[[T; 4]],
+    photograph: &Photograph,
+    lpips: Option<&Lpips<T>>,
+) -> Loss<T> {
     assert_eq!(picture.len(), photograph.pixels.len(), "a picture of the photograph's size");
     let width = photograph.width as usize;
     let target: Vec<[T; 4]> =

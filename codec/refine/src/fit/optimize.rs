@@ -198,6 +198,11 @@ impl Fit {
         self.non_finite
     }
 
+    /// What it was asked to do.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// Whether its columns have the lengths that belong together: not what was written down and
     /// damaged.
     pub fn is_consistent(&self) -> bool {
@@ -220,7 +225,7 @@ fn turn(step: u64, count: usize, seed: u64) -> usize {
     order[place]
 }
 
-/// PSNR in dB of the pixels that show the subject; `None` where none does.
+/// PSNR in dB of the pixels that show the subject, at most 54; `None` where none does.
 pub fn psnr_of_subject(picture: &Picture<f32>, photograph: &Photograph) -> Option<f64> {
     let mut squares = 0.0;
     let mut pixels = 0;
@@ -231,5 +236,36 @@ pub fn psnr_of_subject(picture: &Picture<f32>, photograph: &Photograph) -> Optio
             pixels += 1;
         }
     }
-    (pixels > 0).then(|| crate::image::psnr(squares, pixels))
+    // Equal pixels would make any mean infinite; no 8-bit photograph tells less than half a step.
+    let least = 0.25 / (255.0 * 255.0) * (3 * pixels) as f64;
+    (pixels > 0).then(|| crate::image::psnr(squares.max(least), pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shot_has_its_turn_before_any_has_its_next() {
+        let round = |round: u64| -> Vec<usize> { (0..7).map(|i| turn(7 * round + i, 7, 3)).collect() };
+        for i in 0..5 {
+            let mut sorted = round(i);
+            sorted.sort_unstable();
+            assert_eq!(sorted, [0, 1, 2, 3, 4, 5, 6]);
+        }
+        assert_ne!(round(0), round(1), "in another order");
+    }
+
+    #[test]
+    fn the_subject_alone_is_measured() {
+        let pixels = vec![[0.5, 0.5, 0.5, 1.0], [1.0; 4], [0.0; 4]];
+        let picture = Picture { width: 3, height: 1, pixels };
+        let pixels = vec![[102, 102, 102, 255], [0, 0, 0, 0], [255, 255, 255, 255]];
+        let photograph = Photograph { width: 3, height: 1, pixels, seen: vec![true, true, false] };
+        // 0.5 against 0.4: what is masked out or not seen does not count.
+        let psnr = psnr_of_subject(&picture, &photograph).unwrap();
+        assert!((psnr - 20.0).abs() < 1e-6, "{psnr}");
+        let empty = Photograph { pixels: vec![[0; 4]; 3], ..photograph };
+        assert_eq!(psnr_of_subject(&picture, &empty), None);
+    }
 }

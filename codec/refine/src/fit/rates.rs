@@ -15,27 +15,27 @@ const DECAY_TO: f64 = 0.01;
 
 /// Step lengths of Adam by column.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rates {
+pub(super) struct Rates {
     /// Of the centres, in units of the capture.
-    pub centers: f64,
+    pub(super) centers: f64,
     /// Of the quaternions.
-    pub rotations: f64,
+    pub(super) rotations: f64,
     /// Of the logarithms of the scales.
-    pub log_scales: f64,
+    pub(super) log_scales: f64,
     /// Of the logits of the opacities.
-    pub logits: f64,
+    pub(super) logits: f64,
     /// Of the first coefficient of the spherical harmonics.
-    pub sh_first: f64,
+    pub(super) sh_first: f64,
     /// Of the others.
-    pub sh_rest: f64,
+    pub(super) sh_rest: f64,
     /// Of the window centres, in frames.
-    pub tau: f64,
+    pub(super) tau: f64,
     /// Of the logarithms of the window widths.
-    pub log_widths: f64,
+    pub(super) log_widths: f64,
     /// Of `c1, c2, c3`, in units of the capture.
-    pub motion: [f64; 3],
+    pub(super) motion: [f64; 3],
     /// Of the rates of the quaternions per frame.
-    pub rotation_rates: f64,
+    pub(super) rotation_rates: f64,
 }
 
 impl Rates {
@@ -46,7 +46,7 @@ impl Rates {
     /// how far a Gaussian goes within a frame and takes the rate of the centres, the higher ones a
     /// half and a quarter of it, as they grow with the square and cube of the frames. `tau` in
     /// frames takes what Spacetime Gaussians give it in clips of 50.
-    pub fn new(extent: f64) -> Rates {
+    pub(super) fn new(extent: f64) -> Rates {
         let centers = 1.6e-4 * extent;
         Rates {
             centers,
@@ -63,7 +63,7 @@ impl Rates {
     }
 
     /// All of them times `factor`.
-    pub fn scaled(&self, factor: f64) -> Rates {
+    pub(super) fn scaled(&self, factor: f64) -> Rates {
         Rates {
             centers: self.centers * factor,
             rotations: self.rotations * factor,
@@ -98,7 +98,7 @@ impl Rates {
 
 /// Factor of the rates at `step`, counted from 0, of `steps`: 1 over the first nine tenths, then
 /// exponentially down to 0.01 (the paper's section on implementation).
-pub fn decay(step: usize, steps: usize) -> f64 {
+pub(super) fn decay(step: usize, steps: usize) -> f64 {
     let done = step as f64 / steps.max(1) as f64;
     let within = ((done - (1.0 - DECAY_SHARE)) / DECAY_SHARE).clamp(0.0, 1.0);
     libm::pow(DECAY_TO, within)
