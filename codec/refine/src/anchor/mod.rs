@@ -3,8 +3,10 @@
 //! Depths per photograph, from whichever source there is, are brought to the scale of the cameras;
 //! every pixel of the subject puts Gaussians on its ray (the paper's grounding equation).
 //!
-//!     photographs -> silhouette -> hull -> sweep -\
-//!                            given maps -> align --> ground -> flow -> mirror -> Parameters
+//! ```text
+//! photographs -> silhouette -> hull -> sweep -\
+//!                        given maps -> align --> ground -> flow -> mirror -> Parameters
+//! ```
 //!
 //! Frames come one at a time, so that memory is that of one frame's photographs.
 
