@@ -1,6 +1,8 @@
 //! Fitting: the photographs of a capture become a field.
 //!
-//!     Footage -> Shots -> anchor | field -> Fit -> field
+//! ```text
+//! Footage -> Shots -> anchor | field -> Fit -> field
+//! ```
 //!
 //! Beside the field it leaves a table of its progress, a picture, and, until it is done, a checkpoint
 //! from which it goes on where it was.

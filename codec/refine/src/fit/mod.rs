@@ -2,7 +2,9 @@
 //!
 //! One step, on one photograph, each stage a file with the name that it has on every back end:
 //!
-//!     Parameters -> project -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> adam
+//! ```text
+//! Parameters -> project -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> adam
+//! ```
 //!
 //! Time is counted in frames of the capture here, so that a window, a trajectory and their learning
 //! rates have sizes near 1; fields count it in clips.
