@@ -6,6 +6,7 @@ pub mod capture;
 pub mod code;
 pub mod fit;
 pub mod image;
+mod median;
 pub mod metrics;
 pub mod prune;
 pub mod reference;

@@ -7,9 +7,6 @@ use crate::capture::Photo;
 use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
-/// Mask above which a pixel belongs to the subject.
-const SUBJECT: f64 = 127.5 / 255.0;
-
 /// Measures of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
@@ -41,7 +38,7 @@ impl Measures {
             (!pixels.is_empty()).then(|| -10.0 * (squares / (3 * pixels.len()) as f64).log10())
         };
         let seen = |i: &usize| photo.seen[*i];
-        let subject = |i: &usize| photo.seen[*i] && taken.pixels[*i][3] > SUBJECT;
+        let subject = |i: &usize| photo.is_subject(*i);
         let all = 0..taken.pixels.len();
         Measures {
             psnr_fg: psnr(all.clone().filter(subject).collect()),

@@ -6,9 +6,6 @@ use refine::image::Image;
 /// Width of the edge that is left around a subject, as a part of its size.
 const MARGIN: f64 = 0.1;
 
-/// Mask above which a pixel belongs to the subject.
-const SUBJECT: f64 = 0.5;
-
 /// A part of a picture: columns and rows from the first to before the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Crop {
@@ -25,8 +22,8 @@ impl Crop {
     pub(super) fn around(photos: &[&Photo]) -> Crop {
         let (width, height) = (photos[0].image.width, photos[0].image.height);
         let mut found: Option<[[u32; 2]; 2]> = None;
-        for (i, pixel) in photos.iter().flat_map(|photo| photo.image.pixels.iter().enumerate()) {
-            if pixel[3] > SUBJECT {
+        for photo in photos {
+            for i in (0..photo.image.pixels.len()).filter(|i| photo.is_subject(*i)) {
                 let at = [i as u32 % width, i as u32 / width];
                 let [low, high] = found.unwrap_or([at, at]);
                 found = Some([[0, 1].map(|k| low[k].min(at[k])), [0, 1].map(|k| high[k].max(at[k]))]);

@@ -16,9 +16,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use codec::{ClipInfo, Field, Viewpoint};
+use image::RgbImage;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{self, Backend, DensityRule, Fit, Lpips, Shot};
+use refine::fit::{self, Backend, DensityRule, Fit, Lpips, Picture, Shot};
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Footage;
@@ -161,7 +162,8 @@ pub fn fit(
         let done = fit.step();
         if done % every == 0 || fit.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
-            let held_psnr_db = held_psnr(&fit, shots, backend);
+            let pictures: Vec<Picture<f32>> = shots.held.iter().map(|shot| fit.draw(shot, backend)).collect();
+            let held_psnr_db = mean_psnr(shots, &pictures);
             let gaussians = fit.len();
             entries.push(Entry {
                 step: done,
@@ -172,7 +174,8 @@ pub fn fit(
                 drawn: tally.drawn / tally.steps as usize,
             });
             tally = Tally::default();
-            leave_traces(out, &entries, &fit, shots, backend)?;
+            output::write(&log::table_path(out), log::csv(&entries).as_bytes())?;
+            output::write_png(&log::preview_path(out), &preview(&fit, shots, &pictures, backend))?;
         }
         if saved.elapsed() >= checkpoint_every && !fit.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
@@ -202,24 +205,24 @@ pub fn fit(
     })
 }
 
-/// Mean PSNR of the subject in the held photographs.
-fn held_psnr(fit: &Fit, shots: &Shots, backend: &mut dyn Backend) -> Option<f64> {
-    let psnr = |shot: &Shot| fit::psnr_of_subject(&fit.draw(shot, backend), &shot.photograph);
-    let known: Vec<f64> = shots.held.iter().filter_map(psnr).collect();
+/// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
+fn mean_psnr(shots: &Shots, pictures: &[Picture<f32>]) -> Option<f64> {
+    let psnr = |(shot, picture): (&Shot, &Picture<f32>)| fit::psnr_of_subject(picture, &shot.photograph);
+    let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
     (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
-/// Writes the table and the picture: of a held photograph where there is one.
-fn leave_traces(
-    out: &Path,
-    entries: &[Entry],
-    fit: &Fit,
-    shots: &Shots,
-    backend: &mut dyn Backend,
-) -> anyhow::Result<()> {
-    output::write(&log::table_path(out), log::csv(entries).as_bytes())?;
-    let shown = shots.held.get(shots.held.len() / 2).unwrap_or_else(|| &shots.train[shots.train.len() / 2].1);
-    output::write_png(&log::preview_path(out), &log::preview(shown, &fit.draw(shown, backend)))
+/// The picture that is left beside the field: of a held photograph where there is one. `pictures` are
+/// those of the held ones.
+fn preview(fit: &Fit, shots: &Shots, pictures: &[Picture<f32>], backend: &mut dyn Backend) -> RgbImage {
+    let held = shots.held.len() / 2;
+    match (shots.held.get(held), pictures.get(held)) {
+        (Some(shot), Some(picture)) => log::preview(shot, picture),
+        _ => {
+            let shot = &shots.train[shots.train.len() / 2].1;
+            log::preview(shot, &fit.draw(shot, backend))
+        }
+    }
 }
 
 impl Settings {

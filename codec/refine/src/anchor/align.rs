@@ -1,6 +1,7 @@
 //! Alignment of depths that have no scale of their own to the cameras' units.
 
 use super::DepthMap;
+use crate::median::median;
 
 /// How given depths relate to the units of the capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,12 +34,6 @@ impl Affine {
         };
         DepthMap { width: map.width, height: map.height, depths: map.depths.iter().map(aligned).collect() }
     }
-}
-
-/// The middle of the values; `None` of none. Of an even number the greater of the two.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Rounds of the two stages of [`robust`]: by absolute deviations, which find the majority wherever

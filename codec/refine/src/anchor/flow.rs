@@ -7,6 +7,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::ground::SH_CONSTANT;
 use crate::fit::Parameters;
 
 /// Most Gaussians of a frame that look for a neighbour.
@@ -61,10 +62,9 @@ pub(super) fn set_velocities(frames: &mut [(usize, Parameters<f32>)]) {
 fn points(gaussians: &Parameters<f32>) -> Vec<Point> {
     let per_row = codec::sh_coefficients(gaussians.sh_degree);
     let dc = gaussians.sh.iter().step_by(per_row);
-    // From the coefficient to the colour: 1 / (2 sqrt(pi)).
     let point = |(place, dc): (&[f32; 3], &[f32; 3])| Point {
         place: Vec3::from_array(*place),
-        color: 0.282_094_8 * Vec3::from_array(*dc),
+        color: SH_CONSTANT as f32 * Vec3::from_array(*dc),
     };
     gaussians.centers.iter().zip(dc).map(point).collect()
 }

@@ -8,7 +8,6 @@
 use codec::sh_coefficients;
 
 use super::eye::Eye;
-use super::silhouette::is_subject;
 use super::{Anchor, DepthMap};
 use crate::fit::{Parameters, Photograph};
 
@@ -34,7 +33,7 @@ const APART: f64 = 1.25;
 const APART_MOST: f64 = 1.0 / 3.0;
 
 /// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`.
-const SH_CONSTANT: f64 = 0.282_094_791_773_878_14;
+pub(super) const SH_CONSTANT: f64 = 0.282_094_791_773_878_14;
 
 /// What a view sees.
 pub(super) struct Surface<'a> {
@@ -51,7 +50,7 @@ impl Surface<'_> {
     /// The depth of a pixel of the subject.
     fn depth(&self, [x, y]: [u32; 2]) -> Option<f64> {
         let pixel = y as usize * self.eye.size[0] as usize + x as usize;
-        if !is_subject(self.photograph, pixel) {
+        if !self.photograph.is_subject(pixel) {
             return None;
         }
         self.depths.at([x, y], self.eye.size).map(f64::from)

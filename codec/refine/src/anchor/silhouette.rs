@@ -5,14 +5,6 @@ use glam::DVec3;
 use super::eye::Eye;
 use crate::fit::Photograph;
 
-/// Mask above which a pixel belongs to the subject.
-const SUBJECT: u8 = 127;
-
-/// Whether a pixel of `photograph` shows the subject.
-pub(super) fn is_subject(photograph: &Photograph, pixel: usize) -> bool {
-    photograph.pixels[pixel][3] > SUBJECT && photograph.is_seen(pixel)
-}
-
 /// A mask, and where it was taken from.
 pub(super) struct Silhouette {
     pub(super) eye: Eye,
@@ -27,7 +19,7 @@ impl Silhouette {
     pub(super) fn new(eye: &Eye, photograph: &Photograph) -> Silhouette {
         let pixels = 0..photograph.pixels.len();
         let subject: Vec<Option<bool>> =
-            pixels.map(|i| photograph.is_seen(i).then(|| is_subject(photograph, i))).collect();
+            pixels.map(|i| photograph.is_seen(i).then(|| photograph.is_subject(i))).collect();
         let [width, height] = eye.size.map(|n| n as usize);
         let mut sums = vec![0; (width + 1) * (height + 1)];
         for y in 0..height {

@@ -4,10 +4,11 @@ use super::align::{self, Affine};
 use super::eye::{Eye, rig_radius};
 use super::ground::{self, Surface};
 use super::hull::Hull;
-use super::silhouette::{Silhouette, is_subject};
+use super::silhouette::Silhouette;
 use super::{
     Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, DepthMap, Found, Source, mirror, sweep,
 };
+use crate::median::median;
 
 /// What the views that ground an anchor see: where `rays` is given, about so many of their pixels,
 /// else all. `scale` is what depths are multiplied by under
@@ -46,7 +47,7 @@ pub(super) fn surfaces<'a>(
     let step = match (settings.source, rays) {
         (Source::Hull | Source::HullAndSweep, Some(rays)) => {
             let of = |view: &AnchorView| {
-                (0..view.photograph.pixels.len()).filter(|i| is_subject(&view.photograph, *i)).count()
+                (0..view.photograph.pixels.len()).filter(|i| view.photograph.is_subject(*i)).count()
             };
             ground::step(views.iter().zip(&wanted).filter(|(_, w)| **w).map(|(view, _)| of(view)).sum(), rays)
         }
@@ -65,7 +66,7 @@ pub(super) fn surfaces<'a>(
             let (columns, rows) = (sampled(width), sampled(height));
             let wanted = |pixel: usize| {
                 let (x, y) = (pixel % width as usize, pixel / width as usize);
-                columns[x] && rows[y] && is_subject(photograph, pixel)
+                columns[x] && rows[y] && photograph.is_subject(pixel)
             };
             let spans = hull.as_ref().map(|hull| hull.spans(eye, wanted)).unwrap_or_default();
             // Of the hull, until there are better ones.
@@ -92,8 +93,8 @@ pub(super) fn surfaces<'a>(
             if alignment == Alignment::Rig && scale.is_none() {
                 let radius = rig_radius(&eyes).ok_or(AnchorError::NoRig)?;
                 let known = surfaces.iter().zip(&given).flat_map(|(surface, map)| known(surface, *map));
-                let median = align::median(known.map(|(_, depth)| depth).collect());
-                *scale = Some(radius / median.ok_or(AnchorError::NoDepths)?);
+                let middle = median(known.map(|(_, depth)| depth).collect());
+                *scale = Some(radius / middle.ok_or(AnchorError::NoDepths)?);
             }
             for (surface, map) in surfaces.iter_mut().zip(given) {
                 surface.depths = aligned(surface, map, alignment, *scale);
@@ -118,7 +119,7 @@ fn known(surface: &Surface, map: Option<&DepthMap>) -> Vec<(usize, f64)> {
     let [width, height] = surface.eye.size;
     let depth = |pixel: usize| {
         let at = [pixel as u32 % width, pixel as u32 / width];
-        let depth = map?.at(at, surface.eye.size).filter(|_| is_subject(surface.photograph, pixel))?;
+        let depth = map?.at(at, surface.eye.size).filter(|_| surface.photograph.is_subject(pixel))?;
         Some((pixel, f64::from(depth)))
     };
     (0..(width * height) as usize).filter_map(depth).collect()

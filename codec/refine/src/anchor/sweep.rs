@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use super::DepthMap;
 use super::eye::Eye;
 use super::hull::Hull;
-use super::silhouette::is_subject;
 use crate::fit::Photograph;
 
 /// How depths are swept.
@@ -126,7 +125,7 @@ fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> Plate {
             // Rec. 601, in 1/256.
             let [r, g, b, _] = photograph.pixels[at].map(u32::from);
             sum += 77 * r + 150 * g + 29 * b;
-            shown += u32::from(is_subject(photograph, at));
+            shown += u32::from(photograph.is_subject(at));
         }
         luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
         subject.push(2 * shown > factor * factor);

@@ -13,6 +13,9 @@ use crate::image::Image;
 pub use lens::Lens;
 pub use split::{Holdout, Split, SplitError};
 
+/// Mask above which a pixel belongs to the subject.
+const SUBJECT: f64 = 127.5 / 255.0;
+
 /// Cameras, and what they photographed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Capture {
@@ -88,6 +91,11 @@ impl Photo {
 }
 
 impl Photo {
+    /// Whether a pixel shows the subject.
+    pub fn is_subject(&self, pixel: usize) -> bool {
+        self.seen[pixel] && self.image.pixels[pixel][3] > SUBJECT
+    }
+
     /// The photograph in fewer pixels: each is the mean of what it covers, and seen where all of that
     /// is.
     ///

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use super::columns::is_finite;
 use super::{Bounds, Parameters, Real};
+use crate::median::median;
 
 /// A Gaussian further from the median than so many times the median distance is a floater.
 const DISTANCE_MAX: f64 = 4.0;
@@ -35,11 +36,12 @@ pub(super) fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> 
     for rows in frames.values().filter(|rows| rows.len() >= SAMPLES_MIN) {
         let center = |row: &usize| parameters.centers[*row].map(T::to_double);
         let samples: Vec<[f64; 3]> = rows.iter().step_by(rows.len().div_ceil(SAMPLES)).map(center).collect();
-        let median = geometric_median(&samples);
-        let reach = DISTANCE_MAX * middle(samples.iter().map(|sample| distance(*sample, median)).collect());
+        let middle = geometric_median(&samples);
+        let distances = samples.iter().map(|sample| distance(*sample, middle)).collect();
+        let reach = DISTANCE_MAX * median(distances).expect("there are samples");
         // Where most are in one place there is no distance to go by.
         let spread = reach > libm::exp(bounds.log_scales[0]);
-        for row in rows.iter().filter(|row| spread && distance(center(row), median) > reach) {
+        for row in rows.iter().filter(|row| spread && distance(center(row), middle) > reach) {
             found[*row] = true;
         }
     }
@@ -49,23 +51,18 @@ pub(super) fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> 
 /// The point with the smallest sum of distances to `points`, of which there is at least one, by
 /// Weiszfeld's algorithm from their median along each axis.
 fn geometric_median(points: &[[f64; 3]]) -> [f64; 3] {
-    let mut median = [0, 1, 2].map(|axis| middle(points.iter().map(|point| point[axis]).collect()));
+    let along = |axis: usize| median(points.iter().map(|point| point[axis]).collect());
+    let mut found = [0, 1, 2].map(|axis| along(axis).expect("there are points"));
     for _ in 0..ITERATIONS {
         let (mut sum, mut weights) = ([0.0; 3], 0.0);
         for point in points {
-            let weight = 1.0 / distance(*point, median).max(f64::MIN_POSITIVE.sqrt());
+            let weight = 1.0 / distance(*point, found).max(f64::MIN_POSITIVE.sqrt());
             weights += weight;
             (0..3).for_each(|axis| sum[axis] += weight * point[axis]);
         }
-        median = sum.map(|x| x / weights);
+        found = sum.map(|x| x / weights);
     }
-    median
-}
-
-/// The upper of the middle values.
-fn middle(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    found
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -18,9 +18,6 @@ const INTERVAL: usize = 100;
 /// paper's fits end with 1.1 to 1.75 times their floor.
 const CAP: usize = 2;
 
-/// Mask above which a pixel belongs to the subject, of 255.
-const SUBJECT: u8 = 127;
-
 /// What a fit is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -230,7 +227,7 @@ pub fn psnr_of_subject(picture: &Picture<f32>, photograph: &Photograph) -> Optio
     let mut squares = 0.0;
     let mut pixels = 0;
     for (i, (drawn, taken)) in picture.pixels.iter().zip(&photograph.pixels).enumerate() {
-        if taken[3] > SUBJECT && photograph.is_seen(i) {
+        if photograph.is_subject(i) {
             let error = |c: usize| f64::from(drawn[c].clamp(0.0, 1.0)) - f64::from(taken[c]) / 255.0;
             squares += (0..3).map(|c| error(c).powi(2)).sum::<f64>();
             pixels += 1;

@@ -5,6 +5,9 @@ use codec::Camera;
 use crate::capture::Photo;
 use crate::image::Image;
 
+/// Mask above which a pixel belongs to the subject, of 255.
+const SUBJECT: u8 = 127;
+
 /// A camera at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
@@ -42,6 +45,11 @@ impl From<&Photo> for Photograph {
 }
 
 impl Photograph {
+    /// Whether a pixel shows the subject.
+    pub fn is_subject(&self, pixel: usize) -> bool {
+        self.pixels[pixel][3] > SUBJECT && self.is_seen(pixel)
+    }
+
     /// Whether the photograph shows what is at a pixel.
     pub fn is_seen(&self, pixel: usize) -> bool {
         self.seen.get(pixel).is_none_or(|seen| *seen)
