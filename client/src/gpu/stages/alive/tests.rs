@@ -1,6 +1,6 @@
 //! The stage against testing every row by hand.
 
-use codec::{Camera, Temporal};
+use codec::{ALPHA_MIN, Camera, Temporal};
 
 use super::*;
 use crate::gpu::stages::sort::Sorter;

@@ -1,0 +1,83 @@
+//! [`Eye`]: what an eye can see of a batch of Gaussians.
+
+use glam::{Affine3A, Vec2, Vec3A};
+
+use super::region::{BATCH, Faintness, Places};
+use crate::view::View;
+
+/// A view in the form that a quick test needs: no divisions, and pixels counted from the principal
+/// point.
+#[derive(Clone, Copy)]
+pub(super) struct Eye {
+    view_from_world: Affine3A,
+    focal: Vec2,
+    /// Pixels that a unit of length at distance 1 covers at most.
+    magnification: Vec2,
+    /// The image and a margin around it, in pixels.
+    low: Vec2,
+    high: Vec2,
+}
+
+impl Eye {
+    pub(super) const NONE: Eye = Eye {
+        view_from_world: Affine3A::IDENTITY,
+        focal: Vec2::ONE,
+        magnification: Vec2::ZERO,
+        low: Vec2::ZERO,
+        high: Vec2::ZERO,
+    };
+
+    pub(super) fn new(view: &View) -> Eye {
+        // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
+        // rounding: sqrt(0.3 * 2 ln 255) + 1.
+        const MARGIN: f32 = 2.9;
+        let (low, high) = slope_limits(view);
+        let slope = low.abs().max(high.abs());
+        Eye {
+            view_from_world: Affine3A::from_mat4(view.view_from_world),
+            focal: view.focal,
+            magnification: view.focal * (1.0 + slope * slope).powf(0.5),
+            low: -view.principal - MARGIN,
+            high: view.size.as_vec2() - view.principal + MARGIN,
+        }
+    }
+
+    /// Marks those of `places` that can leave a trace in the image. Never wrong when it leaves one
+    /// out. `reach`: how far from its centre each is drawn at most.
+    pub(super) fn mark_seen(&self, places: &Places, reach: &[f32], seen: &mut [u32; BATCH]) {
+        let Affine3A { matrix3, translation } = self.view_from_world;
+        let ([a, b, c], o) = ([matrix3.x_axis, matrix3.y_axis, matrix3.z_axis], translation);
+        let [xs, ys, zs] = places;
+        for ((((x, y), z), reach), seen) in xs.iter().zip(ys).zip(zs).zip(reach).zip(seen) {
+            // Everything times the depth. The footprint's deviation is sqrt(a^2 + b^2) of its own and
+            // the blur's: at most a + b, where b is in the margin.
+            let depth = a.z * x + b.z * y + c.z * z + o.z;
+            let right = self.focal.x * (a.x * x + b.x * y + c.x * z + o.x);
+            let down = self.focal.y * (a.y * x + b.y * y + c.y * z + o.y);
+            let (wide, high) = (self.magnification.x * reach, self.magnification.y * reach);
+            *seen |= u32::from(depth >= shaders::NEAR)
+                & u32::from(right + wide >= self.low.x * depth)
+                & u32::from(right - wide <= self.high.x * depth)
+                & u32::from(down + high >= self.low.y * depth)
+                & u32::from(down - high <= self.high.y * depth);
+        }
+    }
+
+    /// The most that a Gaussian can add to the image at `d` after the centre of its window, the sum
+    /// of its alpha over all pixels, if it is turned to show its two longest axes, and as if it were
+    /// in the middle.
+    pub(super) fn weight_px(&self, place: Vec3A, d: f32, faintness: &Faintness) -> f32 {
+        let distance = self.view_from_world.transform_point3a(place).length();
+        let footprint = faintness.sigmas * (self.focal.max_element() / distance);
+        let variances = footprint * footprint + shaders::BLUR;
+        std::f32::consts::TAU * faintness.opacity_at(d) * variances.element_product().sqrt()
+    }
+}
+
+/// Range of x/z and y/z within which footprints are computed: the image and, on every side, 30 %
+/// of half the field of view.
+pub(in crate::gpu) fn slope_limits(view: &View) -> (Vec2, Vec2) {
+    let size = view.size.as_vec2();
+    let margin = 0.3 * 0.5 * size / view.focal;
+    (-view.principal / view.focal - margin, (size - view.principal) / view.focal + margin)
+}
