@@ -5,7 +5,7 @@
 //! stage `sort`.
 
 use codec::{ALPHA_MIN, Field, LayerEnd, TimeIndex};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DMat4, DVec3, Vec2, Vec3};
 
 use super::sort::Item;
 use crate::gpu::settings::{Settings, SortOrder};
@@ -109,11 +109,10 @@ impl Rows {
             }
             seen.alive += 1;
             let center = DVec3::from_array(region.field.position_at(row, t));
-            let place = center.as_vec3();
-            if !eyes.iter().any(|eye| eye.can_see(place, region.reach[row])) {
+            if !eyes.iter().any(|eye| eye.can_see(eye.place(center), region.reach[row])) {
                 return;
             }
-            let weight = |eye: &Eye| eye.weight_px(place, opacity as f32, region.sigmas[row]);
+            let weight = |eye: &Eye| eye.weight_px(eye.place(center), opacity as f32, region.sigmas[row]);
             if settings.least_px > 0.0 && eyes.iter().all(|eye| weight(eye) < settings.least_px) {
                 seen.faint += 1;
                 return;
@@ -147,7 +146,7 @@ struct Eye {
 impl Eye {
     const NONE: Eye = Eye {
         view: View {
-            view_from_world: glam::Mat4::IDENTITY,
+            view_from_world: DMat4::IDENTITY,
             focal: Vec2::ONE,
             principal: Vec2::ZERO,
             size: glam::UVec2::ONE,
@@ -161,12 +160,17 @@ impl Eye {
         Eye { view: *view, magnification: view.focal * (1.0 + slope * slope).powf(0.5) }
     }
 
-    /// Whether a Gaussian can leave a trace in the image. Never wrong when it says no.
-    fn can_see(&self, center: Vec3, reach: f32) -> bool {
+    /// Where a point of the world is from the eye.
+    fn place(&self, center: DVec3) -> Vec3 {
+        self.view.view_from_world.transform_point3(center).as_vec3()
+    }
+
+    /// Whether a Gaussian at `p` from the eye can leave a trace in the image. Never wrong when it
+    /// says no.
+    fn can_see(&self, p: Vec3, reach: f32) -> bool {
         // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
         const MARGIN: f32 = 2.9;
-        let p = self.view.view_from_world.transform_point3(center);
         let pixel = self.view.focal * p.truncate() / p.z + self.view.principal;
         // The footprint's deviation is sqrt(a^2 + b^2) of its own and the blur's: at most a + b.
         let reach = self.magnification * (reach / p.z) + MARGIN;
@@ -175,11 +179,10 @@ impl Eye {
             && (pixel - reach).cmple(self.view.size.as_vec2()).all()
     }
 
-    /// The most that a Gaussian can add to the image, the sum of its alpha over all pixels, if it is
-    /// turned to show its two longest axes, and as if it were in the middle.
-    fn weight_px(&self, center: Vec3, opacity: f32, sigmas: Vec2) -> f32 {
-        let distance = self.view.view_from_world.transform_point3(center).length();
-        let footprint = sigmas * (self.view.focal.max_element() / distance);
+    /// The most that a Gaussian at `p` from the eye can add to the image, the sum of its alpha over
+    /// all pixels, if it is turned to show its two longest axes, and as if it were in the middle.
+    fn weight_px(&self, p: Vec3, opacity: f32, sigmas: Vec2) -> f32 {
+        let footprint = sigmas * (self.view.focal.max_element() / p.length());
         let variances = footprint * footprint + shaders::BLUR;
         std::f32::consts::TAU * opacity * variances.element_product().sqrt()
     }

@@ -7,8 +7,7 @@ use crate::gpu::stages::sort::Sorter;
 
 const ROWS: usize = 3000;
 
-/// Rows scattered around the origin, most of them alive for a short while. Every row is in the one
-/// layer and cell of a time index that excludes nothing.
+/// Rows scattered around the origin, most of them alive for a short while.
 fn moving() -> Field {
     let mut state = 3u32;
     let mut random = |low: f32, high: f32| {
@@ -32,11 +31,7 @@ fn moving() -> Field {
 }
 
 fn rows(field: &Field) -> Rows {
-    // All rows in the cell of the longest class and first bin: a candidate at any time.
-    let mut counts = vec![0; 7 * 64];
-    counts[0] = ROWS as u32;
-    let mut time_index = TimeIndex::default();
-    time_index.push_layer(&counts);
+    let time_index = TimeIndex::of_candidates(ROWS);
     Rows::new(&Field::default(), field, vec![LayerEnd { still: 0, moving: ROWS }], time_index)
 }
 
