@@ -1,28 +1,37 @@
-// Stage evaluate: a Gaussian at the instant `t`. The paper's trajectory and temporal opacity, and
-// the linear rotation of Spacetime Gaussians.
+// Stage evaluate: a Gaussian at the instant of the frame. The paper's trajectory and temporal
+// opacity, and the linear rotation of Spacetime Gaussians.
+//
+// A record is about an instant of its own, in the middle of where its window and the clip overlap,
+// and measures time from there in widths of its window. So whatever the window, the numbers here
+// are as large as what they do to the picture, and nothing cancels.
 
-// Per moving Gaussian MOTION_WORDS words: the window centre tau (f32), then 16-bit floats, two to
-// a word: 1/s, the MOTION_ORDER motion coefficients, and the rate of rotation if it ROTATES.
+// Per moving Gaussian MOTION_WORDS words: the instant, in 65536ths of the clip, and its distance
+// from the window's centre, in 1024ths of a width, in 16 bits each; then 16-bit floats, two to a
+// word: 1/s in WIDTH_UNIT, the MOTION_ORDER motion coefficients, and the rate of rotation if it
+// ROTATES.
 @group(1) @binding(3) var<storage, read> motion: array<u32>;
 
-fn evaluate(index: u32, t: f32) -> Instant {
+fn evaluate(index: u32) -> Instant {
     var instant = at_rest(gaussians[index]);
     if index < ranges.first_moving {
         return instant;
     }
     let record = (index - ranges.first_moving) * MOTION_WORDS;
-    let d = t - bitcast<f32>(motion[record]);
+    let about = motion[record];
+    let d = frame.time - f32(about & 0xffffu) / 65536.0 + frame.time_rest;
+    let widths = half_at(record, 0u) * WIDTH_UNIT;
 
-    // o exp(-d^2 / (2 s^2))
-    let z = d * half_at(record, 0u);
+    // o exp(-(t - tau)^2 / (2 s^2))
+    let z = f32(bitcast<i32>(about) >> 16u) / 1024.0 + d * widths;
     instant.opacity *= exp(-0.5 * z * z);
 
-    // mu + v1 d + v2 d^2 + v3 d^3
+    // x + w1 u + w2 u^2 + w3 u^3; what is wider than the clip is measured in clips.
+    let u = d * max(1.0, widths);
     var offset = vec3<f32>(0.0);
     for (var power = MOTION_ORDER; power > 0u; power--) {
         let first = 3u * power - 2u;
-        let v = vec3<f32>(half_at(record, first), half_at(record, first + 1u), half_at(record, first + 2u));
-        offset = (offset + v * ranges.motion_units[power - 1u]) * d;
+        let w = vec3<f32>(half_at(record, first), half_at(record, first + 1u), half_at(record, first + 2u));
+        offset = (offset + w * ranges.motion_units[power - 1u]) * u;
     }
     instant.center += offset;
 
@@ -34,7 +43,7 @@ fn evaluate(index: u32, t: f32) -> Instant {
             half_at(record, first + 2u),
             half_at(record, first + 3u),
         );
-        let q = instant.rotation + rate * (ranges.rate_unit * d);
+        let q = instant.rotation + rate * (ranges.rate_unit * u);
         let norm = length(q);
         // A rate can pass exactly through zero; any fixed rotation will do at that instant.
         instant.rotation = select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q / norm, norm > 1e-6);

@@ -1,16 +1,18 @@
 // What is the same for all Gaussians of a frame: the instant and the eyes.
 
 struct Frame {
-    // Normalised clip time.
+    // Normalised clip time, as a sum: one f32 is too coarse for the shortest windows.
     time: f32,
+    time_rest: f32,
     // Farthest a splat reaches from its centre, in standard deviations.
     radius_max: f32,
 }
 
 // A pinhole eye in OpenCV axes: x right, y down, z forward.
 struct View {
-    view_from_world: mat4x4<f32>,
-    // Position of the eye in the world.
+    // Rotation from the world's axes to the eye's.
+    view_from_world: mat3x3<f32>,
+    // Position of the eye, from the clip's middle as centres are.
     eye: vec3<f32>,
     // Focal lengths, principal point and image size in pixels.
     focal: vec2<f32>,

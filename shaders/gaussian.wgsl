@@ -1,7 +1,7 @@
 // The packed record of a Gaussian and what is in it.
 
 struct Gaussian {
-    // Centre at its window centre, in units of the source.
+    // Centre at the instant that the record is about, from the clip's middle, in units of the source.
     center: vec3<f32>,
     // Smallest-three quaternion: two components in 15 bits each, which one is missing in 2.
     rotation: u32,

@@ -16,7 +16,8 @@ struct Splat {
     @location(1) @interpolate(flat, either) carried: vec2<u32>,
 }
 
-// Standard deviations in pixels above this are cut to it; squares of squares must not overflow.
+// Footprints with larger standard deviations in pixels are shrunk to it, towards the middle of the
+// image: squares of squares must not overflow.
 const SIGMA_MAX: f32 = 1e8;
 
 // Corner `corner` (0 to 3, as a strip) of the rectangle of instance `instance`.
@@ -26,24 +27,22 @@ fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
 
     // Conditions are phrased so that NaN fails them.
     let row = order[instance];
-    let g = evaluate(row, frame.time);
+    let g = evaluate(row);
     if !(g.opacity >= ALPHA_MIN) {
         return nothing;
     }
-    let center = (views[eye].view_from_world * vec4<f32>(g.center, 1.0)).xyz;
+    // The difference of near numbers is exact; that of their rotations would not be.
+    let from_eye = g.center - views[eye].eye;
+    let center = views[eye].view_from_world * from_eye;
     if !(center.z >= NEAR) {
         return nothing;
     }
     let focal = views[eye].focal / center.z;
-    let pixel = focal * center.xy + views[eye].principal;
-    if !(max(abs(pixel.x), abs(pixel.y)) < SIGMA_MAX) {
-        return nothing;
-    }
+    var pixel = focal * center.xy + views[eye].principal;
 
     // The images of the Gaussian's axes are the columns of a 2x3 matrix with rows x and y; the
     // covariance is that matrix times its transpose, plus the blur.
-    let world = views[eye].view_from_world;
-    let axes = mat3x3<f32>(world[0].xyz, world[1].xyz, world[2].xyz) * rotation_matrix(g.rotation);
+    let axes = views[eye].view_from_world * rotation_matrix(g.rotation);
     let across = transpose(mat3x3<f32>(axes[0] * g.scale.x, axes[1] * g.scale.y, axes[2] * g.scale.z));
     let slope = clamp(center.xy / center.z, views[eye].slope_min, views[eye].slope_max);
     var x = focal.x * (across[0] - slope.x * across[2]);
@@ -51,8 +50,14 @@ fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
     let reach = max(abs(x), abs(y));
     let largest = max(reach.x, max(reach.y, reach.z));
     if largest > SIGMA_MAX {
-        x *= SIGMA_MAX / largest;
-        y *= SIGMA_MAX / largest;
+        // The image is a point to it: all of it keeps its place in standard deviations.
+        let shrink = SIGMA_MAX / largest;
+        x *= shrink;
+        y *= shrink;
+        pixel = mix(0.5 * views[eye].size, pixel, shrink);
+    }
+    if !(max(abs(pixel.x), abs(pixel.y)) < SIGMA_MAX) {
+        return nothing;
     }
     let xx = dot(x, x) + BLUR;
     let xy = dot(x, y);
@@ -85,6 +90,6 @@ fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
     let image = pixel + offset.x * axis + offset.y * vec2<f32>(-axis.y, axis.x);
     let ndc = (2.0 * image / views[eye].size - 1.0) * vec2<f32>(1.0, -1.0);
 
-    let color = color_of(row, normalize(g.center - views[eye].eye));
+    let color = color_of(row, normalize(from_eye));
     return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(instance, color, g.opacity));
 }

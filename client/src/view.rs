@@ -1,13 +1,14 @@
 //! [`View`]: one eye, in the form that rendering needs.
 
 use codec::Camera;
-use glam::{DVec3, Mat4, UVec2, Vec2, Vec3, vec2};
+use glam::{DMat4, DVec3, UVec2, Vec2, vec2};
 
 /// A pinhole eye with an image, in OpenCV axes: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Rigid transform from the clip's world, in units of the source.
-    pub view_from_world: Mat4,
+    /// Rigid transform from the clip's world, in units of the source. In f64, because the clip may
+    /// lie far from the origin of its world.
+    pub view_from_world: DMat4,
     /// Focal lengths in pixels, positive.
     pub focal: Vec2,
     /// Principal point in pixels from the image's top left corner.
@@ -19,10 +20,9 @@ pub struct View {
 impl View {
     /// The view of `camera`, which must satisfy [`Camera::check`].
     pub fn from_camera(camera: &Camera) -> View {
-        let rows = camera.camera_from_world.map(|row| row.map(|x| x as f32));
         let k = camera.k.map(|row| row.map(|x| x as f32));
         View {
-            view_from_world: Mat4::from_cols_array_2d(&rows).transpose(),
+            view_from_world: DMat4::from_cols_array_2d(&camera.camera_from_world).transpose(),
             focal: vec2(k[0][0], k[1][1]),
             principal: vec2(k[0][2], k[1][2]),
             size: UVec2::new(camera.width, camera.height),
@@ -34,16 +34,17 @@ impl View {
     pub fn stereo_pair(&self, distance: f32) -> [View; 2] {
         // What lies ahead of the middle is to the right of the left eye.
         [0.5, -0.5].map(|side| View {
-            view_from_world: Mat4::from_translation(Vec3::X * (side * distance)) * self.view_from_world,
+            view_from_world: DMat4::from_translation(DVec3::X * (side * f64::from(distance)))
+                * self.view_from_world,
             ..*self
         })
     }
 
     /// Position of the eye in the world.
-    pub fn eye(&self) -> Vec3 {
+    pub fn eye(&self) -> DVec3 {
         let m = self.view_from_world;
         let turned = m.w_axis.truncate();
-        -Vec3::new(
+        -DVec3::new(
             m.x_axis.truncate().dot(turned),
             m.y_axis.truncate().dot(turned),
             m.z_axis.truncate().dot(turned),
@@ -51,7 +52,7 @@ impl View {
     }
 
     /// Unit vector in the world in which the eye looks.
-    pub fn forward(&self) -> Vec3 {
+    pub fn forward(&self) -> DVec3 {
         self.view_from_world.row(2).truncate()
     }
 }
@@ -66,8 +67,8 @@ pub(crate) struct MiddleEye {
 impl MiddleEye {
     pub(crate) fn of(views: &[View]) -> MiddleEye {
         let count = views.len().max(1) as f64;
-        let position = views.iter().map(|view| view.eye().as_dvec3()).sum::<DVec3>() / count;
-        let forward = views.iter().map(|view| view.forward().as_dvec3()).sum::<DVec3>();
+        let position = views.iter().map(View::eye).sum::<DVec3>() / count;
+        let forward = views.iter().map(View::forward).sum::<DVec3>();
         MiddleEye { position, forward: forward.normalize_or_zero() }
     }
 }
@@ -81,24 +82,24 @@ mod tests {
     }
 
     /// Where `world` falls in the image of `view`.
-    fn project(view: &View, world: Vec3) -> Vec2 {
-        let p = view.view_from_world.transform_point3(world);
+    fn project(view: &View, world: DVec3) -> Vec2 {
+        let p = view.view_from_world.transform_point3(world).as_vec3();
         view.focal * p.truncate() / p.z + view.principal
     }
 
     #[test]
     fn eye_and_forward_are_those_of_the_camera() {
         let view = View::from_camera(&camera());
-        assert!(view.eye().distance(Vec3::new(1.0, 2.0, -3.0)) < 1e-5);
-        let expected = (Vec3::new(0.5, 0.0, 4.0) - Vec3::new(1.0, 2.0, -3.0)).normalize();
-        assert!(view.forward().distance(expected) < 1e-6);
+        assert!(view.eye().distance(DVec3::new(1.0, 2.0, -3.0)) < 1e-12);
+        let expected = (DVec3::new(0.5, 0.0, 4.0) - DVec3::new(1.0, 2.0, -3.0)).normalize();
+        assert!(view.forward().distance(expected) < 1e-12);
     }
 
     #[test]
     fn target_is_in_the_middle_and_up_is_up() {
         let view = View::from_camera(&camera());
-        assert!(project(&view, Vec3::new(0.5, 0.0, 4.0)).distance(vec2(160.0, 100.0)) < 1e-3);
-        assert!(project(&view, Vec3::new(0.5, 1.0, 4.0)).y < 99.0);
+        assert!(project(&view, DVec3::new(0.5, 0.0, 4.0)).distance(vec2(160.0, 100.0)) < 1e-3);
+        assert!(project(&view, DVec3::new(0.5, 1.0, 4.0)).y < 99.0);
     }
 
     #[test]
@@ -107,11 +108,11 @@ mod tests {
         let [left, right] = view.stereo_pair(0.25);
         assert!((left.eye().distance(right.eye()) - 0.25).abs() < 1e-5);
         let middle = MiddleEye::of(&[left, right]);
-        assert!(middle.position.as_vec3().distance(view.eye()) < 1e-5);
-        assert!(middle.forward.as_vec3().distance(view.forward()) < 1e-6);
+        assert!(middle.position.distance(view.eye()) < 1e-12);
+        assert!(middle.forward.distance(view.forward()) < 1e-12);
         // Disparity is focal length times distance over depth.
-        let target = Vec3::new(0.5, 0.0, 4.0);
-        let depth = view.view_from_world.transform_point3(target).z;
+        let target = DVec3::new(0.5, 0.0, 4.0);
+        let depth = view.view_from_world.transform_point3(target).z as f32;
         let disparity = project(&left, target) - project(&right, target);
         assert!(disparity.distance(vec2(view.focal.x * 0.25 / depth, 0.0)) < 1e-3, "{disparity}");
     }

@@ -68,6 +68,20 @@ fn bin_of(t: f64) -> usize {
 }
 
 impl TimeIndex {
+    /// An index of one layer that tells nothing: each of its `rows` rows can be alive at any time, in
+    /// whatever order they are.
+    ///
+    /// # Panics
+    /// If `rows` overflows `u32`.
+    pub fn of_candidates(rows: usize) -> TimeIndex {
+        // Intervals as long as the clip, from its start.
+        let mut counts = [0; CELLS];
+        counts[0] = u32::try_from(rows).expect("rows fit u32");
+        let mut index = TimeIndex::default();
+        index.push_layer(&counts);
+        index
+    }
+
     /// Builds the index of one more layer from the number of rows in each of its cells,
     /// class-major, one per cell.
     ///
@@ -240,6 +254,15 @@ mod tests {
         assert!(!fits_cell(&before, 0, last) && fits_cell(&before, 0, last - 1));
         // The class counts as well.
         assert!(!fits_cell(&after, 0, last - BINS));
+    }
+
+    #[test]
+    fn an_index_of_candidates_holds_nothing_back() {
+        let index = TimeIndex::of_candidates(5);
+        for t in [-1.0, 0.0, 0.3, 1.0, 2.0] {
+            assert!(index.candidates(t, 1).eq(std::iter::once(0..5)), "at {t}");
+        }
+        assert_eq!(TimeIndex::of_candidates(0).candidates(0.5, 1).count(), 0);
     }
 
     #[test]

@@ -9,8 +9,10 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Frame {
-    /// Normalised clip time.
+    /// Normalised clip time, rounded to `f32`.
     pub time: f32,
+    /// What the rounding left.
+    pub time_rest: f32,
     /// Farthest a splat reaches from its centre, in standard deviations.
     pub radius_max: f32,
 }
@@ -19,9 +21,9 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct View {
-    /// Column-major rigid transform.
-    pub view_from_world: [[f32; 4]; 4],
-    /// Position of the eye in the world.
+    /// Columns of the rotation from the world's axes to the eye's, each with a padding.
+    pub view_from_world: [[f32; 4]; 3],
+    /// Position of the eye, from the clip's middle as centres are.
     pub eye: [f32; 3],
     /// Padding.
     pub _pad0: f32,
@@ -61,7 +63,8 @@ pub struct Ranges {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Gaussian {
-    /// Centre at the window centre, as the bits of three `f32`.
+    /// Centre at the instant that the record is about, from the clip's middle, as the bits of three
+    /// `f32`.
     pub center: [u32; 3],
     /// Smallest-three quaternion: two components in 15 bits each, the index of the missing one in
     /// the upper 2.

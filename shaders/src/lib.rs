@@ -31,6 +31,10 @@ pub const NEAR: f32 = 0.01;
 /// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
 pub const BLUR: f32 = 0.3;
 
+/// Unit of the 16-bit `1/s`: the narrowest window is `1 / (65504 WIDTH_UNIT)` of the clip, 5e-7. Of
+/// those wider than 500 clips less is kept, and nobody sees it.
+pub const WIDTH_UNIT: f32 = 32.0;
+
 /// Binding of the instant in group 0.
 pub const FRAME: u32 = 0;
 /// Binding of the eyes in group 0.
@@ -77,7 +81,7 @@ impl Motion {
         1 + 3 * self.order as usize + if self.rotates { 4 } else { 0 }
     }
 
-    /// Number of 32-bit words a moving row has: tau and the 16-bit floats.
+    /// Number of 32-bit words a moving row has: the instant it is about, and the 16-bit floats.
     pub const fn words(self) -> usize {
         1 + self.halves().div_ceil(2)
     }
@@ -112,6 +116,7 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
          const ALPHA_MAX: f32 = {ALPHA_MAX:?};\n\
          const NEAR: f32 = {NEAR:?};\n\
          const BLUR: f32 = {BLUR:?};\n\
+         const WIDTH_UNIT: f32 = {WIDTH_UNIT:?};\n\
          const VIEWS: u32 = {views}u;\n"
     );
     source += include_str!("../frame.wgsl");

@@ -107,7 +107,7 @@ macro_rules! assert_layout {
 #[test]
 fn structs_have_the_layout_of_their_counterparts() {
     let module = &parse(Features::default(), Purpose::Draw { views: 1 });
-    assert_layout!(module, Frame { time, radius_max });
+    assert_layout!(module, Frame { time, time_rest, radius_max });
     assert_layout!(module, View { view_from_world, eye, focal, principal, size, slope_min, slope_max });
     assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_moving, rate_unit, motion_units });
     assert_layout!(module, Gaussian { center, rotation, rotation_scale, scales, opacity_red, green_blue });

@@ -65,7 +65,15 @@ pub fn multiview_trial(
 
 /// Runs the tests of a file as the standard harness would.
 pub fn run(trials: Vec<Trial>) -> ExitCode {
-    let arguments = Arguments::from_args();
+    run_with(Arguments::from_args(), trials)
+}
+
+/// The same, one after the other.
+pub fn run_in_turn(trials: Vec<Trial>) -> ExitCode {
+    run_with(Arguments { test_threads: Some(1), ..Arguments::from_args() }, trials)
+}
+
+fn run_with(arguments: Arguments, trials: Vec<Trial>) -> ExitCode {
     if !arguments.list
         && let Ok(gpu) = device(Passes::Shared)
     {
@@ -116,6 +124,11 @@ impl<'a> Drawing<'a> {
             target: Offscreen::new(gpu, size, cameras.len() as u32, depth)?,
             views: cameras.iter().map(View::from_camera).collect(),
         })
+    }
+
+    /// Turns to other cameras, as many and with images of the same size.
+    pub fn look(&mut self, cameras: &[Camera]) {
+        self.views = cameras.iter().map(View::from_camera).collect();
     }
 
     /// Draws a frame and reads it back, an image for each camera.

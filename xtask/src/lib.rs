@@ -7,6 +7,7 @@ pub mod fault;
 pub mod fit;
 pub mod import;
 pub mod input;
+pub mod machine;
 pub mod output;
 pub mod package;
 pub mod report;

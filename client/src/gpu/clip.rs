@@ -1,15 +1,18 @@
 //! [`GpuClip`]: a clip in GPU memory, and what the CPU keeps of it for sorting.
 
 use codec::{Clip, Field, LayerEnd, TimeIndex};
+use glam::DVec3;
 
 use super::device::Gpu;
-use super::pack::pack;
+use super::pack::{middle, pack};
 use super::stages::alive::Rows;
 use super::stages::evaluate::Buffers;
 use crate::fault::Fault;
 
 /// A clip in GPU memory. What the clip does not have takes none.
 pub struct GpuClip {
+    /// What centres in GPU memory are relative to, in the world of the clip.
+    pub(super) middle: DVec3,
     pub(super) clip: Part,
     pub(super) plate: Option<Part>,
 }
@@ -28,14 +31,16 @@ impl GpuClip {
     pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<GpuClip, Fault> {
         let layers = clip.layers.clone();
         let time_index = clip.time_index.clone();
+        let middle = middle(&clip.still, &clip.moving);
         let plate = match &clip.plate {
             Some(plate) if !plate.is_empty() => {
                 let all = LayerEnd { still: plate.len(), moving: 0 };
-                Some(Part::upload(gpu, plate, &Field::default(), vec![all], TimeIndex::default())?)
+                Some(Part::upload(gpu, [plate, &Field::default()], middle, vec![all], TimeIndex::default())?)
             }
             _ => None,
         };
-        Ok(GpuClip { clip: Part::upload(gpu, &clip.still, &clip.moving, layers, time_index)?, plate })
+        let clip = Part::upload(gpu, [&clip.still, &clip.moving], middle, layers, time_index)?;
+        Ok(GpuClip { middle, clip, plate })
     }
 
     /// Bytes of GPU memory that the clip takes.
@@ -57,13 +62,13 @@ impl GpuClip {
 impl Part {
     fn upload(
         gpu: &Gpu,
-        still: &Field,
-        moving: &Field,
+        [still, moving]: [&Field; 2],
+        middle: DVec3,
         layers: Vec<LayerEnd>,
         time_index: TimeIndex,
     ) -> Result<Part, Fault> {
         Buffers::check_size(gpu, still, moving)?;
-        let buffers = Buffers::upload(gpu, &pack(still, moving))?;
-        Ok(Part { rows: Rows::new(still, moving, layers, time_index), buffers })
+        let buffers = Buffers::upload(gpu, &pack(still, moving, middle))?;
+        Ok(Part { rows: Rows::new([still, moving], middle, layers, time_index), buffers })
     }
 }

@@ -1,15 +1,24 @@
 //! Packs the Gaussians of a clip into the records that the stage `evaluate` reads.
 //!
 //! Every quantity has the precision at which its error stays below a tenth of an 8-bit step on
-//! screen; the tests of this file hold the bounds.
+//! screen, those of windows and motion a fifth, see [`moment`]; the tests of this file hold the
+//! bounds. What a record cannot hold is cut to what it can: scales, movements, brightness.
+
+pub(in crate::gpu) mod moment;
 
 use codec::{Field, Temporal};
+use glam::DVec3;
 use half::f16;
 use shaders::layout::{Gaussian, Ranges};
 use shaders::{Features, Motion, sh_words};
 
+use moment::Moment;
+
 /// Log-scales are cut to this on both sides: 2e-9 to 5e8 units.
 const LOG_SCALE_LIMIT: f32 = 20.0;
+
+/// How many centres tell where a clip is.
+const MIDDLE_ROWS: usize = 1000;
 
 /// The records of the two regions of a clip, still rows first.
 pub(crate) struct Packed {
@@ -22,8 +31,30 @@ pub(crate) struct Packed {
     pub(crate) sh: Vec<u32>,
 }
 
-/// Packs `still`, whose temporal columns are ignored, followed by `moving`.
-pub(crate) fn pack(still: &Field, moving: &Field) -> Packed {
+/// The middle of a clip: by axis, the median of where its Gaussians are. Packed centres are relative
+/// to it, so that a clip far from the origin of its world is as exact as one around it, and strays
+/// are what loses precision.
+pub(crate) fn middle(still: &Field, moving: &Field) -> DVec3 {
+    let place = |row: usize| match (row.checked_sub(still.len()), &moving.temporal) {
+        (None, _) => still.centers[row].map(f64::from),
+        (Some(row), None) => moving.centers[row].map(f64::from),
+        (Some(row), Some(temporal)) => Moment::of(moving, temporal, row).position,
+    };
+    let rows = still.len() + moving.len();
+    let mut places: Vec<[f64; 3]> = (0..rows).step_by(rows.div_ceil(MIDDLE_ROWS).max(1)).map(place).collect();
+    if places.is_empty() {
+        return DVec3::ZERO;
+    }
+    let half = places.len() / 2;
+    let median =
+        |axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis];
+    let middle = DVec3::from_array([0, 1, 2].map(median));
+    if middle.is_finite() { middle } else { DVec3::ZERO }
+}
+
+/// Packs `still`, whose temporal columns are ignored, followed by `moving`, with centres relative to
+/// `middle`.
+pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
     let temporal = moving.temporal.as_ref().filter(|_| !moving.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
@@ -39,20 +70,31 @@ pub(crate) fn pack(still: &Field, moving: &Field) -> Packed {
         motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * moving.len())),
         sh: Vec::with_capacity(sh_words(features.sh_degree) * (still.len() + moving.len())),
     };
-    for field in [still, moving] {
+    for (field, temporal) in [(still, None), (moving, temporal)] {
         for row in 0..field.len() {
-            packed.gaussians.push(pack_gaussian(field, row, &ranges));
+            let moment = temporal.map(|temporal| Moment::of(field, temporal, row));
+            let (center, rotation) = match &moment {
+                Some(moment) => (moment.position, moment.rotation),
+                None => (field.centers[row].map(f64::from), field.rotations[row].map(f64::from)),
+            };
+            let rotation = normalized(rotation);
+            let center = DVec3::from_array(center) - middle;
+            packed.gaussians.push(pack_gaussian(field, row, center, rotation, &ranges));
+            if let Some((moment, motion)) = moment.zip(motion) {
+                pack_motion(&moment, motion, rotation, &ranges, &mut packed.motion);
+            }
             if features.sh_degree > 0 {
                 pack_sh(&field.sh_of(row)[1..], features.sh_degree, &mut packed.sh);
             }
         }
     }
-    if let Some(temporal) = temporal {
-        for row in 0..moving.len() {
-            pack_motion(moving, temporal, row, &ranges, &mut packed.motion);
-        }
-    }
     packed
+}
+
+/// `q` with length 1; no rotation where it has no direction.
+fn normalized(q: [f64; 4]) -> [f32; 4] {
+    let length = moment::length(q);
+    if length > 0.0 && length.is_finite() { q.map(|x| (x / length) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
 fn ranges(still: &Field, moving: &Field, temporal: Option<&Temporal>) -> Ranges {
@@ -68,11 +110,14 @@ fn ranges(still: &Field, moving: &Field, temporal: Option<&Temporal>) -> Ranges 
         _pad0: 0.0,
     };
     if let Some(temporal) = temporal {
-        for power in 1..=usize::from(temporal.motion_order) {
-            let of_power = temporal.motion.iter().skip(power - 1).step_by(temporal.motion_order.into());
-            ranges.motion_units[power - 1] = unit(of_power.flatten());
+        let (mut motion, mut rate) = ([0f32; 3], 0f32);
+        let largest = |values: &[f32], largest: f32| values.iter().fold(largest, |l, x| l.max(x.abs()));
+        for row in 0..moving.len() {
+            let moment = Moment::of(moving, temporal, row);
+            motion.iter_mut().zip(&moment.motion).for_each(|(l, w)| *l = largest(w, *l));
+            rate = largest(&moment.rates, rate);
         }
-        ranges.rate_unit = unit(temporal.rotation_rates.iter().flatten().flatten());
+        (ranges.motion_units, ranges.rate_unit) = (motion.map(unit), unit(rate));
     }
     ranges
 }
@@ -81,23 +126,22 @@ fn cut_log_scale(log_scale: f32) -> f32 {
     log_scale.clamp(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT)
 }
 
-/// A power of two in which the largest of `values` is near the top of the range of an f16. Being
-/// a power of two it costs no precision, and none is lost to small numbers.
-fn unit<'a>(values: impl Iterator<Item = &'a f32>) -> f32 {
-    let largest = values.fold(0f32, |largest, x| largest.max(x.abs()));
+/// A power of two in which `largest` is near the top of the range of an f16. Being a power of two it
+/// costs no precision, and none is lost to small numbers.
+fn unit(largest: f32) -> f32 {
     if largest == 0.0 { 1.0 } else { 2f32.powi((largest.log2().ceil() as i32 - 15).max(-100)) }
 }
 
-fn pack_gaussian(field: &Field, row: usize, ranges: &Ranges) -> Gaussian {
+fn pack_gaussian(field: &Field, row: usize, center: DVec3, rotation: [f32; 4], ranges: &Ranges) -> Gaussian {
     let scale = |axis: usize| {
         let above = cut_log_scale(field.log_scales[row][axis]) - ranges.log_scale_min;
         if ranges.log_scale_step > 0.0 { (above / ranges.log_scale_step).round() as u32 } else { 0 }
     };
-    let [a, b, c, largest] = pack_rotation(field.rotations[row]);
+    let [a, b, c, largest] = pack_rotation(rotation);
     let base = base_color(field, row).map(half_bits);
     let opacity = (field.opacities[row] * 65535.0).round() as u32;
     Gaussian {
-        center: field.centers[row].map(f32::to_bits),
+        center: center.as_vec3().to_array().map(f32::to_bits),
         rotation: a & 0x7fff | (b & 0x7fff) << 15 | largest << 30,
         rotation_scale: c & 0xffff | scale(0) << 16,
         scales: scale(1) | scale(2) << 16,
@@ -133,21 +177,21 @@ fn half_bits(value: f32) -> u32 {
     u32::from(f16::from_f32(value.clamp(-largest, largest)).to_bits())
 }
 
-fn pack_motion(field: &Field, temporal: &Temporal, row: usize, ranges: &Ranges, words: &mut Vec<u32>) {
-    words.push(temporal.tau[row].to_bits());
+fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], ranges: &Ranges, words: &mut Vec<u32>) {
+    words.push(u32::from(moment.instant) | u32::from(moment.z as u16) << 16);
     let mut halves = [0u32; 14];
-    halves[0] = half_bits(1.0 / temporal.s[row]);
+    halves[0] = u32::from(moment.widths.to_bits());
     let mut count = 1;
     let mut push = |value: f32| {
         halves[count] = half_bits(value);
         count += 1;
     };
-    for (v, unit) in temporal.motion_of(row).iter().zip(ranges.motion_units) {
-        v.iter().for_each(|x| push(x / unit));
+    for (w, unit) in moment.motion.iter().zip(ranges.motion_units).take(features.order.into()) {
+        w.iter().for_each(|x| push(x / unit));
     }
-    if let Some(rates) = &temporal.rotation_rates {
-        let (_, sign) = largest_component(field.rotations[row]);
-        rates[row].iter().for_each(|rate| push(rate * sign / ranges.rate_unit));
+    if features.rotates {
+        let (_, sign) = largest_component(rotation);
+        moment.rates.iter().for_each(|rate| push(rate * sign / ranges.rate_unit));
     }
     words.extend(halves[..count].chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
 }

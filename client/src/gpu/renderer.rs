@@ -118,7 +118,7 @@ impl Renderer {
         self.parts.len()
     }
 
-    /// Records a frame at clip time `t` into `encoder`: the targets are cleared to transparent
+    /// Records a frame at clip time `t`, cut to `[0, 1]`, into `encoder`: the targets are cleared to transparent
     /// black and the clip is drawn over. `targets` has a target for each pass, with
     /// [`Renderer::eyes_per_pass`] layers. The views are of one size, and fill the targets or a part
     /// of them in the upper left corner.
@@ -138,9 +138,10 @@ impl Renderer {
     ) -> FrameCounts {
         assert_eq!(views.len(), self.eyes, "one view per eye");
         assert_eq!(targets.len(), self.passes.len(), "one target per pass");
+        let t = within_clip(t);
         let counts = self.sort(gpu, t, views, settings);
         for (pass, views) in self.passes.iter().zip(views.chunks(self.eyes_per_pass as usize)) {
-            pass.write(gpu, t, settings.cutoff, views);
+            pass.write(gpu, t, settings.cutoff, views, self.clip.middle);
         }
         let slot = self.timer.as_mut().and_then(|timer| {
             timer.latest_ms();
@@ -184,7 +185,8 @@ impl Renderer {
             Some(counter) => counter,
             None => gpu.allocate("counting", || Counter::new(gpu, &self.parts))?,
         };
-        let coverage = counter.count(gpu, &self.parts, t, settings.cutoff, views);
+        let coverage =
+            counter.count(gpu, &self.parts, within_clip(t), settings.cutoff, views, self.clip.middle);
         self.counter = Some(counter);
         coverage
     }
@@ -239,6 +241,12 @@ impl Renderer {
             pass.draw(0..CORNERS, 0..part.order.len() as u32);
         }
     }
+}
+
+/// Records are about instants of the clip: before and after it, it is as at its ends.
+fn within_clip(t: f64) -> f64 {
+    // NaN counts as the start.
+    if t > 0.0 { t.min(1.0) } else { 0.0 }
 }
 
 impl DrawnPart {

@@ -1,7 +1,7 @@
 //! Where an eye looks: [`View`]s from the poses and angles that a runtime gives.
 
 use codec::Camera;
-use glam::{Mat4, Quat, UVec2, vec2};
+use glam::{Quat, UVec2, vec2};
 use openxr as xr;
 
 use super::interaction::{Pose, Similarity};
@@ -52,13 +52,12 @@ pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
 
 /// The same view as a camera file holds it.
 pub(super) fn camera(view: &View) -> Camera {
-    let rows = Mat4::transpose(&view.view_from_world).to_cols_array_2d();
     let [fx, fy, cx, cy] = [view.focal.x, view.focal.y, view.principal.x, view.principal.y].map(f64::from);
     Camera {
         width: view.size.x,
         height: view.size.y,
         k: [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
-        camera_from_world: rows.map(|row| row.map(f64::from)),
+        camera_from_world: view.view_from_world.transpose().to_cols_array_2d(),
     }
 }
 
@@ -79,7 +78,7 @@ mod tests {
 
     /// Where a point of the stage falls in the image of `view`, which must be one of [`SAME`].
     fn project(view: &View, point: Vec3) -> Vec2 {
-        let p = view.view_from_world.transform_point3(point);
+        let p = view.view_from_world.transform_point3(point.as_dvec3()).as_vec3();
         assert!(p.z > 0.0, "{p}");
         view.focal * p.truncate() / p.z + view.principal
     }
@@ -138,7 +137,7 @@ mod tests {
         let stage_point = stage_from_clip.point(clip_point).as_vec3();
         let (a, b) = (project(&in_clip, clip_point.as_vec3()), project(&in_stage, stage_point));
         assert!(a.distance(b) < 1e-2, "{a} {b}");
-        let rotation = glam::Mat3::from_mat4(in_clip.view_from_world);
+        let rotation = glam::DMat3::from_mat4(in_clip.view_from_world);
         assert!((rotation.determinant() - 1.0).abs() < 1e-5, "rigid");
     }
 

@@ -7,7 +7,6 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-use std::thread;
 
 use anyhow::{Context, bail};
 use codec::{Clip, Limits};
@@ -15,6 +14,7 @@ use refine::prune::Ranking;
 use refine::reference::{Radius, Scene as Drawing, coverage};
 use serde::Deserialize;
 use serde_json::Value;
+use xtask::machine::machine;
 use xtask::package::{Package, Settings, package};
 use xtask::scene::Scene;
 use xtask::synth::juggler;
@@ -234,15 +234,6 @@ fn print_counts(name: &str, package: &Package, stats: Option<&Value>) -> anyhow:
         );
     }
     Ok(())
-}
-
-/// Processor, number of its cores that may be used, and operating system.
-fn machine() -> String {
-    let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = cpu.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
-    let model = model.map_or("processor of unknown model", |(_, model)| model);
-    let cores = thread::available_parallelism().map_or(1, |cores| cores.get());
-    format!("{model}, {cores} cores, {} {}", std::env::consts::OS, std::env::consts::ARCH)
 }
 
 fn text(value: &Value) -> &str {

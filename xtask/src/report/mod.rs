@@ -1,8 +1,9 @@
-//! Reports: what the packages of a field cost and what they keep, measured, as text to read, tables
-//! for programs, and plots.
+//! Reports: what the packages of a field cost and what they keep, and how stable the renderer is,
+//! measured, as text to read, tables for programs, and plots.
 
 mod plot;
 pub mod rd;
+pub mod stability;
 mod subject;
 
 pub use subject::Subject;

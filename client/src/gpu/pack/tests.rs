@@ -2,6 +2,7 @@
 
 use codec::sh_coefficients;
 
+use super::moment::{INSTANTS, Z_STEPS};
 use super::*;
 
 /// Uniform numbers in [0, 1), the same on every run.
@@ -67,7 +68,7 @@ fn unpack_rotation(g: &Gaussian) -> [f32; 4] {
 #[test]
 fn static_attributes() {
     let field = field(2000, 0, None);
-    let packed = pack(&field, &Field::default());
+    let packed = pack(&field, &Field::default(), DVec3::ZERO);
     assert_eq!(packed.features, Features { sh_degree: 0, motion: None });
     assert_eq!((packed.motion.len(), packed.sh.len()), (0, 0), "nothing for what is not there");
     for (row, g) in packed.gaussians.iter().enumerate() {
@@ -97,43 +98,184 @@ fn static_attributes() {
     }
 }
 
+/// A record at an instant.
+struct Evaluated {
+    /// From the middle of the clip.
+    position: DVec3,
+    /// Part of the peak opacity.
+    window: f64,
+    rotation: [f64; 4],
+    /// Time from the instant of the record, in widths of its window or in clips.
+    u: f64,
+}
+
+/// Moving row `row` at clip time `t`: what evaluate.wgsl computes, in f64.
+fn evaluate(packed: &Packed, row: usize, t: f64) -> Evaluated {
+    let features = packed.features.motion.expect("it moves");
+    let words = &packed.motion[row * features.words()..][..features.words()];
+    let half_at = |k: usize| f64::from(half(words[1 + k / 2], k % 2 == 1));
+    let d = t - f64::from(words[0] & 0xffff) / INSTANTS;
+    let widths = half_at(0) * f64::from(shaders::WIDTH_UNIT);
+    let z = f64::from((words[0] >> 16) as u16 as i16) / Z_STEPS + d * widths;
+    let u = d * widths.max(1.0);
+
+    let g = &packed.gaussians[row + packed.ranges.first_moving as usize];
+    let mut position = DVec3::from_array(g.center.map(|bits| f64::from(f32::from_bits(bits))));
+    for power in 0..usize::from(features.order) {
+        let w = DVec3::from_array([0, 1, 2].map(|axis| half_at(1 + 3 * power + axis)));
+        position += w * f64::from(packed.ranges.motion_units[power]) * u.powi(power as i32 + 1);
+    }
+    let mut rotation = unpack_rotation(g).map(f64::from);
+    if features.rotates {
+        let unit = f64::from(packed.ranges.rate_unit);
+        let first = 1 + 3 * usize::from(features.order);
+        rotation = std::array::from_fn(|k| rotation[k] + half_at(first + k) * unit * u);
+    }
+    Evaluated { position, window: (-0.5 * z * z).exp(), rotation, u }
+}
+
+/// Instants over the part of the clip in which a row is alive, both ends among them.
+fn instants_alive(field: &Field, row: usize) -> impl Iterator<Item = f64> + use<> {
+    let alive = field.alive_interval(row);
+    alive
+        .into_iter()
+        .flat_map(|(start, end)| (0..=10).map(move |i| start + f64::from(i) * 0.1 * (end - start)))
+}
+
+/// The bounds that [`moment`] derives.
 #[test]
-fn trajectories_windows_and_turning() {
+fn records_are_off_by_no_more_than_their_rounding_at_any_instant() {
+    const H: f64 = 1.0 / 2048.0;
     let motion = Motion { order: 3, rotates: true };
     let field = field(2000, 0, Some(motion));
-    let packed = pack(&Field::default(), &field);
+    let middle = DVec3::new(10.0, -20.0, 0.5);
+    let packed = pack(&Field::default(), &field, middle);
     assert_eq!(packed.features.motion, Some(motion));
     let temporal = field.temporal.as_ref().expect("temporal columns");
-    for (row, words) in packed.motion.chunks_exact(motion.words()).enumerate() {
-        assert_eq!(f32::from_bits(words[0]), temporal.tau[row], "window centres are exact");
-        let half_at = |k: usize| half(words[1 + k / 2], k % 2 == 1);
-        let relative = |value: f32, exact: f32| (value - exact).abs() / exact.abs();
-        // Half a step of an f16: 2^-11 / 2 of the value, plus rounding of the units.
-        let most = 2.5e-4 * 2.0;
-        assert!(relative(half_at(0), 1.0 / temporal.s[row]) < most);
-        for (power, v) in temporal.motion_of(row).iter().enumerate() {
-            for (axis, &exact) in v.iter().enumerate() {
-                let value = half_at(1 + 3 * power + axis) * packed.ranges.motion_units[power];
-                // What is a millionth of the largest may round more.
-                assert!(relative(value, exact) < most || exact.abs() < 1e-5, "{value} for {exact}");
+    let mut compared = 0;
+    for row in 0..field.len() {
+        let moment = Moment::of(&field, temporal, row);
+        let z0 = f64::from(moment.z) / Z_STEPS;
+        for t in instants_alive(&field, row) {
+            compared += 1;
+            let found = evaluate(&packed, row, t);
+            assert!(found.u.abs() < 3.4, "row {row} at {t}: {} widths", found.u);
+
+            let off = (found.position - (DVec3::from_array(field.position_at(row, t)) - middle)).abs();
+            for axis in 0..3 {
+                // The centre and the coefficients are numbers in f32 before anything else.
+                let mut bound = 2f64.powi(-24) * (moment.position[axis] - middle[axis]).abs();
+                for (power, w) in (1..).zip(moment.motion) {
+                    let least = f64::from(packed.ranges.motion_units[power as usize - 1]) * 2f64.powi(-25);
+                    bound += (1.001 * H * f64::from(w[axis]).abs()).max(least) * found.u.abs().powi(power);
+                }
+                assert!(off[axis] <= bound + 1e-9, "row {row} at {t}: {} beyond {bound}", off[axis]);
             }
-        }
-        // The packed quaternion may be the opposite of the field's: the rates then are, too.
-        let rates = temporal.rotation_rates.as_ref().expect("rates");
-        let q = unpack_rotation(&packed.gaussians[row]);
-        let sign: f32 = q.iter().zip(field.rotations[row]).map(|(a, b)| a * b).sum::<f32>().signum();
-        for (k, &exact) in rates[row].iter().enumerate() {
-            let rate = half_at(10 + k) * packed.ranges.rate_unit * sign;
-            assert!(relative(rate, exact) < most || exact.abs() < 1e-3, "{rate} for {exact}");
+
+            let exact = field.opacity_at(row, t) / f64::from(field.opacities[row]);
+            let bound = H * (1.35 + 0.61 * z0.abs());
+            assert!((found.window - exact).abs() <= bound, "row {row} at {t}: {} for {exact}", found.window);
+
+            let exact = field.rotation_at(row, t);
+            let norm = moment::length(found.rotation);
+            let sign = found.rotation.iter().zip(exact).map(|(a, b)| a * b).sum::<f64>().signum();
+            let apart: [f64; 4] = std::array::from_fn(|k| sign * found.rotation[k] / norm - exact[k]);
+            let turned = moment::length(moment.rates.map(f64::from)) * found.u.abs();
+            let bound = (0.75e-4 + 1.001 * H * turned) / norm;
+            assert!(moment::length(apart) <= bound, "row {row} at {t}: {apart:?} beyond {bound}");
         }
     }
+    assert!(compared > 15_000, "{compared} instants");
+}
+
+#[test]
+fn windows_from_a_millionth_to_a_million_of_the_clip() {
+    for exponent in -12..=12 {
+        let s = 10f32.powf(0.5 * exponent as f32);
+        for tau in [0.0, 0.5, 0.777, 1.0, 1.0 + 2.0 * s, -3.0 * s] {
+            let mut field = field(1, 0, Some(Motion { order: 3, rotates: false }));
+            field.opacities[0] = 1.0;
+            let temporal = field.temporal.as_mut().expect("temporal columns");
+            (temporal.tau[0], temporal.s[0]) = (tau, s);
+            // Half a unit of each power within a width, wherever that is.
+            let v = |power: i32| [0.5 * s.min(1.0).powi(-power); 3];
+            temporal.motion = vec![v(1), v(2), v(3)];
+            let middle = DVec3::from_array(field.position_at(0, tau.clamp(0.0, 1.0).into()));
+            let packed = pack(&Field::default(), &field, middle);
+            for t in instants_alive(&field, 0) {
+                let found = evaluate(&packed, 0, t);
+                let exact = field.opacity_at(0, t);
+                let off = (found.window - exact).abs();
+                assert!(off < 1.5 / 255.0, "s {s}, tau {tau}, t {t}: {} for {exact}", found.window);
+                let off = found.position - (DVec3::from_array(field.position_at(0, t)) - middle);
+                // Up to 21 units of the third power at the ends of the window.
+                assert!(off.length() < 0.05, "s {s}, tau {tau}, t {t}: off by {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_flies_off_costs_the_others_nothing() {
+    let mut field = field(2, 0, Some(Motion { order: 1, rotates: false }));
+    let temporal = field.temporal.as_mut().expect("temporal columns");
+    (temporal.tau, temporal.s) = (vec![0.5; 2], vec![1.0; 2]);
+    temporal.motion = vec![[1e30, -1e30, 1e9], [0.1, -0.07, 0.05]];
+    let packed = pack(&Field::default(), &field, DVec3::ZERO);
+    for t in [0.0, 0.3, 1.0] {
+        let off = evaluate(&packed, 1, t).position - DVec3::from_array(field.position_at(1, t));
+        assert!(off.length() < 1e-4, "{off}");
+        assert!(evaluate(&packed, 0, t).position.is_finite());
+    }
+}
+
+#[test]
+fn far_from_the_origin_nothing_is_lost() {
+    let mut near = field(500, 0, Some(Motion { order: 2, rotates: false }));
+    // What f32 holds at both places.
+    near.centers.iter_mut().flatten().for_each(|x| *x = (*x * 8.0).round() / 8.0);
+    let mut far = near.clone();
+    far.centers.iter_mut().for_each(|center| center[0] += 1e6);
+    far.centers[7] = [-3e30; 3];
+    let middle = middle(&Field::default(), &far);
+    assert!((middle - DVec3::X * 1e6).length() < 1e6, "a stray does not move it: {middle}");
+    let packed = pack(&Field::default(), &far, middle);
+    let temporal = far.temporal.as_ref().expect("temporal columns");
+    for row in (0..500).filter(|&row| row != 7 && far.alive_interval(row).is_some()) {
+        let exact = DVec3::from_array(Moment::of(&far, temporal, row).position) - middle;
+        let stored = packed.gaussians[row].center.map(|bits| f64::from(f32::from_bits(bits)));
+        let off = DVec3::from_array(stored) - exact;
+        assert!(off.length() <= 1e-7 * exact.length(), "row {row}: off by {off}");
+    }
+}
+
+#[test]
+fn quaternions_of_any_length_and_none() {
+    let mut field = field(4, 0, None);
+    field.rotations =
+        vec![[0.6, 0.0, 0.8, 0.0], [3.0, 0.0, 4.0, 0.0], [0.0; 4], [f32::NAN, 0.0, f32::INFINITY, 1.0]];
+    let packed = pack(&field, &Field::default(), DVec3::ZERO);
+    let words = |row: usize| (packed.gaussians[row].rotation, packed.gaussians[row].rotation_scale & 0xffff);
+    assert_eq!(words(0), words(1));
+    for row in [2, 3] {
+        assert_eq!(unpack_rotation(&packed.gaussians[row]), [1.0, 0.0, 0.0, 0.0]);
+    }
+}
+
+#[test]
+fn what_is_never_alive_is_not_drawn() {
+    let mut field = field(1, 0, Some(Motion { order: 1, rotates: false }));
+    let temporal = field.temporal.as_mut().expect("temporal columns");
+    (temporal.tau[0], temporal.s[0]) = (1e20, 0.1);
+    let packed = pack(&Field::default(), &field, DVec3::ZERO);
+    assert!([0.0, 0.5, 1.0].iter().all(|&t| evaluate(&packed, 0, t).window < 1e-100));
 }
 
 #[test]
 fn spherical_harmonics() {
     for degree in 1..=3 {
         let field = field(500, degree, None);
-        let packed = pack(&field, &Field::default());
+        let packed = pack(&field, &Field::default(), DVec3::ZERO);
         for (row, words) in packed.sh.chunks_exact(sh_words(degree)).enumerate() {
             let largest = f32::from_bits(words[0]);
             for (word, exact) in words[1..].iter().zip(&field.sh_of(row)[1..]) {
@@ -155,7 +297,7 @@ fn spherical_harmonics() {
 fn regions_share_their_records() {
     let still = field(3, 1, None);
     let moving = field(4, 2, Some(Motion { order: 1, rotates: false }));
-    let packed = pack(&still, &moving);
+    let packed = pack(&still, &moving, DVec3::ZERO);
     assert_eq!(packed.features, Features { sh_degree: 2, motion: Some(Motion { order: 1, rotates: false }) });
     assert_eq!((packed.gaussians.len(), packed.ranges.first_moving), (7, 3));
     assert_eq!((packed.motion.len(), packed.sh.len()), (4 * 3, 7 * 9));
@@ -172,7 +314,7 @@ fn extremes_stay_finite() {
     let temporal = field.temporal.as_mut().expect("temporal columns");
     temporal.s = vec![1e-30, f32::INFINITY];
     temporal.motion = vec![[3e38, -3e38, 0.0], [1e-30, 0.0, 0.0]];
-    let packed = pack(&Field::default(), &field);
+    let packed = pack(&Field::default(), &field, DVec3::ZERO);
     let Ranges { log_scale_min, log_scale_step, motion_units, .. } = packed.ranges;
     assert!(log_scale_min == -20.0 && log_scale_step * 65535.0 < 40.1);
     assert!(motion_units[0].is_finite() && motion_units[0] > 0.0);

@@ -1,5 +1,6 @@
 //! Stage `count`: how many fragments every instance covers, exactly and the same on every run.
 
+use glam::DVec3;
 use shaders::{COUNTS, Purpose};
 
 use super::splat::{self, CORNERS, PassUniforms};
@@ -75,7 +76,8 @@ impl Counter {
         }
     }
 
-    /// Counts what drawing the sorted rows of `parts` into `views` takes.
+    /// Counts what drawing the sorted rows of `parts`, of a clip with this `middle`, into `views`
+    /// takes.
     pub(in crate::gpu) fn count(
         &self,
         gpu: &Gpu,
@@ -83,12 +85,13 @@ impl Counter {
         t: f64,
         cutoff: Cutoff,
         views: &[View],
+        middle: DVec3,
     ) -> Result<Coverage, Fault> {
         let mut encoder = gpu.encoder();
         self.parts.iter().for_each(|part| encoder.clear_buffer(&part.counts, 0, None));
         gpu.submit(encoder);
         for view in views {
-            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view));
+            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), middle);
             self.count_view(gpu, parts, view)?;
         }
         let mut encoder = gpu.encoder();

@@ -230,12 +230,12 @@ impl Similarity {
     /// principal points are those of the stage, which a uniform scale does not change.
     ///
     /// [`View::view_from_world`]: crate::view::View::view_from_world
-    pub fn view_from_clip(&self, eye: &Pose) -> Mat4 {
+    pub fn view_from_clip(&self, eye: &Pose) -> DMat4 {
         let eye_in_clip = self.source_of(eye.position.as_dvec3());
         // From y up, z back to y down, z ahead.
         let view_from_eye = DQuat::from_rotation_x(PI);
         let rotation = view_from_eye * eye.orientation.as_dquat().inverse() * self.rotation;
-        DMat4::from_rotation_translation(rotation.normalize(), -(rotation * eye_in_clip)).as_mat4()
+        DMat4::from_rotation_translation(rotation.normalize(), -(rotation * eye_in_clip))
     }
 }
 
@@ -326,7 +326,7 @@ mod tests {
         let head = head(0.3);
         let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
         let target = DVec3::from(viewpoint::viewpoints(&clip)[0].target.map(f64::from));
-        let seen = stage_from_clip.view_from_clip(&head).transform_point3(target.as_vec3());
+        let seen = stage_from_clip.view_from_clip(&head).transform_point3(target);
         assert!(seen.z > 1.0 && seen.x.abs() < 0.3 * seen.z && seen.y.abs() < 0.6 * seen.z, "{seen}");
     }
 
@@ -371,11 +371,11 @@ mod tests {
         for _ in 0..200 {
             let stage_from_clip = subject.stage_from_clip(&random.placement());
             let (eye, point) = (random.pose(), random.point());
-            let seen = stage_from_clip.view_from_clip(&eye).transform_point3(point.as_vec3());
+            let seen = stage_from_clip.view_from_clip(&eye).transform_point3(point);
             let stage = stage_from_clip.point(point) - eye.position.as_dvec3();
             let ours = eye.orientation.as_dquat().inverse() * stage / stage_from_clip.scale;
             let expected = dvec3(ours.x, -ours.y, -ours.z);
-            let error = (seen.as_dvec3() - expected).length() / expected.length().max(1.0);
+            let error = (seen - expected).length() / expected.length().max(1.0);
             assert!(error < 1e-4, "{seen} {expected}");
         }
     }

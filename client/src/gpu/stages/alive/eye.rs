@@ -1,6 +1,6 @@
 //! [`Eye`]: what an eye can see of a batch of Gaussians.
 
-use glam::{Affine3A, Vec2, Vec3A};
+use glam::{Affine3A, DMat4, DVec3, Vec2, Vec3A};
 
 use super::region::{BATCH, Faintness, Places};
 use crate::view::View;
@@ -9,7 +9,8 @@ use crate::view::View;
 /// point.
 #[derive(Clone, Copy)]
 pub(super) struct Eye {
-    view_from_world: Affine3A,
+    /// From the axes of the world with the middle of the clip as their origin.
+    view_from_clip: Affine3A,
     focal: Vec2,
     /// Pixels that a unit of length at distance 1 covers at most.
     magnification: Vec2,
@@ -20,21 +21,23 @@ pub(super) struct Eye {
 
 impl Eye {
     pub(super) const NONE: Eye = Eye {
-        view_from_world: Affine3A::IDENTITY,
+        view_from_clip: Affine3A::IDENTITY,
         focal: Vec2::ONE,
         magnification: Vec2::ZERO,
         low: Vec2::ZERO,
         high: Vec2::ZERO,
     };
 
-    pub(super) fn new(view: &View) -> Eye {
+    /// `middle`: of the clip, in the world.
+    pub(super) fn new(view: &View, middle: DVec3) -> Eye {
         // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
         const MARGIN: f32 = 2.9;
         let (low, high) = slope_limits(view);
         let slope = low.abs().max(high.abs());
+        let view_from_clip = view.view_from_world * DMat4::from_translation(middle);
         Eye {
-            view_from_world: Affine3A::from_mat4(view.view_from_world),
+            view_from_clip: Affine3A::from_mat4(view_from_clip.as_mat4()),
             focal: view.focal,
             magnification: view.focal * (1.0 + slope * slope).powf(0.5),
             low: -view.principal - MARGIN,
@@ -45,7 +48,7 @@ impl Eye {
     /// Marks those of `places` that can leave a trace in the image. Never wrong when it leaves one
     /// out. `reach`: how far from its centre each is drawn at most.
     pub(super) fn mark_seen(&self, places: &Places, reach: &[f32], seen: &mut [u32; BATCH]) {
-        let Affine3A { matrix3, translation } = self.view_from_world;
+        let Affine3A { matrix3, translation } = self.view_from_clip;
         let ([a, b, c], o) = ([matrix3.x_axis, matrix3.y_axis, matrix3.z_axis], translation);
         let [xs, ys, zs] = places;
         for ((((x, y), z), reach), seen) in xs.iter().zip(ys).zip(zs).zip(reach).zip(seen) {
@@ -63,11 +66,11 @@ impl Eye {
         }
     }
 
-    /// The most that a Gaussian can add to the image at `d` after the centre of its window, the sum
+    /// The most that a Gaussian can add to the image at `d` after the instant of its record, the sum
     /// of its alpha over all pixels, if it is turned to show its two longest axes, and as if it were
     /// in the middle.
     pub(super) fn weight_px(&self, place: Vec3A, d: f32, faintness: &Faintness) -> f32 {
-        let distance = self.view_from_world.transform_point3a(place).length();
+        let distance = self.view_from_clip.transform_point3a(place).length();
         let footprint = faintness.sigmas * (self.focal.max_element() / distance);
         let variances = footprint * footprint + shaders::BLUR;
         std::f32::consts::TAU * faintness.opacity_at(d) * variances.element_product().sqrt()

@@ -14,7 +14,7 @@ mod tests;
 use std::ops::Range;
 
 use codec::{Field, LayerEnd, TimeIndex};
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
 use crate::gpu::settings::{Settings, SortOrder};
@@ -32,6 +32,7 @@ pub(in crate::gpu) struct Rows {
     moving: Region,
     layers: Vec<LayerEnd>,
     time_index: TimeIndex,
+    middle: DVec3,
 }
 
 /// What of a part of a clip can be seen.
@@ -44,13 +45,15 @@ pub(in crate::gpu) struct Seen {
 }
 
 impl Rows {
+    /// `middle`: of the clip, in the world of the fields.
     pub(in crate::gpu) fn new(
-        still: &Field,
-        moving: &Field,
+        [still, moving]: [&Field; 2],
+        middle: DVec3,
         layers: Vec<LayerEnd>,
         time_index: TimeIndex,
     ) -> Rows {
-        Rows { still: Region::new(still), moving: Region::new(moving), layers, time_index }
+        let [still, moving] = [still, moving].map(|field| Region::new(field, middle));
+        Rows { still, moving, layers, time_index, middle }
     }
 
     pub(in crate::gpu) fn len(&self) -> usize {
@@ -78,12 +81,12 @@ impl Rows {
         };
         let mut eyes = [Eye::NONE; EYES_MAX];
         for (eye, view) in eyes.iter_mut().zip(views) {
-            *eye = Eye::new(view);
+            *eye = Eye::new(view, self.middle);
         }
         let mut sieve = Sieve {
-            t: t as f32,
+            t,
             eyes: &eyes[..views.len().min(EYES_MAX)],
-            depth: Depth::new(views, settings.sort),
+            depth: Depth::new(views, self.middle, settings.sort),
             least_px: settings.least_px,
             items,
             seen: Seen::default(),
@@ -99,7 +102,7 @@ impl Rows {
 
 /// Lets through what can be seen.
 struct Sieve<'a> {
-    t: f32,
+    t: f64,
     eyes: &'a [Eye],
     depth: Depth,
     least_px: f32,
@@ -126,7 +129,7 @@ impl Sieve<'_> {
                 }
                 if self.least_px > 0.0 {
                     let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
-                    let (d, faintness) = (batch.since_tau[i], &region.faintness[row]);
+                    let (d, faintness) = (batch.since[i], &region.faintness[row]);
                     let is_faint = |eye: &Eye| eye.weight_px(place, d, faintness) < self.least_px;
                     if self.eyes.iter().all(is_faint) {
                         self.seen.faint += 1;
@@ -142,16 +145,16 @@ impl Sieve<'_> {
 /// How far away Gaussians are, as far as their order goes.
 struct Depth {
     order: SortOrder,
-    /// Between the eyes, in units of the field.
+    /// Between the eyes, from the middle of the clip, in units of the field.
     from: Vec3A,
     /// Where both eyes together look, of length 1.
     forward: Vec3A,
 }
 
 impl Depth {
-    fn new(views: &[View], order: SortOrder) -> Depth {
-        let middle = MiddleEye::of(views);
-        Depth { order, from: middle.position.as_vec3a(), forward: middle.forward.as_vec3a() }
+    fn new(views: &[View], middle: DVec3, order: SortOrder) -> Depth {
+        let eye = MiddleEye::of(views);
+        Depth { order, from: (eye.position - middle).as_vec3a(), forward: eye.forward.as_vec3a() }
     }
 
     fn of(&self, [xs, ys, zs]: &Places) -> [f32; BATCH] {

@@ -6,25 +6,29 @@
 use std::ops::Range;
 
 use codec::{ALPHA_MIN, Field};
-use glam::Vec2;
+use glam::{DVec3, Vec2};
+
+use crate::gpu::pack::moment::Moment;
 
 /// Gaussians that are looked at together: few enough to stay in the nearest cache.
 pub(super) const BATCH: usize = 64;
 
-/// Centres of a batch in units of the field, axis by axis.
+/// Centres of a batch from the middle of the clip, in units of the field, axis by axis.
 pub(super) type Places = [[f32; BATCH]; 3];
 
-/// The still or the moving Gaussians of a clip.
+/// The still or the moving Gaussians of a clip, the latter as the [`Moment`]s that the shaders have.
 pub(super) struct Region {
     /// Clip times from and to which opacity reaches 1/255, outwards by a rounding; for one that never
     /// does, none between.
     starts: Vec<f32>,
     ends: Vec<f32>,
-    /// Centres of the windows in clip time; of still rows, 0.
-    tau: Vec<f32>,
-    /// Centres at `tau`, in units of the field, axis by axis.
+    /// Instants, in clip time, that records are about; of still rows, 0.
+    instants: Vec<f32>,
+    /// Units of time of the motion in a clip.
+    units: Vec<f32>,
+    /// Centres at their instants, from the middle of the clip, in units of the field, axis by axis.
     centers: [Vec<f32>; 3],
-    /// Motion coefficients, in units of the field per clip to that power: power by power, axis by axis.
+    /// Motion coefficients, in units of the field: power by power, axis by axis.
     motion: Vec<[Vec<f32>; 3]>,
     /// Distance from the centre, in units of the field, beyond which alpha stays below 1/255.
     pub(super) reach: Vec<f32>,
@@ -36,8 +40,10 @@ pub(super) struct Region {
 pub(super) struct Faintness {
     /// Peak opacity.
     opacity: f32,
-    /// One over the window's width in clip time; of still rows, 0.
-    per_width: f32,
+    /// Widths of the window from its centre to the instant of the record.
+    z: f32,
+    /// Widths of the window in a clip; of still rows, 0.
+    widths: f32,
     /// Standard deviations along the two longest axes, the longest first, in units of the field.
     pub(super) sigmas: Vec2,
 }
@@ -46,59 +52,60 @@ pub(super) struct Faintness {
 pub(super) struct Batch {
     /// 1 for those that are alive.
     pub(super) alive: [u32; BATCH],
-    /// Clip time since the centres of the windows.
-    pub(super) since_tau: [f32; BATCH],
+    /// Clip time since the instants of the records.
+    pub(super) since: [f32; BATCH],
     /// Where the shaders put them.
     pub(super) places: Places,
 }
 
 impl Batch {
     pub(super) const EMPTY: Batch =
-        Batch { alive: [0; BATCH], since_tau: [0.0; BATCH], places: [[0.0; BATCH]; 3] };
+        Batch { alive: [0; BATCH], since: [0.0; BATCH], places: [[0.0; BATCH]; 3] };
 }
 
 impl Region {
-    pub(super) fn new(field: &Field) -> Region {
-        let temporal = field.temporal.as_ref();
+    /// `middle`: of the clip, in the world of the field.
+    pub(super) fn new(field: &Field, middle: DVec3) -> Region {
         let rows = 0..field.len();
-        let radius = |row: usize| {
-            let opacity = f64::from(field.opacities[row]);
-            (opacity >= ALPHA_MIN).then(|| (2.0 * (opacity / ALPHA_MIN).ln()).sqrt())
+        let moment = |row: usize| match &field.temporal {
+            Some(temporal) => Moment::of(field, temporal, row),
+            None => Moment { position: field.centers[row].map(f64::from), ..Moment::default() },
         };
-        let alive = |row: usize| match (radius(row), temporal) {
-            (None, _) => [f32::INFINITY, f32::NEG_INFINITY],
-            (Some(_), None) => [f32::NEG_INFINITY, f32::INFINITY],
-            (Some(radius), Some(temporal)) => {
-                let (tau, s) = (f64::from(temporal.tau[row]), f64::from(temporal.s[row]));
-                // A peak of just 1/255 has radius 0, which infinite width cannot multiply.
-                let reach = if s.is_finite() { s * radius } else { f64::INFINITY };
-                // The instant is rounded too.
+        let moments: Vec<Moment> = rows.clone().map(moment).collect();
+        let alive = |row: usize| match field.alive_interval(row) {
+            None => [f32::INFINITY, f32::NEG_INFINITY],
+            Some((start, end)) => {
+                // The instant of the frame is rounded too.
                 let rounding = f64::from(f32::EPSILON);
-                [((tau - reach - rounding) as f32).next_down(), ((tau + reach + rounding) as f32).next_up()]
+                [((start - rounding) as f32).next_down(), ((end + rounding) as f32).next_up()]
             }
         };
         let alive: Vec<[f32; 2]> = rows.clone().map(alive).collect();
-        let faintness = |row: usize| {
+        let faintness = |(row, moment): (usize, &Moment)| {
             let mut scales = field.log_scales[row];
             scales.sort_by(f32::total_cmp);
             Faintness {
                 opacity: field.opacities[row],
-                per_width: temporal.map_or(0.0, |temporal| 1.0 / temporal.s[row]),
+                z: moment.z(),
+                widths: moment.widths(),
                 sigmas: Vec2::new(scales[2].exp(), scales[1].exp()),
             }
         };
-        let faintness: Vec<Faintness> = rows.clone().map(faintness).collect();
-        let reach = |row: usize| faintness[row].sigmas.x * radius(row).unwrap_or(0.0) as f32;
-        let order = temporal.map_or(0, |temporal| usize::from(temporal.motion_order));
-        let coefficients = temporal.map_or(&[][..], |temporal| &temporal.motion);
-        let of_power = |power: usize| {
-            [0, 1, 2].map(|axis| coefficients.iter().skip(power).step_by(order).map(|v| v[axis]).collect())
+        let faintness: Vec<Faintness> = rows.clone().zip(&moments).map(faintness).collect();
+        let reach = |row: usize| {
+            let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
+            faintness[row].sigmas.x * radius as f32
         };
+        let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - middle[axis]) as f32).collect();
+        let order = field.temporal.as_ref().map_or(0, |temporal| usize::from(temporal.motion_order));
+        let of_power =
+            |power: usize| [0, 1, 2].map(|axis| moments.iter().map(|m| m.motion[power][axis]).collect());
         Region {
             starts: alive.iter().map(|[start, _]| *start).collect(),
             ends: alive.iter().map(|[_, end]| *end).collect(),
-            tau: temporal.map_or_else(|| vec![0.0; field.len()], |temporal| temporal.tau.clone()),
-            centers: [0, 1, 2].map(|axis| field.centers.iter().map(|center| center[axis]).collect()),
+            instants: moments.iter().map(Moment::instant).collect(),
+            units: moments.iter().map(Moment::units).collect(),
+            centers: [0, 1, 2].map(center),
             motion: (0..order).map(of_power).collect(),
             reach: rows.map(reach).collect(),
             faintness,
@@ -110,20 +117,23 @@ impl Region {
     }
 
     /// Works out `rows`, at most [`BATCH`] of them, at clip time `t`.
-    pub(super) fn evaluate(&self, rows: Range<usize>, t: f32, batch: &mut Batch) {
+    pub(super) fn evaluate(&self, rows: Range<usize>, t: f64, batch: &mut Batch) {
+        let time = t as f32;
+        let rest = (t - f64::from(time)) as f32;
         let windows = self.starts[rows.clone()].iter().zip(&self.ends[rows.clone()]);
         for ((start, end), alive) in windows.zip(&mut batch.alive) {
-            *alive = u32::from(*start <= t) & u32::from(t <= *end);
+            *alive = u32::from(*start <= time) & u32::from(time <= *end);
         }
-        for (tau, d) in self.tau[rows.clone()].iter().zip(&mut batch.since_tau) {
-            *d = t - tau;
+        for (instant, d) in self.instants[rows.clone()].iter().zip(&mut batch.since) {
+            *d = time - instant + rest;
         }
+        let units = &self.units[rows.clone()];
         for (axis, places) in batch.places.iter_mut().enumerate() {
             places.fill(0.0);
             for power in self.motion.iter().rev() {
-                let terms = power[axis][rows.clone()].iter().zip(&batch.since_tau);
-                for ((v, d), place) in terms.zip(&mut *places) {
-                    *place = (*place + v) * d;
+                let terms = power[axis][rows.clone()].iter().zip(units.iter().zip(&batch.since));
+                for ((w, (unit, d)), place) in terms.zip(&mut *places) {
+                    *place = (*place + w) * (d * unit);
                 }
             }
             for (center, place) in self.centers[axis][rows.clone()].iter().zip(places) {
@@ -134,9 +144,9 @@ impl Region {
 }
 
 impl Faintness {
-    /// Opacity at `d` after the centre of the window.
+    /// Opacity at `d` after the instant of the record, in clip time.
     pub(super) fn opacity_at(&self, d: f32) -> f32 {
-        let z = d * self.per_width;
+        let z = self.z + d * self.widths;
         self.opacity * (-0.5 * z * z).exp()
     }
 }
