@@ -12,3 +12,4 @@ pub mod image;
 pub mod programs;
 pub mod remote;
 pub mod scene;
+pub mod server;
