@@ -125,6 +125,15 @@ pub(crate) fn is_address(name: &str) -> bool {
     starts("http://") || starts("https://")
 }
 
+/// An address as it may be shown: without what may be secret in it, name, password and query.
+#[cfg(any(feature = "net", feature = "xr", test))]
+pub(crate) fn shown(url: &str) -> String {
+    let url = url.split(['?', '#']).next().unwrap_or_default();
+    let Some((scheme, rest)) = url.split_once("://") else { return url.into() };
+    let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
+    format!("{scheme}://{}{path}", host.rsplit('@').next().unwrap_or_default())
+}
+
 /// What a clip is called: by its file, without a name the demo clip.
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn title(name: Option<&str>) -> String {
@@ -204,6 +213,13 @@ mod tests {
         } else {
             assert!(matches!(opened, Err(Fault::Usage(_))));
         }
+    }
+
+    #[test]
+    fn what_may_be_secret_is_not_shown() {
+        assert_eq!(shown("https://ann:pass@host:8443/a/b.aarc?key=1#x"), "https://host:8443/a/b.aarc");
+        assert_eq!(shown("http://host"), "http://host");
+        assert_eq!(shown("http://host/a@b"), "http://host/a@b");
     }
 
     #[test]

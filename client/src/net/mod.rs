@@ -25,19 +25,11 @@ pub use cache::{CACHE_BYTES, Cache};
 pub use transfer::Patience;
 
 use crate::fault::Fault;
-use crate::source::{News, decode};
+use crate::source::{News, decode, shown};
 use fetch::{End, Fetch, State};
 
 /// Time between two reports of progress: as fast as they can be read.
 const REPORT: Duration = Duration::from_millis(250);
-
-/// An address as it may be shown: without what may be secret in it, name, password and query.
-fn shown(url: &str) -> String {
-    let url = url.split(['?', '#']).next().unwrap_or_default();
-    let Some((scheme, rest)) = url.split_once("://") else { return url.into() };
-    let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
-    format!("{scheme}://{}{path}", host.rsplit('@').next().unwrap_or_default())
-}
 
 /// What a download does besides fetching.
 #[derive(Clone, Debug, Default)]
@@ -217,17 +209,5 @@ impl Iterator for Download {
                 return Some(news);
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_may_be_secret_is_not_shown() {
-        assert_eq!(shown("https://ann:pass@host:8443/a/b.aarc?key=1#x"), "https://host:8443/a/b.aarc");
-        assert_eq!(shown("http://host"), "http://host");
-        assert_eq!(shown("http://host/a@b"), "http://host/a@b");
     }
 }

@@ -222,6 +222,7 @@ impl Show {
             && loaded.goes_on(&playing.loaded)
         {
             playing.loaded = loaded;
+            log::info!("{}: now {} layers", playing.title, self.quality.layers());
             return Ok(());
         }
         self.save();
@@ -462,7 +463,7 @@ impl Statistics {
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if source::is_address(name) {
-            return name.into();
+            return source::shown(name);
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
