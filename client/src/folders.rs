@@ -16,7 +16,6 @@ pub(crate) fn cache() -> Option<PathBuf> {
 }
 
 /// This program's folder in that which the variable `name` names, else in `usual` of the home.
-#[cfg(any(feature = "net", feature = "xr", test))]
 fn folder(variable: impl Fn(&str) -> Option<OsString>, name: &str, usual: &str) -> Option<PathBuf> {
     let path = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
     Some(path(name).or_else(|| Some(path("HOME")?.join(usual)))?.join("aarc"))

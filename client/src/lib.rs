@@ -7,7 +7,7 @@
 
 pub mod args;
 pub mod fault;
-#[cfg(not(target_os = "android"))]
+#[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
 mod folders;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]

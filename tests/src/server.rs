@@ -48,9 +48,9 @@ impl Answer<'_> {
     }
 
     /// Sends a status and headers.
-    pub fn head(&mut self, status: u16, headers: &[(&str, &str)]) -> bool {
+    pub fn head(&mut self, status: u16, headers: &[(&str, &str)]) {
         let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
-        self.raw(format!("HTTP/1.1 {status} x\r\nConnection: close\r\n{headers}\r\n").as_bytes())
+        self.raw(format!("HTTP/1.1 {status} x\r\nConnection: close\r\n{headers}\r\n").as_bytes());
     }
 
     /// Sends `file` up to `end`, from where the request asks for, as a good server does, with
@@ -73,9 +73,9 @@ impl Answer<'_> {
     }
 
     /// Sends a part of `file` and notes that.
-    pub fn bytes(&mut self, file: &[u8], part: Range<usize>) -> bool {
+    pub fn bytes(&mut self, file: &[u8], part: Range<usize>) {
         lock(self.sent).push(part.clone());
-        self.raw(&file[part])
+        self.raw(&file[part]);
     }
 
     /// Sends `bytes` at so many bytes per second.

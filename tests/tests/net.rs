@@ -243,13 +243,13 @@ fn redirects_are_followed_within_reason() {
     let file = package(9);
     let sent = file.clone();
     let server = Server::start(move |_, request, answer| match request.path.as_str() {
-        "/old" => drop(answer.head(301, &[("Location", "/newer"), ("Content-Length", "0")])),
+        "/old" => answer.head(301, &[("Location", "/newer"), ("Content-Length", "0")]),
         "/newer" => {
             let host = request.header("host").unwrap();
             let location = format!("http://{host}/clip.aarc");
             answer.head(302, &[("Location", &location), ("Content-Length", "0")]);
         }
-        "/round" => drop(answer.head(307, &[("Location", "/round"), ("Content-Length", "0")])),
+        "/round" => answer.head(307, &[("Location", "/round"), ("Content-Length", "0")]),
         _ => answer.file(request, &sent, ETAG, sent.len()),
     });
     assert_eq!(get(&server.url("old")).clip(), &decoded(&file));
@@ -349,20 +349,25 @@ fn faults_are_one_sentence() {
     let server = Server::start(move |_, request, answer| {
         let status = request.path.trim_start_matches("/status/").parse::<u16>();
         match request.path.as_str() {
-            "/page" => drop(answer.head(200, &[]) && answer.raw(b"<!doctype html><title>Welcome</title>")),
-            "/empty" => drop(answer.head(200, &[("Content-Length", "0")])),
-            "/packed" => drop(answer.head(200, &[("Content-Encoding", "gzip")])),
-            "/smtp" => drop(answer.raw(b"220 mail.example.org ESMTP\r\n")),
+            "/page" => {
+                answer.head(200, &[]);
+                answer.raw(b"<!doctype html><title>Welcome</title>");
+            }
+            "/empty" => answer.head(200, &[("Content-Length", "0")]),
+            "/packed" => answer.head(200, &[("Content-Encoding", "gzip")]),
+            "/smtp" => {
+                answer.raw(b"220 mail.example.org ESMTP\r\n");
+            }
             "/closed" => {}
             "/mute" => std::thread::sleep(Duration::from_secs(3)),
-            "/busy" => drop(answer.head(503, &[("Retry-After", "600"), ("Content-Length", "0")])),
+            "/busy" => answer.head(503, &[("Retry-After", "600"), ("Content-Length", "0")]),
             "/damaged" => {
                 let mut damaged = sent.to_vec();
                 damaged[sent.len() - 100] ^= 1;
                 answer.file(request, &damaged, ETAG, damaged.len());
             }
-            "/unasked" => drop(answer.head(206, &[("Content-Range", "bytes 5-9/10")])),
-            _ => drop(answer.head(status.unwrap_or(500), &[("Content-Length", "0")])),
+            "/unasked" => answer.head(206, &[("Content-Range", "bytes 5-9/10")]),
+            _ => answer.head(status.unwrap_or(500), &[("Content-Length", "0")]),
         }
     });
     let free_port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
@@ -407,8 +412,8 @@ fn an_overloaded_server_is_given_time() {
     let file = package(13);
     let sent = file.clone();
     let server = Server::start(move |number, request, answer| match number {
-        0 => drop(answer.head(503, &[("Retry-After", "1"), ("Content-Length", "0")])),
-        1 => drop(answer.head(500, &[("Content-Length", "0")])),
+        0 => answer.head(503, &[("Retry-After", "1"), ("Content-Length", "0")]),
+        1 => answer.head(500, &[("Content-Length", "0")]),
         _ => answer.file(request, &sent, ETAG, sent.len()),
     });
     let start = Instant::now();

@@ -467,7 +467,7 @@ fn by_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
 }
 
 fn no_such_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
-    let server = Server::start(|_, _, answer| drop(answer.head(404, &[("Content-Length", "0")])));
+    let server = Server::start(|_, _, answer| answer.head(404, &[("Content-Length", "0")]));
     let url = server.url("clip.aarc");
     let mut player = Player::start(headset, headset.command(client()), &[Path::new(&url)])?;
     player.says("no such file (404 Not Found)")?;

@@ -10,10 +10,11 @@ use std::time::{Duration, Instant};
 use codec::Limits;
 
 use super::arrived::Arrived;
+use super::meter::Meter;
 use super::request::{Bytes, Server, Trouble};
 use super::transfer::{Patience, Step, Transfer};
 use crate::fault::Fault;
-use crate::progress::{Meter, Progress};
+use crate::progress::Progress;
 
 /// Bytes read at a time: several dozen times a second on the fastest networks.
 const BUFFER_BYTES: usize = 64 << 10;

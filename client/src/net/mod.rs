@@ -13,6 +13,7 @@
 mod arrived;
 mod cache;
 mod fetch;
+mod meter;
 mod request;
 mod transfer;
 

@@ -152,6 +152,10 @@ fn trouble(error: Error) -> Trouble {
                 passing("there is no way to the server")
             }
             ErrorKind::TimedOut => passing("the server does not answer"),
+            // The standard library has no kind for it.
+            _ if error.to_string().contains("lookup address") => {
+                Trouble::Unresolved("the server's name is not known".into())
+            }
             // So the TLS library reports what it does not like.
             ErrorKind::InvalidData => Trouble::Lasting(format!("no secure connection: {error}")),
             _ => passing("the connection was lost"),

@@ -247,10 +247,8 @@ impl Transfer {
     pub(super) fn ended(&mut self, needed: Option<u64>) -> Step {
         match self.total {
             Some(total) if self.received >= total => {
-                let needed = needed.map_or("more".into(), |needed| format!("{needed} bytes"));
-                Step::Refused(format!(
-                    "the file on the server is cut short: it has {total} bytes of {needed}"
-                ))
+                let needed = needed.map_or("more".into(), |needed| needed.to_string());
+                Step::Refused(format!("the file on the server is cut short, {total} bytes of {needed}"))
             }
             _ => self.lost("the connection was lost"),
         }
