@@ -14,7 +14,12 @@ use crate::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
 #[derive(Clone, Debug, Parser)]
 #[command(name = "client", version)]
 pub struct Args {
-    /// The clip: an .aarc file [default: the built-in demo].
+    /// The clip: an .aarc file, or its http:// or https:// address [default: the built-in demo].
+    ///
+    /// From an address it plays as soon as its first layer is there. Clips are kept in
+    /// $XDG_CACHE_HOME/aarc/clips (512 MiB; what was not played for the longest time goes), and play
+    /// from there when the network is gone. SSL_CERT_FILE names certificates to trust instead of
+    /// Mozilla's, HTTPS_PROXY and HTTP_PROXY a proxy.
     pub clip: Option<String>,
 
     /// Render to images instead of opening a window.

@@ -26,6 +26,15 @@ impl Fault {
             Fault::Device(_) => 5,
         }
     }
+
+    /// The same fault, saying what it is about.
+    #[cfg(feature = "net")]
+    pub(crate) fn about(mut self, subject: &str) -> Fault {
+        let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
+            &mut self;
+        message.insert_str(0, &format!("{subject}: "));
+        self
+    }
 }
 
 impl fmt::Display for Fault {

@@ -11,7 +11,9 @@ use crate::args::Args;
 use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
 use crate::output;
-use crate::stats::{FrameStats, Stats, Summary};
+use crate::source::News;
+use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
+use crate::terminal::Reporter;
 use crate::view::View;
 use crate::{source, viewpoint};
 
@@ -35,7 +37,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     }
     args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
 
-    let clip = source::load(args.clip.as_deref())?;
+    let (clip, loading) = load(args)?;
     let times = times(args, &clip)?;
     let views = views(args, &clip)?;
     let settings = settings(args, &clip)?;
@@ -78,6 +80,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             gpu_bytes: renderer.clip().bytes(),
             pipelines: renderer.pipelines(),
+            loading,
             upload_ms,
             gpu_timed: gpu.caps.timestamps,
             alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
@@ -90,6 +93,21 @@ pub fn run(args: &Args) -> Result<(), Fault> {
         output::write(path, &json)?;
     }
     Ok(())
+}
+
+/// Waits for the whole clip, with its progress on the terminal.
+fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
+    let start = Instant::now();
+    let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
+    let (mut reporter, mut playable_ms) = (Reporter::new(), None);
+    let clip = source::open(args.clip.as_deref(), source::kept())?.wait(None, |news| {
+        if let News::Clip(_) = news {
+            playable_ms.get_or_insert_with(elapsed_ms);
+        }
+        reporter.tell(news);
+    })?;
+    let whole_ms = elapsed_ms();
+    Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
 }
 
 /// Draws a frame and measures it.

@@ -23,6 +23,8 @@ pub struct Stats {
     pub gpu_bytes: u64,
     /// Pipelines built for drawing.
     pub pipelines: usize,
+    /// How long the clip took to arrive.
+    pub loading: LoadingStats,
     /// Milliseconds for packing and uploading the clip.
     pub upload_ms: f64,
     /// Whether `draw_ms` was measured by the GPU; else it is the time until the GPU was done.
@@ -35,6 +37,15 @@ pub struct Stats {
     pub draw_ms: Summary,
     /// Every frame.
     pub frames: Vec<FrameStats>,
+}
+
+/// Milliseconds from the start of loading a clip, decoding included.
+#[derive(Clone, Debug, Serialize)]
+pub struct LoadingStats {
+    /// Until something of it could be played.
+    pub playable_ms: f64,
+    /// Until all of it was there.
+    pub whole_ms: f64,
 }
 
 /// Counts and timings of a frame.

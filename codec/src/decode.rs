@@ -96,20 +96,11 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 
 /// Number of layers whose sections all end within `available` bytes; at least one.
 pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
-    let mut complete = contents.layers.len();
-    let mut needed = 0;
-    for (planned, section) in contents.planned_sections() {
-        if section.end() > available {
-            complete = complete.min(usize::from(planned.layer));
-        }
-        if planned.layer == 0 {
-            needed = section.end();
-        }
+    let ends = contents.layer_bytes();
+    match ends.partition_point(|&end| end <= available) {
+        0 => Err(Error::format(available, Fault::Cut { needed: ends[0], available })),
+        complete => Ok(complete),
     }
-    if complete == 0 {
-        return Err(Error::format(available, Fault::Cut { needed, available }));
-    }
-    Ok(complete)
 }
 
 /// A field with the columns named and `rows` rows of zeros.

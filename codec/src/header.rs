@@ -119,7 +119,7 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
     }
     let contents = parse(body, limits)?;
     contents.check_table()?;
-    let end = contents.sections.last().map_or(contents.head_bytes, Section::end);
+    let end = contents.package_bytes();
     if bytes.len() > end {
         let fault = Fault::Extra { count: bytes.len() - end, part: "the last section" };
         return Err(Error::format(end, fault));
@@ -289,6 +289,21 @@ pub(crate) struct Planned {
 }
 
 impl Contents {
+    /// Bytes of the package.
+    pub fn package_bytes(&self) -> usize {
+        self.sections.last().map_or(self.head_bytes, Section::end)
+    }
+
+    /// Where each layer ends in the package: a prefix of so many bytes plays with that layer and
+    /// those before it. Ascending.
+    pub fn layer_bytes(&self) -> Vec<usize> {
+        let mut ends = vec![self.head_bytes; self.layers.len()];
+        for (planned, section) in self.planned_sections() {
+            ends[usize::from(planned.layer)] = section.end();
+        }
+        ends
+    }
+
     /// Columns of the Gaussians of a region.
     pub(crate) fn columns(&self, region: Region) -> Columns {
         match region {

@@ -12,4 +12,5 @@ pub mod image;
 pub mod programs;
 pub mod remote;
 pub mod scene;
+pub mod server;
 pub mod stability;

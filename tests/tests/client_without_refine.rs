@@ -45,9 +45,9 @@ fn the_player_does_not_compile_the_encoder() {
 
 #[test]
 fn on_android_the_player_compiles_what_it_runs_there() {
-    let features = ["--no-default-features", "--features", "xr", "--target", "aarch64-linux-android"];
+    let features = ["--no-default-features", "--features", "net,xr", "--target", "aarch64-linux-android"];
     let tree = tree(&[&["--edges", "normal"][..], &features].concat());
-    for package in ["android-activity", "android_logger", "egui"] {
+    for package in ["android-activity", "android_logger", "egui", "ureq"] {
         assert!(depends_on(&tree, package), "the player for Android depends on {package}");
     }
     for package in ["winit", "egui-winit", "env_logger"] {
@@ -56,11 +56,11 @@ fn on_android_the_player_compiles_what_it_runs_there() {
 }
 
 #[test]
-fn a_player_without_a_window_has_no_window_libraries() {
+fn a_player_without_window_and_network_has_no_libraries_for_them() {
     let with = tree(&["--edges", "normal"]);
     let without = tree(&["--edges", "normal", "--no-default-features"]);
-    for package in ["winit", "egui"] {
+    for package in ["winit", "egui", "ureq"] {
         assert!(depends_on(&with, package), "the default player depends on {package}");
-        assert!(!depends_on(&without, package), "the player without a window depends on {package}");
+        assert!(!depends_on(&without, package), "the bare player depends on {package}");
     }
 }

@@ -4,7 +4,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,7 @@ use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::programs::{Outcome, client, example, run};
 use aarc_tests::remote::Remote;
 use aarc_tests::scene::{decoded, packaged, stereo_pair};
+use aarc_tests::server::Server;
 use client::fault::Fault;
 use client::gpu::{Depth, Gpu, GpuClip, Level, Offscreen, Renderer, Settings, SortOrder};
 use client::view::View;
@@ -25,6 +27,7 @@ use serde_json::Value;
 use xtask::workspace;
 
 const DATA: i32 = 3;
+const NETWORK: i32 = 4;
 const DEVICE: i32 = 5;
 
 /// The runtime brings its own driver, which may round blending differently.
@@ -46,6 +49,8 @@ fn main() -> ExitCode {
             false,
         ),
         hand_trial("without any clip the panel leads out", no_clip, false),
+        hand_trial("a clip by address plays from its first layer on", by_address, false),
+        hand_trial("an address without a clip is told on the panel", no_such_address, false),
         hand_trial("the next clip loads while frames go on", loading, false),
         hand_trial("the next clip loads while 2000 frames go on", loading_long, true),
         trial("the validation layer is awake", validation_is_awake),
@@ -432,6 +437,42 @@ fn no_clip(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     remote.menu(true);
     let outcome = wait_for(|| player.ended()).ok_or_else(|| format!("no way out: {}", player.said()))?;
     one_sentence(&outcome, DATA, "missing.aarc")
+}
+
+fn by_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let file = packaged(&signpost(), None, &[1]);
+    let first =
+        codec::contents(&file, &Limits::default()).map_err(|error| error.to_string())?.layer_bytes()[0];
+    let (permit, permits) = channel::<()>();
+    let gate = Mutex::new(permits);
+    let server = Server::start(move |_, request, answer| {
+        answer.file_head(request, &file, "\"one\"");
+        answer.bytes(&file, 0..first);
+        // Until the test has seen the first layer, or is over.
+        if gate.lock().is_ok_and(|gate| gate.recv().is_ok()) {
+            answer.bytes(&file, first..file.len());
+        }
+    });
+    let url = server.url("clip.aarc");
+    let mut player = Player::start(headset, headset.validated(client()), &[Path::new(&url)])?;
+    player.says("playing clip.aarc")?;
+    if server.sent().len() != 1 {
+        return Err("the rest was sent before".into());
+    }
+    permit.send(()).map_err(|error| error.to_string())?;
+    player.says("clip.aarc: now 2 layers")?;
+    let outcome = leave(&mut player, &mut remote)?;
+    nothing_found(headset)?;
+    if outcome.code == Some(0) { Ok(()) } else { Err(format!("{outcome:?}")) }
+}
+
+fn no_such_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let server = Server::start(|_, _, answer| answer.head(404, &[("Content-Length", "0")]));
+    let url = server.url("clip.aarc");
+    let mut player = Player::start(headset, headset.command(client()), &[Path::new(&url)])?;
+    player.says("no such file (404 Not Found)")?;
+    let outcome = leave(&mut player, &mut remote)?;
+    one_sentence(&outcome, NETWORK, "no such file")
 }
 
 fn loading(headset: &Headset, remote: Remote) -> Result<(), String> {

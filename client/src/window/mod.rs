@@ -27,21 +27,26 @@ use winit::window::WindowId;
 
 use crate::args::Args;
 use crate::fault::Fault;
+use crate::terminal::Reporter;
 use crate::{headless, source, viewpoint};
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip that `args` name in a window, until it is closed.
 ///
 /// # Errors
-/// As [`source::load`] and [`viewpoint::find`]; [`Fault::Device`] without a display or a graphics
-/// device that can draw on it.
+/// As [`source::open`] and [`viewpoint::find`]; as [`source::Arrival`] until there is a clip to show;
+/// [`Fault::Device`] without a display or a graphics device that can draw on it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let clip = source::load(args.clip.as_deref())?;
+    let mut arrival = source::open(args.clip.as_deref(), source::kept())?;
+    let mut reporter = Reporter::new();
+    let layers = args.layer.map_or(1, |layers| layers as usize);
+    let clip = arrival.wait(Some(layers), |news| reporter.tell(news))?;
+    drop(reporter);
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
     let name = source::title(args.clip.as_deref());
-    let start = Start { name, clip, viewpoint, settings, size: args.size };
+    let start = Start { name, clip, rest: arrival, viewpoint, settings, size: args.size };
     let event_loop = open_display()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop

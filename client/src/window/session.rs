@@ -1,6 +1,6 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -14,14 +14,15 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::{Fullscreen, Theme, Window};
 
 use super::frame_times::FrameTimes;
-use super::loader::Loader;
+use super::loader::{Loader, Tell};
 use super::overlay::Message;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
 use super::{icon, style};
 use crate::fault::Fault;
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings, UiPainter, WindowSurface};
-use crate::source;
+use crate::progress::Progress;
+use crate::source::{self, Arrival, News};
 use crate::view::View;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
@@ -35,6 +36,8 @@ const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 pub(super) struct Start {
     pub(super) name: String,
     pub(super) clip: Clip,
+    /// Better versions of it that are on their way.
+    pub(super) rest: Arrival,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
     pub(super) settings: Settings,
@@ -44,10 +47,33 @@ pub(super) struct Start {
 
 /// What other threads report.
 pub(super) enum Event {
-    /// A clip that was dropped on the window, with the number of the order.
-    Loaded(u64, Result<Box<Playing>, Fault>),
+    /// What came of an order, with its number.
+    Loading(u64, Told),
     /// A picture, with its path.
     Saved(Result<PathBuf, Fault>),
+}
+
+/// What is to be loaded.
+enum Order {
+    /// A file that was dropped on the window.
+    File(PathBuf),
+    /// The rest of the clip of this name that plays already.
+    Rest(String, Arrival),
+}
+
+/// What is told of an order.
+pub(super) enum Told {
+    /// How far it is.
+    Progress(Progress),
+    Note(String),
+    /// A clip; of the one that plays already, or another one to be played from its start.
+    Clip {
+        playing: Box<Playing>,
+        same: bool,
+    },
+    Failed(Fault),
+    /// No more is to come.
+    Done,
 }
 
 /// When to draw the next frame.
@@ -81,6 +107,40 @@ impl Playing {
     }
 }
 
+/// Carries an order out, up to clips that are ready to be drawn.
+fn carry_out(gpu: &Gpu, format: Format, order: Order, tell: Tell<'_, Told>) {
+    let (name, arrival, same) = match order {
+        Order::File(path) => {
+            let clip = source::load_file(&path).map(|clip| Arrival::Here(Some(Box::new(clip))));
+            (source::title(Some(&path.to_string_lossy())), clip, false)
+        }
+        Order::Rest(name, arrival) => (name, Ok(arrival), true),
+    };
+    let arrival = match arrival {
+        Ok(arrival) => arrival,
+        Err(fault) => {
+            let _ = tell(Told::Failed(fault));
+            return;
+        }
+    };
+    for news in arrival {
+        let told = match news {
+            Ok(News::Progress(progress)) => Told::Progress(progress),
+            Ok(News::Note(note)) => Told::Note(note),
+            Ok(News::Clip(clip)) => match Playing::new(gpu, format, name.clone(), &clip) {
+                Ok(playing) => Told::Clip { playing: Box::new(playing), same },
+                Err(fault) => Told::Failed(fault),
+            },
+            Err(fault) => Told::Failed(fault),
+        };
+        let failed = matches!(told, Told::Failed(_));
+        if tell(told).is_break() || failed {
+            return;
+        }
+    }
+    let _ = tell(Told::Done);
+}
+
 /// What a picture of a clip depends on.
 #[derive(Clone, Copy, PartialEq)]
 struct Shown {
@@ -101,7 +161,7 @@ pub(super) struct Session {
     frame_times: FrameTimes,
     /// When the frame before was drawn; `None` after a rest.
     last_frame: Option<Instant>,
-    loader: Loader,
+    loader: Loader<Order>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
     input: egui_winit::State,
@@ -141,15 +201,13 @@ impl Session {
         style::apply(&ctx);
         let loader = {
             let (gpu, proxy) = (gpu.clone(), proxy.clone());
-            let load = move |path: &Path| {
-                let clip = source::load_file(path)?;
-                Playing::new(&gpu, format, source::title(Some(&path.to_string_lossy())), &clip).map(Box::new)
-            };
+            let load = move |order, tell: Tell<'_, Told>| carry_out(&gpu, format, order, tell);
             // Without an event loop there is no window left to tell.
-            let deliver = move |order, playing| drop(proxy.send_event(Event::Loaded(order, playing)));
+            let deliver = move |order, told| drop(proxy.send_event(Event::Loading(order, told)));
             Loader::new(load, deliver)
         };
-        let loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        let mut loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        loader.load(Order::Rest(playing.name.clone(), start.rest));
         window.request_redraw();
         Ok(Session {
             viewer,
@@ -194,22 +252,15 @@ impl Session {
         self.input.egui_input_mut().hovered_files.clear();
         self.viewer.message =
             Some(Message::Working(format!("Opening {}", source::title(Some(&path.to_string_lossy())))));
-        self.loader.load(path);
+        self.loader.load(Order::File(path));
         self.window.request_redraw();
     }
 
     /// Takes in what another thread reports.
     pub(super) fn receive(&mut self, event: Event) {
         match event {
-            Event::Loaded(order, ..) if !self.loader.is_latest(order) => {}
-            Event::Loaded(_, Ok(playing)) => {
-                self.window.set_title(&playing.name);
-                self.viewer.change_scene(playing.scene.clone());
-                self.playing = *playing;
-                self.shown = None;
-                self.last_frame = None;
-            }
-            Event::Loaded(_, Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
+            Event::Loading(order, told) if self.loader.is_latest(order) => self.hear(told),
+            Event::Loading(..) => {}
             Event::Saved(Ok(path)) => {
                 let text = format!("Saved {}", path.display());
                 self.viewer.message = Some(Message::note(self.input.egui_ctx(), text));
@@ -217,6 +268,34 @@ impl Session {
             Event::Saved(Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
         }
         self.window.request_redraw();
+    }
+
+    /// Takes in what is told of the order under way.
+    fn hear(&mut self, told: Told) {
+        match told {
+            Told::Progress(progress) => {
+                let text = format!("Loading: {}", progress.text());
+                self.viewer.message = Some(Message::Working(text));
+            }
+            Told::Note(note) => self.viewer.message = Some(Message::note(self.input.egui_ctx(), note)),
+            Told::Clip { playing, same } => {
+                if same {
+                    self.viewer.refine_scene(playing.scene.clone());
+                } else {
+                    self.window.set_title(&playing.name);
+                    self.viewer.change_scene(playing.scene.clone());
+                    self.last_frame = None;
+                }
+                self.playing = *playing;
+                self.shown = None;
+            }
+            Told::Failed(fault) => self.viewer.message = Some(Message::Error(fault.to_string())),
+            Told::Done => {
+                if let Some(Message::Working(_)) = self.viewer.message {
+                    self.viewer.message = None;
+                }
+            }
+        }
     }
 
     /// Draws and shows a frame.

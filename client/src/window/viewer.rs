@@ -18,7 +18,7 @@ use crate::viewpoint;
 const POINTS_PER_NOTCH: f64 = 40.0;
 
 /// What a viewer must know of a clip.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scene {
     duration_s: f64,
     fps: f64,
@@ -96,6 +96,16 @@ impl Viewer {
         self.viewpoint = 0;
         self.scene = scene;
         self.message = None;
+    }
+
+    /// Changes to a clip with more layers of the same scene: nothing that a person set changes. Of
+    /// another scene, as [`Viewer::change_scene`].
+    pub(crate) fn refine_scene(&mut self, scene: Scene) {
+        if (Scene { layers: self.scene.layers, ..scene.clone() }) == self.scene {
+            self.scene.layers = scene.layers;
+        } else {
+            self.change_scene(scene);
+        }
     }
 
     /// Viewpoints to choose from; never empty.
@@ -500,6 +510,21 @@ mod tests {
         bench.viewer.message = Some(Message::Error("broken".into()));
         bench.frame(100.0, vec![]);
         assert!(bench.viewer.message.is_some());
+    }
+
+    #[test]
+    fn more_layers_of_the_same_scene_change_nothing_else() {
+        let mut bench = Bench::new();
+        bench.press(Key::Num2);
+        bench.frame(0.5, vec![]);
+        bench.viewer.settings.layers = Some(1);
+        let (eye, position_s) = (bench.eye(), bench.viewer.player.position_s());
+        bench.viewer.refine_scene(Scene { layers: 4, ..scene() });
+        let viewer = &bench.viewer;
+        assert_eq!((viewer.layers(), viewer.viewpoint(), viewer.settings.layers), (4, 1, Some(1)));
+        assert_eq!((viewer.player.position_s(), bench.eye()), (position_s, eye));
+        bench.viewer.refine_scene(Scene { duration_s: 7.0, ..scene() });
+        assert_eq!(bench.viewer.player.position_s(), 0.0, "it has changed on the server");
     }
 
     #[test]

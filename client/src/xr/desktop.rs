@@ -2,13 +2,14 @@
 
 #![allow(unsafe_code, reason = "a library is loaded")]
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use openxr as xr;
 
 use super::interaction::PlacementStore;
-use super::store;
 use crate::fault::Fault;
+use crate::{folders, source};
 
 /// What the operating system gives a player and asks of it.
 pub(super) struct System;
@@ -52,6 +53,11 @@ impl System {
 
     /// Where the placements of clips are remembered; `None` where there is no place for them.
     pub(super) fn store(&self) -> Option<PlacementStore> {
-        store::open()
+        folders::state().map(|folder| PlacementStore::open(&folder))
+    }
+
+    /// Where clips from the network are kept; `None` where there is no place for them.
+    pub(super) fn kept(&self) -> Option<PathBuf> {
+        source::kept()
     }
 }

@@ -1,21 +1,36 @@
 //! [`Loading`]: a clip on its way, on a thread of its own, up to where it can be drawn.
 //!
 //! Buffers are filled and pipelines are built there without a submission: what is to be copied goes
-//! along with the next frame.
+//! along with the next frame. Of a clip that arrives layer by layer, each better one is made ready
+//! to take the place of the one before.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
+
+use codec::Clip;
 
 use super::interaction::Subject;
 use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::source;
+use crate::progress::Progress;
+use crate::source::{self, News};
+
+/// What to load.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Request {
+    /// A path or an address; `None` for the demo.
+    pub(super) name: Option<String>,
+    /// The folder in which clips from the network are kept.
+    pub(super) kept: Option<PathBuf>,
+    /// Layers without which a clip is not to be shown; `None` if all are needed.
+    pub(super) layers: Option<usize>,
+}
 
 /// A clip that can be drawn.
 pub(super) struct Loaded {
-    /// Its path; `None` for the demo.
+    /// Its path or address; `None` for the demo.
     pub(super) name: Option<String>,
     pub(super) subject: Subject,
     pub(super) renderer: Renderer,
@@ -26,11 +41,40 @@ pub(super) struct Loaded {
     pub(super) gaussians: usize,
 }
 
-/// What came of loading a clip.
-pub(super) struct Arrived {
+impl Loaded {
+    /// Whether this is a version of the same clip, to go on with where that one stands.
+    pub(super) fn goes_on(&self, before: &Loaded) -> bool {
+        self.name == before.name && self.duration_s == before.duration_s && self.fps == before.fps
+    }
+
+    fn new(gpu: &Gpu, name: Option<String>, format: RuntimeFormat, clip: &Clip) -> Result<Loaded, Fault> {
+        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+        Ok(Loaded {
+            subject: Subject::of(clip),
+            layer_ends: on_gpu.layer_ends(),
+            renderer: Renderer::new(gpu, on_gpu, format.drawn(), 2)?,
+            name,
+            duration_s: clip.info.duration_s.into(),
+            fps: clip.info.fps.into(),
+            gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+        })
+    }
+}
+
+/// What is told of a clip on its way.
+pub(super) enum Told {
     /// The clip to play after it, also where it cannot be loaded.
-    pub(super) next: Option<String>,
-    pub(super) clip: Result<Loaded, Fault>,
+    Next(Option<String>),
+    Progress(Progress),
+    Note(String),
+    /// A clip to show, the first one or a better one of the same.
+    Clip {
+        loaded: Box<Loaded>,
+        first: bool,
+    },
+    Failed(Fault),
+    /// No more is to come.
+    Done,
 }
 
 /// The clip after this one in its folder, by name, the first after the last; `None` where it is the
@@ -45,64 +89,92 @@ fn next_clip(path: &Path) -> Option<String> {
 
 /// A thread that loads a clip.
 pub(super) struct Loading {
-    arrived: Receiver<Arrived>,
+    /// `None` once nobody listens any more.
+    told: Option<Receiver<Told>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Loading {
-    /// Begins to load the clip named on the command line, to be drawn for two eyes in `format`.
+    /// Begins to load a clip, to be drawn for two eyes in `format`.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
-    pub(super) fn start(
-        gpu: Arc<Gpu>,
-        name: Option<String>,
-        format: RuntimeFormat,
-    ) -> Result<Loading, Fault> {
-        let (deliver, arrived) = channel();
-        let load = move |name: Option<String>| {
-            let clip = source::load(name.as_deref())?;
-            let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
-            Ok(Loaded {
-                subject: Subject::of(&clip),
-                layer_ends: on_gpu.layer_ends(),
-                renderer: Renderer::new(&gpu, on_gpu, format.drawn(), 2)?,
-                name,
-                duration_s: clip.info.duration_s.into(),
-                fps: clip.info.fps.into(),
-                gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
-            })
-        };
+    pub(super) fn start(gpu: Arc<Gpu>, request: Request, format: RuntimeFormat) -> Result<Loading, Fault> {
+        let (tell, told) = channel();
         let run = move || {
-            let next = name.as_deref().and_then(|name| next_clip(Path::new(name)));
+            let last = match load(&gpu, request, format, &tell) {
+                Ok(()) => Told::Done,
+                Err(fault) => Told::Failed(fault),
+            };
             // Nobody is left to tell where the session has ended.
-            drop(deliver.send(Arrived { next, clip: load(name) }));
+            drop(tell.send(last));
         };
         let thread = std::thread::Builder::new()
             .name("loader".into())
             .spawn(run)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
-        Ok(Loading { arrived, thread: Some(thread) })
+        Ok(Loading { told: Some(told), thread: Some(thread) })
     }
 
-    /// The clip, or why it could not be loaded, once it is there. Does not wait.
-    pub(super) fn poll(&self) -> Option<Arrived> {
-        match self.arrived.try_recv() {
-            Ok(arrived) => Some(arrived),
+    /// The next that is told of the clip, if there is anything. Does not wait. Nothing follows
+    /// [`Told::Done`] and [`Told::Failed`].
+    pub(super) fn poll(&self) -> Option<Told> {
+        match self.told.as_ref()?.try_recv() {
+            Ok(told) => Some(told),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
                 let fault = "the clip could not be loaded: the thread that did ended early";
-                Some(Arrived { next: None, clip: Err(Fault::Data(fault.into())) })
+                Some(Told::Failed(Fault::Data(fault.into())))
             }
         }
     }
 }
 
 impl Drop for Loading {
-    /// Waits for the thread: the graphics device must not go away below it.
+    /// Waits for the thread, which ends with the next it has to tell: the graphics device must not
+    /// go away below it.
     fn drop(&mut self) {
+        self.told = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
+        }
+    }
+}
+
+/// Loads a clip and tells of it, as long as someone listens.
+fn load(gpu: &Gpu, request: Request, format: RuntimeFormat, tell: &Sender<Told>) -> Result<(), Fault> {
+    let Request { name, kept, layers } = request;
+    let path = name.as_deref().filter(|name| !source::is_address(name));
+    let is_heard = |told| tell.send(told).is_ok();
+    if !is_heard(Told::Next(path.and_then(|path| next_clip(Path::new(path))))) {
+        return Ok(());
+    }
+    let mut arrival = source::open(name.as_deref(), kept)?;
+    let mut first = true;
+    let mut ready = |clip: &Clip| -> Result<Told, Fault> {
+        let loaded = Box::new(Loaded::new(gpu, name.clone(), format, clip)?);
+        Ok(Told::Clip { loaded, first: std::mem::take(&mut first) })
+    };
+    // One that is not shown yet, because layers are missing.
+    let mut latest = None;
+    loop {
+        let told = match arrival.next().transpose()? {
+            Some(News::Progress(progress)) => Told::Progress(progress),
+            Some(News::Note(note)) => Told::Note(note),
+            Some(News::Clip(clip)) if layers.is_some_and(|layers| clip.layers.len() >= layers) => {
+                ready(&clip)?
+            }
+            Some(News::Clip(clip)) => {
+                latest = Some(clip);
+                continue;
+            }
+            None => match latest.take() {
+                Some(clip) => ready(&clip)?,
+                None => return Ok(()),
+            },
+        };
+        if !is_heard(told) {
+            return Ok(());
         }
     }
 }

@@ -37,8 +37,6 @@ mod session;
 mod show;
 mod space;
 mod state;
-#[cfg(not(target_os = "android"))]
-mod store;
 mod swapchain;
 
 use std::sync::Arc;
@@ -55,6 +53,7 @@ pub(crate) use android::demo;
 #[cfg(not(target_os = "android"))]
 use desktop::System;
 use error::Halt;
+use loading::Request;
 use quality::Quality;
 use report::Report;
 use runtime::Runtime;
@@ -68,7 +67,7 @@ const IDLE_POLL: Duration = Duration::from_millis(10);
 /// Plays the clip that `args` name in a headset, until the runtime or the viewer ends it.
 ///
 /// # Errors
-/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::source::load`].
+/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::source::open`].
 #[cfg(not(target_os = "android"))]
 pub fn run(args: &Args) -> Result<(), Fault> {
     play(args, &mut System)
@@ -92,7 +91,13 @@ fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
         Some(_) => (false, None),
     };
     let quality = Quality::new(args.settings(), args.quality, adapts);
-    let mut show = Show::new(gpu.clone(), args.clip.clone(), quality, store, adapts);
+    let request = Request {
+        name: args.clip.clone(),
+        kept: system.kept(),
+        // What is measured is the whole clip.
+        layers: adapts.then(|| args.layer.map_or(1, |layers| layers as usize)),
+    };
+    let mut show = Show::new(gpu.clone(), request, quality, store, adapts);
     let mut report = Report::new(args, started);
     loop {
         let mut session = Session::open(&runtime, &gpu, &handles, args.out.is_some())?;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::UVec2;
 
 use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
-use super::loading::{Arrived, Loaded, Loading};
+use super::loading::{self, Loaded, Loading, Request};
 use super::pacing::Clock;
 use super::panel::{Beam, Board, Notice, Painting, Panel, PanelState};
 use super::quality::Quality;
@@ -29,7 +29,7 @@ pub(super) struct Show {
     painter: Option<UiPainter>,
     gpu: Arc<Gpu>,
     /// The clip named on the command line.
-    name: Option<String>,
+    request: Request,
     /// The clip to play after the one that was loaded last.
     next: Option<String>,
     /// Whether someone is there who can read the panel.
@@ -62,7 +62,8 @@ struct Playing {
 
 /// Something the panel tells.
 enum Told {
-    Loading(String),
+    Loading { text: String, part: Option<f32> },
+    Note(String),
     Failed(String),
 }
 
@@ -106,11 +107,11 @@ pub(super) struct Moved {
 }
 
 impl Show {
-    /// Of the clip `name`, which begins to load with the first session. `attended` is whether
+    /// Of the clip `request`, which begins to load with the first session. `attended` is whether
     /// someone is there who can read on the panel why it cannot be loaded.
     pub(super) fn new(
         gpu: Arc<Gpu>,
-        name: Option<String>,
+        request: Request,
         quality: Quality,
         store: Option<PlacementStore>,
         attended: bool,
@@ -121,7 +122,7 @@ impl Show {
             panel: None,
             painter: None,
             gpu,
-            name,
+            request,
             next: None,
             attended,
             unplayed: None,
@@ -158,34 +159,73 @@ impl Show {
             self.format = Some(format);
             self.playing = None;
             self.interaction.take_away();
-            self.load(self.name.clone())?;
+            self.load(self.request.name.clone())?;
         }
         Ok(())
     }
 
     fn load(&mut self, name: Option<String>) -> Result<(), Fault> {
         let Some(format) = self.format else { return Ok(()) };
-        self.notice = Some(Told::Loading(format!("Opening {}", source::title(name.as_deref()))));
-        self.loading = Some(Loading::start(self.gpu.clone(), name, format)?);
+        let text = format!("Opening {}", source::title(name.as_deref()));
+        self.notice = Some(Told::Loading { text, part: None });
+        let request = Request { name, ..self.request.clone() };
+        self.loading = Some(Loading::start(self.gpu.clone(), request, format)?);
         Ok(())
     }
 
-    /// Takes in a clip that has arrived, which then plays from its start. One that cannot be loaded
-    /// is told on the panel.
+    /// Takes in what is told of a clip on its way. One that is there plays from its start, and better
+    /// ones take its place. Why one cannot be loaded is told on the panel.
     ///
     /// # Errors
     /// Why the first clip could not be loaded, if nobody is there to read that.
     pub(super) fn receive(&mut self) -> Result<(), Fault> {
-        let Some(Arrived { next, clip }) = self.loading.as_ref().and_then(Loading::poll) else {
+        while let Some(told) = self.loading.as_ref().and_then(Loading::poll) {
+            match told {
+                loading::Told::Next(next) => self.next = next,
+                loading::Told::Progress(progress) => {
+                    let text = format!("Loading: {}", progress.text());
+                    self.notice = Some(Told::Loading { text, part: progress.part() });
+                }
+                loading::Told::Note(note) => {
+                    log::info!("{note}");
+                    self.notice = Some(Told::Note(note));
+                }
+                loading::Told::Clip { loaded, first } => {
+                    if let Err(fault) = self.play(*loaded, first) {
+                        self.loading = None;
+                        return self.fail(fault);
+                    }
+                }
+                loading::Told::Failed(fault) => {
+                    self.loading = None;
+                    return self.fail(fault);
+                }
+                loading::Told::Done => {
+                    self.loading = None;
+                    self.notice.take_if(|notice| matches!(notice, Told::Loading { .. }));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Plays a clip from its start, or goes on with a better one of the same.
+    ///
+    /// # Errors
+    /// If it has not the layers asked for.
+    fn play(&mut self, loaded: Loaded, first: bool) -> Result<(), Fault> {
+        let loaded = self.accept(loaded)?;
+        self.unplayed = None;
+        self.notice.take_if(|notice| matches!(notice, Told::Failed(_)));
+        if let Some(playing) = &mut self.playing
+            && !first
+            && loaded.goes_on(&playing.loaded)
+        {
+            playing.loaded = loaded;
+            log::info!("{}: now {} layers", playing.title, self.quality.layers());
             return Ok(());
-        };
-        (self.loading, self.next) = (None, next);
-        let loaded = match clip.and_then(|loaded| self.accept(loaded)) {
-            Ok(loaded) => loaded,
-            Err(fault) => return self.fail(fault),
-        };
+        }
         self.save();
-        (self.notice, self.unplayed) = (None, None);
         self.player.change_clip(loaded.duration_s, loaded.fps);
         self.clock = Clock::default();
         // It has a place once it is known where the head is.
@@ -282,7 +322,8 @@ impl Show {
                 has_next: self.next.is_some(),
                 statistics: &self.statistics.rows,
                 notice: self.notice.as_ref().map(|told| match told {
-                    Told::Loading(text) => Notice::Working { text, part: None },
+                    Told::Loading { text, part } => Notice::Working { text, part: *part },
+                    Told::Note(text) => Notice::Note(text),
                     Told::Failed(text) => Notice::Error(text),
                 }),
             };
@@ -421,6 +462,9 @@ impl Statistics {
 /// What a clip is called in the store: the same from wherever the program is started.
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
+        if source::is_address(name) {
+            return source::shown(name);
+        }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
 }

@@ -136,7 +136,7 @@ impl Toolchain {
         let page_flag = format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}");
         let status = workspace::cargo()
             .args(["rustc", "--package", "client", "--lib", "--crate-type", "cdylib", "--target", TARGET])
-            .args(["--no-default-features", "--features", "xr", "--profile", profile, "--locked"])
+            .args(["--no-default-features", "--features", "net,xr", "--profile", profile, "--locked"])
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", &compiler)
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", page_flag)
             .env("CC_aarch64_linux_android", &compiler)

@@ -12,5 +12,6 @@ pub(crate) mod inspect;
 pub(crate) mod package;
 pub(crate) mod render;
 pub(crate) mod report;
+pub(crate) mod serve;
 pub(crate) mod synth;
 pub(crate) mod test;

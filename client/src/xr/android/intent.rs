@@ -1,6 +1,9 @@
-//! Reads the intent that started the activity, through Java's native interface.
+//! Asks the activity for the intent that started it and for its folders, through Java's native
+//! interface.
 
 #![allow(unsafe_code, reason = "the activity is a reference of Java's")]
+
+use std::path::PathBuf;
 
 use android_activity::AndroidApp;
 use jni::objects::JString;
@@ -32,26 +35,57 @@ jni::bind_java_type! {
 }
 
 jni::bind_java_type! {
+    File => "java.io.File",
+    methods {
+        fn get_path() -> JString,
+    }
+}
+
+jni::bind_java_type! {
     Activity => "android.app.Activity",
-    type_map { Intent => "android.content.Intent" },
+    type_map { Intent => "android.content.Intent", File => "java.io.File" },
     methods {
         fn get_intent() -> Intent,
+        fn get_cache_dir() -> File,
     }
 }
 
 /// What the intent asks for; nothing, with a warning, where it cannot be read.
 pub(super) fn read(app: &AndroidApp) -> Request {
-    let request = JavaVM::singleton().and_then(|vm| vm.attach_current_thread(|env| request(env, app)));
-    request.unwrap_or_else(|error| {
+    with_activity(app, request).unwrap_or_else(|error| {
         log::warn!("the intent cannot be read: {error}");
         Request::default()
     })
 }
 
-fn request(env: &mut Env<'_>, app: &AndroidApp) -> jni::errors::Result<Request> {
-    let activity = app.activity_as_ptr().cast();
-    // SAFETY: it is a reference to the activity, and valid as long as `app`.
-    let activity = unsafe { env.as_cast_raw::<Global<Activity<'static>>>(&activity) }?;
+/// The folder for what can be fetched again; `None`, with a warning, where there is none.
+pub(super) fn cache_folder(app: &AndroidApp) -> Option<PathBuf> {
+    let folder = with_activity(app, |env, activity| {
+        let folder = activity.get_cache_dir(env)?;
+        let path = folder.get_path(env)?;
+        text(env, &path)
+    });
+    let folder = folder.unwrap_or_else(|error| {
+        log::warn!("the folder for clips from the network is not known: {error}");
+        None
+    });
+    folder.map(PathBuf::from)
+}
+
+/// Calls `ask` with the activity, as Java has it.
+fn with_activity<T>(
+    app: &AndroidApp,
+    ask: impl FnOnce(&mut Env<'_>, &Activity<'_>) -> jni::errors::Result<T>,
+) -> jni::errors::Result<T> {
+    JavaVM::singleton()?.attach_current_thread(|env| {
+        let activity = app.activity_as_ptr().cast();
+        // SAFETY: it is a reference to the activity, and valid as long as `app`.
+        let activity = unsafe { env.as_cast_raw::<Global<Activity<'static>>>(&activity) }?;
+        ask(env, &activity)
+    })
+}
+
+fn request(env: &mut Env<'_>, activity: &Activity<'_>) -> jni::errors::Result<Request> {
     let intent = activity.get_intent(env)?;
     if intent.is_null() {
         return Ok(Request::default());

@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code, reason = "a library is loaded, and references of Java's are handed over")]
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
@@ -92,5 +93,11 @@ impl System {
     /// Where the placements of clips are remembered; `None` where there is no place for them.
     pub(in crate::xr) fn store(&self) -> Option<PlacementStore> {
         self.app.internal_data_path().map(|folder| PlacementStore::open(&folder))
+    }
+
+    /// Where clips from the network are kept: the folder that the system empties when it needs room.
+    /// `None` where there is no place for them.
+    pub(in crate::xr) fn kept(&self) -> Option<PathBuf> {
+        super::intent::cache_folder(&self.app).map(|folder| folder.join("clips"))
     }
 }

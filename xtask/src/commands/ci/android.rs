@@ -109,7 +109,7 @@ impl Compiler {
         let headers = usr.join("aarch64-linux-gnu/include");
         let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
         cargo
-            .args(["--package", "client", "--lib", "--no-default-features", "--features", "xr"])
+            .args(["--package", "client", "--lib", "--no-default-features", "--features", "net,xr"])
             .args(["--locked", "--target", TARGET, "-Zbuild-std=std,panic_abort"])
             .arg("--target-dir")
             .arg(folder())

@@ -1,0 +1,258 @@
+//! [`Cache`]: clips kept on disk, so that they play again without the network.
+//!
+//! An entry is one file, named by the SHA-256 of the address: the SHA-256 of all that follows, a
+//! line with the length of the version and the version (`ETag`), and the package. It is written
+//! under another name and renamed, so that several players can use one folder. Reading an entry
+//! makes it new; what was not read for the longest time goes when the folder grows too large.
+
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use sha2::{Digest, Sha256};
+use tempfile::Builder;
+
+/// Most bytes that are kept.
+pub const CACHE_BYTES: u64 = 512 << 20;
+
+/// Endings of the names of entries, and of files that are being written.
+const ENTRY: &str = "clip";
+const WRITING: &str = "part";
+
+/// Bytes of a checksum, and those before the version: the checksum and the version's length.
+const SUM_BYTES: usize = 32;
+const PREFIX_BYTES: usize = SUM_BYTES + 2;
+
+/// After this long, nobody is writing a file any more.
+const ABANDONED: Duration = Duration::from_secs(3600);
+
+/// A clip that was kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    /// The version, as the server called it.
+    pub(super) etag: String,
+    pub(super) package: Vec<u8>,
+}
+
+/// A folder of clips.
+#[derive(Clone, Debug)]
+pub struct Cache {
+    folder: PathBuf,
+    max_bytes: u64,
+}
+
+impl Cache {
+    /// Of at most `max_bytes` bytes in `folder`, which is made when something is to be kept.
+    pub fn new(folder: &Path, max_bytes: u64) -> Cache {
+        Cache { folder: folder.into(), max_bytes }
+    }
+
+    /// What is kept of the clip at `url`. An entry that is damaged is removed.
+    pub(super) fn get(&self, url: &str) -> Option<Entry> {
+        let path = self.path(url);
+        let bytes = match read(&path, self.max_bytes) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
+            Err(error) => {
+                log::warn!("{}: {error}", path.display());
+                return None;
+            }
+        };
+        let entry = parse(bytes);
+        if entry.is_none() {
+            log::warn!("{}: damaged: the clip is fetched again", path.display());
+            self.remove(url);
+        }
+        entry
+    }
+
+    /// Keeps the clip at `url`, unless it is larger than the whole folder may be.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(super) fn put(&self, url: &str, etag: &str, package: &[u8]) -> io::Result<()> {
+        let version = etag.as_bytes();
+        let bytes = (PREFIX_BYTES + version.len() + package.len()) as u64;
+        let Ok(length) = u16::try_from(version.len()) else { return Ok(()) };
+        if bytes > self.max_bytes {
+            return Ok(());
+        }
+        let parts = [&length.to_le_bytes()[..], version, package];
+        fs::create_dir_all(&self.folder)?;
+        self.make_room(bytes)?;
+        let mut file = Builder::new().suffix(&format!(".{WRITING}")).tempfile_in(&self.folder)?;
+        file.write_all(&sum(&parts))?;
+        for part in parts {
+            file.write_all(part)?;
+        }
+        file.persist(self.path(url)).map_err(|error| error.error)?;
+        Ok(())
+    }
+
+    /// Forgets the clip at `url`.
+    pub(super) fn remove(&self, url: &str) {
+        let path = self.path(url);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                log::warn!("{}: {error}", path.display());
+            }
+            _ => {}
+        }
+    }
+
+    fn path(&self, url: &str) -> PathBuf {
+        let name: String = Sha256::digest(url).iter().map(|byte| format!("{byte:02x}")).collect();
+        self.folder.join(name).with_extension(ENTRY)
+    }
+
+    /// Removes what was not read for the longest time until `bytes` more fit in.
+    fn make_room(&self, bytes: u64) -> io::Result<()> {
+        let now = SystemTime::now();
+        let mut entries = Vec::new();
+        for file in self.folder.read_dir()? {
+            let path = file?.path();
+            // Another player may have removed it meanwhile.
+            let Ok(about) = path.metadata() else { continue };
+            let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            let ends_in = |ending: &str| path.extension().is_some_and(|end| end == ending);
+            if ends_in(ENTRY) {
+                entries.push((used, about.len(), path));
+            } else if ends_in(WRITING) && now.duration_since(used).is_ok_and(|age| age > ABANDONED) {
+                let _ = fs::remove_file(path);
+            }
+        }
+        entries.sort();
+        let mut total: u64 = entries.iter().map(|(_, bytes, _)| bytes).sum();
+        for (_, old, path) in entries {
+            if total + bytes <= self.max_bytes {
+                break;
+            }
+            match fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => total -= old,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads a file of at most `max_bytes` bytes, which is then the one read last.
+fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    Read::by_ref(&mut file).take(max_bytes).read_to_end(&mut bytes)?;
+    // Where the system refuses, it goes a little earlier than it should.
+    let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
+    Ok(bytes)
+}
+
+/// The entry that a file holds; `None` where its checksum differs.
+fn parse(mut bytes: Vec<u8>) -> Option<Entry> {
+    let (stored, rest) = bytes.split_at_checked(SUM_BYTES)?;
+    if stored != sum(&[rest]) {
+        return None;
+    }
+    let (length, rest) = rest.split_at_checked(PREFIX_BYTES - SUM_BYTES)?;
+    let length = usize::from(u16::from_le_bytes(length.try_into().ok()?));
+    let etag = String::from_utf8(rest.get(..length)?.to_vec()).ok()?;
+    Some(Entry { etag, package: bytes.split_off(PREFIX_BYTES + length) })
+}
+
+fn sum(parts: &[&[u8]]) -> [u8; SUM_BYTES] {
+    let mut sum = Sha256::new();
+    parts.iter().for_each(|part| sum.update(part));
+    sum.finalize().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(cache: &Cache, urls: &[&str]) -> Vec<bool> {
+        urls.iter().map(|url| cache.path(url).exists()).collect()
+    }
+
+    #[test]
+    fn an_entry_comes_back_and_a_new_one_takes_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(&folder.path().join("a/b"), 1000);
+        assert_eq!(cache.get("u"), None);
+        for (etag, package) in [("\"1\"", &b"old"[..]), ("", b""), ("\"2\"", b"new")] {
+            cache.put("u", etag, package).unwrap();
+            assert_eq!(cache.get("u"), Some(Entry { etag: etag.into(), package: package.to_vec() }));
+        }
+        assert_eq!(cache.get("v"), None);
+        assert_eq!(cache.folder.read_dir().unwrap().count(), 1, "nothing else is left");
+        cache.remove("u");
+        cache.remove("u");
+        assert_eq!(cache.get("u"), None);
+    }
+
+    #[test]
+    fn every_flipped_bit_and_every_cut_is_noticed_and_the_entry_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1000);
+        cache.put("u", "\"1\"", b"package").unwrap();
+        let path = cache.path("u");
+        let whole = fs::read(&path).unwrap();
+        let flipped = (0..whole.len() * 8).map(|bit| {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        });
+        let cut = (0..whole.len()).map(|length| whole[..length].to_vec());
+        for bytes in flipped.chain(cut) {
+            fs::write(&path, &bytes).unwrap();
+            assert_eq!(cache.get("u"), None);
+            assert!(!path.exists());
+        }
+    }
+
+    #[test]
+    fn the_bound_holds_and_what_was_read_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1000);
+        let ago = |url: &str, seconds| {
+            let file = File::options().append(true).open(cache.path(url)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
+        };
+        for (age, url) in [(30, "a"), (20, "b"), (10, "c")] {
+            cache.put(url, "", &[0; 250]).unwrap();
+            ago(url, age);
+        }
+        assert!(cache.get("a").is_some());
+        cache.put("d", "", &[0; 250]).unwrap();
+        assert_eq!(kept(&cache, &["a", "b", "c", "d"]), [true, false, true, true]);
+        cache.put("e", "", &[0; 1000]).unwrap();
+        assert_eq!(kept(&cache, &["a", "c", "d", "e"]), [true, true, true, false], "larger than the folder");
+        let bytes: u64 =
+            folder.path().read_dir().unwrap().map(|file| file.unwrap().metadata().unwrap().len()).sum();
+        assert!(bytes <= 1000, "{bytes}");
+    }
+
+    #[test]
+    fn what_someone_stopped_writing_goes_and_other_files_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1000);
+        let file = |name: &str, age| {
+            let file = File::create(folder.path().join(name)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
+        };
+        file("old.part", 2 * ABANDONED.as_secs());
+        file("new.part", 1);
+        file("someone.else", 2 * ABANDONED.as_secs());
+        cache.put("u", "", b"").unwrap();
+        let there = ["old.part", "new.part", "someone.else"].map(|name| folder.path().join(name).exists());
+        assert_eq!(there, [false, true, true]);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_made_is_an_error_and_not_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), "").unwrap();
+        let cache = Cache::new(&folder.path().join("file"), 1000);
+        assert!(cache.put("u", "", b"").is_err());
+        assert_eq!(cache.get("u"), None);
+    }
+}

@@ -1,0 +1,84 @@
+//! [`Progress`]: how much of a clip has arrived, how fast, and when the rest will be there.
+
+/// What is known of a clip on its way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Bytes that are here.
+    pub received: u64,
+    /// Bytes in all, if that is known.
+    pub total: Option<u64>,
+    /// Bytes per second, once there is something to tell.
+    pub bytes_per_s: Option<f64>,
+    /// What holds it up, and what is done about it.
+    pub trouble: Option<String>,
+}
+
+impl Progress {
+    /// The part that is here, 0 to 1, if the whole is known.
+    pub fn part(&self) -> Option<f32> {
+        let total = self.total.filter(|&total| total > 0)?;
+        Some((self.received as f64 / total as f64).min(1.0) as f32)
+    }
+
+    /// Seconds until the rest is here at the present rate.
+    pub fn remaining_s(&self) -> Option<f64> {
+        let rate = self.bytes_per_s.filter(|&rate| rate > 0.0)?;
+        Some(self.total?.saturating_sub(self.received) as f64 / rate)
+    }
+
+    /// One line: bytes, rate and time left, or bytes and trouble.
+    pub fn text(&self) -> String {
+        let received = megabytes(self.received);
+        let amount = match self.total {
+            Some(total) => format!("{received} of {} MB", megabytes(total)),
+            None => format!("{received} MB"),
+        };
+        if let Some(trouble) = &self.trouble {
+            return format!("{amount}: {trouble}");
+        }
+        let rate = self.bytes_per_s.map(|rate| format!(", {} MB/s", megabytes(rate as u64)));
+        let left = self.remaining_s().map(|seconds| format!(", {} left", duration(seconds)));
+        format!("{amount}{}{}", rate.unwrap_or_default(), left.unwrap_or_default())
+    }
+}
+
+fn megabytes(bytes: u64) -> String {
+    let megabytes = bytes as f64 * 1e-6;
+    if megabytes < 99.95 { format!("{megabytes:.1}") } else { format!("{megabytes:.0}") }
+}
+
+fn duration(seconds: f64) -> String {
+    let seconds = seconds.ceil().min(359_999.0) as u64;
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, seconds) => format!("{seconds} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_says_how_much_how_fast_and_how_long() {
+        let mut progress = Progress { received: 400_000, ..Progress::default() };
+        assert_eq!((progress.text().as_str(), progress.part()), ("0.4 MB", None));
+        progress.total = Some(2_000_000);
+        progress.bytes_per_s = Some(800_000.0);
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0.8 MB/s, 2 s left");
+        assert_eq!((progress.part(), progress.remaining_s()), (Some(0.2), Some(2.0)));
+        progress.bytes_per_s = Some(0.0);
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0.0 MB/s", "nobody knows how long");
+        progress.trouble = Some("the connection was lost".into());
+        assert_eq!(progress.text(), "0.4 of 2.0 MB: the connection was lost");
+        let wrong = Progress { received: 9, total: Some(3), ..Progress::default() };
+        assert_eq!(wrong.part(), Some(1.0), "more than announced");
+    }
+
+    #[test]
+    fn durations_are_as_fine_as_they_are_short() {
+        assert_eq!([0.2, 59.0, 61.5, 7300.0].map(duration), ["1 s", "59 s", "1 min 2 s", "2 h 1 min"]);
+        assert_eq!(duration(f64::INFINITY), "99 h 59 min");
+    }
+}

@@ -1,0 +1,210 @@
+//! [`Server`]: an HTTP server on this machine that does what a test tells it, also what no server
+//! should.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// What a client asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// Path and query.
+    pub path: String,
+    /// By their names in small letters.
+    pub headers: BTreeMap<String, String>,
+}
+
+impl Request {
+    /// A header, by its name in small letters.
+    pub fn header(&self, name: &str) -> Option<&str> {
+        self.headers.get(name).map(String::as_str)
+    }
+
+    /// The first byte of `Range: bytes=FIRST-`.
+    pub fn first_byte(&self) -> Option<usize> {
+        self.header("range")?.strip_prefix("bytes=")?.strip_suffix('-')?.parse().ok()
+    }
+}
+
+/// A stream to a client: plain, or through TLS.
+pub trait Stream: Read + Write + Send {}
+impl<T: Read + Write + Send> Stream for T {}
+
+/// An answer on its way. The connection ends with it.
+pub struct Answer<'a> {
+    stream: &'a mut dyn Stream,
+    sent: &'a Mutex<Vec<Range<usize>>>,
+}
+
+impl Answer<'_> {
+    /// Sends bytes; whether the client still takes them.
+    pub fn raw(&mut self, bytes: &[u8]) -> bool {
+        self.stream.write_all(bytes).and_then(|()| self.stream.flush()).is_ok()
+    }
+
+    /// Sends a status and headers.
+    pub fn head(&mut self, status: u16, headers: &[(&str, &str)]) {
+        let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
+        self.raw(format!("HTTP/1.1 {status} x\r\nConnection: close\r\n{headers}\r\n").as_bytes());
+    }
+
+    /// Sends `file` up to `end`, from where the request asks for, as a good server does, with
+    /// all headers. `etag` is with its quotes.
+    pub fn file(&mut self, request: &Request, file: &[u8], etag: &str, end: usize) {
+        let first = self.file_head(request, file, etag);
+        self.bytes(file, first..end.max(first));
+    }
+
+    /// The headers of that; the first byte that is to follow.
+    pub fn file_head(&mut self, request: &Request, file: &[u8], etag: &str) -> usize {
+        let same = request.header("if-range").is_none_or(|version| version == etag);
+        let first = request.first_byte().filter(|&first| same && first < file.len());
+        let length = (file.len() - first.unwrap_or(0)).to_string();
+        let mut headers = vec![("Content-Length", length.as_str()), ("ETag", etag)];
+        let range = first.map(|first| format!("bytes {first}-{}/{}", file.len() - 1, file.len()));
+        headers.extend(range.as_deref().map(|range| ("Content-Range", range)));
+        self.head(if first.is_some() { 206 } else { 200 }, &headers);
+        first.unwrap_or(0)
+    }
+
+    /// Sends a part of `file` and notes that.
+    pub fn bytes(&mut self, file: &[u8], part: Range<usize>) {
+        lock(self.sent).push(part.clone());
+        self.raw(&file[part]);
+    }
+
+    /// Sends `bytes` at so many bytes per second.
+    pub fn paced(&mut self, bytes: &[u8], bytes_per_s: f64) -> bool {
+        // Fifty pieces a second, of no more than a network hands over at a time.
+        let piece = (bytes_per_s / 50.0) as usize;
+        let (start, mut sent) = (Instant::now(), 0);
+        bytes.chunks(piece.clamp(1, 8 << 10)).all(|piece| {
+            sent += piece.len();
+            let due = Duration::from_secs_f64(sent as f64 / bytes_per_s);
+            thread::sleep(due.saturating_sub(start.elapsed()));
+            self.raw(piece)
+        })
+    }
+}
+
+/// What a server knows of its clients.
+#[derive(Default)]
+struct Log {
+    requests: Mutex<Vec<Request>>,
+    sent: Mutex<Vec<Range<usize>>>,
+    ended: AtomicBool,
+}
+
+/// A server that ends with the test.
+pub struct Server {
+    address: SocketAddr,
+    log: Arc<Log>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Makes a stream of a connection.
+type Accept = dyn Fn(TcpStream) -> Option<Box<dyn Stream>> + Send + Sync;
+
+impl Server {
+    /// Starts a server that answers each request with `answer`, which gets its number from 0.
+    pub fn start(answer: impl Fn(usize, &Request, &mut Answer<'_>) + Send + Sync + 'static) -> Server {
+        Server::start_with(|stream| Some(Box::new(stream)), answer)
+    }
+
+    /// The same with streams made by `accept`.
+    ///
+    /// # Panics
+    /// If the system gives no port.
+    pub fn start_with(
+        accept: impl Fn(TcpStream) -> Option<Box<dyn Stream>> + Send + Sync + 'static,
+        answer: impl Fn(usize, &Request, &mut Answer<'_>) + Send + Sync + 'static,
+    ) -> Server {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("the system has a port");
+        let address = listener.local_addr().expect("a bound port");
+        let log = Arc::new(Log::default());
+        let (ours, accept, answer) = (log.clone(), Arc::new(accept), Arc::new(answer));
+        let thread = thread::spawn(move || {
+            for stream in listener.incoming() {
+                if ours.ended.load(Ordering::Relaxed) {
+                    return;
+                }
+                let Ok(stream) = stream else { continue };
+                let (log, accept, answer) = (ours.clone(), accept.clone(), answer.clone());
+                thread::spawn(move || serve(stream, &log, &*accept, &*answer));
+            }
+        });
+        Server { address, log, thread: Some(thread) }
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The address of a file.
+    pub fn url(&self, path: &str) -> String {
+        format!("http://{}/{path}", self.address)
+    }
+
+    /// What was asked for so far.
+    pub fn requests(&self) -> Vec<Request> {
+        lock(&self.log.requests).clone()
+    }
+
+    /// Which parts of files were sent so far.
+    pub fn sent(&self) -> Vec<Range<usize>> {
+        lock(&self.log.sent).clone()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.log.ended.store(true, Ordering::Relaxed);
+        // It waits for a connection.
+        let _ = TcpStream::connect(self.address);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn serve(
+    stream: TcpStream,
+    log: &Log,
+    accept: &Accept,
+    answer: &(dyn Fn(usize, &Request, &mut Answer<'_>) + Send + Sync),
+) {
+    let Some(mut stream) = accept(stream) else { return };
+    let Some(request) = read(&mut *stream) else {
+        // What a server says to someone who does not speak HTTP.
+        let _ = stream.write_all(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n");
+        return;
+    };
+    let number = {
+        let mut requests = lock(&log.requests);
+        requests.push(request.clone());
+        requests.len() - 1
+    };
+    answer(number, &request, &mut Answer { stream: &mut *stream, sent: &log.sent });
+}
+
+/// Reads a request up to the empty line.
+fn read(stream: &mut dyn Stream) -> Option<Request> {
+    let mut lines = BufReader::new(stream).lines().map_while(Result::ok);
+    let first = lines.next()?;
+    let mut request = Request { path: first.split(' ').nth(1)?.into(), ..Request::default() };
+    for line in lines.take_while(|line| !line.is_empty()) {
+        let (name, value) = line.split_once(':')?;
+        request.headers.insert(name.to_ascii_lowercase(), value.trim().into());
+    }
+    Some(request)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,574 @@
+//! Clips by address, from servers that do what they should and from servers that do not.
+//!
+//! Every server is on this machine. What a fault leads to is the same for all displays: they show
+//! what [`Download`] tells.
+
+use std::net::{Ipv4Addr, TcpListener};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use aarc_tests::scene::{Motion, Recipe, packaged};
+use aarc_tests::server::{Answer, Request, Server};
+use client::fault::Fault;
+use client::net::{Cache, Download, Options, Patience};
+use client::progress::Progress;
+use client::source::News;
+use codec::{Clip, Limits, contents, decode};
+
+const ETAG: &str = "\"one\"";
+
+/// That of someone in a hurry, so that tests are.
+const PATIENCE: Patience = Patience {
+    answer: Duration::from_secs(2),
+    silence: Duration::from_secs(3),
+    retries: 3,
+    first_wait: Duration::from_millis(50),
+};
+
+/// A clip of about 50 kB with three layers.
+fn package(seed: u64) -> Arc<[u8]> {
+    let recipe =
+        Recipe { count: 1500, sh_degree: 1, motion: Motion::Mixed, motion_order: 3, turning: false, seed };
+    packaged(&recipe.field(), None, &[300, 700]).into()
+}
+
+/// Where its layers end.
+fn layer_ends(package: &[u8]) -> Vec<usize> {
+    contents(package, &Limits::default()).unwrap().layer_bytes()
+}
+
+fn decoded(package: &[u8]) -> Clip {
+    decode(package, &Limits::default()).unwrap()
+}
+
+/// What a download told.
+#[derive(Debug, Default)]
+struct Heard {
+    clips: Vec<Clip>,
+    notes: Vec<String>,
+    progress: Vec<Progress>,
+    fault: Option<Fault>,
+}
+
+impl Heard {
+    fn troubles(&self) -> Vec<&str> {
+        self.progress.iter().filter_map(|progress| progress.trouble.as_deref()).collect()
+    }
+
+    /// The best clip, of a download without a fault.
+    fn clip(&self) -> &Clip {
+        assert_eq!(self.fault, None);
+        self.clips.last().expect("a download without a fault brings a clip")
+    }
+}
+
+fn hear(download: Download) -> Heard {
+    let start = Instant::now();
+    let mut heard = Heard::default();
+    for news in download {
+        match news {
+            Ok(News::Clip(clip)) => heard.clips.push(*clip),
+            Ok(News::Note(note)) => heard.notes.push(note),
+            Ok(News::Progress(progress)) => heard.progress.push(progress),
+            Err(fault) => heard.fault = Some(fault),
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {heard:?}");
+    }
+    heard
+}
+
+fn options() -> Options {
+    Options { patience: PATIENCE, ..Options::default() }
+}
+
+fn get(url: &str) -> Heard {
+    hear(Download::new(url, options()))
+}
+
+fn get_kept(url: &str, folder: &Path) -> Heard {
+    get_bounded(url, folder, 1 << 20)
+}
+
+fn get_bounded(url: &str, folder: &Path, max_bytes: u64) -> Heard {
+    hear(Download::new(url, Options { cache: Some(Cache::new(folder, max_bytes)), ..options() }))
+}
+
+/// A server of one file.
+fn server_of(file: &Arc<[u8]>) -> Server {
+    let file = file.clone();
+    Server::start(move |_, request, answer| answer_with(request, answer, &file, ETAG))
+}
+
+/// Answers as a good server does.
+fn answer_with(request: &Request, answer: &mut Answer<'_>, file: &[u8], etag: &str) {
+    if request.header("if-none-match") == Some(etag) {
+        answer.head(304, &[("ETag", etag)]);
+    } else {
+        answer.file(request, file, etag, file.len());
+    }
+}
+
+#[test]
+fn a_clip_arrives_whole_and_unpacked() {
+    let file = package(1);
+    let server = server_of(&file);
+    let heard = get(&server.url("a/clip.aarc?key=1"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    assert!(heard.clips.is_sorted_by_key(|clip| clip.layers.len()));
+    let [request] = &server.requests()[..] else { panic!("one request is enough") };
+    assert_eq!((request.path.as_str(), request.header("range")), ("/a/clip.aarc?key=1", None));
+    assert_eq!(request.header("accept-encoding"), Some("identity"));
+}
+
+#[test]
+fn layers_play_before_the_rest_is_sent() {
+    let file = package(2);
+    let ends = layer_ends(&file);
+    let (permit, permits) = channel::<()>();
+    let (sent, gate) = (file.clone(), Mutex::new(permits));
+    let layers = ends.clone();
+    let server = Server::start(move |_, request, answer| {
+        let mut first = answer.file_head(request, &sent, ETAG);
+        for &end in &layers {
+            answer.bytes(&sent, first..end);
+            first = end;
+            // The test lets the next layer go when this one plays.
+            gate.lock().unwrap().recv().unwrap();
+        }
+    });
+    let patience = Patience { silence: Duration::from_secs(30), ..PATIENCE };
+    let mut layers_played = Vec::new();
+    for news in Download::new(&server.url("clip.aarc"), Options { patience, ..Options::default() }) {
+        let News::Clip(clip) = news.unwrap() else { continue };
+        layers_played.push(clip.layers.len());
+        assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
+        assert_eq!(*clip, decoded(&file[..ends[clip.layers.len() - 1]]));
+        permit.send(()).unwrap();
+    }
+    assert_eq!(layers_played, [1, 2, 3]);
+}
+
+#[test]
+fn a_cut_at_every_tenth_goes_on_where_it_was() {
+    let file = package(3);
+    let (sent, length) = (file.clone(), file.len());
+    let server = Server::start(move |number, request, answer| {
+        answer.file(request, &sent, ETAG, (number + 1) * length / 10);
+    });
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    let expected: Vec<Range<usize>> = (0..10).map(|i| i * length / 10..(i + 1) * length / 10).collect();
+    assert_eq!(server.sent(), expected, "every byte once");
+    for (number, request) in server.requests().iter().enumerate() {
+        let condition = (number > 0).then_some(ETAG);
+        assert_eq!(request.header("if-range"), condition, "request {number}");
+    }
+    assert!(heard.troubles().iter().any(|trouble| trouble.contains("lost, trying again")), "{heard:?}");
+}
+
+#[test]
+fn a_stall_is_a_cut() {
+    let file = package(4);
+    let (sent, length) = (file.clone(), file.len());
+    let server = Server::start(move |number, request, answer| {
+        if number == 0 {
+            answer.file(request, &sent, ETAG, length / 2);
+            std::thread::sleep(Duration::from_secs(20));
+        } else {
+            answer.file(request, &sent, ETAG, length);
+        }
+    });
+    let patience = Patience { silence: Duration::from_millis(300), ..PATIENCE };
+    let start = Instant::now();
+    let heard = hear(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
+    assert_eq!(heard.clip(), &decoded(&file));
+    assert!(start.elapsed() < Duration::from_secs(15), "it does not wait for the server");
+    assert_eq!(server.sent(), [0..length / 2, length / 2..length]);
+    assert!(heard.troubles().iter().any(|trouble| trouble.contains("silent")), "{heard:?}");
+}
+
+#[test]
+fn a_server_that_forgets_about_parts_sends_all_again() {
+    let file = package(5);
+    let (sent, length) = (file.clone(), file.len());
+    let server = Server::start(move |number, request, answer| {
+        // The second answer is the whole file, as if no part had been asked for.
+        let request = if number == 1 { Request::default() } else { request.clone() };
+        answer.file(&request, &sent, ETAG, if number == 0 { length / 2 } else { length });
+    });
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    assert_eq!(server.sent(), [0..length / 2, 0..length]);
+}
+
+#[test]
+fn a_file_that_changes_meanwhile_is_not_mixed() {
+    let (old, new) = (package(6), package(7));
+    for (etags, requests) in [(["\"old\"", "\"new\""], 2), (["W/\"old\"", "W/\"new\""], 2), (["", ""], 2)] {
+        let files = [old.clone(), new.clone()];
+        let server = Server::start(move |number, request, answer| {
+            let which = number.min(1);
+            let file = &files[which];
+            answer.file(request, file, etags[which], if number == 0 { file.len() / 2 } else { file.len() });
+        });
+        let heard = get(&server.url("clip.aarc"));
+        assert_eq!(heard.clip(), &decoded(&new), "{etags:?}");
+        assert_eq!(server.requests().len(), requests, "{etags:?}");
+    }
+}
+
+#[test]
+fn a_wrong_part_is_thrown_away() {
+    let file = package(8);
+    let (sent, length) = (file.clone(), file.len());
+    let server = Server::start(move |number, request, answer| match number {
+        0 => answer.file(request, &sent, ETAG, length / 2),
+        1 => {
+            let range = format!("bytes 7-{}/{length}", length - 1);
+            answer.head(206, &[("Content-Range", &range), ("ETag", ETAG)]);
+            answer.bytes(&sent, 7..length);
+        }
+        _ => answer.file(request, &sent, ETAG, length),
+    });
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    assert_eq!(server.requests()[2].header("range"), None, "no more parts");
+}
+
+#[test]
+fn redirects_are_followed_within_reason() {
+    let file = package(9);
+    let sent = file.clone();
+    let server = Server::start(move |_, request, answer| match request.path.as_str() {
+        "/old" => answer.head(301, &[("Location", "/newer"), ("Content-Length", "0")]),
+        "/newer" => {
+            let host = request.header("host").unwrap();
+            let location = format!("http://{host}/clip.aarc");
+            answer.head(302, &[("Location", &location), ("Content-Length", "0")]);
+        }
+        "/round" => answer.head(307, &[("Location", "/round"), ("Content-Length", "0")]),
+        _ => answer.file(request, &sent, ETAG, sent.len()),
+    });
+    assert_eq!(get(&server.url("old")).clip(), &decoded(&file));
+    let heard = get(&server.url("round"));
+    let Some(Fault::Network(why)) = &heard.fault else { panic!("{heard:?}") };
+    assert!(why.contains("redirects more than 5 times"), "{why}");
+}
+
+#[test]
+fn lengths_that_lie_are_seen_through() {
+    let file = package(10);
+    let length = file.len();
+    let serve = |announced: Option<usize>, sent: usize| {
+        let file = file.clone();
+        Server::start(move |_, _, answer| {
+            let announced = announced.map(|length| length.to_string());
+            let headers: Vec<_> =
+                announced.iter().map(|length| ("Content-Length", length.as_str())).collect();
+            answer.head(200, &headers);
+            answer.bytes(&file, 0..sent);
+        })
+    };
+    for announced in [None, Some(length), Some(length + 5000)] {
+        let server = serve(announced, length);
+        assert_eq!(get(&server.url("clip.aarc")).clip(), &decoded(&file), "{announced:?}");
+        assert_eq!(server.requests().len(), 1);
+    }
+    let server = serve(Some(length - 10), length);
+    let heard = get(&server.url("clip.aarc"));
+    let Some(Fault::Network(why)) = &heard.fault else { panic!("{heard:?}") };
+    assert!(why.contains(&format!("cut short, {} bytes of {length}", length - 10)), "{why}");
+    assert_eq!(heard.clips.last().map(|clip| clip.layers.len()), Some(2), "what is complete plays");
+    // Without a length, an end too early is a break; without a version, all is sent again.
+    let server = serve(None, length - 10);
+    let heard = get(&server.url("clip.aarc"));
+    assert!(matches!(heard.fault, Some(Fault::Network(_))), "{heard:?}");
+    assert!(
+        server.requests().len() > 1 && server.requests().iter().all(|request| request.first_byte().is_none())
+    );
+}
+
+#[test]
+fn chunks_without_a_length_play() {
+    let file = package(11);
+    let sent = file.clone();
+    let server = Server::start(move |_, _, answer| {
+        answer.head(200, &[("Transfer-Encoding", "chunked"), ("ETag", ETAG)]);
+        for piece in sent.chunks(1000) {
+            answer.raw(format!("{:x}\r\n", piece.len()).as_bytes());
+            answer.raw(piece);
+            answer.raw(b"\r\n");
+        }
+        answer.raw(b"0\r\n\r\n");
+    });
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!((heard.clip(), server.requests().len()), (&decoded(&file), 1));
+}
+
+/// What is too large is refused before it comes, and without a length as soon as it is too much.
+#[test]
+fn what_is_too_large_is_not_taken() {
+    let limits = Limits { max_bytes: 1 << 20, ..Limits::default() };
+    let told = Arc::new(Mutex::new(0));
+    let taken = told.clone();
+    let server = Server::start(move |_, request, answer| {
+        if request.path == "/announced" {
+            answer.head(200, &[("Content-Length", "2000000")]);
+        } else {
+            answer.head(200, &[]);
+        }
+        // The beginning of a package with a head of 3 GiB.
+        let mut piece = b"AARC\x01\0\0\0\0\0\0\xc0".to_vec();
+        piece.resize(10_000, 0);
+        for _ in 0..10_000 {
+            if !answer.raw(&piece) {
+                return;
+            }
+            *taken.lock().unwrap() += piece.len();
+        }
+    });
+    for path in ["announced", "endless"] {
+        let heard = hear(Download::new(&server.url(path), Options { limits, ..options() }));
+        let Some(Fault::Data(why)) = &heard.fault else { panic!("{path}: {heard:?}") };
+        assert!(why.ends_with("larger than 1 MiB, the most that is read"), "{why}");
+    }
+    assert_eq!(server.requests().len(), 2, "nobody asks again");
+    // What was on its way counts as taken.
+    let taken = *told.lock().unwrap();
+    assert!(taken < 30_000_000, "{taken} bytes were taken");
+}
+
+/// Faults that nothing can be done about: one sentence each, that names the address.
+#[test]
+fn faults_are_one_sentence() {
+    let file = package(12);
+    let sent = file.clone();
+    let server = Server::start(move |_, request, answer| {
+        let status = request.path.trim_start_matches("/status/").parse::<u16>();
+        match request.path.as_str() {
+            "/page" => {
+                answer.head(200, &[]);
+                answer.raw(b"<!doctype html><title>Welcome</title>");
+            }
+            "/empty" => answer.head(200, &[("Content-Length", "0")]),
+            "/packed" => answer.head(200, &[("Content-Encoding", "gzip")]),
+            "/smtp" => {
+                answer.raw(b"220 mail.example.org ESMTP\r\n");
+            }
+            "/closed" => {}
+            "/mute" => std::thread::sleep(Duration::from_secs(3)),
+            "/busy" => answer.head(503, &[("Retry-After", "600"), ("Content-Length", "0")]),
+            "/damaged" => {
+                let mut damaged = sent.to_vec();
+                damaged[sent.len() - 100] ^= 1;
+                answer.file(request, &damaged, ETAG, damaged.len());
+            }
+            "/unasked" => answer.head(206, &[("Content-Range", "bytes 5-9/10")]),
+            _ => answer.head(status.unwrap_or(500), &[("Content-Length", "0")]),
+        }
+    });
+    let free_port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+    let secure = format!("https://{}/clip.aarc", server.address());
+    let network = |url: &str, sentence: &str| {
+        let heard = get(url);
+        let Some(Fault::Network(why)) = &heard.fault else { panic!("{url}: {heard:?}") };
+        assert!(why.starts_with(url) && why.contains(sentence) && !why.contains('\n'), "{url}: {why}");
+    };
+    for (path, sentence) in [
+        ("status/403", "does not give it out (403 Forbidden)"),
+        ("status/404", "no such file (404 Not Found)"),
+        ("status/410", "no such file (410 Gone)"),
+        ("status/416", "answers 416 Range Not Satisfiable"),
+        ("status/418", "answers 418"),
+        ("status/500", "answers 500 Internal Server Error"),
+        ("status/503", "answers 503 Service Unavailable"),
+        ("status/304", "answers 304"),
+        ("busy", "asks to wait for 600 s"),
+        ("unasked", "answers 206"),
+        ("empty", "cut short"),
+        ("packed", "packed (gzip)"),
+        ("smtp", "does not speak HTTP"),
+        ("closed", "connection was lost"),
+        ("mute", "does not answer"),
+    ] {
+        network(&server.url(path), sentence);
+    }
+    network(&format!("http://{free_port}/clip.aarc"), "takes no connections");
+    network("http://nowhere.invalid/clip.aarc", "name");
+    network(&secure, "no secure connection");
+    network("http://", "not an address");
+    for (path, sentence) in [("page", "not an .aarc package"), ("damaged", "CRC-32")] {
+        let heard = get(&server.url(path));
+        let Some(Fault::Data(why)) = &heard.fault else { panic!("{path}: {heard:?}") };
+        assert!(why.contains(sentence), "{why}");
+    }
+}
+
+#[test]
+fn an_overloaded_server_is_given_time() {
+    let file = package(13);
+    let sent = file.clone();
+    let server = Server::start(move |number, request, answer| match number {
+        0 => answer.head(503, &[("Retry-After", "1"), ("Content-Length", "0")]),
+        1 => answer.head(500, &[("Content-Length", "0")]),
+        _ => answer.file(request, &sent, ETAG, sent.len()),
+    });
+    let start = Instant::now();
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    assert!(start.elapsed() >= Duration::from_secs(1), "it was asked to wait");
+    assert!(heard.troubles().iter().any(|trouble| trouble.contains("503")), "{heard:?}");
+}
+
+#[test]
+fn progress_tells_bytes_rate_and_the_time_left() {
+    let file = package(14);
+    let rate = file.len() as f64 / 1.5;
+    let sent = file.clone();
+    let server = Server::start(move |_, request, answer| {
+        answer.file_head(request, &sent, ETAG);
+        answer.paced(&sent, rate);
+    });
+    let heard = get(&server.url("clip.aarc"));
+    assert_eq!(heard.clip(), &decoded(&file));
+    let total = file.len() as u64;
+    let middle = heard.progress.iter().rfind(|progress| progress.received < total).expect("some progress");
+    assert_eq!(middle.total, Some(total));
+    let (measured, left) = (middle.bytes_per_s.unwrap(), middle.remaining_s().unwrap());
+    assert!((0.4..2.5).contains(&(measured / rate)), "{measured} bytes per second, {rate} sent");
+    assert!((0.0..2.0).contains(&left), "{left} s left");
+    assert!(heard.progress.is_sorted_by_key(|progress| progress.received), "{heard:?}");
+}
+
+#[test]
+fn what_was_kept_plays_without_the_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(15);
+    let server = server_of(&file);
+    let url = server.url("clip.aarc");
+    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&file));
+
+    let again = get_kept(&url, folder.path());
+    assert_eq!((again.clip(), again.clips.len()), (&decoded(&file), 1));
+    let requests = server.requests();
+    assert_eq!((requests.len(), requests[1].header("if-none-match")), (2, Some(ETAG)));
+    assert_eq!(server.sent().len(), 1, "sent once");
+
+    drop(server);
+    let alone = get_kept(&url, folder.path());
+    assert_eq!(alone.clip(), &decoded(&file));
+    let [note] = &alone.notes[..] else { panic!("{alone:?}") };
+    assert!(note.contains("takes no connections") && note.contains("kept"), "{note}");
+}
+
+#[test]
+fn a_new_version_takes_the_place_of_the_kept_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (old, new) = (package(16), package(17));
+    let files = [old.clone(), new.clone()];
+    let server = Server::start(move |number, request, answer| {
+        let which = number.min(1);
+        answer_with(request, answer, &files[which], ["\"old\"", "\"new\""][which]);
+    });
+    let url = server.url("clip.aarc");
+    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&old));
+    let changed = get_kept(&url, folder.path());
+    assert_eq!(changed.clips, [decoded(&old), decoded(&new)], "the kept one at once, and then the new one");
+    assert_eq!(get_kept(&url, folder.path()).clips, [decoded(&new)]);
+    assert_eq!((server.requests().len(), server.sent().len()), (3, 2));
+}
+
+#[test]
+fn a_definite_answer_counts_more_than_what_was_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(18);
+    let sent = file.clone();
+    let server = Server::start(move |number, request, answer| {
+        if number == 0 {
+            answer.file(request, &sent, ETAG, sent.len());
+        } else {
+            answer.head(404, &[("Content-Length", "0")]);
+        }
+    });
+    let url = server.url("clip.aarc");
+    get_kept(&url, folder.path()).clip();
+    let gone = get_kept(&url, folder.path());
+    assert!(matches!(gone.fault, Some(Fault::Network(_))), "{gone:?}");
+}
+
+#[test]
+fn a_damaged_entry_is_fetched_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(19);
+    let server = server_of(&file);
+    let url = server.url("clip.aarc");
+    get_kept(&url, folder.path()).clip();
+    let entry = folder.path().read_dir().unwrap().next().unwrap().unwrap().path();
+    let mut bytes = std::fs::read(&entry).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    std::fs::write(&entry, bytes).unwrap();
+    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&file));
+    assert_eq!(server.requests()[1].header("if-none-match"), None);
+    assert_eq!(get_kept(&url, folder.path()).clips.len(), 1);
+    assert_eq!(server.requests()[2].header("if-none-match"), Some(ETAG), "it was kept anew");
+}
+
+#[test]
+fn the_folder_stays_within_its_bound() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(20);
+    let server = server_of(&file);
+    let most = file.len() as u64 * 5 / 2;
+    for number in 0..6 {
+        get_bounded(&server.url(&format!("{number}.aarc")), folder.path(), most).clip();
+        let entries = folder.path().read_dir().unwrap().map(|entry| entry.unwrap().metadata().unwrap().len());
+        let bytes: u64 = entries.sum();
+        assert!(bytes <= most && bytes >= file.len() as u64, "{bytes} of {most} bytes");
+    }
+}
+
+#[test]
+fn players_share_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(21);
+    let server = server_of(&file);
+    let expected = decoded(&file);
+    std::thread::scope(|scope| {
+        for player in 0..4 {
+            let (url, folder, expected) = (server.url(&format!("{}", player % 2)), folder.path(), &expected);
+            scope.spawn(move || {
+                for _ in 0..5 {
+                    assert_eq!(get_kept(&url, folder).clip(), expected);
+                }
+            });
+        }
+    });
+    for path in ["0", "1"] {
+        assert_eq!(get_kept(&server.url(path), folder.path()).clips.len(), 1);
+    }
+    let last = server.requests();
+    assert_eq!(last[last.len() - 1].header("if-none-match"), Some(ETAG), "whole entries were left");
+    assert_eq!(folder.path().read_dir().unwrap().count(), 2, "and nothing else");
+}
+
+#[test]
+fn a_download_that_nobody_wants_stops() {
+    let file = package(22);
+    let sent = file.clone();
+    let (done, ended) = channel();
+    let done = Mutex::new(done);
+    let server = Server::start(move |_, request, answer| {
+        answer.file_head(request, &sent, ETAG);
+        // Would take ten minutes.
+        let whole = answer.paced(&sent, sent.len() as f64 / 600.0);
+        done.lock().unwrap().send(whole).unwrap();
+    });
+    let mut download = Download::new(&server.url("clip.aarc"), Options::default());
+    assert!(matches!(download.next(), Some(Ok(News::Progress(_)))));
+    drop(download);
+    assert_eq!(ended.recv_timeout(Duration::from_secs(60)), Ok(false), "the connection was closed");
+}
