@@ -14,6 +14,10 @@ pub const SH_DEGREE_MAX: u8 = 3;
 /// Highest power of time in the trajectory.
 pub const MOTION_ORDER_MAX: u8 = 3;
 
+/// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`: colour is `0.5 + SH_C0 * c_0` at
+/// degree 0.
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+
 /// Number of spherical-harmonic coefficients per colour channel: `(degree + 1)^2`.
 pub const fn sh_coefficients(degree: u8) -> usize {
     (degree as usize + 1) * (degree as usize + 1)

@@ -73,7 +73,7 @@ pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
 pub use error::{Error, Fault};
-pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
+pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
 pub use header::{Coder, Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]

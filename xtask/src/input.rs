@@ -10,7 +10,7 @@ use refine::reference;
 
 use crate::export;
 use crate::fault::Fault;
-use crate::scene::Scene;
+use crate::scene::{Scene, frames_of};
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
@@ -52,6 +52,14 @@ impl Input {
         match self {
             Input::Package(clip) => &clip.info,
             Input::Scene(scene) => &scene.info,
+        }
+    }
+
+    /// Number of captured frames, as far as it is known; a package always says.
+    pub fn frames(&self) -> Option<usize> {
+        match self {
+            Input::Package(clip) => Some(frames_of(&clip.info)),
+            Input::Scene(scene) => scene.frames(),
         }
     }
 

@@ -1,5 +1,7 @@
 //! The library part of the host tool: importers and exporters, scenes, procedural data.
 
+#[cfg(feature = "onnx")]
+pub mod backbone;
 pub mod capture;
 pub mod eval;
 pub mod export;

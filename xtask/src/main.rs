@@ -23,6 +23,8 @@ enum Command {
     Demo(commands::demo::Args),
     Package(commands::package::Args),
     Fit(commands::fit::Args),
+    #[cfg(feature = "onnx")]
+    Depths(commands::depths::Args),
     Inspect(commands::inspect::Args),
     Render(commands::render::Args),
     Eval(commands::eval::Args),
@@ -37,10 +39,15 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // Whoever reads what is printed may stop, as `head` does: that ends a command, and is no defect.
+    #[cfg(unix)]
+    sigpipe::reset();
     let result = match Cli::parse().command {
         Command::Demo(args) => commands::demo::run(&args),
         Command::Package(args) => commands::package::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
+        #[cfg(feature = "onnx")]
+        Command::Depths(args) => commands::depths::run(&args),
         Command::Inspect(args) => commands::inspect::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Eval(args) => commands::eval::run(&args),

@@ -18,6 +18,7 @@ use refine::prune::Ranking;
 use serde::Serialize;
 
 use crate::fault::Fault;
+use crate::fit::{FineTuned, FineTuning};
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 use choose::choose;
@@ -88,6 +89,8 @@ pub struct Report {
     pub why: Option<String>,
     /// Gain in dB of the colour refit, if asked for; it is used if above 0.
     pub refit_gain_db: Option<f64>,
+    /// What came of moving them towards photographs, if asked for.
+    pub refined: Option<FineTuned>,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
     /// Length of the clip in seconds.
@@ -124,20 +127,22 @@ pub struct Counts {
 /// [`Fault::Data`] where nothing can be seen, numbers cannot be coded, or `strict` refuses.
 /// Any other error is a defect of this program.
 pub fn package(scene: &Scene, settings: &Settings) -> anyhow::Result<Package> {
-    package_showing(scene, settings, &ProgressBar::hidden())
+    package_showing(scene, settings, None, &ProgressBar::hidden())
 }
 
-/// Makes a package, as [`package`] does, and shows its progress where that takes long.
+/// Makes a package, as [`package`] does, shows its progress where that takes long, and moves what is
+/// kept towards photographs before it is coded, if asked for.
 ///
 /// # Errors
 /// Those of [`package`].
 pub fn package_showing(
     scene: &Scene,
     settings: &Settings,
+    fine_tuning: Option<&FineTuning>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Package> {
     let Prepared { field, mut subject, plate, plate_counts, parts_removed } = prepare(scene, settings)?;
-    let choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
+    let choice = choose(scene, &field, plate.as_ref(), settings, fine_tuning, progress)?;
     let Coded { field: kept, bytes, clip, self_psnr_db } = choice.coded;
     subject.drop("over budget", field.len() - kept.len());
     subject.gaussians_out = kept.len();
@@ -151,6 +156,7 @@ pub fn package_showing(
         tried: choice.tried,
         why: choice.why,
         refit_gain_db: choice.refit_gain_db,
+        refined: choice.refined,
         layers: clip.layers.iter().map(|end| end.still + end.moving).collect(),
         duration_s: scene.info.duration_s,
         assumed: scene.assumed.clone(),

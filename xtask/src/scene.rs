@@ -141,12 +141,24 @@ impl Scene {
         Scene { name, subject, plate, info, assumed }
     }
 
+    /// Number of captured frames, the first at the start and the last at the end, where nobody had to
+    /// assume the duration or the frames per second.
+    pub fn frames(&self) -> Option<usize> {
+        let is_known = !["duration_s", "fps"].iter().any(|key| self.assumed.contains(key));
+        is_known.then(|| frames_of(&self.info))
+    }
+
     /// A scene that was made rather than read.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let subject = Imported { field, hints, repairs, format: "made up" };
         Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new() }
     }
+}
+
+/// Number of captured frames of a clip, the first at its start and the last at its end.
+pub fn frames_of(info: &ClipInfo) -> usize {
+    1 + (f64::from(info.duration_s) * f64::from(info.fps)).round() as usize
 }
 
 /// The contents of `scene.json`.

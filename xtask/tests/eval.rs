@@ -223,6 +223,81 @@ fn pictures_are_judged_and_shown() {
     assert_eq!(strips.count(), 4);
 }
 
+/// What the field shows at `t`, as pictures of all frames.
+fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
+    for (c, camera) in cameras().iter().enumerate() {
+        let image = render(&Scene::from(field), camera, t, Order::Depth);
+        (0..FRAMES).for_each(|frame| save(&folder.join(format!("{name}/c{c}/{frame:02}.png")), &image));
+    }
+}
+
+#[test]
+fn held_frames_are_guessed_from_those_around() {
+    let (folder, field) = studio();
+    let folder = folder.path();
+    write_manifest(folder, |_| ());
+    freeze(folder, &field, "first", 0.0);
+    let eval =
+        |subject: &str, more: &[&str]| xtask(folder, &[&["eval", subject, "--capture", "."], more].concat());
+    let json = eval("field.ply", &["--baselines", "--json"]).json();
+    let first = eval("first", &["--json"]).json();
+    let [nearest, blend] = ["nearest_frame", "blended_frames"].map(|name| &json["baselines"][name]);
+    for (split, images) in [("interp_b", 2), ("interp_a", 1)] {
+        // Halfway between two frames the earlier one is the nearest: the same pictures.
+        assert_eq!(nearest[split], first["splits"][split]);
+        assert_eq!(nearest[split]["images"], images);
+        let [nearest, blend] = [nearest, blend].map(|of| of[split]["psnr_full"].as_f64().unwrap());
+        assert!(blend != nearest && blend < 60.0, "{blend} {nearest}");
+        assert!(json["splits"][split]["psnr_full"].is_null(), "the field is exact");
+    }
+    assert!(nearest.get("train").is_none(), "{nearest}");
+    let text = eval("field.ply", &["--baselines"]).stdout;
+    assert!(text.contains("| interp_b, nearest fitted frame | 2 |"), "{text}");
+    assert!(text.contains("| interp_a, blend of the two around | 1 |"), "{text}");
+    assert!(eval("first", &["--baselines"]).error(2).contains("first holds pictures"));
+}
+
+#[test]
+fn several_scenes_have_a_mean_and_a_deviation() {
+    let scenes = [studio(), studio()];
+    let folders = scenes.each_ref().map(|(folder, field)| {
+        write_manifest(folder.path(), |_| ());
+        freeze(folder.path(), field, "first", 0.0);
+        freeze(folder.path(), field, "last", 1.0);
+        folder.path().to_str().unwrap()
+    });
+    let subjects = [format!("{}/first", folders[0]), format!("{}/last", folders[1])];
+    let [first, last] = [0, 1].map(|i| {
+        let json =
+            xtask(Path::new(folders[i]), &["eval", &subjects[i], "--capture", folders[i], "--json"]).json();
+        json["splits"]["train"]["psnr_full"].as_f64()
+    });
+    // Frame 0 is exact in the one, frame 2 in the other.
+    assert_eq!((first, last), (None, None));
+    let here = tempdir().unwrap();
+    let args = ["eval", &subjects[0], &subjects[1], "--capture", folders[0], "--capture", folders[1]];
+    let run = |more: &[&str]| xtask(here.path(), &[&args[..], more].concat());
+    let json = run(&["--json", "-o", "out"]).json();
+    assert_eq!(json["scenes"].as_object().unwrap().len(), 2);
+    let held = &json["splits"]["interp_b"];
+    let of = |scene: usize| {
+        let name = Path::new(folders[scene]).file_name().unwrap().to_str().unwrap();
+        json["scenes"][name]["splits"]["interp_b"]["psnr_full"].as_f64().unwrap()
+    };
+    let close = |key: &str, expected: f64| {
+        let found = held["psnr_full"][key].as_f64().unwrap();
+        assert!((found - expected).abs() < 1e-9, "{key}: {found} {expected}");
+    };
+    close("mean", 0.5 * (of(0) + of(1)));
+    close("deviation", 0.5 * (of(0) - of(1)).abs());
+    assert_eq!((&held["scenes"], &held["images"]), (&2.into(), &4.into()));
+    assert_eq!(fs::read_dir(here.path().join("out")).unwrap().count(), 4, "a folder each, and two tables");
+    assert!(run(&[]).stdout.contains("Over 2 scenes:"));
+    assert!(run(&["--capture", folders[0]]).error(2).contains("2 SUBJECTs and 3 --capture"));
+    let twice = ["eval", &subjects[0], &subjects[0], "--capture", folders[0], "--capture", folders[0]];
+    assert!(xtask(here.path(), &twice).error(2).contains("two captures are called"));
+}
+
 #[test]
 fn masks_cut_the_subject_out() {
     let (folder, _) = studio();

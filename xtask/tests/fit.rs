@@ -106,7 +106,7 @@ fn a_killed_fit_ends_as_it_would_have() {
     assert!(resumed["resumed_at"].as_u64().unwrap() >= 600, "{resumed}");
     assert!(fs::read(folder.join("field.ply")).unwrap() == whole, "the same field on one thread, bit by bit");
 
-    fs::write(folder.join("field.checkpoint"), b"aarcfit\x01 and then nonsense").unwrap();
+    fs::write(folder.join("field.checkpoint"), b"aarcfit\x02 and then nonsense").unwrap();
     assert!(xtask(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
 }
 
@@ -122,6 +122,65 @@ fn a_field_is_fitted_further() {
     assert_eq!(xtask(folder, &more).code, Some(0));
     let after = measured(folder, "train");
     assert!(after > before + 0.5, "{before} before, {after} after");
+
+    let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
+    let error = xtask(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
+    assert!(error.contains("first.ply is of 5 frames") && error.contains("the capture of 3"), "{error}");
+    // What stands still fits any clip, and stays so.
+    let still = ["export", "first.ply", "--ply", "--at", "0", "-o", "still.ply"];
+    assert_eq!(xtask(folder, &still).code, Some(0));
+    let outcome = xtask(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "still.ply"]);
+    assert!(
+        outcome.code == Some(0) && outcome.stderr.contains("still.ply does not move"),
+        "{}",
+        outcome.stderr
+    );
+}
+
+/// What pruning breaks, the photographs mend, also in frames that are held.
+#[test]
+fn a_pruned_field_is_refined() {
+    let folder = studio();
+    let folder = folder.path();
+    fit(folder, &["--steps", "500", "--gaussians", "1500", "--anchor", "hull"]);
+    let package = |scene: &str, more: &[&str]| {
+        let args = ["package", scene, "--budget", "500", "--rank", "mass", "--no-floor", "--json"];
+        xtask(folder, &[&args, more].concat())
+    };
+    let held = |clip: &str| {
+        let json = xtask(folder, &["eval", clip, "--capture", "stage", "--json"]).json();
+        json["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
+    };
+    let json = package("field.ply", &["-o", "pruned.aarc"]).json();
+    assert!(json["refined"].is_null(), "{json}");
+    let refine = ["-o", "refined.aarc", "--refine", "400", "--capture", "stage"];
+    let json = package("field.ply", &refine).json();
+    assert_eq!((&json["gaussians_out"], &json["refined"]["steps"]), (&500.into(), &400.into()));
+    let (before, after) = (held("pruned.aarc"), held("refined.aarc"));
+    println!("held frames {before:.2} dB pruned, {after:.2} dB refined");
+    assert!(after > before + 1.0, "{before} pruned, {after} refined");
+    let number = |key: &str| json["refined"][key].as_f64().unwrap();
+    assert!(number("held_after_db") > number("held_before_db") + 1.0, "{json}");
+    let layers = |clip: &str| xtask(folder, &["inspect", clip, "--json"]).json()["layers"].clone();
+    assert_eq!(layers("refined.aarc")[0]["gaussians"], layers("pruned.aarc")[0]["gaussians"]);
+
+    // A folder that holds field and capture needs no --capture, and gives the same package.
+    fs::copy(folder.join("field.ply"), folder.join("stage/field.ply")).unwrap();
+    let own = package("stage", &["-o", "own.aarc", "--refine", "400"]);
+    assert_eq!(own.code, Some(0), "{}", own.stderr);
+    assert!(fs::read(folder.join("own.aarc")).unwrap() == fs::read(folder.join("refined.aarc")).unwrap());
+    fs::remove_file(folder.join("stage/field.ply")).unwrap();
+
+    let error = |code, scene: &str, more: &[&str]| package(scene, more).error(code);
+    let refine = ["--refine", "9", "--capture", "stage"];
+    assert!(error(2, "field.ply", &["--refine", "9"]).contains("name their folder with --capture"));
+    assert!(error(2, "stage", &refine).contains("stage is a capture itself"));
+    assert!(error(2, "field.ply", &["--size", "24x24"]).contains("that takes --refine"));
+    let other = [&refine[..], &["--frames", "0..3"]].concat();
+    assert!(error(2, "field.ply", &other).contains("field.ply is of 5 frames"));
+    fs::create_dir(folder.join("scene")).unwrap();
+    fs::copy(folder.join("field.ply"), folder.join("scene/field.ply")).unwrap();
+    assert!(error(3, "scene", &["--refine", "9"]).contains("scene: no capture"));
 }
 
 #[test]
@@ -158,4 +217,9 @@ fn what_cannot_be_fitted_is_said_in_one_line() {
     assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
     assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
     assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");
+    // Before photographs are read.
+    fs::write(folder.join("stage/images/00/000000.png"), b"no photograph").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
+    fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("field.checkpoint: no checkpoint of this version"));
 }

@@ -295,3 +295,21 @@ fn the_bytes_of_the_coder_context_are_accounted_for() {
     let (folder, _) = packaged(&field, None);
     assert_eq!(inspect(folder.path())["attributes"], Value::Array(Vec::new()), "coder fixed");
 }
+
+/// `inspect | head` ends `inspect` once `head` has seen enough.
+#[cfg(unix)]
+#[test]
+fn who_stops_reading_ends_a_command_quietly() {
+    use std::os::unix::process::ExitStatusExt;
+    use std::process::{Command, Stdio};
+
+    const SIGPIPE: i32 = 13;
+    let (folder, _) = packaged(&everything(100), None);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.current_dir(folder.path()).args(["inspect", "clip.aarc"]).stderr(Stdio::piped());
+    let output = command.stdout(writer).output().unwrap();
+    assert_eq!(output.status.signal(), Some(SIGPIPE), "{}", output.status);
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}

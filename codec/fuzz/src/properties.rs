@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, LayerEnd, Limits, Precision,
-    Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
+    SH_C0, Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
 };
 
 /// Limits that no fuzzer waits for, and that small packages can come near and go beyond.
@@ -19,9 +19,6 @@ const MAGNITUDE_MAX: f32 = 1e9;
 /// Largest finite FP16 number, and where rounding to FP16 gives infinity.
 const FP16_MAX: f32 = 65504.0;
 const FP16_INFINITE: f32 = 65520.0;
-
-/// Value of the constant spherical harmonic.
-const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// Steps from zero up to which the coder `context` has a code for a colour: a number that is coded
 /// is made of up to three channels.

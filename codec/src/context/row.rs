@@ -11,7 +11,7 @@ use super::{
     trajectory::{self, Span},
     watch::Part,
 };
-use crate::{fixed::Columns, rows::Rows, sh_coefficients};
+use crate::{SH_C0, fixed::Columns, rows::Rows, sh_coefficients};
 
 /// Steps of the attributes, in units of what their visibility allows; found by minimising the
 /// size at equal fidelity on captured fields. Format.
@@ -41,9 +41,6 @@ const COLOR_PULL: f64 = 0.4;
 /// Squared steps of error in a spherical-harmonic coefficient that saving a bit is worth. The
 /// slope at high rates is ln 2 / 6 = 0.12; here most coefficients take a bit or two.
 const SH_LAMBDA: f64 = 0.15;
-
-/// Value of the constant spherical harmonic.
-const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// Bits of the classes of visibility and of contrast. Format.
 pub(super) const CLASS_BITS: u32 = 5;

@@ -121,6 +121,14 @@ fn pfm(path: &Path) -> Result<DepthMap, Fault> {
     map(path, [width, height], depths, false)
 }
 
+/// A map as such a file, in little endian.
+#[cfg(any(feature = "onnx", test))]
+pub fn pfm_file(map: &DepthMap) -> Vec<u8> {
+    let rows = map.depths.chunks(map.width as usize).rev();
+    let values = rows.flatten().flat_map(|depth| depth.to_le_bytes());
+    format!("Pf\n{} {}\n-1.0\n", map.width, map.height).into_bytes().into_iter().chain(values).collect()
+}
+
 /// NumPy's format, versions 1 to 3: a head that says type and shape as a Python dictionary, and the
 /// values.
 fn npy(path: &Path) -> Result<DepthMap, Fault> {
@@ -176,18 +184,13 @@ fn npy_parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
 /// The map as the camera would have it without its lens: of each pixel the nearest value, as a mean
 /// over an edge would lie on neither side. Unknown beyond the picture.
 fn undistorted(map: &DepthMap, camera: &Camera, lens: &Lens) -> DepthMap {
-    let [columns, rows] = [map.width, map.height].map(|side| side as usize);
-    let scale = [columns as f64 / f64::from(camera.width), rows as f64 / f64::from(camera.height)];
-    let [f, c] = [[camera.k[0][0], camera.k[1][1]], [camera.k[0][2], camera.k[1][2]]];
-    let depth = |i: usize| {
-        let pixel = [i % columns, i / columns];
-        let straight = [0, 1].map(|axis| ((pixel[axis] as f64 + 0.5) / scale[axis] - c[axis]) / f[axis]);
-        let bent = lens.distort(straight)?;
-        let [x, y] = [0, 1].map(|axis| (bent[axis] * f[axis] + c[axis]) * scale[axis]);
-        let inside = (0.0..columns as f64).contains(&x) && (0.0..rows as f64).contains(&y);
-        inside.then(|| map.depths[y as usize * columns + x as usize])
+    let size = [map.width, map.height];
+    let depth = |source: Option<[f64; 2]>| {
+        let [x, y] = source?;
+        let inside = (0.0..f64::from(map.width)).contains(&x) && (0.0..f64::from(map.height)).contains(&y);
+        inside.then(|| map.depths[y as usize * map.width as usize + x as usize])
     };
-    DepthMap { depths: (0..map.depths.len()).map(|i| depth(i).unwrap_or(0.0)).collect(), ..*map }
+    DepthMap { depths: lens.sources(camera, size).map(|at| depth(at).unwrap_or(0.0)).collect(), ..*map }
 }
 
 #[cfg(test)]
@@ -221,6 +224,7 @@ mod tests {
         let expected = DepthMap { width: 3, height: 2, depths: vec![4.0, 5.0, f32::INFINITY, 1.0, 2.0, 3.0] };
         assert_eq!(reads(pfm, &little).unwrap(), expected);
         assert_eq!(reads(pfm, &big).unwrap(), expected);
+        assert_eq!(pfm_file(&expected), little);
         for end in 0..little.len() {
             assert!(reads(pfm, &little[..end]).is_err(), "{end}");
         }

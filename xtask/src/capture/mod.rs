@@ -17,6 +17,9 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use refine::capture::{CalibratedCamera, Capture, CaptureShot, Lens, Photo};
 use refine::image::Image;
 
+#[cfg(feature = "onnx")]
+pub use depth::pfm_file;
+
 use crate::fault::Fault;
 
 /// Endings of the files that photographs are read from.
@@ -89,12 +92,38 @@ impl Footage {
         }
     }
 
+    /// Pixels of the largest photograph, as it was taken.
+    pub fn most_pixels(&self) -> usize {
+        let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+        self.taken_by.iter().map(pixels).max().unwrap_or(1)
+    }
+
     /// Path of a photograph within the capture, without its ending.
     ///
     /// # Panics
     /// If `shot` is not of this capture.
     pub fn name(&self, shot: CaptureShot) -> &str {
         &self.files[&shot].name
+    }
+
+    /// A photograph through its lens, with everything around the subject; over black where it is
+    /// transparent.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    ///
+    /// # Panics
+    /// If `shot` is not of this capture.
+    #[cfg(feature = "onnx")]
+    pub fn as_taken(&self, shot: CaptureShot) -> Result<image::RgbImage, Fault> {
+        let path = &self.files[&shot].image;
+        let taken = read(path)?.into_rgba8();
+        check_size(path, taken.dimensions(), &self.taken_by[shot.camera])?;
+        let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
+        Ok(image::RgbImage::from_fn(taken.width(), taken.height(), |x, y| {
+            let [r, g, b, a] = taken.get_pixel(x, y).0;
+            image::Rgb([r, g, b].map(|c| over_black(c, a)))
+        }))
     }
 
     /// Reads a photograph, cuts it out, takes the distortion of the lens away, and shrinks it to the
@@ -110,7 +139,7 @@ impl Footage {
         let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[shot.camera];
         let camera = &self.taken_by[shot.camera];
         let mut taken = read_image(image)?;
-        check_size(image, &taken, camera)?;
+        check_size(image, (taken.width, taken.height), camera)?;
         if let Some(path) = mask {
             let cut = read(path)?.into_luma16();
             if cut.dimensions() != (camera.width, camera.height) {
@@ -142,7 +171,7 @@ fn cut_out(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
 /// [`Fault::Data`] that names the file, where it cannot be read or has another size.
 pub fn read_picture(path: &Path, camera: &Camera) -> Result<Image, Fault> {
     let image = read_image(path)?;
-    check_size(path, &image, camera)?;
+    check_size(path, (image.width, image.height), camera)?;
     Ok(image)
 }
 
@@ -189,11 +218,11 @@ fn size_of(path: &Path) -> Result<(u32, u32), Fault> {
     image::image_dimensions(path).map_err(|error| bad(path, error))
 }
 
-fn check_size(path: &Path, image: &Image, camera: &Camera) -> Result<(), Fault> {
-    if (image.width, image.height) == (camera.width, camera.height) {
+fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Result<(), Fault> {
+    if size == (camera.width, camera.height) {
         return Ok(());
     }
-    let is = format!("{}x{} pixels", image.width, image.height);
+    let is = format!("{}x{} pixels", size.0, size.1);
     Err(bad(path, format!("{is} where its camera has {}x{}", camera.width, camera.height)))
 }
 

@@ -29,6 +29,9 @@ struct Intrinsics {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    /// Size in pixels that the other numbers are of; that of the photograph by default.
+    w: Option<f64>,
+    h: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -102,24 +105,40 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Fo
         let frame = times.partition_point(|other| *other < time);
         builder.shot(camera, frame, files);
     }
-    Ok(builder.footage(times))
+    Ok(builder.footage(from_start_to_end(&times)))
+}
+
+/// Times of frames, rising, as clip times: the first is the start and the last the end, whatever part
+/// of 0 to 1 the file gives them. D-NeRF's frames are at i / N and never reach 1.
+fn from_start_to_end(times: &[f64]) -> Vec<f64> {
+    match times {
+        [first, .., last] => times.iter().map(|t| (t - first) / (last - first)).collect(),
+        _ => vec![0.0; times.len()],
+    }
 }
 
 impl Intrinsics {
-    /// Focal lengths, principal point and lens, of a frame's numbers before those `of_all`.
+    /// Focal lengths, principal point and lens, of a frame's numbers before those `of_all`, in the pixels
+    /// of a photograph of the given size: it may have been made smaller since.
     fn resolve(&self, of_all: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
         let pick = |of: fn(&Intrinsics) -> Option<f64>| of(self).or(of(of_all));
-        let from_angle = |angle: f64| 0.5 * f64::from(width) / (0.5 * angle).tan();
+        let [actual_w, actual_h] = [width, height].map(f64::from);
+        let (w, h) = (pick(|i| i.w).unwrap_or(actual_w), pick(|i| i.h).unwrap_or(actual_h));
+        if !(w >= 1.0 && h >= 1.0) {
+            return Err(format!("w and h are {w} and {h}: an image has pixels"));
+        }
+        let from_angle = |angle: f64| 0.5 * w / (0.5 * angle).tan();
         let fx = pick(|i| i.fl_x).or(pick(|i| i.camera_angle_x).map(from_angle));
         let fx = fx.ok_or("neither fl_x nor camera_angle_x is given")?;
         let fy = pick(|i| i.fl_y).unwrap_or(fx);
-        let cx = pick(|i| i.cx).unwrap_or(0.5 * f64::from(width));
-        let cy = pick(|i| i.cy).unwrap_or(0.5 * f64::from(height));
+        let cx = pick(|i| i.cx).unwrap_or(0.5 * w);
+        let cy = pick(|i| i.cy).unwrap_or(0.5 * h);
         let zero_or = |number: Option<f64>| number.unwrap_or(0.0);
         let radial = [pick(|i| i.k1), pick(|i| i.k2), pick(|i| i.k3), pick(|i| i.k4)].map(zero_or);
         let tangential = [pick(|i| i.p1), pick(|i| i.p2)].map(zero_or);
         let opencv = [radial[0], radial[1], tangential[0], tangential[1], radial[2], radial[3]];
-        Ok(([fx, fy, cx, cy], Lens::from_opencv(&opencv)?))
+        let [x, y] = [actual_w / w, actual_h / h];
+        Ok(([fx * x, fy * y, cx * x, cy * y], Lens::from_opencv(&opencv)?))
     }
 }
 
@@ -158,5 +177,27 @@ mod tests {
         let angle = Intrinsics { camera_angle_x: Some(std::f64::consts::FRAC_PI_2), ..Intrinsics::default() };
         assert!((angle.resolve(&Intrinsics::default(), (64, 48)).unwrap().0[0] - 32.0).abs() < 1e-9);
         assert!(Intrinsics::default().resolve(&Intrinsics::default(), (64, 48)).is_err());
+    }
+
+    #[test]
+    fn photographs_may_be_smaller_than_the_file_says() {
+        let all = Intrinsics {
+            fl_x: Some(100.0),
+            cy: Some(50.0),
+            w: Some(128.0),
+            h: Some(96.0),
+            ..Default::default()
+        };
+        let (k, _) = Intrinsics::default().resolve(&all, (64, 24)).unwrap();
+        assert_eq!(k, [50.0, 25.0, 32.0, 12.5]);
+        let none = Intrinsics { w: Some(0.0), ..all };
+        assert!(Intrinsics::default().resolve(&none, (64, 24)).unwrap_err().contains("pixels"));
+    }
+
+    #[test]
+    fn times_fill_the_clip() {
+        assert_eq!(from_start_to_end(&[0.25, 0.375, 0.75]), [0.0, 0.25, 1.0]);
+        assert_eq!(from_start_to_end(&[0.7]), [0.0]);
+        assert!(from_start_to_end(&[]).is_empty());
     }
 }

@@ -4,10 +4,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
 use refine::capture;
 use refine::fit::Lpips;
 use xtask::capture::Footage;
 use xtask::fault::Fault;
+use xtask::fit::Shots;
 
 /// Which part of a capture, and what of it is held out from fitting.
 #[derive(clap::Args)]
@@ -58,6 +60,15 @@ impl Cut {
         Ok(footage)
     }
 
+    /// Whether it is all of a capture, held out as usual.
+    pub(crate) fn is_usual(&self) -> bool {
+        self.frames.is_none()
+            && self.size.is_none()
+            && self.holdout() == capture::Holdout::default()
+            && self.held_cameras.is_empty()
+            && self.cameras.is_empty()
+    }
+
     /// The frames that are held out.
     pub(crate) fn holdout(&self) -> capture::Holdout {
         match self.holdout {
@@ -89,6 +100,15 @@ pub(crate) fn describe(footage: &Footage, holdout: capture::Holdout) -> Result<S
         cameras.iter().filter(|camera| camera.held).count(),
         footage.capture.times.len(),
     ))
+}
+
+/// Reads the photographs that a fit looks at.
+pub(crate) fn load_shots(footage: &Footage, holdout: capture::Holdout) -> anyhow::Result<Shots> {
+    let style = ProgressStyle::with_template("{spinner} {pos} photographs")?;
+    let bar = ProgressBar::new_spinner().with_style(style);
+    let shots = Shots::load(footage, holdout, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(shots)
 }
 
 /// The network of LPIPS, where its weights are given.

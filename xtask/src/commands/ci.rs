@@ -16,7 +16,7 @@ use xtask::workspace;
 use crate::setup::{self, Need};
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime, fuzzing of the codec, lints for Android and what else can be checked
+/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing of the codec, lints for Android and what else can be checked
 /// for it without a headset.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -28,7 +28,7 @@ pub(crate) struct Args {
 
 /// Sets of packages and features that are built by someone on their own: what one set needs, a
 /// build of the whole workspace can hide.
-const FEATURE_SETS: [(&str, &[&str]); 8] = [
+const FEATURE_SETS: [(&str, &[&str]); 9] = [
     ("whole workspace", &["--workspace", "--all-targets"]),
     ("the player", &["--package", "client"]),
     (
@@ -39,6 +39,7 @@ const FEATURE_SETS: [(&str, &[&str]); 8] = [
     ("the player in neither", &["--package", "client", "--no-default-features"]),
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
+    ("the host tool with networks", &["--package", "xtask", "--all-targets", "--features", "onnx"]),
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
@@ -75,6 +76,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     steps.run(
         "tests in a headset",
         workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]),
+    );
+    steps.run(
+        "tests of networks",
+        workspace::cargo().args([
+            "test",
+            "--locked",
+            "--package",
+            "xtask",
+            "--features",
+            "onnx",
+            "--test",
+            "depths",
+        ]),
     );
     packer(&mut steps);
     android::check(&mut steps, args.link);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use clap::{Parser, ValueEnum};
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::anchor::Mirror;
 use refine::fit::{Cpu, DensityRule};
@@ -14,9 +14,11 @@ use xtask::capture::Footage;
 use xtask::export::field_file;
 use xtask::fault::Fault;
 use xtask::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
+use xtask::input::Input;
 use xtask::output;
+use xtask::scene::DEFAULT_FPS;
 
-use super::capture::{Cut, describe, load_lpips};
+use super::capture::{Cut, describe, load_lpips, load_shots};
 
 /// Fit a field to the photographs of a capture.
 #[derive(clap::Args)]
@@ -65,7 +67,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
     /// Degree of view-dependent colour; that of FIELD with --from
-    #[arg(long, value_name = "0..3", default_value_t = 3, conflicts_with = "from",
+    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE, conflicts_with = "from",
           value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
     /// Weights of LPIPS (AlexNet or VGG16), safetensors; without them that part of the loss is left out
@@ -75,10 +77,11 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
     /// Captured frames per second
-    #[arg(long, default_value_t = 30.0, value_parser = positive)]
+    #[arg(long, default_value_t = DEFAULT_FPS, value_parser = positive)]
     fps: f32,
     /// Seconds between checkpoints
-    #[arg(long, value_name = "S", default_value_t = 120.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f32(),
+          value_parser = positive)]
     checkpoint_every: f32,
     /// Seed of all chance
     #[arg(long, default_value_t = 0)]
@@ -134,23 +137,41 @@ fn positive(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
-/// Fits a capture as it is by default.
-pub(super) fn by_default(capture: &Path, out: &Path) -> anyhow::Result<()> {
-    /// The arguments as a command line of their own.
-    #[derive(clap::Parser)]
-    struct Alone {
-        #[command(flatten)]
-        args: Args,
-    }
-    let words = [OsStr::new("fit"), capture.as_os_str()];
-    fit_to(out, &Alone::try_parse_from(words)?.args).map(drop)
+/// Fits a capture as `fit` does where nothing is said.
+pub(super) fn by_default(
+    footage: &Footage,
+    shots: &Shots,
+    settings: &Settings,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let runtime = Runtime { backend: &mut Cpu, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
+    fit_to(out, settings, footage, shots, runtime, DEFAULT_FPS).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let began = Instant::now();
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", name_of(&args.capture))));
-    let done = fit_to(&out, args)?;
-    report(args, &done, &out, began)
+    output::check(&out)?;
+    if out.extension() != Some(OsStr::new("ply")) {
+        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
+    }
+    let footage = args.cut.open(&args.capture)?;
+    let holdout = args.cut.holdout();
+    let splits = describe(&footage, holdout)?;
+    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let settings = settings(args, &footage)?;
+    fit::check_checkpoint(&settings, &out)?;
+    let shots = load_shots(&footage, holdout)?;
+    let mut backend = match args.backend {
+        Engine::Cpu => Cpu,
+    };
+    let runtime = Runtime {
+        backend: &mut backend,
+        lpips: lpips.as_ref(),
+        checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
+    };
+    let fitted = fit_to(&out, &settings, &footage, &shots, runtime, args.fps)?;
+    report(args, &Done { settings, fitted, splits }, &out, began)
 }
 
 /// A fit that is done.
@@ -160,44 +181,28 @@ struct Done {
     splits: String,
 }
 
-/// Fits as the arguments say, but to the field file `out`.
-fn fit_to(out: &Path, args: &Args) -> anyhow::Result<Done> {
-    output::check(out)?;
-    if out.extension() != Some(OsStr::new("ply")) {
-        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
-    }
-    let footage = args.cut.open(&args.capture)?;
-    let holdout = args.cut.holdout();
-    let splits = describe(&footage, holdout)?;
-    let lpips = load_lpips(args.lpips_weights.as_deref())?;
-
-    let bar =
-        ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {pos} photographs")?);
-    let shots = Shots::load(&footage, holdout, || bar.inc(1))?;
-    bar.finish_and_clear();
-
-    let settings = settings(args, &footage, &shots)?;
-    let mut backend = match args.backend {
-        Engine::Cpu => Cpu,
-    };
-    let runtime = Runtime {
-        backend: &mut backend,
-        lpips: lpips.as_ref(),
-        checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
-    };
+/// Fits and writes the field file `out`.
+fn fit_to(
+    out: &Path,
+    settings: &Settings,
+    footage: &Footage,
+    shots: &Shots,
+    runtime: Runtime,
+    fps: f32,
+) -> anyhow::Result<Fitted> {
     let bar = ProgressBar::new(settings.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
-    bar.println(&splits);
-    let fitted = fit::fit(&settings, &footage, &shots, runtime, out, &mut |progress| show(&bar, progress))?;
+    bar.println(describe(footage, settings.holdout)?);
+    let fitted = fit::fit(settings, footage, shots, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    output::write(out, &field_file(&fitted.field, &fit::info(&footage, args.fps)))?;
+    output::write(out, &field_file(&fitted.field, &fit::info(footage, fps)))?;
     fit::forget_checkpoint(out)?;
-    Ok(Done { settings, fitted, splits })
+    Ok(fitted)
 }
 
-fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, Fault> {
-    let frames = shots.frames().len();
-    let gaussians = args.gaussians.map_or_else(|| fit::usual_gaussians(frames, footage), |n| n as usize);
+fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
+    let usual = Settings::usual(footage, args.cut.holdout())?;
+    let gaussians = args.gaussians.map_or(usual.gaussians, |n| n as usize);
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => Start::Depths(
             folder.to_string_lossy().into_owned(),
@@ -207,7 +212,12 @@ fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, F
                 Scale::Metric => DepthScale::Metric,
             },
         ),
-        (_, Some(field)) => Start::Field(field.to_string_lossy().into_owned(), checksum(field)?),
+        (_, Some(path)) => {
+            let input = Input::load(path)?;
+            let frames = input.frames();
+            fit::check_frames(path, &input.into_field().0, frames, footage)?;
+            Start::Field(path.to_string_lossy().into_owned(), checksum(path)?)
+        }
         _ => match args.anchor {
             Anchor::Sweep => Start::Sweep,
             Anchor::Hull => Start::Hull,
@@ -220,7 +230,7 @@ fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, F
     };
     Ok(Settings {
         lpips,
-        steps: args.steps.unwrap_or_else(|| fit::usual_steps(frames)),
+        steps: args.steps.unwrap_or(usual.steps),
         start,
         anchor_cameras: args.anchor_cameras.clone(),
         mirror: match args.mirror {
@@ -236,8 +246,7 @@ fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, F
         },
         sh_degree: args.sh_degree,
         seed: args.seed,
-        holdout: args.cut.holdout(),
-        capture: fit::fingerprint(footage),
+        ..usual
     })
 }
 

@@ -10,12 +10,14 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::prune::Ranking;
 use serde_json::json;
+use xtask::capture::Footage;
 use xtask::fault::Fault;
+use xtask::fit::{self, FineTuned, FineTuning, Settings, Shots};
 use xtask::output;
-use xtask::package::{Coding, Counts, Part, QUALITY_DB, Report, Rung, Settings, ladder, package_showing};
+use xtask::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
 use xtask::scene::Scene;
 
-use super::fit;
+use super::capture::{Cut, load_shots};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
 const LADDER_LOSS_DB: f64 = 0.5;
@@ -51,6 +53,14 @@ pub(crate) struct Args {
     /// Fit the colours of what a budget keeps to pictures of the whole field
     #[arg(long, requires = "budget")]
     refit: bool,
+    /// Move what is kept, for N steps, until it looks like the photographs of the capture that the
+    /// field was fitted to
+    #[arg(long, value_name = "N", conflicts_with_all = ["refit", "ladder"],
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    refine: Option<u64>,
+    /// Folder of that capture; SCENE itself by default
+    #[arg(long, value_name = "DIR", requires = "refine")]
+    capture: Option<PathBuf>,
     /// How the Gaussians are coded
     #[arg(long, value_enum, default_value_t = Coder::Context)]
     coder: Coder,
@@ -69,6 +79,8 @@ pub(crate) struct Args {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
+    cut: Cut,
 }
 
 /// A ranking, or none in particular.
@@ -102,13 +114,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
-    let scene = match Scene::is_capture(&args.scene) {
-        true => Scene::load_with(&args.scene, &fit_first(args)?)?,
-        false => Scene::load(&args.scene)?,
+    let captured = Captured::load(args)?;
+    let scene = match &captured {
+        Some(captured) if captured.is_scene => Scene::load_with(&args.scene, &captured.fit(args)?)?,
+        _ => Scene::load(&args.scene)?,
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
-    let settings = Settings {
+    let settings = package::Settings {
         budget: args.budget.map(NonZeroUsize::get),
         rank: args.rank.0,
         no_floor: args.no_floor,
@@ -123,7 +136,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     // Drawn on a terminal's standard error only.
     let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}{msg}")?;
     let progress = ProgressBar::new(1).with_style(style);
-    let package = package_showing(&scene, &settings, &progress)?;
+    let fine_tuning = match (&captured, args.refine) {
+        (Some(captured), Some(steps)) => Some(captured.fine_tuning(&scene, args, steps)?),
+        _ => None,
+    };
+    let package = package_showing(&scene, &settings, fine_tuning.as_ref(), &progress)?;
     progress.finish_and_clear();
     output::write(&out, &package.bytes)?;
     let rungs = match args.ladder {
@@ -154,18 +171,70 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// Fits the capture that stands where a field should, to a field file beside the package.
-fn fit_first(args: &Args) -> anyhow::Result<PathBuf> {
+/// The capture that a package is made from, or made to look like.
+struct Captured {
+    footage: Footage,
+    shots: Shots,
+    /// Whether the scene has no field, so that one is fitted first.
+    is_scene: bool,
+}
+
+impl Captured {
+    /// Opens the capture that the arguments ask for, if they do.
+    fn load(args: &Args) -> anyhow::Result<Option<Captured>> {
+        let is_scene = Scene::is_capture(&args.scene);
+        let folder = match (&args.capture, args.refine) {
+            (Some(_), _) if is_scene => {
+                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene.display())))
+            }
+            (Some(folder), _) => folder,
+            (None, Some(_)) if !args.scene.is_dir() => bail!(Fault::Usage(
+                "--refine takes the photographs that the field was fitted to: name their folder with --capture"
+                    .into()
+            )),
+            (None, None) if !is_scene => {
+                if !args.cut.is_usual() {
+                    bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
+                }
+                return Ok(None);
+            }
+            (None, _) => &args.scene,
+        };
+        let footage = args.cut.open(folder)?;
+        if is_scene {
+            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field_path(args)?)?;
+        }
+        let shots = load_shots(&footage, args.cut.holdout())?;
+        Ok(Some(Captured { footage, shots, is_scene }))
+    }
+
+    /// Fits it, to a field file beside the package.
+    fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
+        let out = field_path(args)?;
+        let settings = Settings::usual(&self.footage, args.cut.holdout())?;
+        super::fit::by_default(&self.footage, &self.shots, &settings, &out)?;
+        Ok(out)
+    }
+
+    fn fine_tuning(&self, scene: &Scene, args: &Args, steps: u64) -> Result<FineTuning<'_>, Fault> {
+        fit::check_frames(&args.scene, &scene.subject.field, scene.frames(), &self.footage)?;
+        Ok(FineTuning { shots: &self.shots, steps })
+    }
+}
+
+/// Where the field of a capture goes.
+fn field_path(args: &Args) -> Result<PathBuf, Fault> {
     let field = match &args.out {
         Some(out) => out.with_extension("ply"),
-        None => PathBuf::from(format!("{}.ply", fit::name_of(&args.scene))),
+        None => PathBuf::from(format!("{}.ply", super::fit::name_of(&args.scene))),
     };
-    if field.exists() {
-        let field = field.display();
-        bail!(Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew")));
+    match field.exists() {
+        true => {
+            let field = field.display();
+            Err(Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew")))
+        }
+        false => Ok(field),
     }
-    fit::by_default(&args.scene, &field)?;
-    Ok(field)
 }
 
 fn print_report(report: &Report) {
@@ -180,6 +249,7 @@ fn print_report(report: &Report) {
     let layers: Vec<String> = report.layers.iter().map(usize::to_string).collect();
     println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.ranking);
     print_choice(report);
+    print_refined(report);
     let mbps = report.bytes as f64 * 8e-6 / f64::from(report.duration_s);
     let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
     println!(
@@ -237,12 +307,29 @@ fn print_choice(report: &Report) {
         Some(gain) => {
             println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
         }
-        None if psnr < REFIT_BELOW_DB => {
+        None if psnr < REFIT_BELOW_DB && report.refined.is_none() => {
             println!("{:16} not asked for; --refit helps where so much is left out", "colour refit");
         }
         None => {}
     }
-    println!("{:16} {psnr:.2} dB against the whole field", "fidelity");
+    let led_away = if report.refined.is_some() { ", from which refining leads away" } else { "" };
+    println!("{:16} {psnr:.2} dB against the whole field{led_away}", "fidelity");
+}
+
+/// What moving towards the photographs did.
+fn print_refined(report: &Report) {
+    let Some(FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
+    else {
+        return;
+    };
+    print!("{:16} {steps} steps towards {photographs} photographs", "refined");
+    if let (Some(before), Some(after)) = (held_before_db, held_after_db) {
+        print!("; the subject in a few held ones {before:.2} dB before, {after:.2} dB after");
+    }
+    println!();
+    if non_finite > 0 {
+        println!("{:16} {non_finite} gradients that were not finite", "left out");
+    }
 }
 
 fn print_counts(what: &str, counts: &Counts) {

@@ -6,7 +6,7 @@ use refine::capture::Split;
 use refine::metrics::Measures;
 use serde::Serialize;
 
-use super::Judged;
+use super::{Baseline, Judged};
 use crate::capture::Footage;
 
 /// Mean measures of a split; the fields are keys of the JSON.
@@ -63,19 +63,32 @@ pub fn table(means: &[SplitMeasures]) -> String {
     let mut text = String::from(
         "| split | images | PSNR of the subject, dB | whole frame, dB | SSIM | LPIPS |\n|---|---|---|---|---|---|\n",
     );
-    for row in means {
-        let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
-            (Some(psnr), Some(deviation)) if psnr.is_finite() => format!("{psnr:.2} ± {deviation:.2}"),
-            // Some picture is exact: nothing deviates from infinity.
-            (Some(psnr), _) => format!("{psnr:.2}"),
-            (None, _) => "–".into(),
-        };
-        let SplitMeasures { split, images, psnr_full, ssim, .. } = row;
-        let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
-        writeln!(text, "| {split} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
-            .expect("text grows");
-    }
+    means.iter().for_each(|row| write_row(&mut text, row.split, row));
     text
+}
+
+/// More rows for that table: what the frames around the held ones show of these.
+pub fn baseline_rows(baseline: Baseline, means: &[SplitMeasures]) -> String {
+    let what = match baseline {
+        Baseline::Nearest => "nearest fitted frame",
+        Baseline::Blend => "blend of the two around",
+    };
+    let mut text = String::new();
+    means.iter().for_each(|row| write_row(&mut text, &format!("{}, {what}", row.split), row));
+    text
+}
+
+fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
+    let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
+        (Some(psnr), Some(deviation)) if psnr.is_finite() => format!("{psnr:.2} ± {deviation:.2}"),
+        // Some picture is exact: nothing deviates from infinity.
+        (Some(psnr), _) => format!("{psnr:.2}"),
+        (None, _) => "–".into(),
+    };
+    let SplitMeasures { images, psnr_full, ssim, .. } = row;
+    let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
+    writeln!(text, "| {name} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
+        .expect("text grows");
 }
 
 /// Every picture's measures as CSV.

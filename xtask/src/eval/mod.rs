@@ -1,12 +1,15 @@
 //! How well a field, a package or anybody's pictures show what a capture's cameras saw: measures
-//! (`means`), and pictures to look at, as in the paper's appendices: beside the photographs
+//! (`means`), those of who knows only the frames around a held one (`baselines`), those of several
+//! scenes (`scenes`), and pictures to look at, as in the paper's appendices: beside the photographs
 //! (`strips`), between captured frames (`quarter`), from where no camera stood (`free`), and of the
 //! first layers of a package (`ladder`).
 
+mod baselines;
 mod free;
 mod ladder;
 mod means;
 mod quarter;
+mod scenes;
 mod sheet;
 mod strips;
 
@@ -23,10 +26,12 @@ use crate::capture::{Footage, find_image, read_picture};
 use crate::fault::Fault;
 use crate::input::Input;
 
+pub use baselines::{Baseline, judge_baselines};
 pub use free::free_views;
 pub use ladder::{Ladder, Rung, ladder};
-pub use means::{SplitMeasures, csv, means, table};
+pub use means::{SplitMeasures, baseline_rows, csv, means, table};
 pub use quarter::{Interval, quarter_frames, swiftest};
+pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};
 pub use strips::{Strip, Strips};
 
 /// What is compared with photographs.
@@ -103,8 +108,20 @@ fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(CaptureShot, Split
     Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
+/// A photograph, of which `lpips` can be measured.
+fn photo_for(footage: &Footage, shot: CaptureShot, lpips: Option<&Lpips<f32>>) -> Result<Photo, Fault> {
+    let photo = footage.photo(shot)?;
+    if let Some(lpips) = lpips {
+        let Image { width, height, .. } = photo.image;
+        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", footage.name(shot)));
+        lpips.check_size(width as usize, height as usize).map_err(too_small)?;
+    }
+    Ok(photo)
+}
+
 /// Compares pictures of `subject` with all photographs of `footage`. Pictures that a folder lacks
-/// are left out. LPIPS is measured where its network is given. `on_shot` is called for each shot, with its picture where there is one.
+/// are left out. LPIPS is measured where its network is given. `on_shot` is called for each shot, with
+/// its picture where there is one.
 ///
 /// # Errors
 /// [`Fault::Data`] where a file cannot be read or nothing is left to compare.
@@ -122,12 +139,7 @@ pub fn judge(
             continue;
         }
         // First the photograph: it must have the size that the picture is drawn in.
-        let photo = footage.photo(shot)?;
-        if let Some(lpips) = lpips {
-            let Image { width, height, .. } = photo.image;
-            let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", footage.name(shot)));
-            lpips.check_size(width as usize, height as usize).map_err(too_small)?;
-        }
+        let photo = photo_for(footage, shot, lpips)?;
         if let Some(picture) = subject.picture(footage, shot)? {
             let one = Judged { shot, split, measures: Measures::of(&picture, &photo, lpips) };
             on_shot(Some(Look { judged: &one, picture: &picture, photo: &photo }));

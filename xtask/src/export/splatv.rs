@@ -3,11 +3,10 @@
 
 use std::f32::consts::SQRT_2;
 
-use codec::{ClipInfo, Field, Viewpoint};
+use codec::{ClipInfo, Field, SH_C0, Viewpoint};
 use half::f16;
 use serde_json::json;
 
-use crate::import::SH_C0;
 use crate::import::splatv::{ROW, ROWS_PER_LINE};
 
 /// Size of the image that the header's camera is for; its proportions are the viewer's own matter.

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
-use super::log::{Entry, beside};
+use super::log::{Density, Entry, beside};
 use super::{Settings, crc};
 use crate::fault::Fault;
 use crate::output;
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: [u8; 8] = *b"aarcfit\x01";
+const MAGIC: [u8; 8] = *b"aarcfit\x02";
 
 /// A fit, and what was asked for.
 #[derive(Serialize, Deserialize)]
@@ -31,6 +31,7 @@ pub(super) struct Checkpoint {
 pub(super) struct Tally {
     pub(super) loss: f64,
     pub(super) drawn: usize,
+    pub(super) density: Density,
     pub(super) steps: u32,
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use image::{Rgb, RgbImage};
-use refine::fit::{Picture, Shot};
+use refine::fit::{DensityChange, Picture, Shot};
 use serde::{Deserialize, Serialize};
 
 /// A line of the table.
@@ -22,6 +22,28 @@ pub struct Entry {
     pub gaussians: usize,
     /// Mean number of them in a picture since the last line.
     pub drawn: usize,
+    /// Gaussians that were added, taken and moved to others' places since the last line.
+    pub density: Density,
+}
+
+/// What the control of density did over some steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Density {
+    /// Gaussians that were cloned or split: how many more there are for it.
+    pub added: usize,
+    /// Gaussians that were pruned.
+    pub pruned: usize,
+    /// Gaussians that moved to where others live.
+    pub relocated: usize,
+}
+
+impl Density {
+    /// Adds what one control did.
+    pub(super) fn add(&mut self, change: DensityChange) {
+        self.added += change.cloned + change.split;
+        self.pruned += change.pruned;
+        self.relocated += change.relocated;
+    }
 }
 
 /// Where the table of a field's fit lies: beside it.
@@ -44,10 +66,15 @@ pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
 
 /// The table as CSV.
 pub fn csv(entries: &[Entry]) -> String {
-    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn\n");
-    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn } in entries {
+    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn,added,pruned,relocated\n");
+    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn, density } in entries {
         let held = held_psnr_db.map_or(String::new(), |psnr| format!("{psnr:.3}"));
-        writeln!(text, "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn}").expect("text grows");
+        let Density { added, pruned, relocated } = density;
+        writeln!(
+            text,
+            "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn},{added},{pruned},{relocated}"
+        )
+        .expect("text grows");
     }
     text
 }

@@ -8,6 +8,7 @@
 //! from which it goes on where it was.
 
 mod checkpoint;
+mod fine_tune;
 pub mod log;
 mod shots;
 mod start;
@@ -27,9 +28,17 @@ use crate::fault::Fault;
 use crate::output;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
+pub use fine_tune::{FineTuned, FineTuning};
 use log::Entry;
 pub use shots::Shots;
+use shots::train_frames;
 pub use start::{DepthScale, Start};
+
+/// Degree of view-dependent colour, unless told otherwise.
+pub const SH_DEGREE: u8 = 3;
+
+/// Time between two checkpoints, unless told otherwise.
+pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
 
 /// Lines of the table over a whole fit.
 const LINES: u64 = 50;
@@ -158,6 +167,7 @@ pub fn fit(
         stepping += begun.elapsed();
         tally.loss += step.loss;
         tally.drawn += step.drawn;
+        tally.density.add(step.change);
         tally.steps += 1;
         let done = fit.step();
         if done % every == 0 || fit.is_done() {
@@ -172,6 +182,7 @@ pub fn fit(
                 held_psnr_db,
                 gaussians,
                 drawn: tally.drawn / tally.steps as usize,
+                density: tally.density,
             });
             tally = Tally::default();
             output::write(&log::table_path(out), log::csv(&entries).as_bytes())?;
@@ -226,6 +237,29 @@ fn preview(fit: &Fit, shots: &Shots, pictures: &[Picture<f32>], backend: &mut dy
 }
 
 impl Settings {
+    /// What is done with a capture where nothing is said.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] where nothing is left to fit to.
+    pub fn usual(footage: &Footage, holdout: Holdout) -> Result<Settings, Fault> {
+        let frames = train_frames(footage, holdout)?.len();
+        let gaussians = usual_gaussians(frames, footage);
+        Ok(Settings {
+            steps: usual_steps(frames),
+            start: Start::Sweep,
+            anchor_cameras: Vec::new(),
+            mirror: Mirror::Auto,
+            gaussians,
+            floor: gaussians,
+            rule: DensityRule::Floor,
+            sh_degree: SH_DEGREE,
+            seed: 0,
+            holdout,
+            lpips: None,
+            capture: fingerprint(footage),
+        })
+    }
+
     fn of_fit(&self) -> fit::Settings {
         fit::Settings {
             steps: self.steps,
@@ -234,6 +268,43 @@ impl Settings {
             seed: self.seed,
             ..fit::Settings::default()
         }
+    }
+}
+
+/// Checks, before the photographs are read, that a fit of `out` with `settings` can begin or go on: a
+/// checkpoint that is there is whole and of these settings.
+///
+/// # Errors
+/// [`Fault::Data`] where it is damaged, [`Fault::Usage`] where it is of other settings.
+pub fn check_checkpoint(settings: &Settings, out: &Path) -> Result<(), Fault> {
+    Checkpoint::load(&checkpoint::path_for(out), settings).map(drop)
+}
+
+/// Checks that `field`, which somebody calls `name`, and a capture count the same frames: its windows
+/// and trajectories would mean other times otherwise. `frames` is what the field says of itself, if
+/// it does. A field without time fits any capture; that it stays so is said on stderr.
+///
+/// # Errors
+/// [`Fault::Usage`] that says how many frames there are of each.
+pub fn check_frames(
+    name: &Path,
+    field: &Field,
+    frames: Option<usize>,
+    footage: &Footage,
+) -> Result<(), Fault> {
+    let (name, of_capture) = (name.display(), footage.capture.times.len());
+    match frames {
+        _ if field.temporal.is_none() => {
+            if of_capture > 1 {
+                eprintln!("note: {name} does not move, and is not made to: fit without it for that");
+            }
+            Ok(())
+        }
+        Some(frames) if frames != of_capture => Err(Fault::Usage(format!(
+            "{name} is of {frames} frames (duration_s times fps), the capture of {of_capture}: choose its \
+             frames with --frames"
+        ))),
+        _ => Ok(()),
     }
 }
 
@@ -252,13 +323,13 @@ pub fn forget_checkpoint(out: &Path) -> Result<(), Fault> {
 }
 
 /// Steps for so many frames that are fitted to: the paper takes 96,000 for 17.
-pub fn usual_steps(frames: usize) -> u64 {
+fn usual_steps(frames: usize) -> u64 {
     (5_600 * frames as u64).min(96_000)
 }
 
 /// Gaussians for so many frames that are fitted to: the paper takes 200,000 for 17 frames of 512x375
 /// pixels. Smaller photographs show less.
-pub fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
+fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
     let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
     let largest = footage.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
     let part = (largest / (512.0 * 375.0)).min(1.0);
@@ -312,7 +383,7 @@ pub fn crc(bytes: &[u8]) -> u32 {
 }
 
 /// What tells a capture, as it is cut and shrunk, from another.
-pub fn fingerprint(footage: &Footage) -> String {
+fn fingerprint(footage: &Footage) -> String {
     let capture = &footage.capture;
     let mut crc = flate2::Crc::new();
     for camera in &capture.cameras {

@@ -20,7 +20,7 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use codec::{Field, Viewpoint};
+use codec::{Field, SH_C0, Viewpoint};
 
 use crate::fault::Fault;
 
@@ -30,9 +30,6 @@ pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite,
 
 /// Most Gaussians accepted from a compressed file, whose size does not bound their number.
 const GAUSSIANS_MAX: usize = 1 << 24;
-
-/// Value of the constant spherical harmonic: colour is `0.5 + SH_C0 * c_0` at degree 0.
-pub(crate) const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// A field read from a file.
 #[derive(Debug)]

@@ -2,10 +2,12 @@
 //!
 //! Each candidate ranking prunes, the topology floor mends; what comes of it, with and without the
 //! floor, is coded, decoded and compared with the whole field in pictures; the best package stays.
+//! Where there are photographs to fine-tune by, what it holds moves towards them before it is coded.
 //! Rankings look at pictures from other places than those that judge them.
 
 use codec::Field;
 use indicatif::ProgressBar;
+use refine::fit::Cpu;
 use refine::prune::{
     Candidate, Measure, PASSES, Pictures, RESOLUTION_DB, Ranking, Selection, Topology, by_importance,
     contributions_to, refit,
@@ -15,10 +17,14 @@ use serde::Serialize;
 use super::Settings;
 use super::coding::{Coded, finish, finishing_steps};
 use super::whole::{CODE_WORK, PICTURE_WORK, Whole, judging_shots, ranking_shots, scene_of};
+use crate::fit::{FineTuned, FineTuning};
 use crate::scene::Scene;
 
 /// Share in the progress of one picture of what is coded, which is larger than those that judge.
 const FINISH_WORK: u64 = 8;
+
+/// Steps of fine-tuning that have the share of one in the progress.
+const STEPS_PER_WORK: u64 = 16;
 
 /// A way to meet the budget that was tried, and how it did.
 #[derive(Clone, Debug, Serialize)]
@@ -74,6 +80,8 @@ pub(super) struct Choice {
     pub(super) why: Option<String>,
     /// Gain of the colour refit in dB, where it was asked for; not used unless above 0.
     pub(super) refit_gain_db: Option<f64>,
+    /// What came of fine-tuning, where it was asked for.
+    pub(super) refined: Option<FineTuned>,
 }
 
 /// Chooses `settings.budget` of the rows of `field`, which is not empty, and codes them.
@@ -82,11 +90,12 @@ pub(super) fn choose(
     field: &Field,
     plate: Option<&Field>,
     settings: &Settings,
+    fine_tuning: Option<&FineTuning>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Choice> {
     let budget = settings.budget.unwrap_or(field.len());
     if budget >= field.len() {
-        return keep_all(scene, field, plate, settings, progress);
+        return keep_all(scene, field, plate, settings, fine_tuning, progress);
     }
     let pictured = || progress.inc(PICTURE_WORK);
     let to_judge = PICTURE_WORK * judging_shots(scene, field).len() as u64;
@@ -102,6 +111,7 @@ pub(super) fn choose(
         Whole::look_work(scene, field, settings)
             + Whole::select_work(scene, field, settings)
             + to_refit
+            + fine_tuning_work(fine_tuning)
             + FINISH_WORK * finishing_steps(scene, field, settings.coding)
             + to_judge,
     );
@@ -121,6 +131,7 @@ pub(super) fn choose(
             chosen = refitted;
         }
     }
+    let (chosen, refined) = fine_tuned(chosen, fine_tuning, progress);
     let coded = finish(scene, chosen, plate, settings.coding, (progress, FINISH_WORK))?;
     let psnr_db = whole.psnr(&coded.clip);
     progress.finish_and_clear();
@@ -132,6 +143,7 @@ pub(super) fn choose(
         tried: tried(&selection),
         why: Some(why(&selection)),
         refit_gain_db,
+        refined,
     })
 }
 
@@ -141,24 +153,48 @@ fn keep_all(
     field: &Field,
     plate: Option<&Field>,
     settings: &Settings,
+    fine_tuning: Option<&FineTuning>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Choice> {
     let ranking = settings.rank.unwrap_or(Ranking::Mass);
-    progress.set_length(finishing_steps(scene, field, settings.coding));
+    progress.set_length(finishing_steps(scene, field, settings.coding) + fine_tuning_work(fine_tuning));
     let seen = match ranking.looks_at_pictures() {
         true => contributions_to(&ranking_shots(scene, field), field, || ()),
         false => Vec::new(),
     };
     let order = by_importance(&ranking.scores(field, &seen));
+    let (kept, refined) = fine_tuned(field.select(&order), fine_tuning, progress);
     Ok(Choice {
-        coded: finish(scene, field.select(&order), plate, settings.coding, (progress, 1))?,
+        coded: finish(scene, kept, plate, settings.coding, (progress, 1))?,
         ranking,
         topology: Preserved::from(&Topology::default()),
         psnr_db: None,
         tried: Vec::new(),
         why: None,
         refit_gain_db: None,
+        refined,
     })
+}
+
+/// `kept` where its rows are, moved towards the photographs, where there are any.
+fn fine_tuned(
+    kept: Field,
+    fine_tuning: Option<&FineTuning>,
+    progress: &ProgressBar,
+) -> (Field, Option<FineTuned>) {
+    let Some(fine_tuning) = fine_tuning else { return (kept, None) };
+    progress.set_message("fine-tuning");
+    let mut steps = 0;
+    let (field, report) = fine_tuning.run(&kept, &mut Cpu, || {
+        steps += 1;
+        progress.inc(u64::from(steps % STEPS_PER_WORK == 0));
+    });
+    (field, Some(report))
+}
+
+/// How far the progress advances in [`fine_tuned`].
+fn fine_tuning_work(fine_tuning: Option<&FineTuning>) -> u64 {
+    fine_tuning.map_or(0, |fine_tuning| fine_tuning.steps / STEPS_PER_WORK)
 }
 
 fn tried(selection: &Selection) -> Vec<Tried> {

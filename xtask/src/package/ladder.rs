@@ -32,7 +32,7 @@ pub struct Rung {
     pub loss_db: f64,
 }
 
-/// Compares every prefix of `package`, which is made of `scene` with `settings`, with a package of
+/// Compares every prefix of `package`, which is made of `scene` with `settings` alone, with a package of
 /// that budget and the same ranking. The last rung is the package itself.
 ///
 /// # Errors
@@ -63,7 +63,7 @@ pub fn ladder(
             progress.set_prefix(format!("{gaussians}: "));
             let rank = Ranking::ALL.into_iter().find(|ranking| ranking.name() == package.report.ranking);
             let settings = Settings { budget: Some(gaussians), rank, ..settings.clone() };
-            let own = package_showing(scene, &settings, progress)?;
+            let own = package_showing(scene, &settings, None, progress)?;
             (own.bytes.len(), look(&own.bytes)?)
         };
         let loss_db = if own_psnr_db == prefix_psnr_db { 0.0 } else { own_psnr_db - prefix_psnr_db };

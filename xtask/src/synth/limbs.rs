@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use codec::{ClipInfo, Field, Viewpoint};
+use codec::{ClipInfo, Field, SH_C0, Viewpoint};
 use glam::{DVec3, dvec3};
 
 /// Gaussians of the body, and what it measures in source units.
@@ -97,13 +97,11 @@ fn golden(i: usize) -> f64 {
 }
 
 fn push(field: &mut Field, center: DVec3, sigma: f64, opacity: f32, color: [f64; 3]) {
-    /// Value of the constant spherical harmonic.
-    const SH_0: f64 = 0.282_094_791_773_878_14;
     field.centers.push(center.as_vec3().to_array());
     field.rotations.push([1.0, 0.0, 0.0, 0.0]);
     field.log_scales.push([sigma.ln() as f32; 3]);
     field.opacities.push(opacity);
-    field.sh.push(color.map(|c| ((c - 0.5) / SH_0) as f32));
+    field.sh.push(color.map(|c| ((c - 0.5) / SH_C0) as f32));
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! paper's head would predict follows from rules: sizes from what a pixel covers at its depth,
 //! colours from the photograph, time from the frame.
 
-use codec::sh_coefficients;
+use codec::{SH_C0, sh_coefficients};
 
 use super::eye::Eye;
 use super::{Anchor, DepthMap};
@@ -31,9 +31,6 @@ const SIZE: f64 = 0.7;
 /// third of what is there to be inside of.
 const APART: f64 = 1.25;
 const APART_MOST: f64 = 1.0 / 3.0;
-
-/// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`.
-pub(super) const SH_CONSTANT: f64 = 0.282_094_791_773_878_14;
 
 /// What a view sees.
 pub(super) struct Surface<'a> {
@@ -87,7 +84,7 @@ impl Surface<'_> {
                     apart = apart.min(APART_MOST * (f64::from(*leave) - depth));
                 }
                 let [r, g, b, alpha] = self.photograph.pixels[pixel].map(f64::from);
-                let dc = [r, g, b].map(|c| (((c / alpha).min(1.0) - 0.5) / SH_CONSTANT) as f32);
+                let dc = [r, g, b].map(|c| (((c / alpha).min(1.0) - 0.5) / SH_C0) as f32);
                 for (depth, opacity) in [(depth, OPACITY), (depth + apart, BEHIND * OPACITY)] {
                     grounded.centers.push(single(self.eye.position + depth * ray));
                     grounded.rotations.push([1.0, 0.0, 0.0, 0.0]);

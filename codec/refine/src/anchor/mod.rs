@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! photographs -> silhouette -> hull -> sweep -\
-//!                        given maps -> align --> ground -> flow -> mirror -> Parameters
+//!                        given maps -> align --> ground -> mirror -> Parameters
 //! ```
 //!
 //! Frames come one at a time, so that memory is that of one frame's photographs.
@@ -14,7 +14,6 @@ mod align;
 mod depth_map;
 mod error;
 mod eye;
-mod flow;
 mod ground;
 mod hull;
 mod mirror;
@@ -62,10 +61,6 @@ pub struct Anchor {
     pub hull: HullSettings,
     /// How depths are swept.
     pub sweep: SweepSettings,
-    /// Whether Gaussians get a velocity from where their nearest neighbours are in the frames before
-    /// and after. Off by default: nearest neighbours understate motion, and where the subject moves
-    /// fast the held frames of an anchor with velocities are no better than of one without.
-    pub flow: bool,
     /// Width of the Gaussians' windows in frames of the capture. The paper's scale of 1.5 is taken to
     /// count these, not the spacing of the training frames: of two training frames with one held out
     /// between them, a Gaussian of either has 0.80 of its opacity there.
@@ -85,7 +80,6 @@ impl Default for Anchor {
             mirror: Mirror::Auto,
             hull: HullSettings::default(),
             sweep: SweepSettings::default(),
-            flow: false,
             width: 1.5,
             sh_degree: 3,
             motion_order: 3,
@@ -154,34 +148,33 @@ pub fn anchor<E: From<AnchorError>>(
 ) -> Result<Parameters<f32>, E> {
     let gaussians_of_frame = settings.gaussians as f64 / frames.len().max(1) as f64;
     let mut scale = None;
-    let mut grounded: Vec<(usize, Parameters<f32>)> = Vec::new();
-    let mut planes = Vec::new();
+    let mut all: Option<Parameters<f32>> = None;
     let mut fault = AnchorError::NoFrames;
     for frame in frames {
         let frame = frame?;
+        let front = sources::front(settings, &frame);
         let mirrors = match settings.mirror {
             Mirror::Off => false,
-            Mirror::Auto => clock.frames <= SHORT && settings.views.is_some(),
+            Mirror::Auto => clock.frames <= SHORT && settings.views.is_some() && front.is_some(),
             Mirror::On => true,
         };
         let per_ray = ground::PER_RAY * if mirrors { 2 } else { 1 };
         let rays = gaussians_of_frame / per_ray as f64;
-        let Found { surfaces, step, middle, front } =
-            match sources::surfaces(settings, &frame, Some(rays), &mut scale) {
-                Ok(found) => found,
-                Err(error) if error.is_of_one_frame() => {
-                    // The first says why, should all fail.
-                    if fault == AnchorError::NoFrames {
-                        fault = error;
-                    }
-                    continue;
+        let Found { surfaces, step, middle } = match sources::surfaces(settings, &frame, rays, &mut scale) {
+            Ok(found) => found,
+            Err(error) if error.is_of_one_frame() => {
+                // The first says why, should all fail.
+                if fault == AnchorError::NoFrames {
+                    fault = error;
                 }
-                Err(error) => return Err(error.into()),
-            };
-        let normal = match settings.mirror {
-            Mirror::On => Some(front.ok_or(AnchorError::NoFront)?),
-            _ => front.filter(|_| mirrors),
+                continue;
+            }
+            Err(error) => return Err(error.into()),
         };
+        if mirrors && front.is_none() {
+            return Err(AnchorError::NoFront.into());
+        }
+        let normal = front.filter(|_| mirrors);
         let time = (clock.frames > 1).then_some(frame.frame);
         let gaussians = surfaces
             .iter()
@@ -197,16 +190,9 @@ pub fn anchor<E: From<AnchorError>>(
             }
             continue;
         }
-        planes.push(normal.map(|normal| Plane { point: middle.unwrap_or_else(|| mean(&gaussians)), normal }));
-        grounded.push((frame.frame, gaussians));
-    }
-    if settings.flow {
-        flow::set_velocities(&mut grounded);
-    }
-    let mut all: Option<Parameters<f32>> = None;
-    for ((_, front), plane) in grounded.into_iter().zip(planes) {
-        let back = plane.map(|plane| mirror::mirrored(&front, plane));
-        for part in [Some(front), back].into_iter().flatten() {
+        let plane = normal.map(|normal| Plane { point: middle.unwrap_or_else(|| mean(&gaussians)), normal });
+        let back = plane.map(|plane| mirror::mirrored(&gaussians, plane));
+        for part in [Some(gaussians), back].into_iter().flatten() {
             match &mut all {
                 None => all = Some(part),
                 Some(all) => all.append(part),
@@ -216,16 +202,6 @@ pub fn anchor<E: From<AnchorError>>(
     all.ok_or_else(|| fault.into())
 }
 
-/// The depths of a frame that its anchor would be put at, one map for each of its views that are in
-/// [`Anchor::views`], in their order; of a hull 0 outside the subject, given ones as far as they go.
-///
-/// # Errors
-/// Where there is no surface, see [`AnchorError`].
-pub fn depths(settings: &Anchor, frame: &AnchorFrame) -> Result<Vec<DepthMap>, AnchorError> {
-    let found = sources::surfaces(settings, frame, None, &mut None)?;
-    Ok(found.surfaces.into_iter().map(|surface| surface.depths).collect())
-}
-
 /// The surface of a frame.
 struct Found<'a> {
     surfaces: Vec<Surface<'a>>,
@@ -233,8 +209,6 @@ struct Found<'a> {
     step: f64,
     /// Middle of the hull, where there is one.
     middle: Option<DVec3>,
-    /// Where the views that see the surface look, if from one side.
-    front: Option<DVec3>,
 }
 
 /// The mean of the centres.

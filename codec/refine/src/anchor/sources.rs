@@ -1,5 +1,7 @@
 //! The surfaces of a frame, from the source of depths that is asked for.
 
+use glam::DVec3;
+
 use super::align::{self, Affine};
 use super::eye::{Eye, rig_radius};
 use super::ground::{self, Surface};
@@ -10,13 +12,13 @@ use super::{
 };
 use crate::median::median;
 
-/// What the views that ground an anchor see: where `rays` is given, about so many of their pixels,
-/// else all. `scale` is what depths are multiplied by under
-/// [`Alignment::Rig`], found in the first frame that tells it.
+/// What the views that ground an anchor see: about `rays` of their pixels, all where there are fewer.
+/// `scale` is what depths are multiplied by under [`Alignment::Rig`], found in the first frame that
+/// tells it.
 pub(super) fn surfaces<'a>(
     settings: &Anchor,
     frame: &'a AnchorFrame,
-    rays: Option<f64>,
+    rays: f64,
     scale: &mut Option<f64>,
 ) -> Result<Found<'a>, AnchorError> {
     let views = &frame.views;
@@ -27,14 +29,11 @@ pub(super) fn surfaces<'a>(
             return Err(AnchorError::Size { frame: frame.frame, camera: *camera_id });
         }
     }
-    let wanted: Vec<bool> = views
-        .iter()
-        .map(|view| settings.views.as_ref().is_none_or(|views| views.contains(&view.camera_id)))
-        .collect();
+    let wanted = wanted(settings, frame);
     if !wanted.contains(&true) {
         return Err(AnchorError::NoViews);
     }
-    let eyes: Vec<Eye> = views.iter().map(|view| Eye::new(&view.camera)).collect();
+    let eyes = eyes(frame);
     let hull = match settings.source {
         Source::Given(Alignment::Metric | Alignment::Rig) => None,
         Source::Hull | Source::HullAndSweep | Source::Given(Alignment::Hull) => {
@@ -44,14 +43,14 @@ pub(super) fn surfaces<'a>(
         }
     };
     // Given depths decide themselves which pixels there are.
-    let step = match (settings.source, rays) {
-        (Source::Hull | Source::HullAndSweep, Some(rays)) => {
+    let step = match settings.source {
+        Source::Hull | Source::HullAndSweep => {
             let of = |view: &AnchorView| {
                 (0..view.photograph.pixels.len()).filter(|i| view.photograph.is_subject(*i)).count()
             };
             ground::step(views.iter().zip(&wanted).filter(|(_, w)| **w).map(|(view, _)| of(view)).sum(), rays)
         }
-        _ => 1.0,
+        Source::Given(_) => 1.0,
     };
     let mut surfaces: Vec<Surface> = (0..views.len())
         .filter(|i| wanted[*i])
@@ -105,13 +104,30 @@ pub(super) fn surfaces<'a>(
         }
         _ => (),
     }
-    let step = match (settings.source, rays) {
-        (Source::Given(_), Some(rays)) => ground::step(surfaces.iter().map(Surface::pixels).sum(), rays),
+    let step = match settings.source {
+        Source::Given(_) => ground::step(surfaces.iter().map(Surface::pixels).sum(), rays),
         _ => step,
     };
-    let seeing: Vec<Eye> = surfaces.iter().map(|surface| surface.eye.clone()).collect();
-    let front = mirror::front(&seeing, &eyes);
-    Ok(Found { surfaces, step, middle: hull.map(|hull| hull.centroid()), front })
+    Ok(Found { surfaces, step, middle: hull.map(|hull| hull.centroid()) })
+}
+
+/// Where the views that ground an anchor look, if from one side.
+pub(super) fn front(settings: &Anchor, frame: &AnchorFrame) -> Option<DVec3> {
+    let (rig, wanted) = (eyes(frame), wanted(settings, frame));
+    let grounding: Vec<Eye> =
+        rig.iter().zip(wanted).filter(|(_, w)| *w).map(|(eye, _)| eye.clone()).collect();
+    mirror::front(&grounding, &rig)
+}
+
+fn eyes(frame: &AnchorFrame) -> Vec<Eye> {
+    frame.views.iter().map(|view| Eye::new(&view.camera)).collect()
+}
+
+/// Of each view, whether it is to put Gaussians on its rays.
+fn wanted(settings: &Anchor, frame: &AnchorFrame) -> Vec<bool> {
+    let named =
+        |view: &AnchorView| settings.views.as_ref().is_none_or(|named| named.contains(&view.camera_id));
+    frame.views.iter().map(named).collect()
 }
 
 /// The pixels of the subject whose depth a map knows, and it.

@@ -1,7 +1,7 @@
 //! Plane sweep: where behind the hull's surface the photographs agree.
 //!
 //! A pixel of the subject tries depths from where its ray enters the hull to a little behind; at each
-//! the window around it is looked up in the nearest other views, and the depth at which it looks most
+//! the patch around it is looked up in the nearest other views, and the depth at which it looks most
 //! alike is taken, by zero-mean normalised cross-correlation (Collins, 1996; the mean of the best half
 //! of the views leaves out those that something hides it from, as Kang, Szeliski and Chai, 2001,
 //! have it). Where nothing is alike, or neighbours see through the point, the hull's depth stays.
@@ -37,13 +37,13 @@ const BEST: usize = 2;
 /// no depth, farther ones another side.
 const ANGLES: [f64; 2] = [0.9998, 0.5];
 
-/// The window reaches this far to either side.
+/// The patch reaches this far to either side.
 const REACH: i32 = 2;
 
 /// Least number of its pixels that must show the subject.
 const LEAST_PIXELS: usize = 13;
 
-/// Least standard deviation of the window's brightness, of 1: below there is noise.
+/// Least standard deviation of the patch's brightness, of 1: below there is noise.
 const LEAST_CONTRAST: f32 = 2.0 / 255.0;
 
 /// How alike it must look at the best depth, and by how much more than at the hull's.
@@ -55,7 +55,7 @@ const REACH_VOXELS: f64 = 3.0;
 const REACH_THICKNESS: f64 = 0.05;
 
 /// A photograph as it is compared.
-struct Plate {
+struct SweptView {
     eye: Eye,
     /// Brightness over black.
     luma: Vec<f32>,
@@ -76,26 +76,26 @@ pub(super) fn sweep(
     let neighbors: Vec<Vec<usize>> = (0..views.len()).map(|i| nearest(views, i, middle)).collect();
     // A neighbour's depths are what a view's are checked by.
     let needed = |i: usize| wanted[i] || (0..views.len()).any(|j| wanted[j] && neighbors[j].contains(&i));
-    let plates: Vec<Plate> = (0..views.len())
+    let all: Vec<SweptView> = (0..views.len())
         .into_par_iter()
         .map(|i| {
             let (eye, photograph) = views[i];
-            let mut plate = shrunk(eye, photograph, settings.size);
+            let mut view = shrunk(eye, photograph, settings.size);
             if needed(i) {
-                plate.spans = hull.spans(&plate.eye, |pixel| plate.subject[pixel]);
+                view.spans = hull.spans(&view.eye, |pixel| view.subject[pixel]);
             }
-            plate.neighbors = neighbors[i].clone();
-            plate
+            view.neighbors = neighbors[i].clone();
+            view
         })
         .collect();
-    let matched: Vec<Vec<f32>> = (0..plates.len())
-        .map(|i| if needed(i) { matched(&plates, i, settings.depths, hull.voxel) } else { Vec::new() })
+    let matched: Vec<Vec<f32>> = (0..all.len())
+        .map(|i| if needed(i) { matched(&all, i, settings.depths, hull.voxel) } else { Vec::new() })
         .collect();
     let checked = |i: usize| match wanted[i] {
-        true => checked(&plates, &matched, i, hull.voxel),
+        true => checked(&all, &matched, i, hull.voxel),
         false => DepthMap { width: 0, height: 0, depths: Vec::new() },
     };
-    (0..plates.len()).map(checked).collect()
+    (0..all.len()).map(checked).collect()
 }
 
 /// The views that look at `middle` from nearest to where view `i` does.
@@ -110,7 +110,7 @@ fn nearest(views: &[(&Eye, &Photograph)], i: usize, middle: DVec3) -> Vec<usize>
     others
 }
 
-fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> Plate {
+fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> SweptView {
     let factor = ((eye.size[0].max(eye.size[1]) + size / 2) / size.max(1)).max(1);
     let factor = factor.min(eye.size[0]).min(eye.size[1]);
     let eye = eye.shrunk(factor);
@@ -130,25 +130,25 @@ fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> Plate {
         luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
         subject.push(2 * shown > factor * factor);
     }
-    Plate { eye, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
+    SweptView { eye, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
 }
 
-/// What a window looks like: brightness less its mean, over its norm.
-struct Window {
+/// What a patch looks like: brightness less its mean, over its norm.
+struct Patch {
     /// Of each pixel, its ray as `Vec3` of its place, and its brightness.
     pixels: Vec<(Vec3, f32)>,
 }
 
-impl Window {
-    /// The window around a pixel; `None` where there is too little to compare.
-    fn around(plate: &Plate, x: i32, y: i32) -> Option<Window> {
-        let [width, height] = plate.eye.size.map(|n| n as i32);
+impl Patch {
+    /// The patch around a pixel; `None` where there is too little to compare.
+    fn around(view: &SweptView, x: i32, y: i32) -> Option<Patch> {
+        let [width, height] = view.eye.size.map(|n| n as i32);
         let mut pixels = Vec::with_capacity((2 * REACH as usize + 1).pow(2));
         for v in (y - REACH).max(0)..(y + REACH + 1).min(height) {
             for u in (x - REACH).max(0)..(x + REACH + 1).min(width) {
                 let at = (v * width + u) as usize;
-                if plate.subject[at] {
-                    pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), plate.luma[at]));
+                if view.subject[at] {
+                    pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), view.luma[at]));
                 }
             }
         }
@@ -164,12 +164,12 @@ impl Window {
         for (_, luma) in &mut pixels {
             *luma = (*luma - mean) / norm;
         }
-        Some(Window { pixels })
+        Some(Patch { pixels })
     }
 
     /// How alike it looks in `other` if it is `depth` away, -1 to 1; `rays` are those of its pixels
     /// there.
-    fn likeness(&self, other: &Plate, rays: &[Vec3], offset: Vec3, depth: f32) -> Option<f32> {
+    fn likeness(&self, other: &SweptView, rays: &[Vec3], offset: Vec3, depth: f32) -> Option<f32> {
         let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
         for ((_, luma), ray) in self.pixels.iter().zip(rays) {
             let at = depth * *ray + offset;
@@ -180,14 +180,14 @@ impl Window {
         }
         let n = self.pixels.len() as f32;
         let variance = (squares - sum * sum / n) / n;
-        // The window's own sum is 0, so the other's mean does not matter to the product.
+        // The patch's own sum is 0, so the other's mean does not matter to the product.
         Some(if variance < LEAST_CONTRAST.powi(2) { 0.0 } else { product / (variance * n).sqrt() })
     }
 }
 
 /// Brightness at a place given as pixel times depth, and depth; `None` outside the image.
-fn brightness(plate: &Plate, at: Vec3) -> Option<f32> {
-    let [width, height] = plate.eye.size;
+fn brightness(view: &SweptView, at: Vec3) -> Option<f32> {
+    let [width, height] = view.eye.size;
     let (x, y) = (at.x / at.z - 0.5, at.y / at.z - 0.5);
     let within = at.z > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
     if !within {
@@ -197,7 +197,7 @@ fn brightness(plate: &Plate, at: Vec3) -> Option<f32> {
     let (u, v) = (x - left as f32, y - top as f32);
     let row = |top: usize| {
         let at = top * width as usize + left;
-        plate.luma[at] + u * (plate.luma[at + 1] - plate.luma[at])
+        view.luma[at] + u * (view.luma[at + 1] - view.luma[at])
     };
     let (above, below) = (row(top), row(top + 1));
     Some(above + v * (below - above))
@@ -205,35 +205,35 @@ fn brightness(plate: &Plate, at: Vec3) -> Option<f32> {
 
 /// The depths of view `i` at which it looks most like its neighbours; the hull's where it looks like
 /// them at none.
-fn matched(plates: &[Plate], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
-    let plate = &plates[i];
+fn matched(all: &[SweptView], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
+    let view = &all[i];
     let depths = depths.clamp(2, 256);
     // Rays of this view in each other: pixel times depth = depth * (matrix * pixel) + offset.
-    let others: Vec<_> = plate
+    let others: Vec<_> = view
         .neighbors
         .iter()
         .map(|&other| {
-            let eye = &plates[other].eye;
-            let matrix = eye.pixel_from_world * plate.eye.world_from_pixel;
-            let offset = eye.pixel_from_world * plate.eye.position + eye.offset;
-            (&plates[other], matrix.as_mat3(), offset.as_vec3())
+            let eye = &all[other].eye;
+            let matrix = eye.pixel_from_world * view.eye.world_from_pixel;
+            let offset = eye.pixel_from_world * view.eye.position + eye.offset;
+            (&all[other], matrix.as_mat3(), offset.as_vec3())
         })
         .collect();
-    let width = plate.eye.size[0] as usize;
-    let mut swept: Vec<f32> = plate.spans.iter().map(|[enter, _]| *enter).collect();
+    let width = view.eye.size[0] as usize;
+    let mut swept: Vec<f32> = view.spans.iter().map(|[enter, _]| *enter).collect();
     swept.par_iter_mut().enumerate().filter(|(_, depth)| **depth > 0.0).for_each(|(pixel, depth)| {
         let (x, y) = (pixel % width, pixel / width);
-        let Some(window) = Window::around(plate, x as i32, y as i32) else { return };
-        let [enter, leave] = plate.spans[pixel];
-        let ray = plate.eye.ray([x as u32, y as u32]).length();
+        let Some(patch) = Patch::around(view, x as i32, y as i32) else { return };
+        let [enter, leave] = view.spans[pixel];
+        let ray = view.eye.ray([x as u32, y as u32]).length();
         let behind = (REACH_VOXELS * voxel / ray) as f32;
         let behind = behind.max(REACH_THICKNESS as f32 * (leave - enter)).min(leave - enter);
         let step = behind / (depths - 1) as f32;
         let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths];
         for (slot, (other, matrix, offset)) in others.iter().enumerate() {
-            let rays: Vec<Vec3> = window.pixels.iter().map(|(place, _)| *matrix * *place).collect();
+            let rays: Vec<Vec3> = patch.pixels.iter().map(|(place, _)| *matrix * *place).collect();
             for (k, scores) in scores.iter_mut().enumerate() {
-                let likeness = window.likeness(other, &rays, *offset, enter + k as f32 * step);
+                let likeness = patch.likeness(other, &rays, *offset, enter + k as f32 * step);
                 scores[slot] = likeness.unwrap_or(f32::NEG_INFINITY);
             }
         }
@@ -273,20 +273,20 @@ fn peak(scores: &[f32]) -> f32 {
 ///
 /// A neighbour confirms a point within a voxel of its own surface, and denies one that it sees
 /// through; of one behind its surface it says nothing.
-fn checked(plates: &[Plate], matched: &[Vec<f32>], i: usize, voxel: f64) -> DepthMap {
-    let plate = &plates[i];
-    let [width, height] = plate.eye.size;
+fn checked(all: &[SweptView], matched: &[Vec<f32>], i: usize, voxel: f64) -> DepthMap {
+    let view = &all[i];
+    let [width, height] = view.eye.size;
     let depth = |pixel: usize| {
-        let (found, [enter, _]) = (matched[i][pixel], plate.spans[pixel]);
+        let (found, [enter, _]) = (matched[i][pixel], view.spans[pixel]);
         if found == enter {
             return enter;
         }
         let pixel = pixel as u32;
-        let ray = plate.eye.ray([pixel % width, pixel / width]);
-        let point = plate.eye.position + f64::from(found) * ray;
+        let ray = view.eye.ray([pixel % width, pixel / width]);
+        let point = view.eye.position + f64::from(found) * ray;
         let mut votes = 0;
-        for &other in &plate.neighbors {
-            let eye = &plates[other].eye;
+        for &other in &view.neighbors {
+            let eye = &all[other].eye;
             let Some((place, there)) = eye.project(point) else { continue };
             let Some(at) = eye.pixel(place).filter(|at| matched[other][*at] > 0.0) else { continue };
             let before = f64::from(matched[other][at]) - there;

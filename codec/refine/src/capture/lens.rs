@@ -1,6 +1,8 @@
 //! [`Lens`]: the distortion of a camera's lens after Brown and Conrady, as OpenCV and COLMAP have
 //! it.
 
+use codec::Camera;
+
 /// Coefficients of a lens; all 0 for none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
@@ -54,6 +56,25 @@ impl Lens {
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         ])
+    }
+
+    /// Where in a picture through the lens each pixel of the picture without it comes from, row by row:
+    /// in pixels from the corner of an image of `columns` by `rows`, which covers what `camera` sees in
+    /// as many pixels or others. `None` where it was not shown; places may lie beyond the image.
+    pub fn sources(
+        self,
+        camera: &Camera,
+        [columns, rows]: [u32; 2],
+    ) -> impl Iterator<Item = Option<[f64; 2]>> {
+        let scale =
+            [f64::from(columns) / f64::from(camera.width), f64::from(rows) / f64::from(camera.height)];
+        let [f, c] = [[camera.k[0][0], camera.k[1][1]], [camera.k[0][2], camera.k[1][2]]];
+        let pixels = (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y].map(f64::from)));
+        pixels.map(move |pixel| {
+            let straight = [0, 1].map(|axis| ((pixel[axis] + 0.5) / scale[axis] - c[axis]) / f[axis]);
+            let bent = self.distort(straight)?;
+            Some([0, 1].map(|axis| (bent[axis] * f[axis] + c[axis]) * scale[axis]))
+        })
     }
 
     /// Least squared radius `q` at which `1 + 3 k1 q + 5 k2 q^2 + 7 k3 q^3`, the derivative of the

@@ -73,18 +73,12 @@ impl Photo {
         }
         let mut image = Image::new(taken.width, taken.height);
         let mut seen = Vec::with_capacity(image.pixels.len());
-        let ([fx, fy], [cx, cy]) = ([camera.k[0][0], camera.k[1][1]], [camera.k[0][2], camera.k[1][2]]);
-        for y in 0..taken.height {
-            for x in 0..taken.width {
-                let straight = [(f64::from(x) + 0.5 - cx) / fx, (f64::from(y) + 0.5 - cy) / fy];
-                let found = lens
-                    .distort(straight)
-                    .and_then(|bent| sample(&taken, [bent[0] * fx + cx - 0.5, bent[1] * fy + cy - 0.5]));
-                if let Some(pixel) = found {
-                    image.pixels[seen.len()] = pixel;
-                }
-                seen.push(found.is_some());
+        for source in lens.sources(camera, [taken.width, taken.height]) {
+            let found = source.and_then(|at| sample(&taken, at.map(|x| x - 0.5)));
+            if let Some(pixel) = found {
+                image.pixels[seen.len()] = pixel;
             }
+            seen.push(found.is_some());
         }
         Photo { image, seen }
     }

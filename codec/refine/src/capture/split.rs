@@ -50,6 +50,11 @@ impl Split {
         }
     }
 
+    /// Whether its frames are held out.
+    pub fn holds_frame(self) -> bool {
+        matches!(self, Split::InterpA | Split::InterpB)
+    }
+
     fn of(held_camera: bool, held_frame: bool) -> Split {
         match (held_camera, held_frame) {
             (false, false) => Split::Train,

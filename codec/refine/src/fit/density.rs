@@ -45,6 +45,8 @@ pub enum DensityRule {
     Floor,
     /// They move to where others live; the number of Gaussians never changes.
     Relocate,
+    /// They stay, as all do: rows keep their number and their order.
+    Fixed,
 }
 
 /// How the number of Gaussians is controlled.
@@ -78,19 +80,19 @@ pub(super) struct DensityState {
 
 /// What a control did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct DensityChange {
+pub struct DensityChange {
     /// Gaussians that were cloned.
-    pub(super) cloned: usize,
+    pub cloned: usize,
     /// Gaussians that were split in two.
-    pub(super) split: usize,
+    pub split: usize,
     /// Gaussians that were pruned: as transparent, floating or broken.
-    pub(super) pruned: usize,
+    pub pruned: usize,
     /// Those among all before pruning that float.
-    pub(super) floaters: usize,
+    pub floaters: usize,
     /// Gaussians that were to be pruned, but for the floor.
-    pub(super) kept: usize,
+    pub kept: usize,
     /// Gaussians that moved to where others live.
-    pub(super) relocated: usize,
+    pub relocated: usize,
 }
 
 impl DensityState {
@@ -165,6 +167,7 @@ impl DensityControl {
                     (0..count).map(|row| floating[row] || !lives(parameters, row)).collect();
                 change.relocated = relocate(parameters, moments, &dead, bounds, &mut random);
             }
+            DensityRule::Fixed => return None,
         }
         state.seed = random.get_seed();
         (state.pulls, state.visits) = (vec![0.0; parameters.len()], vec![0; parameters.len()]);

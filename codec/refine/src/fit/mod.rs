@@ -32,7 +32,7 @@ mod view;
 use adam::{Moments, adam};
 pub use backend::{Backend, Cpu};
 use bounds::Bounds;
-pub use density::DensityRule;
+pub use density::{DensityChange, DensityRule};
 use density::{DensityControl, DensityState};
 use extent::extent;
 pub use gradient::Gradient;

@@ -7,8 +7,8 @@ use codec::{Camera, Field};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Backend, Bounds, Clock, DensityControl, DensityRule, DensityState, Lpips, Moments, Parameters,
-    Photograph, Picture, Rates, View, adam, decay, extent, loss,
+    Backend, Bounds, Clock, DensityChange, DensityControl, DensityRule, DensityState, Lpips, Moments,
+    Parameters, Photograph, Picture, Rates, View, adam, decay, extent, loss,
 };
 
 /// Steps from one control of the number of Gaussians to the next, as in 3D Gaussian Splatting.
@@ -65,6 +65,8 @@ pub struct Step {
     pub loss: f64,
     /// Gaussians that were drawn.
     pub drawn: usize,
+    /// Gaussians that were added, moved and taken after it.
+    pub change: DensityChange,
 }
 
 /// A fit on its way.
@@ -145,14 +147,14 @@ impl Fit {
         self.non_finite += (gradient.non_finite + skipped) as u64;
         self.step += 1;
         self.density.note(&gradient.rows, &gradient.screen);
-        self.control.control(
+        let change = self.control.control(
             &mut self.density,
             &mut self.parameters,
             &mut self.moments,
             &self.bounds,
             [self.step as usize, self.settings.steps as usize],
         );
-        Step { loss: value, drawn: gradient.rows.len() }
+        Step { loss: value, drawn: gradient.rows.len(), change: change.unwrap_or_default() }
     }
 
     /// Draws what the camera of `shot` sees.

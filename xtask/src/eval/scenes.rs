@@ -1,0 +1,122 @@
+//! [`over_scenes`]: the measures of several scenes as one table, as the paper's tables have them.
+
+use std::fmt::Write;
+
+use refine::capture::Split;
+use serde::Serialize;
+
+use super::means::{SplitMeasures, mean};
+
+/// A measure's mean over scenes and its standard deviation from scene to scene (of these scenes, not
+/// of all that they stand for: divided by their number). The fields are keys of the JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Mean of the scenes' means.
+    pub mean: f64,
+    /// Standard deviation of the scenes' means.
+    pub deviation: f64,
+}
+
+/// Measures of a split over scenes; the fields are keys of the JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneMeasures {
+    /// Name of the split.
+    pub split: &'static str,
+    /// PSNR in dB over the subject, of the scenes that show it.
+    pub psnr_fg: Option<Spread>,
+    /// PSNR in dB over whole images.
+    pub psnr_full: Spread,
+    /// SSIM of whole images.
+    pub ssim: Spread,
+    /// LPIPS of whole images; absent without the weights of a network.
+    pub lpips: Option<Spread>,
+    /// Number of scenes with this split.
+    pub scenes: usize,
+    /// Number of images in all of them.
+    pub images: usize,
+}
+
+/// Means and deviations of each split over `scenes`, of which each counts as much as any other.
+pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
+    let of = |split: Split| {
+        let rows: Vec<&SplitMeasures> =
+            scenes.iter().flatten().filter(|row| row.split == split.name()).collect();
+        let known = |of: fn(&SplitMeasures) -> Option<f64>| -> Option<Spread> {
+            spread(&rows.iter().filter_map(|row| of(row)).collect::<Vec<_>>())
+        };
+        Some(SceneMeasures {
+            split: split.name(),
+            psnr_fg: known(|row| row.psnr_fg),
+            psnr_full: known(|row| Some(row.psnr_full))?,
+            ssim: known(|row| Some(row.ssim))?,
+            lpips: known(|row| row.lpips),
+            scenes: rows.len(),
+            images: rows.iter().map(|row| row.images).sum(),
+        })
+    };
+    Split::ALL.into_iter().filter_map(of).collect()
+}
+
+/// `None` of nothing.
+fn spread(numbers: &[f64]) -> Option<Spread> {
+    let center = mean(numbers);
+    let squares: Vec<f64> = numbers.iter().map(|x| (x - center).powi(2)).collect();
+    (!numbers.is_empty()).then(|| Spread { mean: center, deviation: mean(&squares).sqrt() })
+}
+
+/// The rows as a table in Markdown.
+pub fn scenes_table(rows: &[SceneMeasures]) -> String {
+    let mut text = String::from(
+        "| split | scenes | images | PSNR of the subject, dB | whole frame, dB | SSIM | LPIPS |\n\
+         |---|---|---|---|---|---|---|\n",
+    );
+    for SceneMeasures { split, psnr_fg, psnr_full, ssim, lpips, scenes, images } in rows {
+        let db = |spread: &Spread| show(spread, 2);
+        let subject = psnr_fg.as_ref().map_or("–".into(), db);
+        let lpips = lpips.as_ref().map_or("–".into(), |spread| show(spread, 4));
+        let (full, ssim) = (db(psnr_full), show(ssim, 4));
+        writeln!(text, "| {split} | {scenes} | {images} | {subject} | {full} | {ssim} | {lpips} |")
+            .expect("text grows");
+    }
+    text
+}
+
+/// Nothing deviates from infinity, which exact pictures have.
+fn show(Spread { mean, deviation }: &Spread, digits: usize) -> String {
+    match mean.is_finite() {
+        true => format!("{mean:.digits$} ± {deviation:.digits$}"),
+        false => format!("{mean:.digits$}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(split: &'static str, psnr_fg: Option<f64>, psnr_full: f64) -> SplitMeasures {
+        SplitMeasures {
+            split,
+            psnr_fg,
+            psnr_fg_deviation: psnr_fg.map(|_| 9.0),
+            psnr_full,
+            ssim: 0.5,
+            lpips: None,
+            images: 10,
+            without_subject: 0,
+        }
+    }
+
+    #[test]
+    fn every_scene_counts_as_much_as_any_other() {
+        let one = vec![scene("train", Some(20.0), 30.0), scene("interp_b", None, 28.0)];
+        let other = vec![SplitMeasures { images: 90, ..scene("train", Some(26.0), f64::INFINITY) }];
+        let rows = over_scenes(&[one, other]);
+        assert_eq!(rows[0].psnr_fg, Some(Spread { mean: 23.0, deviation: 3.0 }));
+        assert_eq!((rows[0].scenes, rows[0].images, rows[0].lpips), (2, 100, None));
+        assert_eq!((rows[1].split, rows[1].scenes, rows[1].psnr_fg), ("interp_b", 1, None));
+        let table = scenes_table(&rows);
+        assert!(table.contains("| train | 2 | 100 | 23.00 ± 3.00 | inf | 0.5000 ± 0.0000 | – |"), "{table}");
+        assert!(table.contains("| interp_b | 1 | 10 | – | 28.00 ± 0.00 |"), "{table}");
+        assert!(over_scenes(&[]).is_empty());
+    }
+}
