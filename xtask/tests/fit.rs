@@ -106,7 +106,7 @@ fn a_killed_fit_ends_as_it_would_have() {
     assert!(resumed["resumed_at"].as_u64().unwrap() >= 600, "{resumed}");
     assert!(fs::read(folder.join("field.ply")).unwrap() == whole, "the same field on one thread, bit by bit");
 
-    fs::write(folder.join("field.checkpoint"), b"aarcfit\x01 and then nonsense").unwrap();
+    fs::write(folder.join("field.checkpoint"), b"aarcfit\x02 and then nonsense").unwrap();
     assert!(xtask(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
 }
 
@@ -136,6 +136,54 @@ fn a_capture_becomes_a_package() {
     assert!(xtask(folder, &["package", "stage"]).error(2).contains("stage.ply is there already"));
     let json = xtask(folder, &["inspect", "stage.aarc", "--json"]).json();
     assert_eq!(json["motion_order"], 0, "one frame does not move");
+}
+
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_build_without_the_graphics_device_says_so() {
+    let folder = studio();
+    let error = xtask(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
+    assert!(error.contains("--features gpu"), "{error}");
+}
+
+/// On the CPU and on the device, from one to the other and back.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_graphics_device_fits_as_the_cpu_does() {
+    if let Err(error) = refine::fit::gpu::Gpu::open() {
+        println!("skipped: {error}");
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let args = ["--steps", "300", "--gaussians", "800", "--anchor", "hull"];
+    fit(folder, &args);
+    let by_cpu = measured(folder, "train");
+    let json = fit(folder, &[&args[..], &["--backend", "gpu"]].concat());
+    let backend = json["backend"].as_str().unwrap();
+    assert!(backend.starts_with("gpu, "), "{backend}");
+    assert!(json["peak_device_bytes"].as_u64() > Some(100_000), "{json}");
+    let by_device = measured(folder, "train");
+    println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by {backend}");
+    assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn without_a_graphics_device_a_fit_ends_with_5() {
+    let folder = studio();
+    let output = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(folder.path())
+        .args(["fit", "stage", "--backend", "gpu"])
+        .env("VK_DRIVER_FILES", "none.json")
+        .env("VK_ICD_FILENAMES", "none.json")
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{error}");
+    assert!(error.starts_with("error: no graphics device was found"), "{error}");
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub(crate) struct Args {
 
 /// Sets of packages and features that are built by someone on their own: what one set needs, a
 /// build of the whole workspace can hide.
-const FEATURE_SETS: [(&str, &[&str]); 8] = [
+const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("whole workspace", &["--workspace", "--all-targets"]),
     ("the player", &["--package", "client"]),
     (
@@ -39,6 +39,21 @@ const FEATURE_SETS: [(&str, &[&str]); 8] = [
     ("the player in neither", &["--package", "client", "--no-default-features"]),
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
+    ("the host tool", &["--package", "xtask", "--all-targets"]),
+    (
+        "fitting on graphics devices",
+        &[
+            "--package",
+            "xtask",
+            "--package",
+            "refine",
+            "--package",
+            "shaders",
+            "--all-targets",
+            "--features",
+            "xtask/gpu,shaders/fit",
+        ],
+    ),
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
@@ -75,6 +90,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     steps.run(
         "tests in a headset",
         workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]),
+    );
+    steps.run(
+        "fitting on a graphics device",
+        workspace::cargo()
+            .args(["test", "--quiet", "--locked", "--package", "xtask", "--features", "gpu"])
+            .args(["--test", "fit", "graphics_device"]),
     );
     packer(&mut steps);
     android::check(&mut steps, args.link);

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::anchor::Mirror;
-use refine::fit::{Cpu, DensityRule};
+use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::json;
 use xtask::capture::Footage;
 use xtask::export::field_file;
@@ -125,8 +125,11 @@ enum Rule {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Engine {
-    /// All cores; the same result for any number of them
+    /// All cores; the same result for any number of them, bit by bit
     Cpu,
+    /// The graphics device; results differ in their last digits from run to run. Takes a build with
+    /// --features gpu
+    Gpu,
 }
 
 fn positive(text: &str) -> Result<f32, String> {
@@ -177,11 +180,9 @@ fn fit_to(out: &Path, args: &Args) -> anyhow::Result<Done> {
     bar.finish_and_clear();
 
     let settings = settings(args, &footage, &shots)?;
-    let mut backend = match args.backend {
-        Engine::Cpu => Cpu,
-    };
+    let mut backend = open(args.backend)?;
     let runtime = Runtime {
-        backend: &mut backend,
+        backend: &mut *backend,
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
@@ -193,6 +194,31 @@ fn fit_to(out: &Path, args: &Args) -> anyhow::Result<Done> {
     output::write(out, &field_file(&fitted.field, &fit::info(&footage, args.fps)))?;
     fit::forget_checkpoint(out)?;
     Ok(Done { settings, fitted, splits })
+}
+
+/// What draws.
+fn open(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
+    match engine {
+        Engine::Cpu => Ok(Box::new(Cpu::default())),
+        Engine::Gpu => open_gpu(),
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    match refine::fit::gpu::Gpu::open() {
+        Ok(gpu) => Ok(Box::new(gpu)),
+        Err(error) => Err(Fault::Device(error.to_string())),
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    Err(Fault::Usage(
+        "--backend gpu: this build has no back end for graphics devices; \
+         run `cargo run --release --package xtask --features gpu -- fit ...`"
+            .into(),
+    ))
 }
 
 fn settings(args: &Args, footage: &Footage, shots: &Shots) -> Result<Settings, Fault> {
@@ -248,8 +274,7 @@ fn checksum(path: &Path) -> Result<u32, Fault> {
 
 fn show(bar: &ProgressBar, progress: &Progress) {
     bar.set_position(progress.step);
-    let held = progress.entry.and_then(|entry| entry.held_psnr_db);
-    let held = held.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
+    let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
@@ -264,6 +289,7 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
             "lpips": settings.lpips, "backend": fitted.backend,
+            "peak_device_bytes": fitted.peak_device_bytes,
         });
         println!("{object:#}");
         return Ok(());
@@ -284,6 +310,9 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
         println!("resumed          at step {}", fitted.resumed_at);
     }
     println!("steps            {}, {ms_per_step:.1} ms each by {}", settings.steps, fitted.backend);
+    if let Some(bytes) = fitted.peak_device_bytes {
+        println!("peak device memory {:.1} MB", bytes as f64 * 1e-6);
+    }
     println!(
         "{}, {}, {}, written in {:.1} s",
         out.display(),

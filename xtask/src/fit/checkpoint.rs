@@ -11,7 +11,7 @@ use crate::fault::Fault;
 use crate::output;
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: [u8; 8] = *b"aarcfit\x01";
+const MAGIC: [u8; 8] = *b"aarcfit\x02";
 
 /// A fit, and what was asked for.
 #[derive(Serialize, Deserialize)]

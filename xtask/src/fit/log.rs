@@ -8,7 +8,7 @@ use refine::fit::{Picture, Shot};
 use serde::{Deserialize, Serialize};
 
 /// A line of the table.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Steps done.
     pub step: u64,
@@ -22,6 +22,8 @@ pub struct Entry {
     pub gaussians: usize,
     /// Mean number of them in a picture since the last line.
     pub drawn: usize,
+    /// What drew them, and on which device.
+    pub backend: String,
 }
 
 /// Where the table of a field's fit lies: beside it.
@@ -44,10 +46,12 @@ pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
 
 /// The table as CSV.
 pub fn csv(entries: &[Entry]) -> String {
-    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn\n");
-    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn } in entries {
+    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn,backend\n");
+    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn, backend } in entries {
         let held = held_psnr_db.map_or(String::new(), |psnr| format!("{psnr:.3}"));
-        writeln!(text, "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn}").expect("text grows");
+        let backend = backend.replace('"', "'");
+        writeln!(text, "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn},\"{backend}\"")
+            .expect("text grows");
     }
     text
 }
