@@ -1,7 +1,8 @@
 //! The WGSL stages and the Rust counterparts of the structs they share.
 //!
 //! A shader is put together for the clip it draws: [`compose`] concatenates the files that the
-//! clip's [`Features`] call for. What a clip does not have is then neither code nor binding.
+//! clip's [`Features`] call for. What a clip does not have is then neither code nor binding. The stages of
+//! fitting, which players do without, are in `fit`, behind the feature of that name.
 //!
 //! | group | binding | what | stage |
 //! |---|---|---|---|
@@ -14,6 +15,8 @@
 //! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] a row | vertex |
 //! | 2 | [`COUNTS`] | for [`Purpose::Count`]: fragments of every instance | fragment |
 
+#[cfg(feature = "fit")]
+pub mod fit;
 pub mod layout;
 
 #[cfg(test)]

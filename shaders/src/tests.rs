@@ -82,7 +82,7 @@ fn a_shader_binds_what_its_field_has_and_no_more() {
 }
 
 /// Size of a WGSL struct, and name and offset of its members.
-fn struct_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
+pub(crate) fn struct_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
     let (_, found) = module
         .types
         .iter()
@@ -97,12 +97,14 @@ fn struct_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usiz
 
 macro_rules! assert_layout {
     ($module:expr, $name:ident { $($member:ident),+ }) => {
-        let (size, members) = struct_layout($module, stringify!($name));
+        let (size, members) = crate::tests::struct_layout($module, stringify!($name));
         assert_eq!(size, size_of::<$name>(), stringify!($name));
         let expected = vec![$((stringify!($member).to_owned(), offset_of!($name, $member))),+];
         assert_eq!(members, expected, stringify!($name));
     };
 }
+#[cfg(feature = "fit")]
+pub(crate) use assert_layout;
 
 #[test]
 fn structs_have_the_layout_of_their_counterparts() {

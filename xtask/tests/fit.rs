@@ -197,6 +197,54 @@ fn a_capture_becomes_a_package() {
     assert_eq!(json["motion_order"], 0, "one frame does not move");
 }
 
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_build_without_the_graphics_device_says_so() {
+    let folder = studio();
+    let error = xtask(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
+    assert!(error.contains("--features gpu"), "{error}");
+}
+
+/// On the CPU and on the device, from one to the other and back.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_graphics_device_fits_as_the_cpu_does() {
+    if let Err(error) = refine::fit::gpu::Gpu::open() {
+        println!("skipped: {error}");
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let args = ["--steps", "300", "--gaussians", "800", "--anchor", "hull"];
+    fit(folder, &args);
+    let by_cpu = measured(folder, "train");
+    let json = fit(folder, &[&args[..], &["--backend", "gpu"]].concat());
+    let backend = json["backend"].as_str().unwrap();
+    assert!(backend.starts_with("gpu, "), "{backend}");
+    assert!(json["peak_device_bytes"].as_u64() > Some(100_000), "{json}");
+    let by_device = measured(folder, "train");
+    println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by {backend}");
+    assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn without_a_graphics_device_a_fit_ends_with_5() {
+    let folder = studio();
+    let output = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(folder.path())
+        .args(["fit", "stage", "--backend", "gpu"])
+        .env("VK_DRIVER_FILES", "none.json")
+        .env("VK_ICD_FILENAMES", "none.json")
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{error}");
+    assert!(error.starts_with("error: no graphics device was found"), "{error}");
+}
+
 #[test]
 fn what_cannot_be_fitted_is_said_in_one_line() {
     let folder = studio();

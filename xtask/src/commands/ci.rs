@@ -28,7 +28,7 @@ pub(crate) struct Args {
 
 /// Sets of packages and features that are built by someone on their own: what one set needs, a
 /// build of the whole workspace can hide.
-const FEATURE_SETS: [(&str, &[&str]); 9] = [
+const FEATURE_SETS: [(&str, &[&str]); 11] = [
     ("whole workspace", &["--workspace", "--all-targets"]),
     ("the player", &["--package", "client"]),
     (
@@ -40,6 +40,21 @@ const FEATURE_SETS: [(&str, &[&str]); 9] = [
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
     ("the host tool with networks", &["--package", "xtask", "--all-targets", "--features", "onnx"]),
+    ("the host tool", &["--package", "xtask", "--all-targets"]),
+    (
+        "fitting on graphics devices",
+        &[
+            "--package",
+            "xtask",
+            "--package",
+            "refine",
+            "--package",
+            "shaders",
+            "--all-targets",
+            "--features",
+            "xtask/gpu,shaders/fit",
+        ],
+    ),
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
@@ -89,6 +104,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "--test",
             "depths",
         ]),
+        "fitting on a graphics device",
+        workspace::cargo()
+            .args(["test", "--quiet", "--locked", "--package", "xtask", "--features", "gpu"])
+            .args(["--test", "fit", "graphics_device"]),
     );
     packer(&mut steps);
     android::check(&mut steps, args.link);

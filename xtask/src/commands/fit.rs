@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::anchor::Mirror;
-use refine::fit::{Cpu, DensityRule};
+use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::json;
 use xtask::capture::Footage;
 use xtask::export::field_file;
@@ -128,8 +128,11 @@ enum Rule {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Engine {
-    /// All cores; the same result for any number of them
+    /// All cores; the same result for any number of them, bit by bit
     Cpu,
+    /// The graphics device; results differ in their last digits from run to run. Takes a build with
+    /// --features gpu
+    Gpu,
 }
 
 fn positive(text: &str) -> Result<f32, String> {
@@ -144,7 +147,8 @@ pub(super) fn by_default(
     settings: &Settings,
     out: &Path,
 ) -> anyhow::Result<()> {
-    let runtime = Runtime { backend: &mut Cpu, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
+    let runtime =
+        Runtime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
     fit_to(out, settings, footage, shots, runtime, DEFAULT_FPS).map(drop)
 }
 
@@ -162,11 +166,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings(args, &footage)?;
     fit::check_checkpoint(&settings, &out)?;
     let shots = load_shots(&footage, holdout)?;
-    let mut backend = match args.backend {
-        Engine::Cpu => Cpu,
-    };
+    let mut backend = open(args.backend)?;
     let runtime = Runtime {
-        backend: &mut backend,
+        backend: &mut *backend,
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
@@ -198,6 +200,31 @@ fn fit_to(
     output::write(out, &field_file(&fitted.field, &fit::info(footage, fps)))?;
     fit::forget_checkpoint(out)?;
     Ok(fitted)
+}
+
+/// What draws.
+fn open(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
+    match engine {
+        Engine::Cpu => Ok(Box::new(Cpu::default())),
+        Engine::Gpu => open_gpu(),
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    match refine::fit::gpu::Gpu::open() {
+        Ok(gpu) => Ok(Box::new(gpu)),
+        Err(error) => Err(Fault::Device(error.to_string())),
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    Err(Fault::Usage(
+        "--backend gpu: this build has no back end for graphics devices; \
+         run `cargo run --release --package xtask --features gpu -- fit ...`"
+            .into(),
+    ))
 }
 
 fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
@@ -257,8 +284,7 @@ fn checksum(path: &Path) -> Result<u32, Fault> {
 
 fn show(bar: &ProgressBar, progress: &Progress) {
     bar.set_position(progress.step);
-    let held = progress.entry.and_then(|entry| entry.held_psnr_db);
-    let held = held.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
+    let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
@@ -273,6 +299,7 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
             "lpips": settings.lpips, "backend": fitted.backend,
+            "peak_device_bytes": fitted.peak_device_bytes,
         });
         println!("{object:#}");
         return Ok(());
@@ -293,6 +320,9 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
         println!("resumed          at step {}", fitted.resumed_at);
     }
     println!("steps            {}, {ms_per_step:.1} ms each by {}", settings.steps, fitted.backend);
+    if let Some(bytes) = fitted.peak_device_bytes {
+        println!("peak device memory {:.1} MB", bytes as f64 * 1e-6);
+    }
     println!(
         "{}, {}, {}, written in {:.1} s",
         out.display(),

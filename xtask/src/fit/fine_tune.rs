@@ -2,7 +2,7 @@
 //! where its row is.
 
 use codec::Field;
-use refine::fit::{self, Backend, DensityRule, Fit, Parameters, Picture, Shot};
+use refine::fit::{self, Backend, DensityRule, DeviceError, Fit, Parameters, Picture, Run, Shot};
 use serde::Serialize;
 
 use super::{Shots, mean_psnr};
@@ -36,6 +36,9 @@ impl FineTuning<'_> {
     /// Moves `field`, which is not empty. The result has its rows in their order. `on_step` is called
     /// after each step.
     ///
+    /// # Errors
+    /// A [`DeviceError`] of the back end.
+    ///
     /// # Panics
     /// If there is no photograph to fit to.
     pub fn run(
@@ -43,29 +46,31 @@ impl FineTuning<'_> {
         field: &Field,
         backend: &mut dyn Backend,
         mut on_step: impl FnMut(),
-    ) -> (Field, FineTuned) {
+    ) -> Result<(Field, FineTuned), DeviceError> {
         let FineTuning { shots, steps } = *self;
         let settings =
             fit::Settings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::Settings::default() };
         let parameters = Parameters::from_field(field, shots.clock);
         let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
-        let mut fit = Fit::new(settings, parameters, shots.clock, cameras);
+        let mut run = Fit::new(settings, parameters, shots.clock, cameras).run(backend)?;
         let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
-        let held_before_db = held_psnr(&fit, shots, backend);
-        while !fit.is_done() {
-            fit.step_on(&train, None, backend);
+        let held_before_db = held_psnr(&mut run, shots)?;
+        while !run.is_done() {
+            run.step_on(&train, None)?;
             on_step();
         }
-        let held_after_db = held_psnr(&fit, shots, backend);
+        let held_after_db = held_psnr(&mut run, shots)?;
+        let fit = run.pause()?;
         let photographs = train.len();
         let non_finite = fit.non_finite();
-        (fit.to_field(), FineTuned { steps, photographs, held_before_db, held_after_db, non_finite })
+        Ok((fit.to_field(), FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }))
     }
 }
 
-fn held_psnr(fit: &Fit, shots: &Shots, backend: &mut dyn Backend) -> Option<f64> {
-    let pictures: Vec<Picture<f32>> = shots.held.iter().map(|shot| fit.draw(shot, backend)).collect();
-    mean_psnr(shots, &pictures)
+fn held_psnr(run: &mut Run, shots: &Shots) -> Result<Option<f64>, DeviceError> {
+    let pictures: Result<Vec<Picture<f32>>, DeviceError> =
+        shots.held.iter().map(|shot| run.draw(shot)).collect();
+    Ok(mean_psnr(shots, &pictures?))
 }
 
 #[cfg(test)]
@@ -73,7 +78,7 @@ mod tests {
     use super::*;
     use codec::{Camera, Temporal};
     use refine::capture::CaptureShot;
-    use refine::fit::{Clock, Cpu, Photograph, View};
+    use refine::fit::{Clock, Cpu, Photograph, View, cpu};
 
     const CLOCK: Clock = Clock { frames: 3 };
 
@@ -104,7 +109,7 @@ mod tests {
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
             let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.9, 32, 32);
             let frame = frame as f64;
-            let picture = Cpu.draw(&parameters, &View { camera: &camera, frame });
+            let picture = cpu::draw(&parameters, &View { camera: &camera, frame }).picture;
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
             let pixels = picture.pixels.iter().map(|&[r, g, b, _]| [r, g, b, 1.0].map(byte)).collect();
             let photograph = Photograph { width: 32, height: 32, pixels, seen: Vec::new() };
@@ -122,7 +127,8 @@ mod tests {
         moved.sh[1] = [0.0; 3];
         let shots = shots();
         let mut steps = 0;
-        let (tuned, report) = FineTuning { shots: &shots, steps: 400 }.run(&moved, &mut Cpu, || steps += 1);
+        let tuning = FineTuning { shots: &shots, steps: 400 };
+        let (tuned, report) = tuning.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
         assert_eq!((steps, report.steps, report.photographs, report.non_finite), (400, 400, 8, 0));
         let (before, after) = (report.held_before_db.unwrap(), report.held_after_db.unwrap());
         assert!(after > before + 6.0, "{before} {after}");

@@ -8,7 +8,7 @@ use refine::fit::{DensityChange, Picture, Shot};
 use serde::{Deserialize, Serialize};
 
 /// A line of the table.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Steps done.
     pub step: u64,
@@ -24,6 +24,8 @@ pub struct Entry {
     pub drawn: usize,
     /// Gaussians that were added, taken and moved to others' places since the last line.
     pub density: Density,
+    /// What drew them, and on which device.
+    pub backend: String,
 }
 
 /// What the control of density did over some steps.
@@ -66,13 +68,15 @@ pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
 
 /// The table as CSV.
 pub fn csv(entries: &[Entry]) -> String {
-    let mut text = String::from("step,seconds,loss,held_psnr_db,gaussians,drawn,added,pruned,relocated\n");
-    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn, density } in entries {
+    let mut text =
+        String::from("step,seconds,loss,held_psnr_db,gaussians,drawn,added,pruned,relocated,backend\n");
+    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn, density, backend } in entries {
         let held = held_psnr_db.map_or(String::new(), |psnr| format!("{psnr:.3}"));
         let Density { added, pruned, relocated } = density;
+        let backend = backend.replace('"', "'");
         writeln!(
             text,
-            "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn},{added},{pruned},{relocated}"
+            "{step},{seconds:.1},{loss:.6},{held},{gaussians},{drawn},{added},{pruned},{relocated},\"{backend}\""
         )
         .expect("text grows");
     }

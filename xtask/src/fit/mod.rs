@@ -20,7 +20,7 @@ use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{self, Backend, DensityRule, Fit, Lpips, Picture, Shot};
+use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, Picture, Run, Shot};
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Footage;
@@ -94,8 +94,8 @@ pub struct Progress {
     pub step: u64,
     /// Loss of the last step.
     pub loss: f64,
-    /// The last line of the table.
-    pub entry: Option<Entry>,
+    /// PSNR of the last line of the table.
+    pub held_psnr_db: Option<f64>,
     /// Gaussians.
     pub gaussians: usize,
 }
@@ -115,16 +115,18 @@ pub struct Fitted {
     pub started_with: usize,
     /// Mean time of the steps of this run, without pictures and files between them.
     pub ms_per_step: f64,
-    /// What drew.
-    pub backend: &'static str,
+    /// What drew, and on which device.
+    pub backend: String,
+    /// Most memory of the device that was taken at once, in bytes; `None` without one.
+    pub peak_device_bytes: Option<u64>,
 }
 
 /// Fits a field to the photographs of `shots`, as `settings` say. `out` is the path of the field,
 /// beside which the table, the picture and the checkpoint go; the field itself is left to the caller.
 ///
 /// # Errors
-/// A [`Fault`] where there is nothing to start from or a file cannot be read or
-/// written.
+/// A [`Fault`] where there is nothing to start from, a file cannot be read or written, or the device
+/// fails; what was done up to the last checkpoint is then kept.
 pub fn fit(
     settings: &Settings,
     footage: &Footage,
@@ -141,7 +143,7 @@ pub fn fit(
         }
     }
     let path = checkpoint::path_for(out);
-    let Checkpoint { mut fit, seconds: before, mut entries, mut tally, .. } =
+    let Checkpoint { fit, seconds: before, mut entries, mut tally, .. } =
         match Checkpoint::load(&path, settings)? {
             Some(checkpoint) => checkpoint,
             None => {
@@ -155,26 +157,29 @@ pub fn fit(
                 }
             }
         };
-    let resumed_at = fit.step();
+    let (resumed_at, started_with) = (fit.step(), fit.started_with());
+    let mut run = fit.run(backend).map_err(on_device)?;
     let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
     let start = Instant::now();
     let (mut saved, mut shown) = (start, start);
     let every = (settings.steps / LINES).max(1);
     let mut stepping = Duration::ZERO;
-    while !fit.is_done() {
+    while !run.is_done() {
         let begun = Instant::now();
-        let step = fit.step_on(&train, lpips, backend);
+        let step = run.step_on(&train, lpips).map_err(on_device)?;
         stepping += begun.elapsed();
         tally.loss += step.loss;
         tally.drawn += step.drawn;
-        tally.density.add(step.change);
+        tally.density.add(run.change());
         tally.steps += 1;
-        let done = fit.step();
-        if done % every == 0 || fit.is_done() {
+        let done = run.step();
+        if done % every == 0 || run.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
-            let pictures: Vec<Picture<f32>> = shots.held.iter().map(|shot| fit.draw(shot, backend)).collect();
+            let pictures: Result<Vec<Picture<f32>>, DeviceError> =
+                shots.held.iter().map(|shot| run.draw(shot)).collect();
+            let pictures = pictures.map_err(on_device)?;
             let held_psnr_db = mean_psnr(shots, &pictures);
-            let gaussians = fit.len();
+            let gaussians = run.len();
             entries.push(Entry {
                 step: done,
                 seconds,
@@ -183,16 +188,19 @@ pub fn fit(
                 gaussians,
                 drawn: tally.drawn / tally.steps as usize,
                 density: tally.density,
+                backend: run.backend(),
             });
             tally = Tally::default();
             output::write(&log::table_path(out), log::csv(&entries).as_bytes())?;
-            output::write_png(&log::preview_path(out), &preview(&fit, shots, &pictures, backend))?;
+            output::write_png(&log::preview_path(out), &preview(&mut run, shots, &pictures)?)?;
         }
-        if saved.elapsed() >= checkpoint_every && !fit.is_done() {
+        if saved.elapsed() >= checkpoint_every && !run.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
+            let fit = run.pause().map_err(on_device)?;
             let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries, tally };
             checkpoint.save(&path)?;
-            Checkpoint { fit, entries, .. } = checkpoint;
+            entries = checkpoint.entries;
+            run = checkpoint.fit.run(backend).map_err(on_device)?;
             saved = Instant::now();
         }
         if shown.elapsed() >= SHOW_EVERY {
@@ -200,20 +208,26 @@ pub fn fit(
             on_progress(&Progress {
                 step: done,
                 loss: step.loss,
-                entry: entries.last().copied(),
-                gaussians: fit.len(),
+                held_psnr_db: entries.last().and_then(|entry| entry.held_psnr_db),
+                gaussians: run.len(),
             });
         }
     }
+    let fit = run.pause().map_err(on_device)?;
     Ok(Fitted {
         field: fit.to_field(),
         entries,
         non_finite: fit.non_finite(),
         resumed_at,
-        started_with: fit.started_with(),
+        started_with,
         ms_per_step: 1e3 * stepping.as_secs_f64() / (settings.steps - resumed_at) as f64,
         backend: backend.name(),
+        peak_device_bytes: backend.peak_device_bytes(),
     })
+}
+
+fn on_device(error: DeviceError) -> Fault {
+    Fault::Device(error.to_string())
 }
 
 /// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
@@ -225,15 +239,15 @@ fn mean_psnr(shots: &Shots, pictures: &[Picture<f32>]) -> Option<f64> {
 
 /// The picture that is left beside the field: of a held photograph where there is one. `pictures` are
 /// those of the held ones.
-fn preview(fit: &Fit, shots: &Shots, pictures: &[Picture<f32>], backend: &mut dyn Backend) -> RgbImage {
+fn preview(run: &mut Run, shots: &Shots, pictures: &[Picture<f32>]) -> Result<RgbImage, Fault> {
     let held = shots.held.len() / 2;
-    match (shots.held.get(held), pictures.get(held)) {
+    Ok(match (shots.held.get(held), pictures.get(held)) {
         (Some(shot), Some(picture)) => log::preview(shot, picture),
         _ => {
             let shot = &shots.train[shots.train.len() / 2].1;
-            log::preview(shot, &fit.draw(shot, backend))
+            log::preview(shot, &run.draw(shot).map_err(on_device)?)
         }
-    }
+    })
 }
 
 impl Settings {

@@ -185,10 +185,11 @@ fn fine_tuned(
     let Some(fine_tuning) = fine_tuning else { return (kept, None) };
     progress.set_message("fine-tuning");
     let mut steps = 0;
-    let (field, report) = fine_tuning.run(&kept, &mut Cpu, || {
+    let tuned = fine_tuning.run(&kept, &mut Cpu::default(), || {
         steps += 1;
         progress.inc(u64::from(steps % STEPS_PER_WORK == 0));
     });
+    let (field, report) = tuned.expect("the CPU is always there");
     (field, Some(report))
 }
 

@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use super::columns::{columns, columns_mut, of_row};
 use super::{Bounds, Parameters, Rates, Real};
 
-const BETA1: f64 = 0.9;
-const BETA2: f64 = 0.999;
+pub(super) const BETA1: f64 = 0.9;
+pub(super) const BETA2: f64 = 0.999;
 
 /// Gradients are means over many pixels, 1e-9 and less: the usual 1e-8 would still them.
-const EPSILON: f64 = 1e-15;
+pub(super) const EPSILON: f64 = 1e-15;
 
 /// Rows that one thread takes.
 const CHUNK: usize = 1024;

@@ -1,49 +1,122 @@
-//! [`Backend`]: who draws, and follows the derivatives back.
+//! [`Backend`]: who draws, follows the derivatives back, and moves what is fitted.
 
-use super::{Gradient, Parameters, Picture, View, cpu};
+use std::fmt;
 
-/// Draws Gaussians over black and differentiates what it draws, by the conventions of
-/// [`crate::reference`].
+use super::density::Pulls;
+use super::{Bounds, Lpips, Moments, Parameters, Picture, Rates, Shot, Step, View};
+
+/// The Gaussians of a fit, and what its steps remember of each: what a back end holds while it steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    pub(super) parameters: Parameters<f32>,
+    pub(super) moments: Moments<f32>,
+    pub(super) pulls: Pulls,
+}
+
+impl From<Parameters<f32>> for Gaussians {
+    /// Gaussians that have not moved yet.
+    fn from(parameters: Parameters<f32>) -> Gaussians {
+        Gaussians { moments: Moments::new(&parameters), pulls: Pulls::none(parameters.len()), parameters }
+    }
+}
+
+/// How a step is taken.
+pub struct Pace<'a> {
+    pub(super) rates: Rates,
+    pub(super) bounds: Bounds,
+    /// See [`Drawing::backward`](super::cpu::Drawing::backward).
+    pub(super) detached: bool,
+    /// A part of the loss, where there are weights for it.
+    pub(super) lpips: Option<&'a Lpips<f32>>,
+}
+
+/// Fits Gaussians by the conventions of [`crate::reference`]. Between [`Backend::load`] and
+/// [`Backend::store`] they are where it computes.
 pub trait Backend {
-    /// Name in logs.
-    fn name(&self) -> &'static str;
+    /// Name in logs, with that of the device where there is one.
+    fn name(&self) -> String;
 
-    /// Draws a picture.
-    fn draw(&mut self, parameters: &Parameters<f32>, view: &View) -> Picture<f32>;
+    /// Takes Gaussians, in place of those that it had.
+    ///
+    /// # Errors
+    /// A [`DeviceError`], where they do not fit on the device.
+    fn load(&mut self, gaussians: Gaussians) -> Result<(), DeviceError>;
 
-    /// Draws a picture, gives it to `objective`, which returns the gradient by its pixels, and returns
-    /// the gradient by the parameters. `detached`: see [`cpu::Drawing::backward`].
-    fn gradient(
-        &mut self,
-        parameters: &Parameters<f32>,
-        view: &View,
-        detached: bool,
-        objective: &mut dyn FnMut(&Picture<f32>) -> Vec<[f32; 4]>,
-    ) -> Gradient<f32>;
+    /// Draws what was loaded.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    ///
+    /// # Panics
+    /// If nothing was loaded; so do the others.
+    fn draw(&mut self, view: &View) -> Result<Picture<f32>, DeviceError>;
+
+    /// Takes a step: draws what the camera of `shot` sees, compares it with the photograph, follows the
+    /// difference back, and moves the Gaussians that are in the picture.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the Gaussians may then be lost.
+    fn step(&mut self, shot: &Shot, pace: &Pace) -> Result<Step, DeviceError>;
+
+    /// Gives the Gaussians back.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the Gaussians are then lost.
+    fn store(&mut self) -> Result<Gaussians, DeviceError>;
+
+    /// Most memory of a device that it held at once, in bytes; `None` without one.
+    fn peak_device_bytes(&self) -> Option<u64>;
 }
 
-/// All cores of the machine. The same bits for any number of them.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Cpu;
+/// Why a device cannot go on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceError {
+    /// There is none.
+    Missing(String),
+    /// It has no buffers of the size that is needed.
+    TooLarge {
+        /// Its name.
+        device: String,
+        /// What it was to hold.
+        what: &'static str,
+        /// Bytes.
+        bytes: u64,
+        /// Bytes that it can hold in one piece.
+        limit: u64,
+    },
+    /// It has not enough memory.
+    Memory {
+        /// Its name.
+        device: String,
+        /// What it was to hold.
+        what: &'static str,
+    },
+    /// It stopped working.
+    Lost {
+        /// Its name.
+        device: String,
+        /// What it said.
+        message: String,
+    },
+}
 
-impl Backend for Cpu {
-    fn name(&self) -> &'static str {
-        "cpu"
-    }
-
-    fn draw(&mut self, parameters: &Parameters<f32>, view: &View) -> Picture<f32> {
-        cpu::draw(parameters, view).picture
-    }
-
-    fn gradient(
-        &mut self,
-        parameters: &Parameters<f32>,
-        view: &View,
-        detached: bool,
-        objective: &mut dyn FnMut(&Picture<f32>) -> Vec<[f32; 4]>,
-    ) -> Gradient<f32> {
-        let drawing = cpu::draw(parameters, view);
-        let d_picture = objective(&drawing.picture);
-        drawing.backward(parameters, view, &d_picture, detached)
+impl fmt::Display for DeviceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DeviceError::Missing(what) => f.write_str(what),
+            DeviceError::TooLarge { device, what, bytes, limit } => write!(
+                f,
+                "graphics device {device}: {what} take {} MB, and it holds at most {} MB in one piece; \
+                 fewer Gaussians or smaller photographs do",
+                bytes.div_ceil(1_000_000),
+                limit / 1_000_000
+            ),
+            DeviceError::Memory { device, what } => {
+                write!(f, "graphics device {device}: not enough memory for {what}")
+            }
+            DeviceError::Lost { device, message } => write!(f, "graphics device {device}: {message}"),
+        }
     }
 }
+
+impl std::error::Error for DeviceError {}

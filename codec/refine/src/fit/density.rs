@@ -62,14 +62,21 @@ pub(super) struct DensityControl {
     pub(super) cap: usize,
 }
 
+/// How the pictures since the last control pull at each Gaussian.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Pulls {
+    /// Sums of the pulls at the rows.
+    pub(super) sums: Vec<f32>,
+    /// Number of pictures that showed each row.
+    pub(super) pictures: Vec<u32>,
+}
+
 /// What the control remembers from step to step: with it, a fit that was interrupted goes on as if
 /// it had not been.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct DensityState {
-    /// Sums of the pulls at the rows since the last control.
-    pub(super) pulls: Vec<f32>,
-    /// Number of pictures that showed each row since then.
-    pub(super) visits: Vec<u32>,
+    /// Pulls since the last control.
+    pub(super) pulls: Pulls,
     /// State of the random numbers.
     pub(super) seed: u64,
     /// Number of Gaussians after a quarter of the steps.
@@ -95,16 +102,10 @@ pub struct DensityChange {
     pub relocated: usize,
 }
 
-impl DensityState {
-    /// The state at the start of a fit of so many Gaussians. Equal seeds make equal fits.
-    pub(super) fn new(gaussians: usize, seed: u64) -> DensityState {
-        DensityState {
-            pulls: vec![0.0; gaussians],
-            visits: vec![0; gaussians],
-            seed,
-            early: None,
-            settled: None,
-        }
+impl Pulls {
+    /// Those of Gaussians that no picture has shown.
+    pub(super) fn none(gaussians: usize) -> Pulls {
+        Pulls { sums: vec![0.0; gaussians], pictures: vec![0; gaussians] }
     }
 
     /// Notes a picture: the rows that it shows, and the lengths of the derivatives of the loss by their
@@ -115,19 +116,43 @@ impl DensityState {
     pub(super) fn note<T: Real>(&mut self, rows: &[u32], screen: &[T]) {
         assert_eq!(rows.len(), screen.len(), "a derivative for each row");
         for (row, pull) in rows.iter().zip(screen) {
-            self.pulls[*row as usize] += if pull.is_finite() { pull.to_double() as f32 } else { 0.0 };
-            self.visits[*row as usize] += 1;
+            self.sums[*row as usize] += if pull.is_finite() { pull.to_double() as f32 } else { 0.0 };
+            self.pictures[*row as usize] += 1;
         }
     }
 
-    fn mean_pull(&self, row: usize) -> f64 {
-        f64::from(self.pulls[row]) / f64::from(self.visits[row].max(1))
+    fn mean(&self, row: usize) -> f64 {
+        f64::from(self.sums[row]) / f64::from(self.pictures[row].max(1))
+    }
+}
+
+impl DensityState {
+    /// The state at the start of a fit of so many Gaussians. Equal seeds make equal fits.
+    pub(super) fn new(gaussians: usize, seed: u64) -> DensityState {
+        DensityState { pulls: Pulls::none(gaussians), seed, early: None, settled: None }
     }
 }
 
 impl DensityControl {
-    /// Adds and takes Gaussians if it is time to: `step` of `steps` are done. `None` where nothing
-    /// was looked at: Gaussians are then as they were.
+    /// Whether it is time to add and take Gaussians: there are `count` of them, and `step` of `steps`
+    /// are done. To be asked after every step.
+    pub(super) fn is_due(&self, state: &mut DensityState, count: usize, [step, steps]: [usize; 2]) -> bool {
+        let reached = |percent: usize| step * 100 >= steps * percent;
+        if reached(EARLY) {
+            state.early.get_or_insert(count);
+        }
+        if let (true, Some(early)) = (reached(SHORT), state.early) {
+            state.settled.get_or_insert(count * 100 <= early * (100 + GROWTH));
+        }
+        let is_over = reached(if state.settled == Some(false) { SHORT } else { LONG });
+        let interval = self.interval.max(1);
+        self.rule != DensityRule::Fixed
+            && !is_over
+            && step >= (WARM_UP * interval).min(steps / 10)
+            && step.is_multiple_of(interval)
+    }
+
+    /// Adds and takes Gaussians.
     ///
     /// # Panics
     /// If the state or the moments are of another number of Gaussians.
@@ -137,22 +162,12 @@ impl DensityControl {
         parameters: &mut Parameters<T>,
         moments: &mut Moments<T>,
         bounds: &Bounds,
-        [step, steps]: [usize; 2],
-    ) -> Option<DensityChange> {
-        let reached = |percent: usize| step * 100 >= steps * percent;
+    ) -> DensityChange {
         let count = parameters.len();
-        assert!(state.visits.len() == count && moments.visits.len() == count, "a state of {count} Gaussians");
-        if reached(EARLY) {
-            state.early.get_or_insert(count);
-        }
-        if let (true, Some(early)) = (reached(SHORT), state.early) {
-            state.settled.get_or_insert(count * 100 <= early * (100 + GROWTH));
-        }
-        let is_over = reached(if state.settled == Some(false) { SHORT } else { LONG });
-        let interval = self.interval.max(1);
-        if is_over || step < (WARM_UP * interval).min(steps / 10) || !step.is_multiple_of(interval) {
-            return None;
-        }
+        assert!(
+            state.pulls.pictures.len() == count && moments.visits.len() == count,
+            "a state of {count} Gaussians"
+        );
         let mut random = fastrand::Rng::with_seed(state.seed);
         let mut change = DensityChange::default();
         match self.rule {
@@ -167,11 +182,11 @@ impl DensityControl {
                     (0..count).map(|row| floating[row] || !lives(parameters, row)).collect();
                 change.relocated = relocate(parameters, moments, &dead, bounds, &mut random);
             }
-            DensityRule::Fixed => return None,
+            DensityRule::Fixed => {}
         }
         state.seed = random.get_seed();
-        (state.pulls, state.visits) = (vec![0.0; parameters.len()], vec![0; parameters.len()]);
-        Some(change)
+        state.pulls = Pulls::none(parameters.len());
+        change
     }
 
     /// Doubles the Gaussians that are pulled at most, as far as the cap allows. Originals stay in
@@ -186,9 +201,9 @@ impl DensityControl {
         random: &mut fastrand::Rng,
     ) -> (usize, usize) {
         let count = parameters.len();
-        let mut pulled: Vec<usize> = (0..count).filter(|row| state.mean_pull(*row) > PULL_MIN).collect();
+        let mut pulled: Vec<usize> = (0..count).filter(|row| state.pulls.mean(*row) > PULL_MIN).collect();
         let by_pull =
-            |a: &usize, b: &usize| state.mean_pull(*b).total_cmp(&state.mean_pull(*a)).then(a.cmp(b));
+            |a: &usize, b: &usize| state.pulls.mean(*b).total_cmp(&state.pulls.mean(*a)).then(a.cmp(b));
         pulled.sort_unstable_by(by_pull);
         pulled.truncate(self.cap.saturating_sub(count));
         pulled.sort_unstable();

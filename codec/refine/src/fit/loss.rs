@@ -11,7 +11,7 @@ use super::{Photograph, Real};
 
 /// Weight of structural dissimilarity `1 - SSIM` against that of absolute differences (the paper's
 /// lambda).
-const LAMBDA: f64 = 0.2;
+pub(super) const LAMBDA: f64 = 0.2;
 
 /// Weight of LPIPS (the paper's gamma).
 const GAMMA: f64 = 0.1;
@@ -37,11 +37,8 @@ pub(super) fn loss<T: Real>(
 ) -> Loss<T> {
     assert_eq!(picture.len(), photograph.pixels.len(), "a picture of the photograph's size");
     let width = photograph.width as usize;
-    let target: Vec<[T; 4]> =
-        photograph.pixels.iter().map(|p| p.map(|byte| T::of(f64::from(byte) / 255.0))).collect();
     let seen = |i: usize| photograph.is_seen(i);
-    let picture: Vec<[T; 4]> =
-        (0..picture.len()).map(|i| if seen(i) { picture[i] } else { target[i] }).collect();
+    let [picture, target] = compared(picture, photograph);
 
     let channels = 3 * picture.len().max(1);
     let mut absolute = 0.0;
@@ -62,11 +59,11 @@ pub(super) fn loss<T: Real>(
     let mut value = (1.0 - LAMBDA) * absolute / channels as f64 + LAMBDA * (1.0 - similarity);
 
     if let Some(lpips) = lpips {
-        let (distance, by_lpips) = lpips.distance_and_gradient(&picture, &target, width);
-        value += GAMMA * distance;
-        for (pixel, by_lpips) in gradient.iter_mut().zip(by_lpips) {
+        let part = perceptual(lpips, &picture, &target, width);
+        value += part.value;
+        for (pixel, by_lpips) in gradient.iter_mut().zip(part.gradient) {
             for (sum, by) in pixel.iter_mut().zip(by_lpips) {
-                *sum += T::of(GAMMA) * by;
+                *sum += by;
             }
         }
     }
@@ -74,6 +71,36 @@ pub(super) fn loss<T: Real>(
         *pixel = [T::zero(); 4];
     }
     Loss { value, gradient }
+}
+
+/// The part of the loss that is due to LPIPS alone, for who computes the others elsewhere. Pixels that
+/// the photograph does not show have a gradient here.
+///
+/// # Panics
+/// As [`loss`] does.
+#[cfg(feature = "gpu")]
+pub(super) fn perceptual_loss(
+    picture: &[[f32; 4]],
+    photograph: &Photograph,
+    lpips: &Lpips<f32>,
+) -> Loss<f32> {
+    let [picture, target] = compared(picture, photograph);
+    perceptual(lpips, &picture, &target, photograph.width as usize)
+}
+
+/// What is compared: the picture, with the photograph where that does not show what is there, and the
+/// photograph.
+fn compared<T: Real>(picture: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]>; 2] {
+    let target: Vec<[T; 4]> =
+        photograph.pixels.iter().map(|p| p.map(|byte| T::of(f64::from(byte) / 255.0))).collect();
+    let drawn = |i: usize| if photograph.is_seen(i) { picture[i] } else { target[i] };
+    [(0..picture.len()).map(drawn).collect(), target]
+}
+
+fn perceptual<T: Real>(lpips: &Lpips<T>, picture: &[[T; 4]], target: &[[T; 4]], width: usize) -> Loss<T> {
+    let (distance, by_lpips) = lpips.distance_and_gradient(picture, target, width);
+    let weighted = |[r, g, b]: [T; 3]| [T::of(GAMMA) * r, T::of(GAMMA) * g, T::of(GAMMA) * b, T::zero()];
+    Loss { value: GAMMA * distance, gradient: by_lpips.into_iter().map(weighted).collect() }
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@
 //! Parameters -> project -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> adam
 //! ```
 //!
+//! A [`Backend`] carries steps out, on the CPU or on a device; in between, a [`Fit`] is a value.
+//!
 //! Time is counted in frames of the capture here, so that a window, a trajectory and their learning
 //! rates have sizes near 1; fields count it in clips.
 
@@ -17,6 +19,8 @@ pub mod cpu;
 mod density;
 mod extent;
 mod floaters;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod gradient;
 mod loss;
 mod lpips;
@@ -26,12 +30,14 @@ mod picture;
 mod rates;
 mod real;
 mod relocate;
+mod run;
 mod ssim;
 mod view;
 
 use adam::{Moments, adam};
-pub use backend::{Backend, Cpu};
+pub use backend::{Backend, DeviceError, Gaussians, Pace};
 use bounds::Bounds;
+pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
 use density::{DensityControl, DensityState};
 use extent::extent;
@@ -43,5 +49,6 @@ pub use parameters::{Clock, Parameters};
 pub use picture::Picture;
 use rates::{Rates, decay};
 pub use real::Real;
+pub use run::Run;
 pub(crate) use ssim::ssim_and_gradient;
 pub use view::{Photograph, View};

@@ -1,14 +1,14 @@
-//! [`Fit`]: one step after the other.
+//! [`Fit`]: where a fit is.
 //!
-//! A fit is a value: what it holds decides what it ends as, so one that was written down and read
+//! It is a value: what it holds decides what it ends as, so one that was written down and read
 //! again ends as it would have.
 
 use codec::{Camera, Field};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Backend, Bounds, Clock, DensityChange, DensityControl, DensityRule, DensityState, Lpips, Moments,
-    Parameters, Photograph, Picture, Rates, View, adam, decay, extent, loss,
+    Bounds, Clock, DensityChange, DensityControl, DensityRule, DensityState, Gaussians, Moments, Parameters,
+    Photograph, Picture, Rates, View, extent,
 };
 
 /// Steps from one control of the number of Gaussians to the next, as in 3D Gaussian Splatting.
@@ -65,23 +65,23 @@ pub struct Step {
     pub loss: f64,
     /// Gaussians that were drawn.
     pub drawn: usize,
-    /// Gaussians that were added, moved and taken after it.
-    pub change: DensityChange,
+    /// Gradients of a Gaussian that held numbers that are not finite, and were left out.
+    pub non_finite: usize,
 }
 
 /// A fit on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
-    settings: Settings,
+    pub(super) settings: Settings,
     clock: Clock,
-    rates: Rates,
-    bounds: Bounds,
+    pub(super) rates: Rates,
+    pub(super) bounds: Bounds,
     parameters: Parameters<f32>,
     moments: Moments<f32>,
     control: DensityControl,
     density: DensityState,
-    step: u64,
-    non_finite: u64,
+    pub(super) step: u64,
+    pub(super) non_finite: u64,
     started_with: usize,
 }
 
@@ -115,51 +115,29 @@ impl Fit {
         }
     }
 
-    /// Takes a step on one of `shots`; all get their turn before any has its next, in an order that
-    /// chance decides.
-    ///
-    /// # Panics
-    /// If there are no shots.
-    pub fn step_on(
-        &mut self,
-        shots: &[&Shot],
-        lpips: Option<&Lpips<f32>>,
-        backend: &mut dyn Backend,
-    ) -> Step {
-        let shot = shots[turn(self.step, shots.len(), self.settings.seed)];
-        let mut value = 0.0;
-        let mut objective = |picture: &Picture<f32>| {
-            let loss = loss(&picture.pixels, &shot.photograph, lpips);
-            value = loss.value;
-            loss.gradient
-        };
-        let gradient =
-            backend.gradient(&self.parameters, &shot.view(), self.settings.detached, &mut objective);
-        let rates = self.rates.scaled(decay(self.step as usize, self.settings.steps as usize));
-        let skipped = adam(
-            &mut self.parameters,
-            &mut self.moments,
-            &gradient.rows,
-            &gradient.values,
-            &rates,
-            &self.bounds,
-        );
-        self.non_finite += (gradient.non_finite + skipped) as u64;
-        self.step += 1;
-        self.density.note(&gradient.rows, &gradient.screen);
-        let change = self.control.control(
-            &mut self.density,
-            &mut self.parameters,
-            &mut self.moments,
-            &self.bounds,
-            [self.step as usize, self.settings.steps as usize],
-        );
-        Step { loss: value, drawn: gradient.rows.len(), change: change.unwrap_or_default() }
+    /// Takes the Gaussians out, for a back end to hold.
+    pub(super) fn take(&mut self) -> Gaussians {
+        Gaussians {
+            parameters: std::mem::take(&mut self.parameters),
+            moments: std::mem::take(&mut self.moments),
+            pulls: std::mem::take(&mut self.density.pulls),
+        }
     }
 
-    /// Draws what the camera of `shot` sees.
-    pub fn draw(&self, shot: &Shot, backend: &mut dyn Backend) -> Picture<f32> {
-        backend.draw(&self.parameters, &shot.view())
+    /// Puts them back.
+    pub(super) fn put(&mut self, Gaussians { parameters, moments, pulls }: Gaussians) {
+        (self.parameters, self.moments, self.density.pulls) = (parameters, moments, pulls);
+    }
+
+    /// Whether it is time to change the number of Gaussians, of which there are `count`.
+    pub(super) fn is_control_due(&mut self, count: usize) -> bool {
+        let steps = [self.step as usize, self.settings.steps as usize];
+        self.control.is_due(&mut self.density, count, steps)
+    }
+
+    /// Changes the number of Gaussians.
+    pub(super) fn control(&mut self) -> DensityChange {
+        self.control.control(&mut self.density, &mut self.parameters, &mut self.moments, &self.bounds)
     }
 
     /// The field so far.
@@ -210,18 +188,9 @@ impl Fit {
         self.parameters.is_consistent()
             && [first, second].iter().all(|moment| moment.has_shape_of(&self.parameters))
             && visits.len() == rows
-            && self.density.pulls.len() == rows
-            && self.density.visits.len() == rows
+            && self.density.pulls.sums.len() == rows
+            && self.density.pulls.pictures.len() == rows
     }
-}
-
-/// Which of `count` has its turn at `step`: each once in every `count` steps, in an order that chance
-/// decides anew each time.
-fn turn(step: u64, count: usize, seed: u64) -> usize {
-    let (round, place) = (step / count as u64, (step % count as u64) as usize);
-    let mut order: Vec<usize> = (0..count).collect();
-    fastrand::Rng::with_seed(seed ^ round.wrapping_mul(0x9e37_79b9_7f4a_7c15)).shuffle(&mut order);
-    order[place]
 }
 
 /// PSNR in dB of the pixels that show the subject, at most 54; `None` where none does.
@@ -243,17 +212,6 @@ pub fn psnr_of_subject(picture: &Picture<f32>, photograph: &Photograph) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_shot_has_its_turn_before_any_has_its_next() {
-        let round = |round: u64| -> Vec<usize> { (0..7).map(|i| turn(7 * round + i, 7, 3)).collect() };
-        for i in 0..5 {
-            let mut sorted = round(i);
-            sorted.sort_unstable();
-            assert_eq!(sorted, [0, 1, 2, 3, 4, 5, 6]);
-        }
-        assert_ne!(round(0), round(1), "in another order");
-    }
 
     #[test]
     fn the_subject_alone_is_measured() {

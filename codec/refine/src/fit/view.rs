@@ -8,6 +8,9 @@ use crate::image::Image;
 /// Mask above which a pixel belongs to the subject, of 255.
 const SUBJECT: u8 = 127;
 
+/// How far outside the image the Jacobian may be taken, as a part of tan(fov / 2).
+const MARGIN: f64 = 0.3;
+
 /// A camera at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
@@ -15,6 +18,21 @@ pub struct View<'a> {
     pub camera: &'a Camera,
     /// Time in frames, from 0 for the first.
     pub frame: f64,
+}
+
+impl View<'_> {
+    /// Lowest and highest x/z and y/z at which Jacobians are taken.
+    pub(super) fn slope_limits(&self) -> [[f64; 2]; 2] {
+        let camera = self.camera;
+        let focal = [camera.k[0][0], camera.k[1][1]];
+        let principal = [camera.k[0][2], camera.k[1][2]];
+        let size = [f64::from(camera.width), f64::from(camera.height)];
+        let margin = |axis: usize| MARGIN * 0.5 * size[axis] / focal[axis];
+        [
+            [0, 1].map(|axis| -principal[axis] / focal[axis] - margin(axis)),
+            [0, 1].map(|axis| (size[axis] - principal[axis]) / focal[axis] + margin(axis)),
+        ]
+    }
 }
 
 /// A photograph as a fit keeps it: 8 bits per channel, a quarter of what floats take.

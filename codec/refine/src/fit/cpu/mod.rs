@@ -8,6 +8,7 @@
 //! are the same bit by bit, whatever the number of threads and the width of the vectors: this back end
 //! is what others are tested against.
 
+mod backend;
 mod bin;
 mod project;
 mod project_backward;
@@ -21,8 +22,13 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::{Gradient, Parameters, Picture, Real, View};
+pub use backend::Cpu;
 use bin::Tiles;
+#[cfg(all(test, feature = "gpu"))]
+pub(super) use project::{BLUR, NEAR};
 use project::{Projection, Splat};
+#[cfg(all(test, feature = "gpu"))]
+pub(super) use rasterize::{ALPHA_MAX, TRANSMITTANCE_MIN};
 
 /// A picture, and what it takes to go back from it.
 #[derive(Clone, Debug)]

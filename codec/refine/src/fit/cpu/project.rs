@@ -11,13 +11,10 @@ use super::sh;
 use crate::fit::{Parameters, Real, View};
 
 /// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
-const BLUR: f64 = 0.3;
+pub(in crate::fit) const BLUR: f64 = 0.3;
 
 /// Distance in front of the camera, in units of the capture, from which Gaussians are drawn.
-const NEAR: f64 = 0.01;
-
-/// How far outside the image the Jacobian may be taken, as a part of tan(fov / 2).
-const MARGIN: f64 = 0.3;
+pub(in crate::fit) const NEAR: f64 = 0.01;
 
 /// A Gaussian as the rasteriser sees it. With `d` from its centre to a pixel's, the squared distance in
 /// standard deviations is `q = precision[0] (d.x - lean d.y)^2 + precision[1] d.y^2`.
@@ -102,16 +99,13 @@ impl<T: Real> Projection<T> {
         let focal = [camera.k[0][0], camera.k[1][1]];
         let principal = [camera.k[0][2], camera.k[1][2]];
         let size = [f64::from(camera.width), f64::from(camera.height)];
-        let margin = |axis: usize| MARGIN * 0.5 * size[axis] / focal[axis];
-        let low = |axis: usize| T::of(-principal[axis] / focal[axis] - margin(axis));
-        let high = |axis: usize| T::of((size[axis] - principal[axis]) / focal[axis] + margin(axis));
         let m = &camera.camera_from_world;
         Projection {
             frame: T::of(view.frame),
             size: size.map(T::of),
             focal: focal.map(T::of),
             principal: principal.map(T::of),
-            limits: [[low(0), low(1)], [high(0), high(1)]],
+            limits: view.slope_limits().map(|limits| limits.map(T::of)),
             view_from_world: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::of(m[r][c]))),
             translation: [0, 1, 2].map(|r| T::of(m[r][3])),
             eye: camera.position().map(T::of),

@@ -12,10 +12,10 @@ use super::project::Splat;
 use crate::fit::{Picture, Real};
 
 /// No fragment is fully opaque.
-const ALPHA_MAX: f64 = 0.999;
+pub(in crate::fit) const ALPHA_MAX: f64 = 0.999;
 
 /// A pixel is finished before the fragment that would bring its transmittance down to this.
-const TRANSMITTANCE_MIN: f64 = 1e-4;
+pub(in crate::fit) const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// Splats between two looks at which rows of a tile are finished.
 const ROUND: usize = 8;

@@ -1,0 +1,21 @@
+// Stage rasterize: composites splats into pixels, the paper's rendering equation.
+
+@group(0) @binding(14) var<storage, read_write> picture: array<vec4<f32>>;
+
+@compute @workgroup_size(TILE, TILE)
+fn rasterize(@builtin(workgroup_id) tile: vec3<u32>, @builtin(global_invocation_id) pixel: vec3<u32>) {
+    if any(pixel.xy >= step.size) {
+        return;
+    }
+    let index = tile.y * step.tiles.x + tile.x;
+    let end = tile_starts[index + 1u];
+    var transmittance = 1.0;
+    var sum = vec4<f32>(0.0);
+    for (var i = tile_starts[index]; i < end && transmittance > 0.0; i++) {
+        let splat = splats[pair_rows[i]];
+        let drawn = fragment(splat, pixel.xy, transmittance);
+        transmittance = drawn.transmittance_behind;
+        sum += drawn.weight * vec4<f32>(splat.color, 1.0);
+    }
+    picture[pixel.y * step.size.x + pixel.x] = sum;
+}

@@ -1,0 +1,165 @@
+//! Every stage that can be composed is valid, and its structs, bindings and kernels are those that Rust
+//! believes in.
+
+use std::mem::{offset_of, size_of};
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+
+use super::layout::{Memory, Pace, Series, State, Step};
+use super::*;
+use crate::tests::{assert_layout, struct_layout};
+
+const ADDINGS: [Adding; 2] = [Adding::Native, Adding::Exchange];
+
+const NAMES: [&str; 27] = [
+    "step",
+    "series",
+    "pace",
+    "state",
+    "parameters",
+    "splats",
+    "keys",
+    "rows",
+    "sorted_keys",
+    "sorted_rows",
+    "counts",
+    "block_sums",
+    "order",
+    "tile_starts",
+    "picture",
+    "photograph",
+    "blurred",
+    "derivatives",
+    "differences",
+    "d_picture",
+    "d_splats",
+    "d_parameters",
+    "memory",
+    "first_moments",
+    "second_moments",
+    "pair_tiles",
+    "pair_rows",
+];
+
+fn all_columns() -> Vec<Columns> {
+    let mut all = Vec::new();
+    for sh_degree in 0..=3 {
+        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, turns: false });
+        for motion_order in 0..=3 {
+            for turns in [false, true] {
+                all.push(Columns { sh_degree, is_timed: true, motion_order, turns });
+            }
+        }
+    }
+    all
+}
+
+fn parse(stage: Stage, columns: Columns, adding: Adding) -> naga::Module {
+    let source = compose(stage, columns, adding);
+    naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{stage:?} {columns:?}: {}", error.emit_to_string(&source)))
+}
+
+fn validate(module: &naga::Module, adding: Adding) -> ModuleInfo {
+    let mut capabilities = Capabilities::empty();
+    capabilities.set(Capabilities::SHADER_FLOAT32_ATOMIC, adding == Adding::Native);
+    Validator::new(ValidationFlags::all(), capabilities)
+        .validate(module)
+        .unwrap_or_else(|error| panic!("{error:?}"))
+}
+
+#[test]
+fn every_stage_is_valid_and_has_its_kernels() {
+    for columns in all_columns() {
+        for stage in Stage::ALL {
+            for adding in ADDINGS {
+                let module = parse(stage, columns, adding);
+                validate(&module, adding);
+                let kernels: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+                assert_eq!(kernels, stage.kernels());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_buffer_has_one_number_and_a_kernel_at_most_eight() {
+    assert_eq!(binding::PAIR_ROWS as usize + 1, NAMES.len());
+    for stage in Stage::ALL {
+        let module = parse(stage, all_columns()[0], Adding::Exchange);
+        let info = validate(&module, Adding::Exchange);
+        for (_, variable) in module.global_variables.iter() {
+            let Some(binding) = &variable.binding else { continue };
+            assert_eq!(binding.group, 0);
+            assert_eq!(variable.name.as_deref(), Some(NAMES[binding.binding as usize]), "{stage:?}");
+        }
+        for (index, entry) in module.entry_points.iter().enumerate() {
+            let is_storage = |variable: &naga::GlobalVariable| {
+                matches!(variable.space, naga::AddressSpace::Storage { .. })
+            };
+            let bound = module.global_variables.iter().filter(|(handle, variable)| {
+                is_storage(variable) && !info.get_entry_point(index)[*handle].is_empty()
+            });
+            assert!(bound.count() <= 8, "{}", entry.name);
+        }
+    }
+}
+
+#[test]
+fn structs_have_the_layout_of_their_counterparts() {
+    let module = |stage| parse(stage, all_columns()[0], Adding::Exchange);
+    let adam = &module(Stage::Adam);
+    assert_layout!(adam, Memory { pull, pictures, visits, is_usable });
+    // The last member of these is padding, which WGSL adds by itself.
+    let (size, members) = struct_layout(adam, "Step");
+    assert_eq!(size, size_of::<Step>());
+    let expected = [
+        offset_of!(Step, view_from_world),
+        offset_of!(Step, eye),
+        offset_of!(Step, frame),
+        offset_of!(Step, focal),
+        offset_of!(Step, principal),
+        offset_of!(Step, slope_min),
+        offset_of!(Step, slope_max),
+        offset_of!(Step, size),
+        offset_of!(Step, tiles),
+        offset_of!(Step, gaussians),
+        offset_of!(Step, pair_capacity),
+        offset_of!(Step, is_detached),
+    ];
+    assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
+    let (size, members) = struct_layout(adam, "Pace");
+    assert_eq!(size, size_of::<Pace>());
+    let expected = [
+        offset_of!(Pace, rates),
+        offset_of!(Pace, log_scales),
+        offset_of!(Pace, log_widths),
+        offset_of!(Pace, tau),
+        offset_of!(Pace, logit_max),
+    ];
+    assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
+    assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
+    assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);
+}
+
+#[test]
+fn the_state_is_known_by_its_places() {
+    let places = [
+        (State::GAUSSIANS, offset_of!(State, gaussians)),
+        (State::DRAWN, offset_of!(State, drawn)),
+        (State::PAIRS, offset_of!(State, pairs)),
+        (State::NON_FINITE, offset_of!(State, non_finite)),
+        (State::ABSOLUTE, offset_of!(State, absolute)),
+        (State::SIMILARITY, offset_of!(State, similarity)),
+        (State::SPARE, offset_of!(State, spare)),
+    ];
+    assert!(places.iter().all(|(place, offset)| *place as usize * 4 == *offset));
+}
+
+#[test]
+fn a_scene_has_no_columns_that_it_does_not_need() {
+    let still = Columns { sh_degree: 0, is_timed: false, motion_order: 0, turns: false };
+    assert_eq!(still.numbers(), 14);
+    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, turns: true };
+    assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
+}
