@@ -18,7 +18,7 @@ mod request;
 mod transfer;
 
 use std::ops::ControlFlow;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use codec::{Clip, Limits};
 
@@ -52,8 +52,9 @@ pub struct Download {
     stage: Stage,
     /// Whether a version of an earlier run plays.
     has_kept: bool,
-    /// Bytes that the clip told last was decoded from.
+    /// Bytes that the clip told last was decoded from, and seconds that took.
     decoded: usize,
+    decoding_s: f64,
     /// The trouble told last.
     trouble: Option<String>,
 }
@@ -122,21 +123,25 @@ impl Download {
             drop(state);
             return match end {
                 // The last layers may have come together with the trouble.
-                End::Failed { fault, .. } if playable > decoded => match self.decode(&bytes[..playable]) {
-                    Ok(clip) => {
-                        self.stage = Stage::Failed(fault);
-                        ControlFlow::Break(Ok(News::Clip(Box::new(clip))))
+                End::Failed { fault, .. } if playable > self.decoded && !self.has_kept => {
+                    match self.decode(&bytes[..playable]) {
+                        Ok(clip) => {
+                            self.stage = Stage::Failed(fault);
+                            ControlFlow::Break(Ok(News::Clip(Box::new(clip))))
+                        }
+                        Err(fault) => self.fail(fault),
                     }
-                    Err(fault) => self.fail(fault),
-                },
+                }
                 end => self.end(end, bytes),
             };
         }
-        if playable > decoded {
+        if improves {
             let bytes = state.arrived.bytes()[..playable].to_vec();
             drop(state);
-            self.decoded = playable;
-            return match self.decode(&bytes) {
+            let start = Instant::now();
+            let clip = self.decode(&bytes);
+            (self.decoded, self.decoding_s) = (playable, start.elapsed().as_secs_f64());
+            return match clip {
                 Ok(clip) => self.go_on(fetch, News::Clip(Box::new(clip))),
                 Err(fault) => self.fail(fault),
             };
@@ -145,6 +150,18 @@ impl Download {
         drop(state);
         self.trouble.clone_from(&progress.trouble);
         self.go_on(fetch, News::Progress(progress))
+    }
+
+    /// Whether what is here plays better than what was told, and can be decoded before the rest is
+    /// here, which would have to wait for it. The first layer never waits.
+    fn improves(&self, state: &State) -> bool {
+        let playable = state.arrived.playable();
+        // A coarse clip is no news where a whole one plays.
+        if self.has_kept || playable <= self.decoded {
+            return false;
+        }
+        let decoding_s = self.decoding_s * playable as f64 / self.decoded.max(1) as f64;
+        self.decoded == 0 || state.progress.remaining_s().is_some_and(|left_s| left_s > decoding_s)
     }
 
     /// Tells something while the rest is on its way.
