@@ -170,7 +170,9 @@ impl Backbone {
                     Tensor { shape: shape.to_vec(), values: Values::Whole(values.to_vec()) }
                 }
                 _ => {
-                    return Err(bad(format!("\"{name}\" is neither float32 nor int64, which stages pass on")));
+                    return Err(bad(format!(
+                        "\"{name}\" is neither float32 nor int64, which stages pass on"
+                    )));
                 }
             };
             given.insert(name.to_owned(), values);
