@@ -91,9 +91,12 @@ mod onnx {
         node.extend(bytes(4, operator.as_bytes()));
         attributes.iter().for_each(|attribute| node.extend(bytes(5, attribute)));
         let mut graph = [bytes(1, &node), bytes(2, b"stage")].concat();
-        inputs
-            .iter()
-            .for_each(|(name, element, sides)| graph.extend(bytes(11, &value(name, *element, sides))));
+        for (i, (name, element, sides)) in inputs.iter().enumerate() {
+            // An operator may take a value twice, but a model has it once.
+            if inputs[..i].iter().all(|(other, ..)| other != name) {
+                graph.extend(bytes(11, &value(name, *element, sides)));
+            }
+        }
         graph.extend(bytes(12, &value(output.0, output.1, output.2)));
         [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat()
     }

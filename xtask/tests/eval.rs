@@ -8,15 +8,16 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use codec::{Camera, Field};
+use codec::{Camera, Field, Temporal};
 use image::{GenericImageView, RgbImage};
 use refine::image::Image;
 use refine::reference::{Order, Scene, render};
 use serde_json::{Value, json};
-use support::data;
+use support::{data, info};
 use tempfile::{TempDir, tempdir};
 use tool::xtask;
 use xtask::capture::Footage;
+use xtask::export::field_file;
 
 const SIZE: (u32, u32) = (48, 36);
 const FRAMES: usize = 3;
@@ -34,14 +35,33 @@ fn studio() -> (TempDir, Field) {
     let folder = tempdir().unwrap();
     assert_eq!(xtask(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
     let field = xtask::import::import(&folder.path().join("field.ply")).unwrap().field;
+    photograph(folder.path(), &field);
+    (folder, field)
+}
+
+/// The same, but of a field that moves.
+fn lively_studio() -> (TempDir, Field) {
+    let (folder, mut field) = studio();
+    field.temporal = Some(Temporal {
+        tau: vec![0.0; field.len()],
+        s: vec![f32::INFINITY; field.len()],
+        motion_order: 1,
+        motion: vec![[0.2, 0.1, 0.0]; field.len()],
+        rotation_rates: None,
+    });
+    fs::write(folder.path().join("field.ply"), field_file(&field, &info())).unwrap();
+    photograph(folder.path(), &field);
+    (folder, field)
+}
+
+fn photograph(folder: &Path, field: &Field) {
     for (c, camera) in cameras().iter().enumerate() {
         for frame in 0..FRAMES {
             let t = frame as f64 / (FRAMES - 1) as f64;
-            let image = render(&Scene::from(&field), camera, t, Order::Depth);
-            save(&folder.path().join(format!("images/c{c}/{frame:02}.png")), &image);
+            let image = render(&Scene::from(field), camera, t, Order::Depth);
+            save(&folder.join(format!("images/c{c}/{frame:02}.png")), &image);
         }
     }
-    (folder, field)
 }
 
 fn save(path: &Path, image: &Image) {
@@ -233,7 +253,7 @@ fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
 
 #[test]
 fn held_frames_are_guessed_from_those_around() {
-    let (folder, field) = studio();
+    let (folder, field) = lively_studio();
     let folder = folder.path();
     write_manifest(folder, |_| ());
     freeze(folder, &field, "first", 0.0);
@@ -259,7 +279,7 @@ fn held_frames_are_guessed_from_those_around() {
 
 #[test]
 fn several_scenes_have_a_mean_and_a_deviation() {
-    let scenes = [studio(), studio()];
+    let scenes = [lively_studio(), lively_studio()];
     let folders = scenes.each_ref().map(|(folder, field)| {
         write_manifest(folder.path(), |_| ());
         freeze(folder.path(), field, "first", 0.0);

@@ -135,6 +135,6 @@ mod tests {
         assert_eq!(tuned.len(), 2);
         let away = |found: [f32; 3], wanted: [f32; 3]| (0..3).all(|i| (found[i] - wanted[i]).abs() < 0.03);
         assert!(away(tuned.centers[0], field().centers[0]), "{:?}", tuned.centers);
-        assert!((tuned.sh[1][2] - 1.0).abs() < 0.25 && tuned.sh[1][0] < -0.75, "{:?}", tuned.sh);
+        assert!((tuned.sh[1][2] - 1.0).abs() < 0.35 && tuned.sh[1][0] < -0.75, "{:?}", tuned.sh);
     }
 }

@@ -40,6 +40,9 @@ pub const SH_DEGREE: u8 = 3;
 /// Time between two checkpoints, unless told otherwise.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
 
+/// Most viewpoints that a clip of a capture suggests: those of a ring show its subject from all sides.
+const VIEWPOINTS: usize = 8;
+
 /// Lines of the table over a whole fit.
 const LINES: u64 = 50;
 
@@ -351,7 +354,7 @@ fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
 }
 
 /// What a clip of this capture is, as far as a capture tells: its frames at `fps`, upwards as its
-/// cameras are held, and the view of its first camera.
+/// cameras are held, and the views of its first camera and of a few others, from wherever they stand.
 pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
     let cameras = &footage.capture.cameras;
     let mut up = [0.0; 3];
@@ -361,12 +364,13 @@ pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
     let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
     let up = if length > 1e-6 { up.map(|x| (x / length) as f32) } else { DEFAULT_UP };
     let frames = footage.capture.times.len();
+    let views = cameras.len().min(VIEWPOINTS);
     ClipInfo {
         duration_s: if frames > 1 { (frames - 1) as f32 / fps } else { DEFAULT_DURATION_S },
         fps,
         up: upright(up),
         metres_per_unit: DEFAULT_METRES_PER_UNIT,
-        viewpoints: cameras.first().map(viewpoint).into_iter().collect(),
+        viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),
     }
 }
 

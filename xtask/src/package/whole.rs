@@ -23,8 +23,12 @@ const PICTURES: usize = 20;
 /// Most instants at which pictures are taken.
 const INSTANTS: usize = 4;
 
-/// Most viewpoints from which pictures are taken, each with its steps aside.
+/// Most viewpoints from which pictures are taken with all their steps aside.
 const VIEWPOINTS: usize = 2;
+
+/// Viewpoints from which pictures are taken with one step aside each, where so many are suggested: those
+/// of a capture, whose cameras may stand all around.
+const AROUND: usize = 8;
 
 /// Pictures that a package is compared in with what was coded. Errors of trajectories are largest at
 /// both ends of a clip, so that each picture has an instant of its own.
@@ -245,19 +249,79 @@ pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32,
     shots(&cameras, &instants(field, count))
 }
 
-/// Where to look at a field from: the viewpoints that somebody suggested and a step aside of them,
-/// or else a dome. Never empty.
+/// Where to look at a field from: the viewpoints that somebody suggested and steps aside of them, a
+/// step aside of each where there are many, or else a dome. Never empty.
 fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Camera> {
     let up = scene.info.up;
     let viewpoints = &scene.info.viewpoints;
     if scene.assumed.contains(&"viewpoints") || viewpoints.is_empty() {
         return dome(field, &instants(field, INSTANTS), up, places.turn, size);
     }
-    let aside = places.aside.to_radians();
-    viewpoints.iter().take(VIEWPOINTS).flat_map(|viewpoint| steps_aside(viewpoint, up, aside, size)).collect()
+    let steps_aside = |viewpoint| steps_aside(viewpoint, up, places.aside.to_radians(), size);
+    match viewpoints.len() {
+        ..AROUND => viewpoints.iter().take(VIEWPOINTS).flat_map(steps_aside).collect(),
+        many => (0..AROUND).map(|i| steps_aside(&viewpoints[i * many / AROUND]).swap_remove(1)).collect(),
+    }
 }
 
 pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::Scene<'a> {
     let scene = reference::Scene::from(field);
     plate.map_or(scene.clone(), |plate| scene.with_plate(plate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use codec::{ClipInfo, Viewpoint};
+
+    /// A Gaussian in the middle of a ring of viewpoints.
+    fn ring(count: usize) -> Scene {
+        let field = Field {
+            centers: vec![[0.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[-1.0; 3]],
+            opacities: vec![1.0],
+            sh_degree: 0,
+            sh: vec![[0.0; 3]],
+            temporal: None,
+        };
+        let viewpoint = |i: usize| {
+            let (sin, cos) = (std::f32::consts::TAU * i as f32 / count as f32).sin_cos();
+            let position = [3.0 * sin, 1.0, 3.0 * cos];
+            Viewpoint { name: i.to_string(), position, target: [0.0; 3], fov_y: 0.8 }
+        };
+        let viewpoints = (0..count).map(viewpoint).collect();
+        let info = ClipInfo {
+            duration_s: 1.0,
+            fps: 30.0,
+            up: [0.0, 1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints,
+        };
+        Scene::made("ring", field, info)
+    }
+
+    fn positions(scene: &Scene, places: Places) -> Vec<[f64; 3]> {
+        cameras(scene, &scene.subject.field, places, SIZE).iter().map(Camera::position).collect()
+    }
+
+    #[test]
+    fn a_ring_is_looked_at_from_all_around() {
+        let scene = ring(16);
+        let [ranking, judging] = [RANKING_PLACES, JUDGING_PLACES].map(|places| positions(&scene, places));
+        assert_eq!((ranking.len(), judging.len()), (AROUND, AROUND));
+        for places in [&ranking, &judging] {
+            let middle = [0, 1, 2].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / 8.0);
+            assert!(middle[0].abs() < 1e-5 && middle[2].abs() < 1e-5, "{middle:?}");
+        }
+        assert!(ranking.iter().all(|place| !judging.contains(place)), "other places judge");
+    }
+
+    #[test]
+    fn of_a_few_viewpoints_the_first_count() {
+        let places = positions(&ring(4), RANKING_PLACES);
+        assert_eq!(places.len(), 5 * VIEWPOINTS);
+        // The first two stand at +z and +x.
+        assert!(places.iter().all(|[x, _, z]| x + z > 1.5), "{places:?}");
+    }
 }

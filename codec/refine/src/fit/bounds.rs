@@ -19,6 +19,9 @@ const WIDTHS: [f64; 2] = [1.0, 6.0];
 /// Frames by which a window may be centred before the first or after the last.
 const TAU_MARGIN: f64 = 1.0;
 
+/// Room above the largest scale of a field that was fitted under other bounds, as a logarithm.
+const ROOM: f64 = 0.1;
+
 /// A quaternion shorter than this has lost its direction.
 const NORM_MIN: f64 = 1e-12;
 
@@ -48,14 +51,18 @@ impl Bounds {
     }
 
     /// These bounds, widened until the finite among `parameters` lie within: for a field that was
-    /// fitted under others.
+    /// fitted under others. Below the largest scale some room is left: what reaches that floats.
     pub(super) fn around<T: Real>(mut self, parameters: &Parameters<T>) -> Bounds {
         let widen = |bounds: &mut [f64; 2], values: &[T]| {
             for x in values.iter().map(|x| x.to_double()).filter(|x| x.is_finite()) {
                 *bounds = [bounds[0].min(x), bounds[1].max(x)];
             }
         };
+        let usual = self.log_scales[1];
         widen(&mut self.log_scales, parameters.log_scales.as_flattened());
+        if self.log_scales[1] > usual {
+            self.log_scales[1] += ROOM;
+        }
         widen(&mut self.log_widths, &parameters.log_widths);
         widen(&mut self.tau, &parameters.tau);
         self
@@ -129,7 +136,7 @@ mod tests {
         let mut parameters = row();
         parameters.tau.push(f64::NAN);
         let bounds = Bounds::new(10.0, Clock { frames: 9 }).around(&parameters);
-        assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0], [-4.0, 9.0]));
+        assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0 + ROOM], [-4.0, 9.0]));
         assert_eq!(bounds.log_widths, [-2.0, 6.0_f64.ln()]);
     }
 }

@@ -133,6 +133,18 @@ mod tests {
         assert_eq!((0..7).filter(|row| found[*row]).collect::<Vec<_>>(), [3]);
     }
 
+    /// The largest of an imported field is no floater for that alone.
+    #[test]
+    fn what_was_fitted_under_other_bounds_may_stay() {
+        let mut parameters = at(cross(0.0), Vec::new());
+        parameters.log_scales[3] = [1.0; 3];
+        let bounds = bounds().around(&parameters);
+        assert!(floaters(&parameters, &bounds).iter().all(|found| !found));
+        parameters.log_scales[4][1] = 40.0;
+        bounds.project(&mut parameters, 4);
+        assert!(floaters(&parameters, &bounds)[4]);
+    }
+
     #[test]
     fn few_or_equal_or_broken_centers() {
         assert!(floaters(&at(Vec::new(), Vec::new()), &bounds()).is_empty());
