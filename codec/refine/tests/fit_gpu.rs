@@ -112,7 +112,7 @@ fn assert_pictures(gpu: &mut Gpu, parameters: &Parameters<f32>, view: &View, wha
 
 fn pictures(mut gpu: Gpu) -> Result<(), DeviceError> {
     for (degree, frame, size) in
-        [(3, 3.3, [64, 64]), (2, 0.0, [77, 53]), (1, 8.0, [16, 90]), (0, 4.5, [33, 1])]
+        [(3, 3.3, [64, 64]), (2, 0.0, [77, 53]), (1, 8.0, [16, 90]), (0, 4.5, [33, 20])]
     {
         let parameters = cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
