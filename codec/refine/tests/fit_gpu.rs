@@ -44,7 +44,10 @@ fn trial(
     Trial::ignorable_test(name, move || match open() {
         Ok(gpu) => {
             println!("{}", gpu.name());
-            test(gpu).map(|()| Completion::Completed).map_err(Failed::from)
+            let start = std::time::Instant::now();
+            let r = test(gpu).map(|()| Completion::Completed).map_err(Failed::from);
+            println!("TIME {:?}", start.elapsed());
+            r
         }
         Err(error) => Ok(Completion::ignored_with(error)),
     })
@@ -112,7 +115,7 @@ fn assert_pictures(gpu: &mut Gpu, parameters: &Parameters<f32>, view: &View, wha
 
 fn pictures(mut gpu: Gpu) -> Result<(), DeviceError> {
     for (degree, frame, size) in
-        [(3, 3.3, [64, 64]), (2, 0.0, [77, 53]), (1, 8.0, [16, 90]), (0, 4.5, [33, 1])]
+        [(3, 3.3, [64, 64]), (2, 0.0, [77, 53]), (1, 8.0, [16, 90]), (0, 4.5, [33, 20])]
     {
         let parameters = cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
@@ -312,7 +315,7 @@ fn round_trip(mut gpu: Gpu) -> Result<(), DeviceError> {
     let shots = shots([48, 48], &[4.0]);
     for parameters in [cloud(44, 300, 2), still(44, 301, 0), cloud(44, 0, 1)] {
         let (fit, _) = fitted(&mut Cpu::default(), &parameters, &shots, [3, 100], None)?;
-        assert_eq!(fit.clone().run(&mut gpu)?.pause()?, fit);
+        assert!(fit.clone().run(&mut gpu)?.pause()? == fit, "bit by bit");
     }
     Ok(())
 }
@@ -398,18 +401,15 @@ fn contained(mut gpu: Gpu) -> Result<(), DeviceError> {
         bad.non_finite,
         bad.rows.len()
     );
-    let mut cleared = 0;
-    for row in 0..bad.rows.len() {
-        let (good, bad) = (good.values.select(&[row]), bad.values.select(&[row]));
-        let was_cleared = bad == parameters.zeros(1) && good != bad;
-        cleared += usize::from(was_cleared);
-        if !was_cleared {
-            for ((name, a), (_, b)) in columns(&bad).into_iter().zip(columns(&good)) {
-                assert!(relative(a, b) < 1e-2, "{name}");
-            }
-        }
+    let cleared: Vec<usize> =
+        (0..bad.rows.len()).filter(|row| bad.values.select(&[*row]) == parameters.zeros(1)).collect();
+    assert!(cleared.len() >= bad.non_finite, "{} of {}", cleared.len(), bad.non_finite);
+    let others: Vec<usize> = (0..bad.rows.len()).filter(|row| !cleared.contains(row)).collect();
+    assert!(others.len() > 50, "{} are left", others.len());
+    let (bad, good) = (bad.values.select(&others), good.values.select(&others));
+    for ((name, a), (_, b)) in columns(&bad).into_iter().zip(columns(&good)) {
+        assert!(relative(a, b) < 1e-5, "{name}");
     }
-    assert_eq!(cleared, bad.non_finite);
     Ok(())
 }
 

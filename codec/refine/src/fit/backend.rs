@@ -106,7 +106,7 @@ impl fmt::Display for DeviceError {
             DeviceError::Missing(what) => f.write_str(what),
             DeviceError::TooLarge { device, what, bytes, limit } => write!(
                 f,
-                "graphics device {device}: {what} take {} MB, and it holds at most {} MB in one piece; \
+                "graphics device {device}: no room for {what}: {} MB, of at most {} MB in one piece; \
                  fewer Gaussians or smaller photographs do",
                 bytes.div_ceil(1_000_000),
                 limit / 1_000_000

@@ -22,7 +22,7 @@ pub struct Gpu {
 
 /// Gaussians on the device, with all that it takes to fit them.
 struct Loaded {
-    /// No rows of their columns.
+    /// A row of zeros with their columns.
     shape: Parameters<f32>,
     kernels: Kernels,
     buffers: Buffers,
@@ -148,7 +148,7 @@ impl Backend for Gpu {
         };
         transfer::upload(device, &buffers.gaussians, &gaussians);
         let plan = Plan::new(device, &kernels, &buffers)?;
-        self.loaded = Some(Loaded { shape: gaussians.parameters.zeros(0), kernels, buffers, plan });
+        self.loaded = Some(Loaded { shape: gaussians.parameters.zeros(1), kernels, buffers, plan });
         Ok(())
     }
 

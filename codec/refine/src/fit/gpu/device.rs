@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::Pod;
-use shaders::fit::Adding;
+use shaders::fit::{Adding, SPLAT_BYTES};
 
 use crate::fit::DeviceError;
 
@@ -101,8 +101,8 @@ impl Device {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<Buffer, DeviceError> {
-        // Buffers are not empty, and copied in words.
-        let size = bytes.max(16).next_multiple_of(4);
+        // What a kernel binds holds one item at least; the largest is a splat.
+        let size = bytes.max(SPLAT_BYTES);
         if size > self.max_bytes {
             return Err(self.too_large(what, size));
         }
