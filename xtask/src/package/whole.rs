@@ -17,7 +17,7 @@ use crate::scene::Scene;
 /// Size in pixels of the pictures that rank and judge.
 const SIZE: (u32, u32) = (256, 192);
 
-/// About how many pictures rank, and how many judge.
+/// About how many pictures rank, and how many judge, where all are taken at the same instants.
 const PICTURES: usize = 20;
 
 /// Most instants at which pictures are taken.
@@ -27,16 +27,19 @@ const INSTANTS: usize = 4;
 const VIEWPOINTS: usize = 2;
 
 /// Viewpoints from which pictures are taken with one step aside each, where so many are suggested: those
-/// of a capture, whose cameras may stand all around.
+/// of a capture, whose cameras may stand all around. As many as a dome has.
 const AROUND: usize = 8;
+
+/// How many pictures rank and judge what moves and is looked at from all around.
+const AROUND_PICTURES: usize = 24;
 
 /// Pictures that a package is compared in with what was coded. Errors of trajectories are largest at
 /// both ends of a clip, so that each picture has an instant of its own.
 const COMPARED: usize = 8;
 
-/// Step through the cameras from one of these pictures to the next; shares no factor with their
-/// number, 5, 8 or 10.
-const COMPARED_STEP: usize = 3;
+/// Step through the cameras from one picture to the next where each has an instant of its own; shares
+/// no factor with their number, 5, 8 or 10.
+const CAMERA_STEP: usize = 3;
 
 /// Size in pixels of the pictures that tell what an error of coding looks like.
 pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
@@ -233,18 +236,25 @@ pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
 
 /// Pictures to compare a package in with the field that was coded.
 pub(crate) fn compared_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
-    let cameras = cameras(scene, field, JUDGING_PLACES, CODED_SIZE);
-    let instants = instants(field, COMPARED);
-    let shot = |i: usize| Shot {
-        camera: cameras[i * COMPARED_STEP % cameras.len()].clone(),
-        t: instants[i % instants.len()],
-    };
-    (0..COMPARED).map(shot).collect()
+    paired(&cameras(scene, field, JUDGING_PLACES, CODED_SIZE), &instants(field, COMPARED), COMPARED)
 }
 
-/// From where and when to look at a field.
+/// So many pictures, each from the next place and at the next instant.
+fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<Shot> {
+    let shot = |i: usize| Shot {
+        camera: cameras[i * CAMERA_STEP % cameras.len()].clone(),
+        t: instants[i % instants.len()],
+    };
+    (0..count).map(shot).collect()
+}
+
+/// From where and when to look at a field: what moves is looked at from all around at an instant of its
+/// own from each place, as Gaussians that live for a few frames are missed between few instants.
 pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Shot> {
     let cameras = cameras(scene, field, places, size);
+    if cameras.len() == AROUND && field.temporal.is_some() {
+        return paired(&cameras, &instants(field, AROUND_PICTURES), AROUND_PICTURES);
+    }
     let count = (PICTURES / cameras.len()).clamp(2, INSTANTS);
     shots(&cameras, &instants(field, count))
 }
@@ -310,6 +320,22 @@ mod tests {
             assert!(middle[0].abs() < 1e-5 && middle[2].abs() < 1e-5, "{middle:?}");
         }
         assert!(ranking.iter().all(|place| !judging.contains(place)), "other places judge");
+    }
+
+    #[test]
+    fn what_moves_is_looked_at_at_many_instants() {
+        let mut scene = ring(16);
+        assert_eq!(ranking_shots(&scene, &scene.subject.field).len(), AROUND, "it stands still");
+        let (tau, s) = (vec![0.5], vec![0.1]);
+        scene.subject.field.temporal = Some(codec::Temporal { tau, s, ..Default::default() });
+        let shots = ranking_shots(&scene, &scene.subject.field);
+        assert_eq!(shots.len(), AROUND_PICTURES);
+        assert!(shots.windows(2).all(|pair| pair[0].t < pair[1].t));
+        // Any eight in a row see it from all sides.
+        for eight in shots.windows(AROUND) {
+            let x = eight.iter().map(|shot| shot.camera.position()[0]).sum::<f64>();
+            assert!(x.abs() < 1e-4, "{x}");
+        }
     }
 
     #[test]
