@@ -45,7 +45,7 @@ pub(super) fn cases() -> Vec<Case> {
             ..case(
                 GROUP,
                 "all at one place, a turning head",
-                1.5,
+                3.0,
                 "equal depths stay equal, and rows of equal depth keep their order",
                 || {
                     let one_place = |row| Row { center: [0.3, -0.2, 0.1], ..row };
@@ -59,7 +59,7 @@ pub(super) fn cases() -> Vec<Case> {
             ..case(
                 GROUP,
                 "all at one distance, a turning head",
-                1.5,
+                3.0,
                 "sorted by distance from the eye in f64, which does not feel that the head turns",
                 || Scene { sort: SortOrder::Radial, ..Scene::new(one_distance(), turning_head()) },
             )

@@ -68,7 +68,7 @@ pub(super) fn cases() -> Vec<Case> {
                 // Where it is at tau = -20, 20.5 before the middle of the clip.
                 let motion = [[4.0, -2.0, 0.0], [0.0; 3], [0.0; 3]];
                 let center = [-82.0, 41.0, 0.0];
-                let row = Row { center, motion, s: 8.0, tau: -20.0, ..Row::default() }.sized([0.2; 3]);
+                let row = Row { center, motion, s: 12.0, tau: -20.0, ..Row::default() }.sized([0.2; 3]);
                 let mut shots = at(&instants());
                 shots.iter_mut().for_each(|shot| shot.camera = wide());
                 Scene::new(field(&[row]), shots).untried("rounding the centre moves it out of sight")

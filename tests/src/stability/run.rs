@@ -23,6 +23,9 @@ const BYTES_MAX: u64 = 64 << 20;
 /// Bytes that a Gaussian may take: its record, what is kept of it for sorting, and room to sort it.
 const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
 
+/// What packages are made by.
+const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
+
 /// Largest alpha that counts as something to see, in 255ths.
 const SHOWS: f64 = 10.0;
 
@@ -59,6 +62,7 @@ impl Meter {
 pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
     let scene = (case.scene)();
     let mut measured = measure(case.measure, &scene, &scene.clip, gpu, &mut meter);
+    let mut packaged = 0.0;
     let coded = match scene.coding {
         Coding::Untried(reason) => format!("not tried: {reason}"),
         Coding::Refused(words) => match (packages(&scene), &measured) {
@@ -77,18 +81,28 @@ pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
                 let of = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::new(meter.heap));
                 clips.iter().map(of).collect::<Result<Vec<f64>, String>>()
             });
-            measured = match (measured, drawn) {
-                (Ok(deviation), Ok(others)) => Ok(others.into_iter().fold(deviation, f64::max)),
-                (Err(what), _) => Err(what),
-                (_, Err(what)) => Err(format!("packaged: {what}")),
-            };
-            "taken".into()
+            match drawn {
+                Ok(deviations) => {
+                    packaged = deviations.iter().copied().fold(0.0, f64::max);
+                    let list: Vec<String> = CODERS
+                        .iter()
+                        .zip(deviations)
+                        .map(|(coder, deviation)| format!("{} {deviation:.3}", coder.name()))
+                        .collect();
+                    format!("taken: {}", list.join(", "))
+                }
+                Err(what) => {
+                    measured = Err(format!("packaged: {what}"));
+                    "taken".into()
+                }
+            }
         }
     };
     let allowed = BYTES_MAX + BYTES_PER_GAUSSIAN * scene.clip.len() as u64;
     let problem = match &measured {
         Err(what) => Some(what.clone()),
-        Ok(deviation) if *deviation > case.bound || deviation.is_nan() => Some("beyond its bound".into()),
+        Ok(deviation) if *deviation > case.bound => Some("beyond its bound".into()),
+        Ok(_) if packaged > case.bound => Some(format!("packaged, beyond its bound: {coded}")),
         Ok(_) if meter.seconds > SECONDS_MAX => Some(format!("took {:.0} s", meter.seconds)),
         Ok(_) if meter.bytes() > allowed => {
             Some(format!("took {} MiB where {} are enough", meter.bytes() >> 20, allowed >> 20))
@@ -120,7 +134,7 @@ fn packages(scene: &Scene) -> Result<Vec<Clip>, String> {
         let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
         codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
     };
-    [Coder::Fixed, Coder::Context].into_iter().map(package).collect()
+    CODERS.into_iter().map(package).collect()
 }
 
 /// The deviation of the pictures of `clip`, which is that of the scene or a package of it.
@@ -153,7 +167,10 @@ fn measure(
             Measure::Place => off_its_place(&image, clip, shot),
         };
         shows |= image.pixels.iter().any(|pixel| 255.0 * pixel[3] > SHOWS);
-        largest = if deviation.is_nan() { f64::NAN } else { largest.max(deviation) };
+        if deviation.is_nan() {
+            return Err(format!("at {}: no number to measure", shot.t));
+        }
+        largest = largest.max(deviation);
         before = Some(image);
     }
     if shows == scene.blank {

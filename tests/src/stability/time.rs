@@ -160,7 +160,7 @@ pub(super) fn cases() -> Vec<Case> {
             GROUP,
             "turning at 1e9, and through the zero quaternion",
             2.0,
-            "turned in f64 to the record's instant; rates are cut to 4096 per width",
+            "turned in f64 to the record's instant; rates are cut to 2^24 per width",
             || {
                 let turning = |i: usize, s: f32, rotation: [f32; 4], rate: [f32; 4]| {
                     Row { center: place(i), s, rotation, rate, ..Row::default() }.sized([0.25, 0.05, 0.1])

@@ -36,7 +36,7 @@ pub struct Row {
     pub bound: f64,
     /// Unit of both.
     pub unit: String,
-    /// What the encoder does with it: `taken`, and then packages of it are within the bound, too;
+    /// What the encoder does with it: `taken`, and the deviation of a package by each coder;
     /// `refused` and why; or `not tried` and why.
     pub package: String,
     /// Number of Gaussians.

@@ -35,9 +35,9 @@ pub(in crate::gpu) const Z_STEPS: f64 = 1024.0;
 /// millionth of it, and must not cost the others their precision.
 const MOTION_MAX: f64 = 16_777_216.0;
 
-/// Rates of rotation per width are shortened to this: a quaternion passes all its way in a
-/// four-thousandth of the width.
-const RATE_MAX: f64 = 4096.0;
+/// Rates of rotation per width are shortened to this, for the same reason: a quaternion passes all its
+/// way in a millionth of the width.
+const RATE_MAX: f64 = 16_777_216.0;
 
 /// A row of a field about the instant `t0`. With `d = t - t0` and `u = d max(1, 1/s)` its position is
 /// `position + w1 u + w2 u^2 + w3 u^3`, its rotation `rotation + rates u`, normalised, and its opacity
