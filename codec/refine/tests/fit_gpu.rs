@@ -44,10 +44,7 @@ fn trial(
     Trial::ignorable_test(name, move || match open() {
         Ok(gpu) => {
             println!("{}", gpu.name());
-            let start = std::time::Instant::now();
-            let r = test(gpu).map(|()| Completion::Completed).map_err(Failed::from);
-            println!("TIME {:?}", start.elapsed());
-            r
+            test(gpu).map(|()| Completion::Completed).map_err(Failed::from)
         }
         Err(error) => Ok(Completion::ignored_with(error)),
     })
@@ -273,9 +270,7 @@ fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
             let moved = |to: &[f32]| -> Vec<f32> { to.iter().zip(before).map(|(x, y)| x - y).collect() };
             let error = relative(&moved(a), &moved(b));
             println!("{what}: {name} {error:e}");
-            // A first step has the length of its rate whatever the gradient: where that is nearly
-            // nothing, its sign is chance.
-            assert!(error <= 2e-2, "{what}: {name} {error:e}");
+            assert!(error <= 1e-4, "{what}: {name} {error:e}");
         }
     }
     Ok(())
@@ -295,7 +290,8 @@ fn fifty_steps(mut gpu: Gpu) -> Result<(), DeviceError> {
     let squares = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened()).map(|(a, b)| (a - b).powi(2));
     let rms = (squares.sum::<f32>() / a.pixels.len() as f32).sqrt();
     println!("root mean square difference {rms:e}");
-    assert!(rms < 2e-3, "{rms:e}");
+    // A step has the length of its rate also where the gradient is nearly nothing and its sign chance.
+    assert!(rms < 1e-2, "{rms:e}");
     Ok(())
 }
 

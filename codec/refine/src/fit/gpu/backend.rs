@@ -51,14 +51,6 @@ impl Gpu {
         self.device.adding == Adding::Native
     }
 
-    /// Number of kernels that a step of what was loaded takes.
-    ///
-    /// # Panics
-    /// If nothing was loaded.
-    pub fn kernels_per_step(&self) -> usize {
-        self.loaded.as_ref().expect("Gaussians were loaded").plan.len()
-    }
-
     /// The gradient of a loss of what was loaded, given its gradient by the pixels of what `view` shows.
     /// `detached`: see [`Drawing::backward`](crate::fit::cpu::Drawing::backward).
     ///
@@ -178,7 +170,7 @@ impl Backend for Gpu {
         device.write(&loaded.buffers.fixed.pace, 0, &[transfer::pace(pace)]);
         let mut perceptual = 0.0;
         let state = loaded.repeat(device, &view, pace.detached, |device, loaded| {
-            let Plan { forward, loss, backward, adam, .. } = &loaded.plan;
+            let Plan { forward, loss, backward, adam } = &loaded.plan;
             let after = [&loss[..], backward, std::slice::from_ref(adam)];
             let mut encoder = device.encoder();
             let Some(lpips) = pace.lpips else {

@@ -35,8 +35,6 @@ pub(super) struct Plan {
     pub(super) backward: Vec<Dispatch>,
     /// The step along it.
     pub(super) adam: Dispatch,
-    /// What the kernels that scan and sort are told.
-    _series: Vec<Buffer>,
 }
 
 impl Buffers {
@@ -51,12 +49,7 @@ impl Plan {
         let mut maker = Maker { device, kernels, buffers, series: Vec::new() };
         let forward = maker.forward()?;
         let (loss, backward, adam) = (maker.loss(), maker.backward(), maker.adam());
-        Ok(Plan { forward, loss, backward, adam, _series: maker.series })
-    }
-
-    /// Number of kernels in a whole step.
-    pub(super) fn len(&self) -> usize {
-        self.forward.len() + self.loss.len() + self.backward.len() + 1
+        Ok(Plan { forward, loss, backward, adam })
     }
 }
 
@@ -69,6 +62,7 @@ struct Maker<'a> {
     device: &'a Device,
     kernels: &'a Kernels,
     buffers: &'a Buffers,
+    /// What the kernels that scan and sort are told. Who binds a buffer keeps it.
     series: Vec<Buffer>,
 }
 
