@@ -237,7 +237,7 @@ fn window(display: &Display) -> Result<(), String> {
         }
         permit.send(()).map_err(|error| error.to_string())?;
         let kept = || place.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == 1);
-        display.wait_until(window, |_| kept()).ok_or("the rest never came")?;
+        display.wait_until(window, &|_: &Screenshot| kept()).ok_or("the rest never came")?;
         display.close(window);
         Ok(())
     })();

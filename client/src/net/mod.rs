@@ -77,7 +77,15 @@ enum Stage {
 impl Download {
     /// Of the clip at `url`. Nothing is done before the first news are asked for.
     pub fn new(url: &str, options: Options) -> Download {
-        Download { url: url.into(), options, stage: Stage::Begin, has_kept: false, decoded: 0, trouble: None }
+        Download {
+            url: url.into(),
+            options,
+            stage: Stage::Begin,
+            has_kept: false,
+            decoded: 0,
+            decoding_s: 0.0,
+            trouble: None,
+        }
     }
 
     /// Plays what was kept, and begins to fetch.
@@ -109,15 +117,11 @@ impl Download {
 
     /// Waits for something to tell.
     fn wait(&mut self, fetch: Fetch) -> ControlFlow<Result<News, Fault>> {
-        // A coarse clip is no news where a whole one plays.
-        let decoded = if self.has_kept { usize::MAX } else { self.decoded };
         let is_ready = |state: &State| {
-            state.end.is_some()
-                || state.arrived.playable() > decoded
-                || state.progress.trouble != self.trouble
+            state.end.is_some() || self.improves(state) || state.progress.trouble != self.trouble
         };
         let mut state = fetch.wait(REPORT, is_ready);
-        let playable = state.arrived.playable();
+        let (playable, improves) = (state.arrived.playable(), self.improves(&state));
         if let Some(end) = state.end.take() {
             let bytes = state.arrived.take();
             drop(state);
