@@ -56,7 +56,8 @@ fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
         y *= shrink;
         pixel = mix(0.5 * views[eye].size, pixel, shrink);
     }
-    if !(max(abs(pixel.x), abs(pixel.y)) < SIGMA_MAX) {
+    // Farther off than anything reaches, or no number.
+    if !(max(abs(pixel.x), abs(pixel.y)) < 8.0 * SIGMA_MAX) {
         return nothing;
     }
     let xx = dot(x, x) + BLUR;
