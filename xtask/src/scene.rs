@@ -141,11 +141,11 @@ impl Scene {
         Scene { name, subject, plate, info, assumed }
     }
 
-    /// Number of captured frames, the first at the start and the last at the end, where nobody had to
-    /// assume the duration or the frames per second.
+    /// Number of captured frames, the first at the start and the last at the end, where the field says
+    /// it of itself; `scene.json` says how fast they are played.
     pub fn frames(&self) -> Option<usize> {
-        let is_known = !["duration_s", "fps"].iter().any(|key| self.assumed.contains(key));
-        is_known.then(|| frames_of(&self.info))
+        let (duration_s, fps) = self.subject.hints.duration_s.zip(self.subject.hints.fps)?;
+        Some(frames_in(duration_s, fps))
     }
 
     /// A scene that was made rather than read.
@@ -158,7 +158,11 @@ impl Scene {
 
 /// Number of captured frames of a clip, the first at its start and the last at its end.
 pub fn frames_of(info: &ClipInfo) -> usize {
-    1 + (f64::from(info.duration_s) * f64::from(info.fps)).round() as usize
+    frames_in(info.duration_s, info.fps)
+}
+
+fn frames_in(duration_s: f32, fps: f32) -> usize {
+    1 + (f64::from(duration_s) * f64::from(fps)).round() as usize
 }
 
 /// The contents of `scene.json`.

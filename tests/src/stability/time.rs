@@ -42,9 +42,14 @@ pub(super) fn cases() -> Vec<Case> {
             "narrower than 5e-7 of the clip: shown at its instant and gone beside it, not faded",
             || {
                 let rows = [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Row { s, ..Row::default() });
+                // At one of the records' instants, and between two.
+                let tau = [0.5f32, 0.3];
+                let rows = tau.into_iter().flat_map(|tau| rows.clone().map(|row| Row { tau, ..row }));
                 let rows: Vec<Row> =
                     (0..).zip(rows).map(|(i, row)| Row { center: place(i), ..row }).collect();
-                Scene::new(field(&[rows, crowd(20)].concat()), at(&[0.5, 0.5 + 1e-6, 0.5 - 1e-6, 0.2]))
+                let between = f64::from(tau[1]);
+                let instants = [0.5, 0.5 + 1e-6, 0.5 - 1e-6, 0.2, between, between + 1e-6, between - 1e-6];
+                Scene::new(field(&[rows, crowd(20)].concat()), at(&instants))
             },
         ),
         case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || Scene {

@@ -96,6 +96,7 @@ impl Backbone {
             let image = Tensor { shape, values: Values::Float(planes.concat()) };
             Known::from([(self.manifest.input.clone(), image)])
         };
+        let views: Vec<usize> = planes.chunks(together).map(<[_]>::len).collect();
         let mut batches: Vec<Known> = planes.chunks(together).map(batch).collect();
         drop(planes);
         for stage in 0..self.stages.len() {
@@ -105,13 +106,12 @@ impl Backbone {
             }
         }
         let mut maps = Vec::new();
-        for mut known in batches {
-            let views = known.get(&self.manifest.input).map_or(1, |image| image.shape[0]);
+        for (mut known, views) in batches.into_iter().zip(views) {
             let Some(depth) = known.remove(&self.manifest.output) else {
                 let (folder, output) = (self.folder.display(), &self.manifest.output);
                 return Err(Fault::Data(format!("{folder}: no stage gives \"{output}\"")));
             };
-            maps.extend(self.maps(depth, views as usize)?);
+            maps.extend(self.maps(depth, views)?);
         }
         Ok(maps)
     }
@@ -199,6 +199,9 @@ impl Backbone {
                 )));
             }
         };
+        if width * height == 0 {
+            return Err(bad(format!("has the shape {shape:?}: it is empty")));
+        }
         let map =
             |depths: &[f32]| DepthMap { width: width as u32, height: height as u32, depths: depths.to_vec() };
         Ok(values.chunks(width * height).map(map).collect())

@@ -138,6 +138,12 @@ impl Intrinsics {
         let tangential = [pick(|i| i.p1), pick(|i| i.p2)].map(zero_or);
         let opencv = [radial[0], radial[1], tangential[0], tangential[1], radial[2], radial[3]];
         let [x, y] = [actual_w / w, actual_h / h];
+        // Sides of smaller photographs are rounded to pixels, no more.
+        if (x / y - 1.0).abs() > 2.0 / actual_w.min(actual_h) {
+            return Err(format!(
+                "w and h are {w} and {h}, the photograph is {width}x{height}: not its proportions"
+            ));
+        }
         Ok(([fx * x, fy * y, cx * x, cy * y], Lens::from_opencv(&opencv)?))
     }
 }
@@ -188,10 +194,12 @@ mod tests {
             h: Some(96.0),
             ..Default::default()
         };
-        let (k, _) = Intrinsics::default().resolve(&all, (64, 24)).unwrap();
-        assert_eq!(k, [50.0, 25.0, 32.0, 12.5]);
+        let (k, _) = Intrinsics::default().resolve(&all, (64, 48)).unwrap();
+        assert_eq!(k, [50.0, 50.0, 32.0, 25.0]);
+        let turned = Intrinsics::default().resolve(&all, (96, 128)).unwrap_err();
+        assert!(turned.contains("proportions"), "{turned}");
         let none = Intrinsics { w: Some(0.0), ..all };
-        assert!(Intrinsics::default().resolve(&none, (64, 24)).unwrap_err().contains("pixels"));
+        assert!(Intrinsics::default().resolve(&none, (64, 48)).unwrap_err().contains("pixels"));
     }
 
     #[test]

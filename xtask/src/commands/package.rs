@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use refine::fit::Shot;
 use refine::prune::Ranking;
 use serde_json::json;
 use xtask::capture::Footage;
@@ -114,7 +115,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
-    let captured = Captured::load(args)?;
+    let captured = Captured::open(args)?;
     let scene = match &captured {
         Some(captured) if captured.is_scene => Scene::load_with(&args.scene, &captured.fit(args)?)?,
         _ => Scene::load(&args.scene)?,
@@ -136,10 +137,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     // Drawn on a terminal's standard error only.
     let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}{msg}")?;
     let progress = ProgressBar::new(1).with_style(style);
-    let fine_tuning = match (&captured, args.refine) {
-        (Some(captured), Some(steps)) => Some(captured.fine_tuning(&scene, args, steps)?),
+    let shots = match (&captured, args.refine) {
+        (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
+    let fine_tuning = shots.as_ref().zip(args.refine).map(|(shots, steps)| FineTuning { shots, steps });
     let package = package_showing(&scene, &settings, fine_tuning.as_ref(), &progress)?;
     progress.finish_and_clear();
     output::write(&out, &package.bytes)?;
@@ -174,14 +176,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// The capture that a package is made from, or made to look like.
 struct Captured {
     footage: Footage,
-    shots: Shots,
     /// Whether the scene has no field, so that one is fitted first.
     is_scene: bool,
 }
 
 impl Captured {
     /// Opens the capture that the arguments ask for, if they do.
-    fn load(args: &Args) -> anyhow::Result<Option<Captured>> {
+    fn open(args: &Args) -> anyhow::Result<Option<Captured>> {
         let is_scene = Scene::is_capture(&args.scene);
         let folder = match (&args.capture, args.refine) {
             (Some(_), _) if is_scene => {
@@ -204,21 +205,33 @@ impl Captured {
         if is_scene {
             fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field_path(args)?)?;
         }
-        let shots = load_shots(&footage, args.cut.holdout())?;
-        Ok(Some(Captured { footage, shots, is_scene }))
+        Ok(Some(Captured { footage, is_scene }))
     }
 
     /// Fits it, to a field file beside the package.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args)?;
         let settings = Settings::usual(&self.footage, args.cut.holdout())?;
-        super::fit::by_default(&self.footage, &self.shots, &settings, &out)?;
+        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        super::fit::by_default(&self.footage, &shots, &settings, &out)?;
         Ok(out)
     }
 
-    fn fine_tuning(&self, scene: &Scene, args: &Args, steps: u64) -> Result<FineTuning<'_>, Fault> {
+    /// The photographs that `scene` is to look like.
+    fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
         fit::check_frames(&args.scene, &scene.subject.field, scene.frames(), &self.footage)?;
-        Ok(FineTuning { shots: &self.shots, steps })
+        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        let has_mask = |shot: &Shot| {
+            let photograph = &shot.photograph;
+            (0..photograph.pixels.len()).any(|i| photograph.is_seen(i) && !photograph.is_subject(i))
+        };
+        if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| has_mask(shot)) {
+            bail!(Fault::Usage(
+                "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
+                    .into()
+            ));
+        }
+        Ok(shots)
     }
 }
 

@@ -313,7 +313,7 @@ pub fn check_frames(
     match frames {
         _ if field.temporal.is_none() => {
             if of_capture > 1 {
-                eprintln!("note: {name} does not move, and is not made to: fit without it for that");
+                eprintln!("note: {name} does not move, and is not made to");
             }
             Ok(())
         }

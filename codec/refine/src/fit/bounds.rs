@@ -23,7 +23,7 @@ const TAU_MARGIN: f64 = 1.0;
 const ROOM: f64 = 0.1;
 
 /// A quaternion shorter than this has lost its direction.
-const NORM_MIN: f64 = 1e-12;
+pub(super) const NORM_MIN: f64 = 1e-12;
 
 /// Least and greatest values of what is fitted. Logits of opacities lie within 7 of 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,6 +8,7 @@ use codec::{ALPHA_MIN, sh_coefficients};
 use rayon::prelude::*;
 
 use super::sh;
+use crate::fit::bounds::NORM_MIN;
 use crate::fit::{Parameters, Real, View};
 
 /// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
@@ -241,7 +242,7 @@ fn rotation<T: Real>(parameters: &Parameters<T>, row: usize, d: T) -> Option<([T
         (0..4).for_each(|k| q[k] += rate[k] * d);
     }
     let length = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
-    if length > T::of(1e-12) {
+    if length > T::of(NORM_MIN) {
         return length.is_finite().then(|| (q.map(|x| x / length), length));
     }
     let zero = T::zero();

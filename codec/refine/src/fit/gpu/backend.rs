@@ -110,10 +110,10 @@ impl Backend for Gpu {
 
     fn load(&mut self, gaussians: Gaussians) -> Result<(), DeviceError> {
         let columns = transfer::columns_of(&gaussians.parameters);
-        let before = self.loaded.take();
         let device = &self.device;
         let count = u32::try_from(gaussians.parameters.len()).unwrap_or(u32::MAX);
-        let (kernels, buffers) = match before {
+        // Nothing else of what was loaded outlives this.
+        let (kernels, buffers) = match self.loaded.take() {
             Some(Loaded { kernels, buffers, .. }) if kernels.columns == columns => (kernels, Some(buffers)),
             _ => (Kernels::new(device, columns), None),
         };
@@ -279,6 +279,7 @@ impl Loaded {
 #[cfg(test)]
 mod tests {
     use crate::fit::adam::{BETA1, BETA2, EPSILON};
+    use crate::fit::bounds::NORM_MIN;
     use crate::fit::cpu;
     use crate::fit::loss::LAMBDA;
 
@@ -289,6 +290,7 @@ mod tests {
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
+        assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);
         assert_eq!([shaders::NEAR, shaders::BLUR], [cpu::NEAR, cpu::BLUR].map(|x| x as f32));
     }
 }

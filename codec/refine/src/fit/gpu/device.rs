@@ -37,6 +37,8 @@ pub(super) struct Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        // Bind groups hold on to it, but not to its memory.
+        self.raw.destroy();
         self.meter.now.fetch_sub(self.raw.size(), Ordering::Relaxed);
     }
 }
@@ -148,7 +150,12 @@ impl Device {
         encoder.copy_buffer_to_buffer(&buffer.raw, 0, &landing.raw, 0, Some(bytes));
         self.queue.submit([encoder.finish()]);
         let slice = landing.raw.slice(..bytes);
-        slice.map_async(wgpu::MapMode::Read, |_| {});
+        let failure = self.failure.clone();
+        slice.map_async(wgpu::MapMode::Read, move |outcome| {
+            if let Err(error) = outcome {
+                keep(&failure, &error.to_string());
+            }
+        });
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|error| self.lost(error.to_string()))?;
@@ -177,18 +184,21 @@ impl Device {
     }
 }
 
+/// Keeps a failure, in one line, unless there was one before.
+fn keep(failure: &Mutex<Option<String>>, message: &str) {
+    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(line);
+}
+
 /// The first failure that a device reports by itself, which would otherwise end the program in a panic.
 fn watch(device: &wgpu::Device) -> Arc<Mutex<Option<String>>> {
     let failure: Arc<Mutex<Option<String>>> = Arc::default();
-    let keep = |failure: &Mutex<Option<String>>, message: String| {
-        failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
-    };
     let uncaptured = failure.clone();
-    device.on_uncaptured_error(Arc::new(move |error| keep(&uncaptured, error.to_string())));
+    device.on_uncaptured_error(Arc::new(move |error| keep(&uncaptured, &error.to_string())));
     let lost = failure.clone();
     device.set_device_lost_callback(move |reason, message| {
         if reason != wgpu::DeviceLostReason::Destroyed {
-            keep(&lost, format!("lost: {message}"));
+            keep(&lost, &format!("lost: {message}"));
         }
     });
     failure
