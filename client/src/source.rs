@@ -126,7 +126,7 @@ pub(crate) fn is_address(name: &str) -> bool {
 }
 
 /// An address as it may be shown: without what may be secret in it, name, password and query.
-#[cfg(any(feature = "net", feature = "xr", test))]
+#[cfg(any(feature = "net", feature = "window", feature = "xr", test))]
 pub(crate) fn shown(url: &str) -> String {
     let url = url.split(['?', '#']).next().unwrap_or_default();
     let Some((scheme, rest)) = url.split_once("://") else { return url.into() };
@@ -138,9 +138,9 @@ pub(crate) fn shown(url: &str) -> String {
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn title(name: Option<&str>) -> String {
     let Some(name) = name else { return "demo".into() };
-    // What follows the path of an address may be secret.
-    let path = if is_address(name) { name.split(['?', '#']).next().unwrap_or(name) } else { name };
-    Path::new(path).file_name().map_or(path.into(), |file| file.to_string_lossy().into_owned())
+    let path = if is_address(name) { shown(name) } else { name.to_owned() };
+    let file = Path::new(&path).file_name().map(|file| file.to_string_lossy().into_owned());
+    file.unwrap_or(path)
 }
 
 /// The clips in a folder, by name.

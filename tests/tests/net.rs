@@ -25,6 +25,7 @@ const PATIENCE: Patience = Patience {
     answer: Duration::from_secs(2),
     silence: Duration::from_secs(3),
     retries: 3,
+    first_retries: 3,
     first_wait: Duration::from_millis(50),
 };
 
@@ -181,7 +182,7 @@ fn a_stall_is_a_cut() {
             answer.file(request, &sent, ETAG, length);
         }
     });
-    let patience = Patience { silence: Duration::from_millis(300), ..PATIENCE };
+    let patience = Patience { silence: Duration::from_secs(2), ..PATIENCE };
     let start = Instant::now();
     let heard = hear(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
     assert_eq!(heard.clip(), &decoded(&file));

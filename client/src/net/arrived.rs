@@ -29,18 +29,27 @@ impl Arrived {
         self.bytes.extend_from_slice(bytes);
         if self.ends.is_none() {
             let contents = match contents(&self.bytes, &self.limits) {
-                Err(Error::Format { fault: Fault::Cut { .. }, .. }) => return Ok(()),
+                Err(Error::Format { fault: Fault::Cut { needed, .. }, .. }) => {
+                    return self.is_allowed(needed);
+                }
                 Err(Error::Format { fault: Fault::Extra { .. }, offset }) => {
                     contents(&self.bytes[..offset], &self.limits)?
                 }
                 contents => contents?,
             };
+            self.is_allowed(contents.package_bytes())?;
             self.ends = Some((contents.layer_bytes(), contents.package_bytes()));
         }
         if let Some((_, end)) = &self.ends {
             self.bytes.truncate(*end);
         }
         Ok(())
+    }
+
+    /// Whether a package may be so long.
+    fn is_allowed(&self, needed: usize) -> Result<(), Error> {
+        let limit = self.limits.max_bytes;
+        if needed > limit { Err(Error::Limits { offset: 0, what: "bytes", needed, limit }) } else { Ok(()) }
     }
 
     pub(super) fn bytes(&self) -> &[u8] {
@@ -113,5 +122,10 @@ mod tests {
         assert!(arrived.push(&[9; 8]).is_err(), "another version");
         let few = Limits { max_gaussians: 10, ..Limits::default() };
         assert!(Arrived::new(few).push(&DEMO[..DEMO.len() / 2]).is_err(), "more than allowed");
+        for bytes in [200, DEMO.len() - 1] {
+            let short = Limits { max_bytes: bytes, ..Limits::default() };
+            let error = Arrived::new(short).push(&DEMO[..1000]).unwrap_err();
+            assert!(matches!(error, Error::Limits { what: "bytes", .. }), "{bytes}: {error}");
+        }
     }
 }

@@ -80,13 +80,14 @@ impl Cache {
         }
         let parts = [&length.to_le_bytes()[..], version, package];
         fs::create_dir_all(&self.folder)?;
-        self.make_room(bytes)?;
+        let path = self.path(url);
+        self.make_room(bytes, &path)?;
         let mut file = Builder::new().suffix(&format!(".{WRITING}")).tempfile_in(&self.folder)?;
         file.write_all(&sum(&parts))?;
         for part in parts {
             file.write_all(part)?;
         }
-        file.persist(self.path(url)).map_err(|error| error.error)?;
+        file.persist(path).map_err(|error| error.error)?;
         Ok(())
     }
 
@@ -106,8 +107,8 @@ impl Cache {
         self.folder.join(name).with_extension(ENTRY)
     }
 
-    /// Removes what was not read for the longest time until `bytes` more fit in.
-    fn make_room(&self, bytes: u64) -> io::Result<()> {
+    /// Removes what was not read for the longest time until `bytes` fit in, in the place of `replaced`.
+    fn make_room(&self, bytes: u64, replaced: &Path) -> io::Result<()> {
         let now = SystemTime::now();
         let mut entries = Vec::new();
         for file in self.folder.read_dir()? {
@@ -116,6 +117,9 @@ impl Cache {
             let Ok(about) = path.metadata() else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let ends_in = |ending: &str| path.extension().is_some_and(|end| end == ending);
+            if path == replaced {
+                continue;
+            }
             if ends_in(ENTRY) {
                 entries.push((used, about.len(), path));
             } else if ends_in(WRITING) && now.duration_since(used).is_ok_and(|age| age > ABANDONED) {

@@ -244,7 +244,7 @@ impl Exchange<'_> {
             Trouble::Passing(why) => self.transfer.lost(&why).into(),
             // A name that was known is missed because the network is gone.
             Trouble::Unresolved(why) if self.answered => self.transfer.lost(&why).into(),
-            Trouble::Unresolved(why) => Step::GiveUp(why).into(),
+            Trouble::Unresolved(why) | Trouble::Untrusted(why) => Step::GiveUp(why).into(),
             Trouble::Lasting(why) => Step::Refused(why).into(),
         }
     }

@@ -21,6 +21,8 @@ pub(super) enum Trouble {
     Passing(String),
     /// The server's name is not known; where it was known before, this passes, too.
     Unresolved(String),
+    /// Whoever answers is not the server, or cannot show that it is: in this network, or by this clock.
+    Untrusted(String),
     /// It will not go better.
     Lasting(String),
 }
@@ -28,7 +30,10 @@ pub(super) enum Trouble {
 impl Trouble {
     /// The sentence.
     pub(super) fn text(self) -> String {
-        let (Trouble::Passing(text) | Trouble::Unresolved(text) | Trouble::Lasting(text)) = self;
+        let (Trouble::Passing(text)
+        | Trouble::Unresolved(text)
+        | Trouble::Untrusted(text)
+        | Trouble::Lasting(text)) = self;
         text
     }
 }
@@ -157,12 +162,12 @@ fn trouble(error: Error) -> Trouble {
                 Trouble::Unresolved("the server's name is not known".into())
             }
             // So the TLS library reports what it does not like.
-            ErrorKind::InvalidData => Trouble::Lasting(format!("no secure connection: {error}")),
+            ErrorKind::InvalidData => Trouble::Untrusted(format!("no secure connection: {error}")),
             _ => passing("the connection was lost"),
         },
         Error::Protocol(error) => Trouble::Passing(format!("the server does not speak HTTP: {error}")),
-        Error::Rustls(error) => Trouble::Lasting(format!("no secure connection: {error}")),
-        Error::Tls(error) => Trouble::Lasting(format!("no secure connection: {error}")),
+        Error::Rustls(error) => Trouble::Untrusted(format!("no secure connection: {error}")),
+        Error::Tls(error) => Trouble::Untrusted(format!("no secure connection: {error}")),
         Error::TooManyRedirects => {
             Trouble::Lasting(format!("the server redirects more than {REDIRECTS_MAX} times"))
         }

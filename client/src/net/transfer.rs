@@ -23,6 +23,8 @@ pub struct Patience {
     pub silence: Duration,
     /// Breaks in a row without a byte in between after which to give up, less one.
     pub retries: u32,
+    /// The same before the first byte of all.
+    pub first_retries: u32,
     /// The wait after the first break; the next ones are twice as long each.
     pub first_wait: Duration,
 }
@@ -34,6 +36,7 @@ impl Default for Patience {
             answer: Duration::from_secs(10),
             silence: Duration::from_secs(10),
             retries: 5,
+            first_retries: 5,
             first_wait: Duration::from_millis(250),
         }
     }
@@ -43,7 +46,7 @@ impl Patience {
     /// That of someone who has the clip already and only asks whether there is a newer one.
     pub(super) fn in_passing(self) -> Patience {
         let answer = self.answer.min(Duration::from_secs(3));
-        Patience { answer, retries: 0, ..self }
+        Patience { answer, first_retries: 0, ..self }
     }
 }
 
@@ -107,8 +110,10 @@ pub(super) struct Transfer {
     /// Whether the server sends parts.
     ranges: bool,
     requests: u32,
-    /// Breaks in a row without a byte in between.
+    /// Breaks in a row without a byte in between that was not here before.
     breaks: u32,
+    /// Most bytes that were ever here.
+    furthest: u64,
 }
 
 impl Transfer {
@@ -124,6 +129,7 @@ impl Transfer {
             ranges: true,
             requests: 0,
             breaks: 0,
+            furthest: 0,
         }
     }
 
@@ -236,8 +242,8 @@ impl Transfer {
     /// [`Step::TooLarge`].
     pub(super) fn took(&mut self, bytes: u64) -> Result<(), Step> {
         self.received += bytes;
-        if bytes > 0 {
-            self.breaks = 0;
+        if self.received > self.furthest {
+            (self.furthest, self.breaks) = (self.received, 0);
         }
         self.within_limit(self.received)
     }
@@ -256,12 +262,14 @@ impl Transfer {
 
     /// Takes in that the connection broke, because of `why`.
     pub(super) fn lost(&mut self, why: &str) -> Step {
-        if self.breaks >= self.patience.retries || self.requests >= REQUESTS_MAX {
+        let Patience { retries, first_retries, .. } = self.patience;
+        let retries = if self.furthest > 0 { retries } else { first_retries };
+        if self.breaks >= retries || self.requests >= REQUESTS_MAX {
             return Step::GiveUp(why.into());
         }
         let wait = self.patience.first_wait.saturating_mul(1 << self.breaks.min(16)).min(WAIT_MAX);
         self.breaks += 1;
-        Step::Again(wait, format!("{why}, trying again ({} of {})", self.breaks, self.patience.retries))
+        Step::Again(wait, format!("{why}, trying again ({} of {retries})", self.breaks))
     }
 }
 
@@ -294,7 +302,7 @@ mod tests {
     const LIMIT: u64 = 1 << 20;
 
     fn transfer() -> Transfer {
-        Transfer::new(Patience { retries: 2, ..Patience::default() }, LIMIT, None)
+        Transfer::new(Patience { retries: 2, first_retries: 2, ..Patience::default() }, LIMIT, None)
     }
 
     fn whole(length: u64, etag: &str) -> Head {

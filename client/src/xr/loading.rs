@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
-use codec::Clip;
+use codec::{Clip, ClipInfo};
 
 use super::interaction::Subject;
 use crate::fault::Fault;
@@ -34,8 +34,7 @@ pub(super) struct Loaded {
     pub(super) name: Option<String>,
     pub(super) subject: Subject,
     pub(super) renderer: Renderer,
-    pub(super) duration_s: f64,
-    pub(super) fps: f64,
+    pub(super) info: ClipInfo,
     /// Gaussians in the first layer, the first two, and so on.
     pub(super) layer_ends: Vec<usize>,
     pub(super) gaussians: usize,
@@ -44,7 +43,7 @@ pub(super) struct Loaded {
 impl Loaded {
     /// Whether this is a version of the same clip, to go on with where that one stands.
     pub(super) fn goes_on(&self, before: &Loaded) -> bool {
-        self.name == before.name && self.duration_s == before.duration_s && self.fps == before.fps
+        self.name == before.name && self.info == before.info
     }
 
     fn new(gpu: &Gpu, name: Option<String>, format: RuntimeFormat, clip: &Clip) -> Result<Loaded, Fault> {
@@ -54,8 +53,7 @@ impl Loaded {
             layer_ends: on_gpu.layer_ends(),
             renderer: Renderer::new(gpu, on_gpu, format.drawn(), 2)?,
             name,
-            duration_s: clip.info.duration_s.into(),
-            fps: clip.info.fps.into(),
+            info: clip.info.clone(),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
         })
     }

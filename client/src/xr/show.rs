@@ -226,7 +226,7 @@ impl Show {
             return Ok(());
         }
         self.save();
-        self.player.change_clip(loaded.duration_s, loaded.fps);
+        self.player.change_clip(loaded.info.duration_s.into(), loaded.info.fps.into());
         self.clock = Clock::default();
         // It has a place once it is known where the head is.
         self.interaction.take_away();

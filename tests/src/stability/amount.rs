@@ -12,7 +12,7 @@ const GROUP: &str = "extreme amounts";
 const TURN: f64 = 2e-5;
 
 pub(super) fn cases() -> Vec<Case> {
-    let sorted = "a stable radix sort of 32-bit depths, 11 bits a pass";
+    let sorted = "a stable radix sort of the upper 22 bits of the depths that there are";
     let mut cases = vec![
         case(GROUP, "none", 0.1, "no binding is empty, nothing is drawn", || Scene {
             blank: true,
@@ -60,7 +60,7 @@ pub(super) fn cases() -> Vec<Case> {
                 GROUP,
                 "all at one distance, a turning head",
                 3.0,
-                "sorted by distance from the eye in f64, which does not feel that the head turns",
+                "sorted by distance from the eye, which does not feel that the head turns",
                 || Scene { sort: SortOrder::Radial, ..Scene::new(one_distance(), turning_head()) },
             )
         },

@@ -44,7 +44,7 @@ pub(super) fn cases() -> Vec<Case> {
                 let rows = [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Row { s, ..Row::default() });
                 // At one of the records' instants, and between two.
                 let tau = [0.5f32, 0.3];
-                let rows = tau.into_iter().flat_map(|tau| rows.clone().map(|row| Row { tau, ..row }));
+                let rows = tau.into_iter().flat_map(|tau| rows.map(|row| Row { tau, ..row }));
                 let rows: Vec<Row> =
                     (0..).zip(rows).map(|(i, row)| Row { center: place(i), ..row }).collect();
                 let between = f64::from(tau[1]);

@@ -55,19 +55,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             stream.set_write_timeout(Some(PATIENCE))?;
             let Some(request) = Request::read(&stream) else { return Ok(()) };
             let reply = answer(&request, &folder);
-            println!("{} {} {}", reply.status, request.method, request.path);
+            println!("{} {} {}", reply.status, request.method.escape_debug(), request.path.escape_debug());
             reply.send(&stream, bytes_per_s)
         };
-        // A client that went away is no news; nor is one that the system has no thread for.
-        let _ = stream.and_then(|stream| thread::Builder::new().spawn(move || drop(serve(stream))));
+        // A client that went away is no news; nor is one that the system has no thread for, or no file.
+        let started = stream.and_then(|stream| thread::Builder::new().spawn(move || drop(serve(stream))));
+        if started.is_err() {
+            thread::sleep(Duration::from_millis(100));
+        }
     }
     Ok(())
 }
 
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
-        _ => Err("not a positive number of megabits per second".into()),
+        Ok(number) if (1e-3..=1e6).contains(&number) => Ok(number),
+        _ => Err("a number of megabits per second from 0.001 to 1000000".into()),
     }
 }
 
@@ -152,8 +155,9 @@ fn answer(request: &Request, folder: &Path) -> Reply {
         return Reply::empty("405 Method Not Allowed");
     }
     let opened = file_path(&request.path, folder).and_then(|path| {
+        // Before it is opened: that of a pipe waits for somebody to write.
+        let about = path.metadata().ok().filter(|about| about.is_file())?;
         let file = File::open(path).ok()?;
-        let about = file.metadata().ok().filter(|about| about.is_file())?;
         Some((file, about))
     });
     let Some((file, about)) = opened else { return Reply::empty("404 Not Found") };
