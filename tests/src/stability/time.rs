@@ -113,7 +113,7 @@ pub(super) fn cases() -> Vec<Case> {
             GROUP,
             "a cubic that overflows f32 outside its window",
             2.0,
-            "only rows that are alive are evaluated on the GPU; the CPU evaluates in f64",
+            "only rows that are alive reach the GPU; what is not a number on the CPU is not in sight",
             || {
                 let motion = [[f32::MAX, -f32::MAX, f32::MAX]; 3];
                 let row = Row { tau: 0.25, s: 1e-12, motion, ..Row::default() };
