@@ -123,7 +123,7 @@ pub(super) fn cases() -> Vec<Case> {
             GROUP,
             "footprints of 1e8 to 1e13 pixels",
             2.0,
-            "shrunk towards the image to 1e8, which then is as near in standard deviations",
+            "shrunk to 1e6 towards the middle of the image, which keeps its place in standard deviations",
             || {
                 let rows = [
                     ahead([0.3, 0.0, 0.0101], [1e6; 3]),

@@ -12,13 +12,13 @@
 //!
 //! - Position: `h (|w1 u| + |w2 u^2| + |w3 u^3|)`, a two-thousandth of the way of each power from the
 //!   middle, or `2^-39 |u|^k` of the largest coefficient in the field where that is more. As far from
-//!   the middle as it is visible, `|u| <= 3.4`; as `t0` is one of 65536, `1.6e-5 / s` more.
+//!   the middle as it is visible, `|u| <= 3.4`, and as much more as `t0`, one of 65536, is beside the
+//!   middle: up to 8 at a width of 1e-6, twice that at the very end of the clip.
 //! - Opacity: `z` is off by `h |t - t0| / s` for the rounding of `1/s` and by `2^-11` for that of
 //!   `z0`; `|t - t0| / s <= |z| + |z0|`; the slope of `exp(-z^2 / 2)` is `|z| exp(-z^2 / 2) <= 0.61`,
 //!   and `z^2 exp(-z^2 / 2) <= 0.74`. Together `h (1.35 + 0.61 |z0|)` of a full alpha: 0.17 of an
 //!   8-bit step where the centre of the window is in the clip, and 0.43 where the clip holds only its
-//!   end, 3.4 widths away. Windows narrower than 1e-5 of the clip can have a larger `z0`, as `t0` is
-//!   one of 65536: 0.8 of a step at a width of 1e-6, twice that at the very end of the clip.
+//!   end, 3.4 widths away. Beside the middle as above, it is 0.8 of a step at a width of 1e-6.
 //! - Rotation: `h` of the quaternion's way from the middle.
 
 use codec::{Field, Temporal};
