@@ -231,13 +231,13 @@ fn window(display: &Display) -> Result<(), String> {
     let seen = (|| {
         let window = display.wait_for_window("clip.aarc", &mut player).ok_or("no window of this title")?;
         let plays = |shot: &Screenshot| shot.colors() > 500;
-        display.wait_until(window, &plays).ok_or("the first layer is not seen")?;
+        display.wait_until(window, plays).ok_or("the first layer is not seen")?;
         if server.sent().len() != 1 {
             return Err("the rest was sent before".to_owned());
         }
         permit.send(()).map_err(|error| error.to_string())?;
         let kept = || place.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == 1);
-        display.wait_until(window, &|_: &Screenshot| kept()).ok_or("the rest never came")?;
+        display.wait_until(window, |_: &Screenshot| kept()).ok_or("the rest never came")?;
         display.close(window);
         Ok(())
     })();
