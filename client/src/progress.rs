@@ -36,7 +36,7 @@ impl Progress {
         if let Some(trouble) = &self.trouble {
             return format!("{amount}: {trouble}");
         }
-        let rate = self.bytes_per_s.map(|rate| format!(", {} MB/s", megabytes(rate as u64)));
+        let rate = self.bytes_per_s.map(|rate| format!(", {}", speed(rate)));
         let left = self.remaining_s().map(|seconds| format!(", {} left", duration(seconds)));
         format!("{amount}{}{}", rate.unwrap_or_default(), left.unwrap_or_default())
     }
@@ -45,6 +45,14 @@ impl Progress {
 fn megabytes(bytes: u64) -> String {
     let megabytes = bytes as f64 * 1e-6;
     if megabytes < 99.95 { format!("{megabytes:.1}") } else { format!("{megabytes:.0}") }
+}
+
+fn speed(bytes_per_s: f64) -> String {
+    if bytes_per_s < 1e6 {
+        format!("{:.0} kB/s", bytes_per_s * 1e-3)
+    } else {
+        format!("{} MB/s", megabytes(bytes_per_s as u64))
+    }
 }
 
 fn duration(seconds: f64) -> String {
@@ -66,10 +74,12 @@ mod tests {
         assert_eq!((progress.text().as_str(), progress.part()), ("0.4 MB", None));
         progress.total = Some(2_000_000);
         progress.bytes_per_s = Some(800_000.0);
-        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0.8 MB/s, 2 s left");
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 800 kB/s, 2 s left");
         assert_eq!((progress.part(), progress.remaining_s()), (Some(0.2), Some(2.0)));
         progress.bytes_per_s = Some(0.0);
-        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0.0 MB/s", "nobody knows how long");
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0 kB/s", "nobody knows how long");
+        progress.bytes_per_s = Some(7.25e6);
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 7.2 MB/s, 1 s left");
         progress.trouble = Some("the connection was lost".into());
         assert_eq!(progress.text(), "0.4 of 2.0 MB: the connection was lost");
         let wrong = Progress { received: 9, total: Some(3), ..Progress::default() };
