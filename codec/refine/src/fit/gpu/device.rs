@@ -37,8 +37,6 @@ pub(super) struct Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // Bind groups hold on to it, but not to its memory.
-        self.raw.destroy();
         self.meter.now.fetch_sub(self.raw.size(), Ordering::Relaxed);
     }
 }
