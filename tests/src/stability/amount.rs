@@ -12,7 +12,7 @@ const GROUP: &str = "extreme amounts";
 const TURN: f64 = 2e-5;
 
 pub(super) fn cases() -> Vec<Case> {
-    let sorted = "a stable radix sort of the upper 22 bits of the depths that there are";
+    let sorted = "a stable radix sort of 32-bit depths, 11 bits a pass";
     let mut cases = vec![
         case(GROUP, "none", 0.1, "no binding is empty, nothing is drawn", || Scene {
             blank: true,

@@ -50,6 +50,7 @@ pub(super) fn cases() -> Vec<Case> {
                 let between = f64::from(tau[1]);
                 let instants = [0.5, 0.5 + 1e-6, 0.5 - 1e-6, 0.2, between, between + 1e-6, between - 1e-6];
                 Scene::new(field(&[rows, crowd(20)].concat()), at(&instants))
+                    .untried("coders move a window by more than such a one is wide")
             },
         ),
         case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || Scene {

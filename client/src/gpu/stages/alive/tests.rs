@@ -86,7 +86,7 @@ fn sorted_from_the_farthest_position_at_the_instant() {
         };
         let order = order_of(items);
         assert!(order.len() > 100);
-        assert!(order.windows(2).all(|pair| depth(pair[0]) >= depth(pair[1]) - 1e-4));
+        assert!(order.windows(2).all(|pair| depth(pair[0]) >= depth(pair[1]) - 1e-5));
     }
 }
 
