@@ -1,35 +1,17 @@
 //! `cargo xtask fit` and what it takes a capture to: on a stage that a ray tracer made.
 
+mod studio;
 mod tool;
 
 use std::fs;
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use tempfile::{TempDir, tempdir};
+use studio::{fit, measured, studio};
+use tempfile::tempdir;
 use tool::xtask;
-
-/// A folder with a stage of eight cameras and five frames.
-fn studio() -> TempDir {
-    let folder = tempdir().unwrap();
-    let stage = ["synth", "stage", "-o", "stage", "--cameras", "8", "--frames", "5", "--size", "48x48"];
-    assert_eq!(xtask(folder.path(), &stage).code, Some(0));
-    folder
-}
-
-fn fit(folder: &Path, more: &[&str]) -> Value {
-    let args = [&["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--json"], more].concat();
-    xtask(folder, &args).json()
-}
-
-/// PSNR of the subject in a split.
-fn measured(folder: &Path, split: &str) -> f64 {
-    let json = xtask(folder, &["eval", "field.ply", "--capture", "stage", "--json"]).json();
-    json["splits"][split]["psnr_fg"].as_f64().unwrap()
-}
 
 #[test]
 fn a_fit_shows_what_it_has_not_seen() {
@@ -203,46 +185,6 @@ fn a_build_without_the_graphics_device_says_so() {
     let folder = studio();
     let error = xtask(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
     assert!(error.contains("--features gpu"), "{error}");
-}
-
-/// On the CPU and on the device, from one to the other and back.
-#[cfg(feature = "gpu")]
-#[test]
-fn a_graphics_device_fits_as_the_cpu_does() {
-    if let Err(error) = refine::fit::gpu::Gpu::open() {
-        println!("skipped: {error}");
-        return;
-    }
-    let folder = studio();
-    let folder = folder.path();
-    let args = ["--steps", "300", "--gaussians", "800", "--anchor", "hull"];
-    fit(folder, &args);
-    let by_cpu = measured(folder, "train");
-    let json = fit(folder, &[&args[..], &["--backend", "gpu"]].concat());
-    let backend = json["backend"].as_str().unwrap();
-    assert!(backend.starts_with("gpu, "), "{backend}");
-    assert!(json["peak_device_bytes"].as_u64() > Some(100_000), "{json}");
-    let by_device = measured(folder, "train");
-    println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by {backend}");
-    assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
-    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
-    assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
-}
-
-#[cfg(feature = "gpu")]
-#[test]
-fn without_a_graphics_device_a_fit_ends_with_5() {
-    let folder = studio();
-    let output = Command::new(env!("CARGO_BIN_EXE_xtask"))
-        .current_dir(folder.path())
-        .args(["fit", "stage", "--backend", "gpu"])
-        .env("VK_DRIVER_FILES", "none.json")
-        .env("VK_ICD_FILENAMES", "none.json")
-        .output()
-        .unwrap();
-    let error = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(5), "{error}");
-    assert!(error.starts_with("error: no graphics device was found"), "{error}");
 }
 
 #[test]

@@ -59,7 +59,7 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
 
 /// Tests of what the host tool can only where it is built for it.
 const HOST_TOOL_TESTS: [(&str, &[&str]); 2] =
-    [("networks that see depth", &["depths"]), ("fitting on a graphics device", &["fit", "graphics_device"])];
+    [("networks that see depth", &["depths"]), ("fitting on a graphics device", &["fit_gpu"])];
 
 /// The programs of codec/fuzz that look for inputs that break the codec.
 const FUZZ_TARGETS: [&str; 2] = ["decode", "roundtrip"];
