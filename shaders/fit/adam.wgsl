@@ -23,10 +23,6 @@ struct Pace {
 @group(0) @binding(23) var<storage, read_write> first_moments: array<f32>;
 @group(0) @binding(24) var<storage, read_write> second_moments: array<f32>;
 
-fn place(rows: u32, start: u32, count: u32, row: u32) -> u32 {
-    return rows * start + row * count;
-}
-
 // 1 / (1 - beta^visits), given the logarithm of beta.
 fn correction(log_beta: f32, visits: u32) -> f32 {
     let x = log_beta * f32(visits);

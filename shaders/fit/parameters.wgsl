@@ -1,12 +1,6 @@
-// The columns of what is fitted, one after the other, each row after row. COUNT_* is how many numbers a
-// row has in a column, START_* how many it has in those before.
+// What is fitted, by row.
 
 @group(0) @binding(4) var<storage, read> parameters: array<f32>;
-
-// Where the numbers of a row begin in a column of `rows` rows.
-fn place(rows: u32, start: u32, count: u32, row: u32) -> u32 {
-    return rows * start + row * count;
-}
 
 fn vector_at(i: u32) -> vec3<f32> {
     return vec3<f32>(parameters[i], parameters[i + 1u], parameters[i + 2u]);

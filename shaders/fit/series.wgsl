@@ -17,10 +17,6 @@ struct Series {
 @group(0) @binding(10) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(11) var<storage, read_write> block_sums: array<u32>;
 
-fn thread(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
-    return (group.y * groups.x + group.x) * GROUP + local;
-}
-
 fn length_of_series() -> u32 {
     let length = state[series.length_at];
     return select(length, 0u, length > series.capacity);

@@ -26,11 +26,6 @@ struct Step {
 
 @group(0) @binding(0) var<uniform> step: Step;
 
-// Number of a thread among those of a dispatch of groups in two dimensions.
-fn thread(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
-    return (group.y * groups.x + group.x) * GROUP + local;
-}
-
 // Told by the bits: compilers may take it that no number is infinite or NaN.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;

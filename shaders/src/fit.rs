@@ -212,8 +212,10 @@ impl Stage {
 
 /// The WGSL source of a stage for a scene with `columns`.
 pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
+    let thread = include_str!("../fit/thread.wgsl");
     let step = include_str!("../fit/step.wgsl");
     let splat = include_str!("../fit/splat.wgsl");
+    let places = include_str!("../fit/columns.wgsl");
     let parameters = include_str!("../fit/parameters.wgsl");
     let harmonics = include_str!("../fit/harmonics.wgsl");
     let projection = include_str!("../fit/projection.wgsl");
@@ -228,7 +230,7 @@ pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
     let parts: &[&str] = match stage {
         Stage::Project => {
             let project = include_str!("../fit/project.wgsl");
-            &[step, splat, parameters, harmonics, projection, ellipse, project]
+            &[step, splat, places, parameters, harmonics, projection, ellipse, project]
         }
         Stage::Scan => &[series, include_str!("../fit/scan.wgsl")],
         Stage::Sort => &[series, include_str!("../fit/sort.wgsl")],
@@ -240,11 +242,11 @@ pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
         }
         Stage::ProjectBackward => {
             let project_backward = include_str!("../fit/project_backward.wgsl");
-            &[step, splat, parameters, harmonics, projection, memory, project_backward]
+            &[step, splat, places, parameters, harmonics, projection, memory, project_backward]
         }
-        Stage::Adam => &[step, memory, include_str!("../fit/adam.wgsl")],
+        Stage::Adam => &[step, places, memory, include_str!("../fit/adam.wgsl")],
     };
-    constants(columns) + &parts.concat()
+    constants(columns) + thread + &parts.concat()
 }
 
 /// What the shaders call by name.
