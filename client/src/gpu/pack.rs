@@ -6,7 +6,7 @@
 
 pub(in crate::gpu) mod moment;
 
-use codec::{Field, Temporal};
+use codec::Field;
 use glam::DVec3;
 use half::f16;
 use shaders::layout::{Gaussian, Ranges};
@@ -61,7 +61,10 @@ pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
     let sh_degree =
         [still, moving].into_iter().filter(|field| !field.is_empty()).map(|field| field.sh_degree);
     let features = Features { sh_degree: sh_degree.max().unwrap_or(0), motion };
-    let ranges = ranges(still, moving, temporal);
+    let moments: Vec<Moment> = temporal.map_or_else(Vec::new, |temporal| {
+        (0..moving.len()).map(|row| Moment::of(moving, temporal, row)).collect()
+    });
+    let ranges = ranges(still, moving, &moments);
 
     let mut packed = Packed {
         features,
@@ -70,10 +73,10 @@ pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
         motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * moving.len())),
         sh: Vec::with_capacity(sh_words(features.sh_degree) * (still.len() + moving.len())),
     };
-    for (field, temporal) in [(still, None), (moving, temporal)] {
+    for (field, moments) in [(still, &[][..]), (moving, &moments)] {
         for row in 0..field.len() {
-            let moment = temporal.map(|temporal| Moment::of(field, temporal, row));
-            let (center, rotation) = match &moment {
+            let moment = moments.get(row);
+            let (center, rotation) = match moment {
                 Some(moment) => (moment.position, moment.rotation),
                 None => (field.centers[row].map(f64::from), field.rotations[row].map(f64::from)),
             };
@@ -81,7 +84,7 @@ pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
             let center = DVec3::from_array(center) - middle;
             packed.gaussians.push(pack_gaussian(field, row, center, rotation, &ranges));
             if let Some((moment, motion)) = moment.zip(motion) {
-                pack_motion(&moment, motion, rotation, &ranges, &mut packed.motion);
+                pack_motion(moment, motion, rotation, &ranges, &mut packed.motion);
             }
             if features.sh_degree > 0 {
                 pack_sh(&field.sh_of(row)[1..], features.sh_degree, &mut packed.sh);
@@ -97,7 +100,7 @@ fn normalized(q: [f64; 4]) -> [f32; 4] {
     if length > 0.0 && length.is_finite() { q.map(|x| (x / length) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-fn ranges(still: &Field, moving: &Field, temporal: Option<&Temporal>) -> Ranges {
+fn ranges(still: &Field, moving: &Field, moments: &[Moment]) -> Ranges {
     let scales = || still.log_scales.iter().chain(&moving.log_scales).flatten().copied().map(cut_log_scale);
     let (low, high) = scales().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
@@ -109,11 +112,10 @@ fn ranges(still: &Field, moving: &Field, temporal: Option<&Temporal>) -> Ranges 
         motion_units: [1.0; 3],
         _pad0: 0.0,
     };
-    if let Some(temporal) = temporal {
+    if !moments.is_empty() {
         let (mut motion, mut rate) = ([0f32; 3], 0f32);
         let largest = |values: &[f32], largest: f32| values.iter().fold(largest, |l, x| l.max(x.abs()));
-        for row in 0..moving.len() {
-            let moment = Moment::of(moving, temporal, row);
+        for moment in moments {
             motion.iter_mut().zip(&moment.motion).for_each(|(l, w)| *l = largest(w, *l));
             rate = largest(&moment.rates, rate);
         }

@@ -1,6 +1,6 @@
 //! Error bounds of every packed quantity: the unpacking here is that of the WGSL.
 
-use codec::sh_coefficients;
+use codec::{Temporal, sh_coefficients};
 
 use super::moment::{INSTANTS, Z_STEPS};
 use super::*;
