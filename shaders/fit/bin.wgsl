@@ -2,10 +2,12 @@
 // seen, not against its box.
 
 @group(0) @binding(3) var<storage, read> state: array<u32>;
-@group(0) @binding(5) var<storage, read> splats: array<Splat>;
-// Tiles, and rows of the splats that reach them.
+@group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
+// By pair: the tile, and the row of the splat that reaches it. Those of a splat follow one another.
 @group(0) @binding(25) var<storage, read_write> pair_tiles: array<u32>;
 @group(0) @binding(26) var<storage, read_write> pair_rows: array<u32>;
+// Numbers of the pairs, to be sorted by tile.
+@group(0) @binding(27) var<storage, read_write> tile_pairs: array<u32>;
 // How many tiles each drawn splat reaches; then how many those in front reach.
 @group(0) @binding(10) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(11) var<storage, read> block_sums: array<u32>;
@@ -42,18 +44,21 @@ fn list_pairs(
     var to = counts[i] + block_sums[i / BLOCK];
     let of_box = tile_rows(splat);
     let end = to + splat.tiles;
+    splats[row].first_pair = to;
+    for (var pair = to; pair < end; pair++) {
+        pair_rows[pair] = row;
+        tile_pairs[pair] = pair;
+    }
     for (var tile_row = of_box.start; tile_row < of_box.end; tile_row++) {
         let span = tiles_of_row(splat, tile_row);
         // The bound holds by itself where a device computes the same numbers twice alike.
         for (var column = span.start; column < span.end && to < end; column++) {
             pair_tiles[to] = tile_row * step.tiles.x + column;
-            pair_rows[to] = row;
             to++;
         }
     }
     for (; to < end; to++) {
         pair_tiles[to] = step.tiles.x * step.tiles.y;
-        pair_rows[to] = row;
     }
 }
 

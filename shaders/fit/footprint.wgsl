@@ -2,9 +2,11 @@
 
 // By row.
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
-// Of each tile, the rows of its splats, front to back.
+// By pair, the row of its splat.
 @group(0) @binding(26) var<storage, read> pair_rows: array<u32>;
-// Where the splats of each tile begin, and where the last ones end.
+// Of each tile, its pairs, front to back.
+@group(0) @binding(27) var<storage, read> tile_pairs: array<u32>;
+// Where the pairs of each tile begin, and where the last ones end.
 @group(0) @binding(13) var<storage, read> tile_starts: array<u32>;
 
 struct Fragment {

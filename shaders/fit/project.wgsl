@@ -5,8 +5,6 @@
 // The bits of the depth, which rise with it; NOT_DRAWN of what is not drawn.
 @group(0) @binding(6) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
-// Where `rasterize_backward` adds up, SPLAT_NUMBERS a row.
-@group(0) @binding(20) var<storage, read_write> d_splats: array<f32>;
 
 @compute @workgroup_size(GROUP)
 fn project(
@@ -32,7 +30,4 @@ fn project(
         splat.tiles += span.end - span.start;
     }
     splats[row] = splat;
-    for (var k = 0u; k < SPLAT_NUMBERS; k++) {
-        d_splats[row * SPLAT_NUMBERS + k] = 0.0;
-    }
 }

@@ -6,7 +6,10 @@
 @group(0) @binding(3) var<storage, read_write> state: array<atomic<u32>>;
 // Rows of the splats that were drawn.
 @group(0) @binding(12) var<storage, read> order: array<u32>;
-@group(0) @binding(20) var<storage, read> d_splats: array<f32>;
+// By row.
+@group(0) @binding(5) var<storage, read> splats: array<Splat>;
+// By pair, SPLAT_NUMBERS each.
+@group(0) @binding(20) var<storage, read> d_pairs: array<f32>;
 // Row `i` is the gradient by row `order[i]` of the parameters; the columns are theirs.
 @group(0) @binding(21) var<storage, read_write> d_parameters: array<f32>;
 // By row.
@@ -80,15 +83,21 @@ fn project_backward(
     }
     let splat = projected.splat;
 
-    // The sums that `rasterize_backward` left, and the gradient by what a splat is.
-    let from_sums = row * SPLAT_NUMBERS;
-    let e = d_splats[from_sums];
-    let es = d_splats[from_sums + 1u];
-    let ey = d_splats[from_sums + 2u];
-    let ess = d_splats[from_sums + 3u];
-    let esy = d_splats[from_sums + 4u];
-    let eyy = d_splats[from_sums + 5u];
-    var d_color = vec3<f32>(d_splats[from_sums + 6u], d_splats[from_sums + 7u], d_splats[from_sums + 8u]);
+    // The sums that `rasterize_backward` left, of all tiles, and the gradient by what a splat is.
+    var sums = array<f32, SPLAT_NUMBERS>();
+    let first = splats[row].first_pair;
+    for (var pair = first; pair < first + splats[row].tiles; pair++) {
+        for (var k = 0u; k < SPLAT_NUMBERS; k++) {
+            sums[k] += d_pairs[pair * SPLAT_NUMBERS + k];
+        }
+    }
+    let e = sums[0];
+    let es = sums[1];
+    let ey = sums[2];
+    let ess = sums[3];
+    let esy = sums[4];
+    let eyy = sums[5];
+    var d_color = vec3<f32>(sums[6], sums[7], sums[8]);
     let p = splat.inverse;
     let lean = splat.lean;
     let d_center = vec2<f32>(p.x * es, p.y * ey - lean * p.x * es);

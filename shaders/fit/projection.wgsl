@@ -176,6 +176,7 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         window.opacity,
         reach.x * (xy / xx),
         0u,
+        0u,
     );
     (*out).depth = z;
     (*out).direction = direction;

@@ -12,7 +12,7 @@ fn rasterize(@builtin(workgroup_id) tile: vec3<u32>, @builtin(global_invocation_
     var transmittance = 1.0;
     var sum = vec4<f32>(0.0);
     for (var i = tile_starts[index]; i < end && transmittance > 0.0; i++) {
-        let splat = splats[pair_rows[i]];
+        let splat = splats[pair_rows[tile_pairs[i]]];
         let drawn = fragment(splat, pixel.xy, transmittance);
         transmittance = drawn.transmittance_behind;
         sum += drawn.weight * vec4<f32>(splat.color, 1.0);

@@ -18,6 +18,7 @@ struct Splat {
     opacity: f32,
     // `d.y` where the ellipse touches its box on the right; the negative of it on the left.
     touch: f32,
-    // Number of tiles that it reaches.
+    // Number of tiles that it reaches, and the first of its pairs with them.
     tiles: u32,
+    first_pair: u32,
 }

@@ -37,7 +37,7 @@ pub const DIGIT_BITS: u32 = 5;
 pub const CHUNK: u32 = 64;
 /// Neighbours that a thread of [`Stage::Scan`] takes.
 pub const BLOCK: u32 = 64;
-/// Numbers that `rasterize_backward` leaves for each splat.
+/// Numbers that `rasterize_backward` leaves for each pair of a splat and a tile.
 pub const SPLAT_NUMBERS: u32 = 9;
 /// Columns of the parameters: centres, rotations, log-scales, logits, spherical harmonics, `tau`,
 /// log-widths, motion, rotation rates.
@@ -98,8 +98,8 @@ pub mod binding {
     pub const DIFFERENCES: u32 = 18;
     /// Gradient by the picture: 4 `f32` per pixel.
     pub const D_PICTURE: u32 = 19;
-    /// Sums for each splat: [`SPLAT_NUMBERS`](super::SPLAT_NUMBERS) `f32` per Gaussian.
-    pub const D_SPLATS: u32 = 20;
+    /// Sums for each pair of a splat and a tile: [`SPLAT_NUMBERS`](super::SPLAT_NUMBERS) `f32`.
+    pub const D_PAIRS: u32 = 20;
     /// Gradient by the parameters of what was drawn, in columns like [`PARAMETERS`].
     pub const D_PARAMETERS: u32 = 21;
     /// [`Memory`](super::layout::Memory) per Gaussian.
@@ -112,6 +112,8 @@ pub mod binding {
     pub const PAIR_TILES: u32 = 25;
     /// Of each pair, the row of the splat: `u32`.
     pub const PAIR_ROWS: u32 = 26;
+    /// Numbers of the pairs, once sorted tile by tile, front to back: `u32`.
+    pub const TILE_PAIRS: u32 = 27;
 }
 
 /// Bytes of a splat.
@@ -146,15 +148,6 @@ impl Columns {
     fn harmonics(self) -> u32 {
         (u32::from(self.sh_degree) + 1).pow(2)
     }
-}
-
-/// How a device adds to a float that others add to at the same time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Adding {
-    /// By itself.
-    Native,
-    /// By exchanging integers until none came in between.
-    Exchange,
 }
 
 /// A stage: one shader.
@@ -211,7 +204,7 @@ impl Stage {
 }
 
 /// The WGSL source of a stage for a scene with `columns`.
-pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
+pub fn compose(stage: Stage, columns: Columns) -> String {
     let thread = include_str!("../fit/thread.wgsl");
     let step = include_str!("../fit/step.wgsl");
     let splat = include_str!("../fit/splat.wgsl");
@@ -223,10 +216,6 @@ pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
     let footprint = include_str!("../fit/footprint.wgsl");
     let series = include_str!("../fit/series.wgsl");
     let memory = include_str!("../fit/memory.wgsl");
-    let add = match adding {
-        Adding::Native => include_str!("../fit/add_native.wgsl"),
-        Adding::Exchange => include_str!("../fit/add_exchange.wgsl"),
-    };
     let parts: &[&str] = match stage {
         Stage::Project => {
             let project = include_str!("../fit/project.wgsl");
@@ -237,9 +226,7 @@ pub fn compose(stage: Stage, columns: Columns, adding: Adding) -> String {
         Stage::Bin => &[step, splat, ellipse, include_str!("../fit/bin.wgsl")],
         Stage::Rasterize => &[step, splat, footprint, include_str!("../fit/rasterize.wgsl")],
         Stage::Loss => &[step, include_str!("../fit/loss.wgsl")],
-        Stage::RasterizeBackward => {
-            &[step, splat, footprint, add, include_str!("../fit/rasterize_backward.wgsl")]
-        }
+        Stage::RasterizeBackward => &[step, splat, footprint, include_str!("../fit/rasterize_backward.wgsl")],
         Stage::ProjectBackward => {
             let project_backward = include_str!("../fit/project_backward.wgsl");
             &[step, splat, places, parameters, harmonics, projection, memory, project_backward]

@@ -9,9 +9,7 @@ use super::layout::{Memory, Pace, Series, State, Step};
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 
-const ADDINGS: [Adding; 2] = [Adding::Native, Adding::Exchange];
-
-const NAMES: [&str; 27] = [
+const NAMES: [&str; 28] = [
     "step",
     "series",
     "pace",
@@ -32,13 +30,14 @@ const NAMES: [&str; 27] = [
     "derivatives",
     "differences",
     "d_picture",
-    "d_splats",
+    "d_pairs",
     "d_parameters",
     "memory",
     "first_moments",
     "second_moments",
     "pair_tiles",
     "pair_rows",
+    "tile_pairs",
 ];
 
 fn all_columns() -> Vec<Columns> {
@@ -54,16 +53,14 @@ fn all_columns() -> Vec<Columns> {
     all
 }
 
-fn parse(stage: Stage, columns: Columns, adding: Adding) -> naga::Module {
-    let source = compose(stage, columns, adding);
+fn parse(stage: Stage, columns: Columns) -> naga::Module {
+    let source = compose(stage, columns);
     naga::front::wgsl::parse_str(&source)
         .unwrap_or_else(|error| panic!("{stage:?} {columns:?}: {}", error.emit_to_string(&source)))
 }
 
-fn validate(module: &naga::Module, adding: Adding) -> ModuleInfo {
-    let mut capabilities = Capabilities::empty();
-    capabilities.set(Capabilities::SHADER_FLOAT32_ATOMIC, adding == Adding::Native);
-    Validator::new(ValidationFlags::all(), capabilities)
+fn validate(module: &naga::Module) -> ModuleInfo {
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
         .validate(module)
         .unwrap_or_else(|error| panic!("{error:?}"))
 }
@@ -72,22 +69,20 @@ fn validate(module: &naga::Module, adding: Adding) -> ModuleInfo {
 fn every_stage_is_valid_and_has_its_kernels() {
     for columns in all_columns() {
         for stage in Stage::ALL {
-            for adding in ADDINGS {
-                let module = parse(stage, columns, adding);
-                validate(&module, adding);
-                let kernels: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
-                assert_eq!(kernels, stage.kernels());
-            }
+            let module = parse(stage, columns);
+            validate(&module);
+            let kernels: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+            assert_eq!(kernels, stage.kernels());
         }
     }
 }
 
 #[test]
 fn a_buffer_has_one_number_and_a_kernel_at_most_eight() {
-    assert_eq!(binding::PAIR_ROWS as usize + 1, NAMES.len());
+    assert_eq!(binding::TILE_PAIRS as usize + 1, NAMES.len());
     for stage in Stage::ALL {
-        let module = parse(stage, all_columns()[0], Adding::Exchange);
-        let info = validate(&module, Adding::Exchange);
+        let module = parse(stage, all_columns()[0]);
+        let info = validate(&module);
         for (_, variable) in module.global_variables.iter() {
             let Some(binding) = &variable.binding else { continue };
             assert_eq!(binding.group, 0);
@@ -107,7 +102,7 @@ fn a_buffer_has_one_number_and_a_kernel_at_most_eight() {
 
 #[test]
 fn structs_have_the_layout_of_their_counterparts() {
-    let module = |stage| parse(stage, all_columns()[0], Adding::Exchange);
+    let module = |stage| parse(stage, all_columns()[0]);
     let adam = &module(Stage::Adam);
     assert_layout!(adam, Memory { pull, pictures, visits, is_usable });
     // The last member of these is padding, which WGSL adds by itself.

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", conflicts_with = "anchor")]
     depths: Option<PathBuf>,
     /// How depth maps come to the scale of the cameras
-    #[arg(long, value_enum, default_value_t = Scale::Rig, requires = "depths")]
+    #[arg(long, value_enum, default_value_t = Scale::Auto, requires = "depths")]
     depth_scale: Scale,
     /// Fitted field or package to go on from instead
     #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror"])]
@@ -110,6 +110,8 @@ enum MirrorWhen {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Scale {
+    /// By the hull where there are masks, else by the rig
+    Auto,
     /// One factor for all: their median is the distance of the cameras, as in the paper
     Rig,
     /// A factor and an offset for each, found on the visual hull
@@ -130,7 +132,7 @@ enum Rule {
 enum Engine {
     /// All cores; the same result for any number of them, bit by bit
     Cpu,
-    /// The graphics device; results differ in their last digits from run to run. Takes a build with
+    /// The graphics device; results differ from the CPU's in their last digits. Takes a build with
     /// --features gpu
     Gpu,
 }
@@ -234,6 +236,7 @@ fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
         (Some(folder), _) => Start::Depths(
             folder.to_string_lossy().into_owned(),
             match args.depth_scale {
+                Scale::Auto => DepthScale::Auto,
                 Scale::Rig => DepthScale::Rig,
                 Scale::Hull => DepthScale::Hull,
                 Scale::Metric => DepthScale::Metric,

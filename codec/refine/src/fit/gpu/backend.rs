@@ -1,6 +1,5 @@
 //! [`Gpu`]: a graphics device as a back end.
 
-use shaders::fit::Adding;
 use shaders::fit::layout::{Memory, State};
 
 use super::buffers::{Fixed, Pairs, PerGaussian, PerPixel, Scanned};
@@ -35,20 +34,7 @@ impl Gpu {
     /// # Errors
     /// [`DeviceError::Missing`] without one that is capable enough.
     pub fn open() -> Result<Gpu, DeviceError> {
-        Ok(Gpu { device: Device::open(Adding::Native)?, loaded: None })
-    }
-
-    /// The same, but made to do without adding to floats atomically, as many devices must.
-    ///
-    /// # Errors
-    /// As for [`Gpu::open`].
-    pub fn open_without_float_atomics() -> Result<Gpu, DeviceError> {
-        Ok(Gpu { device: Device::open(Adding::Exchange)?, loaded: None })
-    }
-
-    /// Whether it adds to floats atomically.
-    pub fn has_float_atomics(&self) -> bool {
-        self.device.adding == Adding::Native
+        Ok(Gpu { device: Device::open()?, loaded: None })
     }
 
     /// The gradient of a loss of what was loaded, given its gradient by the pixels of what `view` shows.
@@ -243,9 +229,9 @@ impl Loaded {
                 return Ok(state);
             }
             // A quarter more than there are now, if there can be so many.
-            let most = (device.max_bytes / 4).min(u64::from(u32::MAX - 1)) as u32;
+            let most = (device.max_bytes / Pairs::LARGEST).min(u64::from(u32::MAX - 1)) as u32;
             if state.pairs > most {
-                return Err(device.too_large(Pairs::WHAT, 4 * u64::from(state.pairs)));
+                return Err(device.too_large(Pairs::WHAT, Pairs::LARGEST * u64::from(state.pairs)));
             }
             let wanted = state.pairs.saturating_add(state.pairs / 4).min(most);
             self.buffers.pairs = Pairs::new(device, wanted)?;

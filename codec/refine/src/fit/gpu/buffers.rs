@@ -33,7 +33,6 @@ pub(super) struct PerGaussian {
     pub(super) d_parameters: Buffer,
     pub(super) memory: Buffer,
     pub(super) splats: Buffer,
-    pub(super) d_splats: Buffer,
     pub(super) keys: Pair,
     pub(super) rows: Pair,
 }
@@ -57,7 +56,9 @@ pub(super) struct Pairs {
     /// Pairs for which there is room.
     pub(super) capacity: u32,
     pub(super) tiles: Pair,
-    pub(super) rows: Pair,
+    pub(super) numbers: Pair,
+    pub(super) rows: Buffer,
+    pub(super) d_pairs: Buffer,
 }
 
 /// What is scanned.
@@ -90,7 +91,6 @@ impl PerGaussian {
             d_parameters: device.room("the gradient", all)?,
             memory: device.room("the statistics of the Gaussians", bytes::<Memory>(n))?,
             splats: device.room("the splats", n * SPLAT_BYTES)?,
-            d_splats: device.room("the gradient by splats", n * u64::from(SPLAT_NUMBERS) * WORD)?,
             keys: pair(device, "the depths", n)?,
             rows: pair(device, "the order of the splats", n)?,
         })
@@ -130,9 +130,18 @@ impl Pairs {
     /// What they are called in errors.
     pub(super) const WHAT: &'static str = "the pairs of Gaussians and tiles";
 
+    /// Bytes of a pair in the largest buffer.
+    pub(super) const LARGEST: u64 = SPLAT_NUMBERS as u64 * WORD;
+
     pub(super) fn new(device: &Device, capacity: u32) -> Result<Pairs, DeviceError> {
         let n = u64::from(capacity);
-        Ok(Pairs { capacity, tiles: pair(device, Pairs::WHAT, n)?, rows: pair(device, Pairs::WHAT, n)? })
+        Ok(Pairs {
+            capacity,
+            tiles: pair(device, Pairs::WHAT, n)?,
+            numbers: pair(device, Pairs::WHAT, n)?,
+            rows: device.room(Pairs::WHAT, n * WORD)?,
+            d_pairs: device.room(Pairs::WHAT, n * Pairs::LARGEST)?,
+        })
     }
 }
 

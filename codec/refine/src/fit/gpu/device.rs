@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::Pod;
-use shaders::fit::{Adding, SPLAT_BYTES};
+use shaders::fit::SPLAT_BYTES;
 
 use crate::fit::DeviceError;
 
@@ -14,8 +14,6 @@ pub(super) struct Device {
     pub(super) queue: wgpu::Queue,
     /// Name of the adapter.
     pub(super) name: String,
-    /// How it adds to floats.
-    pub(super) adding: Adding,
     /// Bytes of the largest buffer.
     pub(super) max_bytes: u64,
     meter: Arc<Meter>,
@@ -42,8 +40,8 @@ impl Drop for Buffer {
 }
 
 impl Device {
-    /// The fastest device of the machine; with [`Adding::Exchange`] made to do without atomic floats.
-    pub(super) fn open(adding: Adding) -> Result<Device, DeviceError> {
+    /// The fastest device of the machine.
+    pub(super) fn open() -> Result<Device, DeviceError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -63,18 +61,12 @@ impl Device {
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             ..wgpu::Limits::default()
         };
-        let float_atomics = wgpu::Features::SHADER_FLOAT32_ATOMIC;
-        let adding = if adapter.features().contains(float_atomics) { adding } else { Adding::Exchange };
-        let descriptor = wgpu::DeviceDescriptor {
-            required_features: if adding == Adding::Native { float_atomics } else { wgpu::Features::empty() },
-            required_limits: limits.clone(),
-            ..Default::default()
-        };
+        let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| DeviceError::Missing(format!("graphics device {name}: {error}")))?;
         let failure = watch(&device);
         let max_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Device { device, queue, name, adding, max_bytes, meter: Arc::default(), failure })
+        Ok(Device { device, queue, name, max_bytes, meter: Arc::default(), failure })
     }
 
     /// Room for `bytes` of `what`, which is zeros at first.

@@ -43,7 +43,7 @@ impl Kernels {
     pub(super) fn new(device: &Device, columns: Columns) -> Kernels {
         let mut pipelines = HashMap::new();
         for stage in Stage::ALL {
-            let source = compose(stage, columns, device.adding);
+            let source = compose(stage, columns);
             let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: None,
                 source: wgpu::ShaderSource::Wgsl(source.into()),

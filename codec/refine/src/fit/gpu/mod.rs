@@ -9,8 +9,9 @@
 //!   -> rasterize_backward -> project_backward -> adam
 //! ```
 //!
-//! It follows the CPU's conventions to the letter, but adds up in another order each time, so results
-//! differ in their last digits, also from run to run. LPIPS is computed by the CPU: for that the picture
+//! It follows the CPU's conventions to the letter, but adds up in another order, so results differ in
+//! their last digits. On one device they are the same each time: nothing is added atomically but counts.
+//! LPIPS is computed by the CPU: for that the picture
 //! comes to it, and the gradient goes back.
 //!
 //! How many tiles the splats of a picture reach is known on the device alone. Where there is no room for

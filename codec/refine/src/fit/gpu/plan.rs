@@ -1,9 +1,9 @@
 //! [`Plan`]: the kernels of a step, one after the other, for the buffers that there are.
 
 use shaders::fit::binding::{
-    BLOCK_SUMS, BLURRED, COUNTS, D_PARAMETERS, D_PICTURE, D_SPLATS, DERIVATIVES, DIFFERENCES, FIRST_MOMENTS,
+    BLOCK_SUMS, BLURRED, COUNTS, D_PAIRS, D_PARAMETERS, D_PICTURE, DERIVATIVES, DIFFERENCES, FIRST_MOMENTS,
     KEYS, MEMORY, ORDER, PACE, PAIR_ROWS, PAIR_TILES, PARAMETERS, PHOTOGRAPH, PICTURE, ROWS, SECOND_MOMENTS,
-    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATE, STEP, TILE_STARTS,
+    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATE, STEP, TILE_PAIRS, TILE_STARTS,
 };
 use shaders::fit::layout::{Series, State};
 use shaders::fit::{BLOCK, CHUNK, DIGIT_BITS, DIGITS, NO_DIGITS};
@@ -88,7 +88,6 @@ impl Maker<'_> {
             (SPLATS, &gaussians.splats),
             (KEYS, &gaussians.keys[0]),
             (ROWS, &gaussians.rows[0]),
-            (D_SPLATS, &gaussians.d_splats),
         ];
         let mut all = vec![self.kernel("project", &project, per_gaussian)];
         let by_depth = Sorted {
@@ -118,7 +117,8 @@ impl Maker<'_> {
             (BLOCK_SUMS, &scanned.block_sums),
             (ORDER, order),
             (PAIR_TILES, &pairs.tiles[0]),
-            (PAIR_ROWS, &pairs.rows[0]),
+            (PAIR_ROWS, &pairs.rows),
+            (TILE_PAIRS, &pairs.numbers[0]),
         ];
         all.push(self.kernel("list_pairs", &list, per_gaussian));
         let by_tile = Sorted {
@@ -128,14 +128,15 @@ impl Maker<'_> {
             lengths: [State::PAIRS; 2],
             total: State::SPARE,
         };
-        self.sort(&mut all, &pairs.tiles, &pairs.rows, by_tile)?;
-        let (tiles, rows) = self.sorted_pairs();
+        self.sort(&mut all, &pairs.tiles, &pairs.numbers, by_tile)?;
+        let (tiles, numbers) = self.sorted_pairs();
         let find = [(STEP, step), (STATE, state), (PAIR_TILES, tiles), (TILE_STARTS, starts)];
         all.push(self.kernel("find_tiles", &find, Threads::TileStarts));
         let rasterize = [
             (STEP, step),
             (SPLATS, splats),
-            (PAIR_ROWS, rows),
+            (PAIR_ROWS, &pairs.rows),
+            (TILE_PAIRS, numbers),
             (TILE_STARTS, starts),
             (PICTURE, &pixels.picture),
         ];
@@ -143,11 +144,11 @@ impl Maker<'_> {
         Ok(all)
     }
 
-    /// Tiles and rows of the pairs, where they are once they are sorted.
+    /// Tiles and numbers of the pairs, where they are once they are sorted.
     fn sorted_pairs(&self) -> (&Buffer, &Buffer) {
         let Buffers { pixels, pairs, .. } = self.buffers;
         let last = passes(u32::BITS - pixels.tiles.leading_zeros()) % 2;
-        (&pairs.tiles[last], &pairs.rows[last])
+        (&pairs.tiles[last], &pairs.numbers[last])
     }
 
     /// Sums up what is in the counts, of which there are at most so many.
@@ -221,12 +222,14 @@ impl Maker<'_> {
     }
 
     fn backward(&self) -> Vec<Dispatch> {
-        let Buffers { fixed, gaussians, pixels, .. } = self.buffers;
-        let (step, sums) = ((STEP, &fixed.step), (D_SPLATS, &gaussians.d_splats));
+        let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
+        let (step, splats) = ((STEP, &fixed.step), (SPLATS, &gaussians.splats));
+        let sums = (D_PAIRS, &pairs.d_pairs);
         let rasterize_backward = [
             step,
-            (SPLATS, &gaussians.splats),
-            (PAIR_ROWS, self.sorted_pairs().1),
+            splats,
+            (PAIR_ROWS, &pairs.rows),
+            (TILE_PAIRS, self.sorted_pairs().1),
             (TILE_STARTS, &pixels.tile_starts),
             (PICTURE, &pixels.picture),
             (D_PICTURE, &pixels.d_picture),
@@ -237,6 +240,7 @@ impl Maker<'_> {
             (STATE, &fixed.state),
             (PARAMETERS, &gaussians.parameters),
             (ORDER, self.buffers.order()),
+            splats,
             sums,
             (D_PARAMETERS, &gaussians.d_parameters),
             (MEMORY, &gaussians.memory),
