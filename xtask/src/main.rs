@@ -23,7 +23,6 @@ enum Command {
     Demo(commands::demo::Args),
     Package(commands::package::Args),
     Fit(commands::fit::Args),
-    #[cfg(feature = "onnx")]
     Depths(commands::depths::Args),
     Inspect(commands::inspect::Args),
     Render(commands::render::Args),
@@ -46,7 +45,6 @@ fn main() -> ExitCode {
         Command::Demo(args) => commands::demo::run(&args),
         Command::Package(args) => commands::package::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
-        #[cfg(feature = "onnx")]
         Command::Depths(args) => commands::depths::run(&args),
         Command::Inspect(args) => commands::inspect::run(&args),
         Command::Render(args) => commands::render::run(&args),

@@ -187,6 +187,14 @@ fn a_build_without_the_graphics_device_says_so() {
     assert!(error.contains("--features gpu"), "{error}");
 }
 
+#[cfg(not(feature = "onnx"))]
+#[test]
+fn a_build_without_networks_says_so() {
+    let folder = studio();
+    let error = xtask(folder.path(), &["depths", "stage", "--backbone", "net", "-o", "maps"]).error(2);
+    assert!(error.contains("--features onnx"), "{error}");
+}
+
 #[test]
 fn what_cannot_be_fitted_is_said_in_one_line() {
     let folder = studio();

@@ -25,7 +25,7 @@ pub enum Level {
     /// 0.7 of the image's sides; what adds less than half a pixel is left out.
     Light,
     /// 0.6 of the image's sides; what adds less than a pixel is left out, and so are the least
-    /// important layers, as long as half of the Gaussians remain.
+    /// important layers, where that takes a quarter of the Gaussians or more and leaves half.
     Least,
 }
 
@@ -39,6 +39,9 @@ struct Share {
     /// Part of the Gaussians that the layers drawn must hold.
     gaussians: f64,
 }
+
+/// Part of the Gaussians that are still drawn, above which leaving layers out is not worth it.
+const WORTH: f64 = 0.75;
 
 /// Images are this many pixels wide and high, or a multiple: the blocks that GPUs work in.
 const BLOCK: u32 = 8;
@@ -109,11 +112,13 @@ impl Level {
     }
 }
 
-/// The fewest layers that hold `part` of the Gaussians of the first `layers` layers, or of all.
+/// The fewest layers that hold `part` of the Gaussians of the first `layers` layers, or of all; all of
+/// them where so few are left out that it would be seen more than felt.
 fn layers_that_hold(part: f64, layers: Option<usize>, layer_ends: &[usize]) -> usize {
     let ends = &layer_ends[..layers.unwrap_or(usize::MAX).min(layer_ends.len())];
-    let least = part * ends.last().copied().unwrap_or(0) as f64;
-    ends.iter().position(|&end| end as f64 >= least).map_or(ends.len(), |layer| layer + 1)
+    let all = ends.last().copied().unwrap_or(0) as f64;
+    let fewest = ends.iter().position(|&end| end as f64 >= part * all);
+    fewest.filter(|&layer| ends[layer] as f64 <= WORTH * all).map_or(ends.len(), |layer| layer + 1)
 }
 
 #[cfg(test)]
@@ -157,7 +162,8 @@ mod tests {
         let layers = |layers, ends: &[usize]| {
             Level::Least.settings(Settings { layers, ..Settings::default() }, ends).layers
         };
-        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(4));
+        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 60_000]), Some(4));
+        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(5), "too little to gain");
         assert_eq!(layers(Some(2), &LAYERS), Some(1), "half of what was asked for");
         assert_eq!(layers(Some(9), &LAYERS), Some(3));
         assert_eq!(layers(None, &[7]), Some(1));

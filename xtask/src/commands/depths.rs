@@ -2,18 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
-use indicatif::{ProgressBar, ProgressStyle};
-use refine::capture::{CaptureShot, Split};
-use xtask::backbone::Backbone;
-use xtask::capture::pfm_file;
-use xtask::fault::Fault;
-use xtask::output;
-
 use super::capture::Cut;
 
 /// Make depth maps of a capture's photographs by a network, for `fit --depths`.
+///
+/// Takes a build with --features onnx.
 #[derive(clap::Args)]
+#[cfg_attr(not(feature = "onnx"), expect(dead_code, reason = "only what runs networks reads it"))]
 pub(crate) struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     capture: PathBuf,
@@ -28,7 +23,25 @@ pub(crate) struct Args {
     cut: Cut,
 }
 
+#[cfg(not(feature = "onnx"))]
+pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
+    anyhow::bail!(xtask::fault::Fault::Usage(
+        "depths: this build runs no networks; \
+         run `cargo run --release --package xtask --features onnx -- depths ...`"
+            .into(),
+    ))
+}
+
+#[cfg(feature = "onnx")]
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    use anyhow::bail;
+    use indicatif::{ProgressBar, ProgressStyle};
+    use refine::capture::{CaptureShot, Split};
+    use xtask::backbone::Backbone;
+    use xtask::capture::pfm_file;
+    use xtask::fault::Fault;
+    use xtask::output;
+
     let footage = args.cut.open(&args.capture)?;
     let splits = Split::assign(&footage.capture, args.cut.holdout())
         .map_err(|error| Fault::Data(error.to_string()))?;

@@ -5,7 +5,6 @@ pub(crate) mod bench;
 pub(crate) mod capture;
 pub(crate) mod ci;
 pub(crate) mod demo;
-#[cfg(feature = "onnx")]
 pub(crate) mod depths;
 pub(crate) mod eval;
 pub(crate) mod export;

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::bail;
 use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
 use refine::capture::CaptureShot;
-use refine::fit::{Fit, Parameters, Shot};
+use refine::fit::{Fit, Parameters, Photograph, Shot};
 use serde::{Deserialize, Serialize};
 
 use super::{Settings, Shots};
@@ -32,6 +32,9 @@ pub enum Start {
 /// How depth maps come to the scale of the cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DepthScale {
+    /// [`DepthScale::Hull`] where the photographs have masks and more than one camera took them, else
+    /// [`DepthScale::Rig`].
+    Auto,
     /// They are in units of the capture.
     Metric,
     /// One factor for all: their median becomes the radius of the rig (the paper's rule).
@@ -40,14 +43,25 @@ pub enum DepthScale {
     Hull,
 }
 
-impl From<DepthScale> for Alignment {
-    fn from(scale: DepthScale) -> Alignment {
-        match scale {
+impl DepthScale {
+    fn alignment(self, shots: &Shots) -> Alignment {
+        match self {
+            DepthScale::Auto if has_hull(shots) => Alignment::Hull,
+            DepthScale::Auto | DepthScale::Rig => Alignment::Rig,
             DepthScale::Metric => Alignment::Metric,
-            DepthScale::Rig => Alignment::Rig,
             DepthScale::Hull => Alignment::Hull,
         }
     }
+}
+
+/// Whether masks carve a visual hull.
+fn has_hull(shots: &Shots) -> bool {
+    let Some((first, _)) = shots.train.first() else { return false };
+    let is_masked = |photograph: &Photograph| {
+        (0..photograph.pixels.len()).any(|pixel| photograph.is_seen(pixel) && !photograph.is_subject(pixel))
+    };
+    shots.train.iter().any(|(taken, _)| taken.camera != first.camera)
+        && shots.train.iter().any(|(_, shot)| is_masked(&shot.photograph))
 }
 
 /// A fit at its first step.
@@ -66,7 +80,7 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
         Start::Hull => anchored(Anchor { source: Source::Hull, ..wanted }, footage, shots, None)?,
         Start::Sweep => anchored(Anchor { source: Source::HullAndSweep, ..wanted }, footage, shots, None)?,
         Start::Depths(folder, scale) => {
-            let source = Source::Given((*scale).into());
+            let source = Source::Given(scale.alignment(shots));
             anchored(Anchor { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
         }
         Start::Scatter => {
