@@ -70,7 +70,7 @@ fn rasterize_backward(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_inv
     // In the last round pixels pass the last splats.
     let rounds = (end - tile_starts[index] + GROUP - 1u) / GROUP + 1u;
     for (var round = 0u; round < rounds; round++) {
-        are_lit[local] = 0u;
+        var lit = false;
         for (var turn = 0u; turn < GROUP; turn++) {
             if turn == local {
                 if has_splat {
@@ -86,11 +86,13 @@ fn rasterize_backward(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_inv
             }
             if has_splat {
                 for (var k = (turn - local) % GROUP; k < PIXELS; k += GROUP) {
-                    pass_by(k, corner, splat, &sums, local);
+                    lit = pass_by(k, corner, splat, &sums) || lit;
                 }
             }
             workgroupBarrier();
         }
+        are_lit[local] = select(0u, 1u, lit);
+        workgroupBarrier();
         if local == 0u {
             var any_lit = 0u;
             for (var k = 0u; k < GROUP; k++) {
@@ -111,13 +113,12 @@ fn rasterize_backward(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_inv
     }
 }
 
-// A pixel passes a splat.
-fn pass_by(k: u32, corner: vec2<u32>, splat: Splat, sums: ptr<function, Sums>, local: u32) {
+// A pixel passes a splat, unless it was finished before.
+fn pass_by(k: u32, corner: vec2<u32>, splat: Splat, sums: ptr<function, Sums>) -> bool {
     let transmittance = pixels[k].x;
     if !(transmittance > 0.0) {
-        return;
+        return false;
     }
-    are_lit[local] = 1u;
     let drawn = fragment(splat, corner + vec2<u32>(k % TILE, k / TILE), transmittance);
     var rest = pixels[k].y;
     if drawn.weight > 0.0 {
@@ -132,4 +133,5 @@ fn pass_by(k: u32, corner: vec2<u32>, splat: Splat, sums: ptr<function, Sums>, l
         (*sums).by_color += drawn.weight * d_pixel.xyz;
     }
     pixels[k] = vec2<f32>(drawn.transmittance_behind, rest);
+    return true;
 }
