@@ -8,7 +8,6 @@ use super::capture::Cut;
 ///
 /// Takes a build with --features onnx.
 #[derive(clap::Args)]
-#[cfg_attr(not(feature = "onnx"), expect(dead_code, reason = "only what runs networks reads it"))]
 pub(crate) struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     capture: PathBuf,
