@@ -57,17 +57,15 @@ fn squared(a: [f64; 4], b: [f64; 4]) -> f64 {
 
 /// Root mean square of the change of the error from each frame to the next, in 255ths.
 fn flicker(expected: &[Image], frames: &[Image]) -> f64 {
-    let error = |i: usize, pixel: usize, c: usize| {
-        frames[i].pixels[pixel][c].clamp(0.0, 1.0) - expected[i].pixels[pixel][c].clamp(0.0, 1.0)
+    let errors = |(expected, frame): (&Image, &Image)| -> Vec<[f64; 3]> {
+        let pixels = frame.pixels.iter().zip(&expected.pixels);
+        pixels.map(|(a, b)| [0, 1, 2].map(|c| a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0))).collect()
     };
-    let (mut squares, mut count) = (0.0, 0);
-    for i in 1..frames.len() {
-        for pixel in 0..frames[i].pixels.len() {
-            squares += (0..3).map(|c| (error(i, pixel, c) - error(i - 1, pixel, c)).powi(2)).sum::<f64>();
-        }
-        count += 3 * frames[i].pixels.len();
-    }
-    255.0 * (squares / f64::from(count.max(1) as u32)).sqrt()
+    let errors: Vec<Vec<[f64; 3]>> = expected.iter().zip(frames).map(errors).collect();
+    let changes = errors.windows(2).flat_map(|pair| pair[0].iter().flatten().zip(pair[1].iter().flatten()));
+    let (squares, count) =
+        changes.fold((0.0, 0u64), |(sum, count), (a, b)| (sum + (b - a).powi(2), count + 1));
+    255.0 * (squares / count.max(1) as f64).sqrt()
 }
 
 #[cfg(test)]

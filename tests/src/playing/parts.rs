@@ -43,8 +43,11 @@ pub(super) struct Switched {
     /// How it is drawn with it; `None` where drawing is the same or nothing is switched on.
     with: Option<Variant>,
     /// Makes what a package with the part is made of.
-    package: Option<Box<dyn Fn(&Clip) -> Packable>>,
+    package: Option<Packing>,
 }
+
+/// Makes of a clip what a package with a part is made of.
+type Packing = Box<dyn Fn(&Clip) -> Packable>;
 
 /// What a package is made of.
 struct Packable {

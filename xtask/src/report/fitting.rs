@@ -116,8 +116,8 @@ mod tests {
         assert_eq!(find(&field).unwrap(), Vec::<PathBuf>::new());
         let table = folder.path().join("a.fit.csv");
         std::fs::write(&table, csv(&[entry(100, Some(20.0)), entry(200, Some(22.0))])).unwrap();
-        assert_eq!(find(&field).unwrap(), [table.clone()]);
-        assert_eq!(find(folder.path()).unwrap(), [table.clone()]);
+        assert_eq!(find(&field).unwrap(), std::slice::from_ref(&table));
+        assert_eq!(find(folder.path()).unwrap(), std::slice::from_ref(&table));
 
         let log = load(&table).unwrap();
         assert_eq!((log.name.as_str(), log.entries.len()), ("a", 2));

@@ -27,8 +27,9 @@ pub(super) fn run<A: AsRef<OsStr>>(
         .stdout(Stdio::piped())
         .spawn()
         .with_context(|| format!("cannot run {program}"))?;
-    let lines = BufReader::new(child.stdout.take().expect("piped")).lines();
-    let read = lines.map(|line| on_line(&line?)).collect::<anyhow::Result<()>>();
+    let printed = BufReader::new(child.stdout.take().expect("piped"));
+    // What is not read any more ends the program.
+    let read = printed.lines().try_for_each(|line| on_line(&line?));
     let status = child.wait()?;
     let told = "its message is above".to_owned();
     match status.code() {
