@@ -9,6 +9,7 @@ pub mod display;
 pub mod gpu;
 pub mod headset;
 pub mod image;
+pub mod playing;
 pub mod programs;
 pub mod remote;
 pub mod scene;

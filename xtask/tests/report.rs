@@ -64,5 +64,11 @@ fn bad_requests_are_refused_before_work_is_done() {
     assert!(run(&["report", "bad.ply", "--rd"]).error(3).contains("bad.ply"));
     assert!(run(&["report", "bad.ply", "--rd", "-o", "no/folder"]).error(2).contains("no/folder"));
     assert!(run(&["report", "bad.ply", "--rd", "-o", "bad.ply"]).error(2).contains("bad.ply"));
-    assert_eq!(run(&["report", "bad.ply"]).code, Some(2), "nothing to report on");
+    assert!(run(&["report", "bad.ply", "-o", "no/folder"]).error(2).contains("no/folder"));
+    assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
+    assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("one clip or field"));
+    assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
+    assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
+    assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
+    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "no size of --rd");
 }

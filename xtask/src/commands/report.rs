@@ -1,6 +1,8 @@
-//! `cargo xtask report`: what the packages of fields cost and keep, and how stable the renderer is,
-//! measured.
+//! `cargo xtask report`: what playing, packaging and fitting a clip costs and keeps, what the
+//! packages of fields do at every budget, and how stable the renderer is, measured.
 
+mod page;
+mod program;
 mod stability;
 
 use std::fs;
@@ -14,20 +16,32 @@ use xtask::fault::Fault;
 use xtask::output;
 use xtask::report::{ReportFile, Subject, rd};
 
-/// Measure fields and the renderer, and write the tables and plots.
+use super::render::size;
+
+/// Most pixels of a picture that is measured: dozens of them, of 32 bytes a pixel, are held at once.
+const PIXELS_MAX: u64 = 1 << 22;
+
+/// Measure a clip, and write a page of error against run time and of what it does without.
 #[derive(clap::Args)]
-#[command(group(clap::ArgGroup::new("measures").required(true).multiple(true)))]
 pub(crate) struct Args {
-    /// Packages, fitted field files or folders holding one
-    #[arg(value_name = "CLIP|FIELD")]
+    /// A package, a fitted field file or a folder holding one; several with --rd or --stability
+    #[arg(value_name = "CLIP|FIELD", required_unless_present = "stability")]
     fields: Vec<PathBuf>,
-    /// Rate and distortion: what each budget costs and keeps, by several ways to choose the Gaussians
-    #[arg(long, group = "measures", requires = "fields")]
+    /// Instead, rate and distortion: what each budget costs and keeps, by several ways to choose the
+    /// Gaussians
+    #[arg(long, requires = "fields")]
     rd: bool,
-    /// Stability: how far the GPU's pictures of stiff and extreme fields, and of these, are from the
-    /// reference's
-    #[arg(long, group = "measures")]
+    /// Instead, stability: how far the GPU's pictures of stiff and extreme fields, and of these, are
+    /// from the reference's
+    #[arg(long)]
     stability: bool,
+    /// Size of the pictures that are measured
+    #[arg(long, value_name = "WxH", default_value = "512x384", value_parser = size,
+          conflicts_with_all = ["rd", "stability"])]
+    size: [u32; 2],
+    /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
+    #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability"])]
+    fit_log: Vec<PathBuf>,
     /// Folder for the files of the report
     #[arg(short, long, value_name = "DIR", default_value = "report")]
     out: PathBuf,
@@ -50,13 +64,18 @@ struct Report {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     check_folder(&args.out)?;
-    let subjects = args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let mut report = Report::default();
-    if args.rd {
-        report.add_rd(&subjects)?;
-    }
-    if args.stability {
-        report.add_stability(&args.fields)?;
+    if args.rd || args.stability {
+        let subjects =
+            args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        if args.rd {
+            report.add_rd(&subjects)?;
+        }
+        if args.stability {
+            report.add_stability(&args.fields)?;
+        }
+    } else {
+        report.add_page(args)?;
     }
     write(&args.out, &report.files)?;
     if args.json {
@@ -74,6 +93,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Report {
+    fn add_page(&mut self, args: &Args) -> anyhow::Result<()> {
+        let [path] = args.fields.as_slice() else {
+            let what = "a page is of one clip or field: name one, or choose --rd or --stability";
+            return Err(Fault::Usage(what.into()).into());
+        };
+        let [width, height] = args.size;
+        if u64::from(width) * u64::from(height) > PIXELS_MAX {
+            let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
+            return Err(Fault::Usage(what).into());
+        }
+        let findings = page::measure(path, args.size, &args.fit_log)?;
+        self.text += &findings.table();
+        self.files.extend(findings.files()?);
+        self.json.extend(findings.to_json()?);
+        Ok(())
+    }
+
     fn add_rd(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
         let bar = ProgressBar::new(subjects.iter().map(rd::work).sum());
         // Drawn on a terminal's standard error only.
@@ -103,7 +139,6 @@ impl Report {
         Ok(())
     }
 }
-
 /// Checks, before any work is done, that the folder is there or can be made.
 fn check_folder(folder: &Path) -> Result<(), Fault> {
     match folder.metadata() {

@@ -83,6 +83,39 @@ pub fn csv(entries: &[Entry]) -> String {
     text
 }
 
+/// The entries of a table.
+///
+/// # Errors
+/// What is wrong, and in which line.
+pub fn parse(text: &str) -> Result<Vec<Entry>, String> {
+    let mut lines = (1..).zip(text.lines());
+    if lines.next().is_none_or(|(_, head)| head != csv(&[]).trim_end()) {
+        return Err("not the table of a fit: its first line is another".into());
+    }
+    lines.map(|(number, line)| parse_line(line).ok_or(format!("line {number} is not one of a fit"))).collect()
+}
+
+fn parse_line(line: &str) -> Option<Entry> {
+    let mut cells = line.splitn(10, ',');
+    let mut cell = || cells.next();
+    let number = |cell: Option<&str>| cell?.parse::<f64>().ok().filter(|x| x.is_finite());
+    let count = |cell: Option<&str>| cell?.parse::<usize>().ok();
+    Some(Entry {
+        step: cell()?.parse().ok()?,
+        seconds: number(cell())?,
+        loss: number(cell())?,
+        held_psnr_db: match cell()? {
+            "" => None,
+            // Held photographs can be met exactly.
+            db => Some(db.parse().ok().filter(|db: &f64| !db.is_nan())?),
+        },
+        gaussians: count(cell())?,
+        drawn: count(cell())?,
+        density: Density { added: count(cell())?, pruned: count(cell())?, relocated: count(cell())? },
+        backend: cell()?.strip_prefix('"')?.strip_suffix('"')?.to_owned(),
+    })
+}
+
 /// The photograph and what is drawn of it, side by side.
 pub(super) fn preview(shot: &Shot, picture: &Picture<f32>) -> RgbImage {
     let (width, height) = (picture.width, picture.height);
@@ -100,4 +133,38 @@ pub(super) fn preview(shot: &Shot, picture: &Picture<f32>) -> RgbImage {
             }
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry() -> Entry {
+        Entry {
+            step: 500,
+            seconds: 12.5,
+            loss: 0.25,
+            held_psnr_db: Some(23.125),
+            gaussians: 8000,
+            drawn: 3200,
+            density: Density { added: 3, pruned: 2, relocated: 1 },
+            backend: "gpu, a device".into(),
+        }
+    }
+
+    #[test]
+    fn tables_are_read_as_they_were_written() {
+        let entries = [entry(), Entry { held_psnr_db: None, ..entry() }];
+        assert_eq!(parse(&csv(&entries)).unwrap(), entries);
+        assert_eq!(parse(&csv(&[])).unwrap(), []);
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused_by_line() {
+        let table = csv(&[entry()]);
+        assert!(parse("a,b\n").unwrap_err().contains("first line"));
+        assert!(parse(&format!("{table}500,1")).unwrap_err().contains("line 3"));
+        assert!(parse(&table.replace("8000", "many")).unwrap_err().contains("line 2"));
+        assert!(parse(&table.replace("12.5", "inf")).is_err());
+    }
 }

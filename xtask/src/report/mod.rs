@@ -1,11 +1,18 @@
-//! Reports: what the packages of a field cost and what they keep, and how stable the renderer is,
-//! measured, as text to read, tables for programs, and plots.
+//! Reports: what playing, packaging and fitting a clip costs and keeps, what packages of every
+//! budget do, and how stable the renderer is, measured, as a page or text to read, tables for
+//! programs, and plots.
 
+pub mod fitting;
+pub mod knob;
+pub mod packaging;
+mod page;
+pub mod playing;
 mod plot;
 pub mod rd;
 pub mod stability;
 mod subject;
 
+pub use page::Findings;
 pub use subject::Subject;
 
 /// A file of a report.

@@ -46,7 +46,7 @@ const CODED_STRIDE: usize = 4;
 const SEEN_STRIDE: usize = 3;
 
 /// Work of one of them, which are larger than those that are reported on.
-const SEEN_WORK: u64 = 8;
+pub(super) const SEEN_WORK: u64 = 8;
 
 /// A way to choose which Gaussians a package keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -193,7 +193,7 @@ fn reported_shots(subject: &Subject) -> Vec<Shot> {
 }
 
 /// Pictures that tell how exactly a package is coded.
-fn coded_shots(subject: &Subject) -> Vec<Shot> {
+pub(super) fn coded_shots(subject: &Subject) -> Vec<Shot> {
     shots_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE).into_iter().step_by(CODED_STRIDE).collect()
 }
 
@@ -204,7 +204,7 @@ fn coded_work(subject: &Subject) -> u64 {
 }
 
 /// Pictures that tell the coder what is visible.
-fn seen_shots(subject: &Subject) -> Vec<Shot> {
+pub(super) fn seen_shots(subject: &Subject) -> Vec<Shot> {
     let shots = shots_of(&subject.scene, &subject.field, RANKING_PLACES, CODED_SIZE);
     shots.into_iter().step_by(SEEN_STRIDE).collect()
 }
@@ -326,7 +326,7 @@ impl<'a> Bench<'a> {
 }
 
 /// Why `scene` cannot be packaged.
-fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
+pub(super) fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
     match error {
         CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
         CodeError::Decode(error) => error.into(),

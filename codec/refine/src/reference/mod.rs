@@ -17,6 +17,7 @@ mod colors;
 mod contribution;
 mod coverage;
 mod evaluate;
+mod held;
 mod sensitivity;
 mod sh;
 mod sort;
@@ -27,6 +28,7 @@ use codec::{Camera, Clip, Field};
 pub(crate) use colors::Colors;
 pub use contribution::{Contribution, contributions};
 pub use coverage::{Coverage, Radius, coverage};
+pub use held::render_held;
 pub use sensitivity::sensitivities;
 pub use sort::Order;
 

@@ -1,5 +1,7 @@
 //! Stage `sort`: front to back.
 
+use std::cmp::Ordering;
+
 use super::evaluate::Splat;
 
 /// What "in front of" means.
@@ -14,8 +16,13 @@ pub enum Order {
 
 /// Sorts front to back; splats at one depth keep their order.
 pub(crate) fn sort(splats: &mut [Splat], order: Order) {
+    splats.sort_by(|a, b| nearer(a, b, order));
+}
+
+/// Whether `a` is in front of `b`: then it is less.
+pub(crate) fn nearer(a: &Splat, b: &Splat, order: Order) -> Ordering {
     match order {
-        Order::Depth => splats.sort_by(|a, b| a.depth.total_cmp(&b.depth)),
-        Order::Radial => splats.sort_by(|a, b| a.distance.total_cmp(&b.distance)),
+        Order::Depth => a.depth.total_cmp(&b.depth),
+        Order::Radial => a.distance.total_cmp(&b.distance),
     }
 }

@@ -480,3 +480,25 @@ fn contributions_do_not_depend_on_threads() {
     };
     assert_eq!(on(1), on(3));
 }
+
+#[test]
+fn what_is_held_is_the_order_and_nothing_else() {
+    let scene = cloud(5, 40);
+    let scene = Scene::from(&scene);
+    let here = camera();
+    let picture = render(&scene, &here, 0.5, Order::Depth);
+    assert_eq!(render_held(&scene, &here, 0.5, Order::Depth, (&here, 0.5)), picture);
+    // From here, red is in front of blue; from behind both it is not.
+    let pair = field(&[Ball::at([0.0, 0.0, 2.0], RED), Ball::at([0.0, 0.0, 3.0], BLUE)]);
+    let pair = Scene::from(&pair);
+    let behind = Camera::look_at([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0], 0.5, WIDTH, HEIGHT);
+    let color = |image: Image| image.pixel(WIDTH / 2, HEIGHT / 2);
+    let [red, _, blue, _] = color(render(&pair, &here, 0.0, Order::Depth));
+    assert!(red > blue);
+    let [red, _, blue, _] = color(render_held(&pair, &here, 0.0, Order::Depth, (&behind, 0.0)));
+    assert!(red < blue);
+    // What was not alive when the order was made is missing.
+    let late = moving(field(&[Ball::at([0.0, 0.0, 2.0], RED)]), 0.9, 0.05, &[]);
+    let missing = render_held(&(&late).into(), &here, 0.9, Order::Depth, (&here, 0.1));
+    assert_eq!(missing, Image::new(WIDTH, HEIGHT));
+}

@@ -1,0 +1,93 @@
+//! The knob that the renderer does not have: in how many frames Gaussians are found and sorted.
+//!
+//! What holding an order changes is told by the reference, and put on top of the player's pictures:
+//! `player + (reference in the held order - reference)`. What it saves is the part of the stages
+//! `alive` and `sort` that a frame then has no share in.
+
+use refine::image::Image;
+use refine::prune::Shot;
+use refine::reference::{Order, Scene, render, render_held};
+use xtask::report::knob::{Knob, Point, Spread, Stage};
+
+use super::errors::Expected;
+use super::measure::Sample;
+use super::shots::{Shots, earlier};
+use super::{Measured, point};
+
+/// Frames that an order is held for.
+const FRAMES: [usize; 3] = [2, 4, 8];
+
+/// Number of pictures that [`knob`] takes.
+pub(super) fn pictures(shots: &Shots) -> usize {
+    shots.turn.len() + FRAMES.len() * (shots.pictures.len() + shots.turn.len())
+}
+
+/// Measures the knob against the player as it is, `base`, of a clip of so many seconds. `on_picture`
+/// is called for each of [`pictures`].
+pub(super) fn knob(
+    whole: &Scene,
+    shots: &Shots,
+    duration_s: f64,
+    expected: &Expected,
+    base: &Measured,
+    on_picture: &mut dyn FnMut() -> anyhow::Result<()>,
+) -> anyhow::Result<Knob> {
+    let mut take = |shot: &Shot, made: &Shot| {
+        on_picture()?;
+        anyhow::Ok(match shot == made {
+            true => render(whole, &shot.camera, shot.t, Order::Depth),
+            false => render_held(whole, &shot.camera, shot.t, Order::Depth, (&made.camera, made.t)),
+        })
+    };
+    // That of errors is sorted by distance.
+    let turn = shots.turn.iter().map(|shot| take(shot, shot)).collect::<anyhow::Result<Vec<_>>>()?;
+    let mut points = vec![point("1", true, base)];
+    for frames in FRAMES {
+        let last = shots.pictures.len().saturating_sub(1).max(1);
+        let mut pictures = Vec::new();
+        for (i, shot) in shots.pictures.iter().enumerate() {
+            // Pictures are taken evenly long after the order was made.
+            let since = (i * (frames - 1) + last / 2) / last;
+            let held = take(shot, &earlier(shot, since, duration_s))?;
+            pictures.push(on_top(&base.looked.images[i], &held, &expected.pictures[i]));
+        }
+        let mut turned = Vec::new();
+        for (i, shot) in shots.turn.iter().enumerate() {
+            let held = take(shot, &shots.turn[i - i % frames])?;
+            turned.push(on_top(&base.looked.turn[i], &held, &turn[i]));
+        }
+        points.push(held_point(frames, base, expected.errors(&pictures, &turned)));
+    }
+    Ok(Knob {
+        stage: Stage::Playing,
+        name: "frames to a sort".into(),
+        about: "How many frames are drawn in the order, and of the Gaussians, that the first of them found. The \
+                player finds them anew in every frame; what holding changes is the reference's, and what it saves \
+                is the share of the stages `alive` and `sort`."
+            .into(),
+        cost: "ms a frame".into(),
+        points,
+    }
+    .mark_front())
+}
+
+fn held_point(frames: usize, base: &Measured, errors: xtask::report::knob::Errors) -> Point {
+    let share = 1.0 / frames as f64;
+    let of = |value: fn(&Sample) -> f64| Spread::of(base.samples.iter().map(value).map(|ms| ms * share));
+    let saved = |sample: &Sample| (1.0 - share) * (sample.alive_ms + sample.sort_ms);
+    let frame_ms = Spread::of(base.samples.iter().map(|sample| sample.frame_ms - saved(sample)));
+    let mut point = point(&frames.to_string(), false, base);
+    point.errors = errors;
+    (point.cost, point.run_time_ms) = (frame_ms, Some(frame_ms));
+    point.stages_ms.insert("alive".into(), of(|sample| sample.alive_ms));
+    point.stages_ms.insert("sort".into(), of(|sample| sample.sort_ms));
+    point.counts.entry("sorted_keys".into()).and_modify(|keys| *keys *= share);
+    point
+}
+
+/// `picture` with what is different between `held` and `exact`.
+fn on_top(picture: &Image, held: &Image, exact: &Image) -> Image {
+    let pixels = picture.pixels.iter().zip(held.pixels.iter().zip(&exact.pixels));
+    let sum = |(a, (b, c)): (&[f64; 4], (&[f64; 4], &[f64; 4]))| [0, 1, 2, 3].map(|i| a[i] + b[i] - c[i]);
+    Image { width: picture.width, height: picture.height, pixels: pixels.map(sum).collect() }
+}

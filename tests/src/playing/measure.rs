@@ -1,0 +1,284 @@
+//! [`Bench`]: draws variants, and looks, counts and times.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::mem::size_of;
+use std::sync::Arc;
+use std::time::Instant;
+
+use client::fault::Fault;
+use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::view::View;
+use codec::{Clip, Field};
+use glam::UVec2;
+use image::Rgba32FImage;
+use image::imageops::{FilterType, resize};
+use refine::image::Image;
+use refine::prune::Shot;
+use shaders::layout::Ranges;
+use xtask::report::knob::Errors;
+
+use super::errors::Expected;
+use super::reduce;
+use super::shots::Shots;
+use crate::gpu::{Passes, device};
+
+/// How often each picture is timed.
+pub(super) const ROUNDS: usize = 7;
+
+/// Corners of the rectangle that a Gaussian is drawn as.
+const CORNERS: f64 = 4.0;
+
+/// Distance between the eyes, the mean of adults.
+const EYE_DISTANCE_M: f32 = 0.063;
+
+/// A way to draw the clip. The default is the player as it is.
+#[derive(Default)]
+pub(super) struct Variant {
+    /// What it is called.
+    pub(super) name: String,
+    /// What is drawn.
+    pub(super) content: Content,
+    /// How.
+    pub(super) settings: Settings,
+    /// The size that is drawn, if another than that of the pictures.
+    pub(super) size: Option<UVec2>,
+    /// Bits per channel.
+    pub(super) depth: Target,
+    /// For how many eyes.
+    pub(super) eyes: Eyes,
+}
+
+/// What a variant draws.
+#[derive(Default)]
+pub(super) enum Content {
+    /// The clip.
+    #[default]
+    Whole,
+    /// Another.
+    Other(Box<Clip>),
+    /// At each instant those Gaussians of the clip whose opacity is at least this.
+    Alive(f64),
+}
+
+/// What a variant draws into.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum Target {
+    /// 16-bit floats, as images are made with.
+    #[default]
+    Sixteen,
+    /// 8 bits, as windows and headsets have.
+    Eight,
+}
+
+/// For how many eyes a variant draws.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum Eyes {
+    #[default]
+    One,
+    /// Two in one pass, where the device can.
+    TwoAtOnce,
+    /// Two in a pass each.
+    TwoInTurn,
+}
+
+/// What was seen and counted of a variant.
+pub(super) struct Looked {
+    pub(super) errors: Errors,
+    /// Means of a picture.
+    pub(super) counts: BTreeMap<String, f64>,
+    /// The pictures; of two eyes there are none.
+    pub(super) images: Vec<Image>,
+    /// Those of the turning head.
+    pub(super) turn: Vec<Image>,
+}
+
+/// Milliseconds of a frame, the mean of all pictures.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample {
+    pub(super) frame_ms: f64,
+    pub(super) alive_ms: f64,
+    pub(super) sort_ms: f64,
+    pub(super) draw_ms: f64,
+}
+
+/// Draws variants.
+pub(super) struct Bench<'a> {
+    gpu: &'static Gpu,
+    clip: &'a Clip,
+    size: UVec2,
+    shots: &'a Shots,
+    /// What each variant that was looked at is drawn with.
+    placed: Vec<Placed>,
+}
+
+/// What a variant is drawn with.
+struct Placed {
+    settings: Settings,
+    /// One for all pictures, or one for each.
+    stands: Vec<Stand>,
+}
+
+/// A clip, ready to be drawn.
+struct Stand {
+    gpu: &'static Gpu,
+    renderer: Renderer,
+    target: Offscreen,
+    size: UVec2,
+    /// Gaussians, the plate's among them.
+    rows: usize,
+    /// Distance between two eyes in units of the clip; `None` for one.
+    apart: Option<f32>,
+}
+
+impl<'a> Bench<'a> {
+    pub(super) fn new(gpu: &'static Gpu, clip: &'a Clip, size: UVec2, shots: &'a Shots) -> Bench<'a> {
+        Bench { gpu, clip, size, shots, placed: Vec::new() }
+    }
+
+    /// Draws a variant for the first time, looks at it and counts.
+    pub(super) fn look(&mut self, variant: &Variant, expected: &Expected) -> Result<Looked, Fault> {
+        let mut stands = match variant.content {
+            Content::Alive(_) => self
+                .shots
+                .pictures
+                .iter()
+                .map(|shot| self.stand(variant, shot.t))
+                .collect::<Result<_, _>>()?,
+            Content::Whole | Content::Other(_) => vec![self.stand(variant, 0.0)?],
+        };
+        let (mut images, mut counts) = (Vec::new(), BTreeMap::new());
+        for (i, shot) in self.shots.pictures.iter().enumerate() {
+            let stand = of_shot(&mut stands, i);
+            images.push(stand.image(shot, &variant.settings, self.size)?);
+            for (name, count) in stand.counts(shot, &variant.settings)? {
+                *counts.entry(name.to_owned()).or_default() += count / self.shots.pictures.len() as f64;
+            }
+        }
+        let mut looked = Looked { errors: Errors::default(), counts, images: Vec::new(), turn: Vec::new() };
+        if variant.eyes == Eyes::One {
+            for shot in &self.shots.turn {
+                let mut own = match variant.content {
+                    Content::Alive(_) => Some(self.stand(variant, shot.t)?),
+                    Content::Whole | Content::Other(_) => None,
+                };
+                let stand = own.as_mut().unwrap_or(&mut stands[0]);
+                looked.turn.push(stand.image(shot, &variant.settings, self.size)?);
+            }
+            looked.errors = expected.errors(&images, &looked.turn);
+            looked.images = images;
+        }
+        self.placed.push(Placed { settings: variant.settings, stands });
+        Ok(looked)
+    }
+
+    /// Draws all pictures of variant `i`, in the order in which they were looked at.
+    pub(super) fn time(&mut self, i: usize) -> Result<Sample, Fault> {
+        let Placed { settings, stands } = &mut self.placed[i];
+        let mut mean = Sample::default();
+        for (i, shot) in self.shots.pictures.iter().enumerate() {
+            let sample = of_shot(stands, i).time(shot, settings)?;
+            let part = |value: f64| value / self.shots.pictures.len() as f64;
+            mean.frame_ms += part(sample.frame_ms);
+            mean.alive_ms += part(sample.alive_ms);
+            mean.sort_ms += part(sample.sort_ms);
+            mean.draw_ms += part(sample.draw_ms);
+        }
+        Ok(mean)
+    }
+
+    /// What `variant` is drawn with at clip time `t`.
+    fn stand(&self, variant: &Variant, t: f64) -> Result<Stand, Fault> {
+        let gpu = match variant.eyes {
+            Eyes::TwoInTurn => device(Passes::PerEye)?,
+            Eyes::One | Eyes::TwoAtOnce => self.gpu,
+        };
+        let clip = match &variant.content {
+            Content::Whole => Cow::Borrowed(self.clip),
+            Content::Other(clip) => Cow::Borrowed(&**clip),
+            Content::Alive(least) => Cow::Owned(reduce::to_alive(self.clip, t, *least)),
+        };
+        let depth = match variant.depth {
+            Target::Sixteen => Depth::Sixteen,
+            Target::Eight => Depth::Eight,
+        };
+        let apart = (variant.eyes != Eyes::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
+        let eyes = 1 + usize::from(apart.is_some());
+        let size = variant.size.unwrap_or(self.size);
+        Ok(Stand {
+            gpu,
+            renderer: Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, &clip)?), depth.format(), eyes)?,
+            target: Offscreen::new(gpu, size, eyes as u32, depth)?,
+            size,
+            rows: clip.len() + clip.plate.as_ref().map_or(0, Field::len),
+            apart,
+        })
+    }
+}
+
+fn of_shot(stands: &mut [Stand], shot: usize) -> &mut Stand {
+    let last = stands.len() - 1;
+    &mut stands[shot.min(last)]
+}
+
+impl Stand {
+    fn views(&self, shot: &Shot) -> Vec<View> {
+        let view = View::from_camera(&shot.camera);
+        let scale = self.size.as_vec2() / view.size.as_vec2();
+        let view =
+            View { focal: view.focal * scale, principal: view.principal * scale, size: self.size, ..view };
+        self.apart.map_or(vec![view], |distance| view.stereo_pair(distance).to_vec())
+    }
+
+    /// The picture of the first eye, at the size `full`.
+    fn image(&mut self, shot: &Shot, settings: &Settings, full: UVec2) -> Result<Image, Fault> {
+        let views = self.views(shot);
+        self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let pixels = self.target.read(self.gpu)?.swap_remove(0);
+        let drawn = pixels.rgba.into_iter().flatten().collect();
+        let mut image =
+            Rgba32FImage::from_raw(self.size.x, self.size.y, drawn).expect("four numbers a pixel");
+        if self.size != full {
+            // Interpolation between the nearest four, as a compositor does.
+            image = resize(&image, full.x, full.y, FilterType::Triangle);
+        }
+        let pixels = image.pixels().map(|pixel| pixel.0.map(f64::from)).collect();
+        Ok(Image { width: full.x, height: full.y, pixels })
+    }
+
+    fn counts(&mut self, shot: &Shot, settings: &Settings) -> Result<[(&'static str, f64); 9], Fault> {
+        let views = self.views(shot);
+        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let coverage = self.renderer.count(self.gpu, shot.t, &views, settings)?;
+        let instances = f64::from(counts.sorted) * views.len() as f64;
+        Ok([
+            ("alive", f64::from(counts.alive)),
+            ("sorted_keys", f64::from(counts.sorted)),
+            ("drawn", f64::from(coverage.drawn)),
+            ("covered_fragments", coverage.fragments as f64),
+            ("vertex_invocations", CORNERS * instances),
+            ("bytes_fetched", instances * self.bytes_of_instance()),
+            ("gpu_bytes", self.renderer.clip().bytes() as f64),
+            ("pipelines", self.renderer.pipelines() as f64),
+            ("passes", views.len() as f64 / f64::from(self.renderer.eyes_per_pass())),
+        ])
+    }
+
+    /// Bytes that an instance reads, its four corners counted once, as they share what they read: its
+    /// place in the order, and the mean record.
+    fn bytes_of_instance(&self) -> f64 {
+        let clip = self.renderer.clip();
+        let ranges = (self.renderer.pipelines() * size_of::<Ranges>()) as f64;
+        size_of::<u32>() as f64 + (clip.bytes() as f64 - ranges) / self.rows.max(1) as f64
+    }
+
+    fn time(&mut self, shot: &Shot, settings: &Settings) -> Result<Sample, Fault> {
+        let views = self.views(shot);
+        let start = Instant::now();
+        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let (alive_ms, sort_ms) = (counts.alive_ms, counts.sort_ms);
+        let draw_ms = self.renderer.gpu_ms().unwrap_or(frame_ms - alive_ms - sort_ms);
+        Ok(Sample { frame_ms, alive_ms, sort_ms, draw_ms })
+    }
+}

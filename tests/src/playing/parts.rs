@@ -1,0 +1,388 @@
+//! The optional parts of clips: what this clip needs of each, and what it saves by doing without.
+//!
+//! What is saved is measured: the part is switched on, in columns that say nothing, and the clip is
+//! drawn, counted and packaged with it. In a package a column of zeros is left out whatever anybody
+//! asks for, so that there one Gaussian is made to need it.
+
+use std::collections::BTreeMap;
+
+use client::gpu::Gpu;
+use client::viewpoint::viewpoints;
+use codec::{
+    Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, Temporal, sh_coefficients,
+};
+use shaders::{Features, Motion, Purpose, compose};
+use xtask::export::merged;
+use xtask::report::playing::{Part, Taken};
+
+use super::Measured;
+use super::measure::{Content, Eyes, Variant};
+use super::pad;
+use super::shots::instants;
+
+/// Where layers of a package end that has some.
+const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
+
+/// Bits of a digit of the sort and their number, see the stage `sort`.
+const DIGIT_BITS: u32 = 11;
+const DIGITS: u32 = 3;
+
+/// Bindings of a shader that every clip takes: the instant, the eyes, ranges, records, order.
+const BINDINGS: usize = 5;
+
+/// A part, and how to switch it on.
+pub(super) struct Switched {
+    part: String,
+    left_out: bool,
+    needs: String,
+    switched_on: String,
+    /// What is known without drawing: of the clip as it is, and with the part.
+    counts: [BTreeMap<String, f64>; 2],
+    /// How the clip is drawn without the part, if not as it is.
+    without: Option<Variant>,
+    /// How it is drawn with it; `None` where drawing is the same or nothing is switched on.
+    with: Option<Variant>,
+    /// Makes what a package with the part is made of.
+    package: Option<Packing>,
+}
+
+/// Makes of a clip what a package with a part is made of.
+type Packing = Box<dyn Fn(&Clip) -> Packable>;
+
+/// What a package is made of.
+struct Packable {
+    field: Field,
+    plate: Option<Field>,
+    layers: Vec<usize>,
+}
+
+impl Switched {
+    /// What is drawn for it.
+    pub(super) fn variants(&self) -> impl Iterator<Item = &Variant> {
+        self.without.iter().chain(&self.with)
+    }
+
+    /// Whether there is a package with the part to be made.
+    pub(super) fn packages(&self) -> bool {
+        self.package.is_some()
+    }
+
+    /// The part as it was measured: `base` as the clip is, `results` of [`Switched::variants`].
+    ///
+    /// # Errors
+    /// If a package cannot be made.
+    pub(super) fn into_part(
+        self,
+        clip: &Clip,
+        base: &Measured,
+        results: &[Measured],
+    ) -> anyhow::Result<Part> {
+        let [mut without, mut with] = self.counts.map(|counts| Taken { counts, frame_ms: None });
+        let drawn = |taken: &mut Taken, measured: &Measured| {
+            taken.counts.extend(measured.looked.counts.clone());
+            taken.frame_ms = Some(measured.frame_ms());
+        };
+        if let (Some(_), Some(measured)) = (&self.with, results.last()) {
+            drawn(&mut with, measured);
+            drawn(&mut without, if self.without.is_some() { &results[0] } else { base });
+        }
+        if let Some(package) = &self.package {
+            let as_it_is = Packable { field: ordered(clip), plate: clip.plate.clone(), layers: layers(clip) };
+            without.counts.extend(package_bytes(clip, &as_it_is)?);
+            with.counts.extend(package_bytes(clip, &package(clip))?);
+        }
+        let Switched { part, left_out, needs, switched_on, .. } = self;
+        Ok(Part { part, left_out, needs, switched_on, without, with })
+    }
+}
+
+/// All optional parts of clips.
+pub(super) fn parts(clip: &Clip, gpu: &Gpu) -> Vec<Switched> {
+    let mut parts = Vec::new();
+    sh(clip, &mut parts);
+    motion(clip, &mut parts);
+    rotation(clip, &mut parts);
+    parts.extend([still(clip), index(clip), plate(clip), layered(clip)]);
+    eyes(gpu, &mut parts);
+    parts.push(sort_width(clip));
+    parts
+}
+
+/// A part that is needed.
+fn needed(part: String, needs: String) -> Switched {
+    Switched {
+        part,
+        left_out: false,
+        needs,
+        switched_on: String::new(),
+        counts: Default::default(),
+        without: None,
+        with: None,
+        package: None,
+    }
+}
+
+/// A part that the clip does without, and what it is with the part.
+fn left_out(part: String, needs: String, switched_on: &str, clip: &Clip, with: Clip) -> Switched {
+    let name = format!("with {part}");
+    Switched {
+        left_out: true,
+        switched_on: switched_on.into(),
+        counts: [counts(clip), counts(&with)],
+        with: Some(Variant { name, content: Content::Other(Box::new(with)), ..Variant::default() }),
+        ..needed(part, needs)
+    }
+}
+
+fn sh(clip: &Clip, parts: &mut Vec<Switched>) {
+    let depends = |field: &Field| {
+        let varies = |i: &usize| field.sh_of(*i)[1..].iter().any(|c| *c != [0.0; 3]);
+        (0..field.len()).filter(varies).count()
+    };
+    let of_clip = clip.sh_degree();
+    if of_clip > 0 {
+        let count = depends(&clip.still) + depends(&clip.moving);
+        let needs = format!("{count} of {} Gaussians look different from other sides", clip.len());
+        parts.push(needed(format!("SH up to degree {of_clip}"), needs));
+    }
+    for degree in of_clip + 1..=SH_DEGREE_MAX {
+        let needs = format!("no: nothing varies with the view beyond degree {of_clip}");
+        let with = pad::with_sh_degree(clip, degree);
+        let mut part = left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
+        part.package = Some(Box::new(move |clip| {
+            let mut field = ordered(&pad::with_sh_degree(clip, degree));
+            field.sh[sh_coefficients(degree) - 1] = [0.2; 3];
+            packable(clip, field)
+        }));
+        parts.push(part);
+    }
+}
+
+/// The clip with a moving region, whatever there is in it.
+fn able_to_move(clip: &Clip) -> Clip {
+    if clip.moving.is_empty() { pad::all_moving(clip) } else { clip.clone() }
+}
+
+fn motion(clip: &Clip, parts: &mut Vec<Switched>) {
+    let moving = clip.moving.len();
+    let order = if moving > 0 { clip.moving.motion_order() } else { 0 };
+    if order > 0 {
+        let needs = format!("{moving} of {} Gaussians move or fade", clip.len());
+        parts.push(needed(format!("motion up to power {order}"), needs));
+    }
+    let switched_on = if moving > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
+    for order in order + 1..=MOTION_ORDER_MAX {
+        let needs = "no: trajectories are of a lower power, if there are any".into();
+        let with = pad::with_motion_order(&able_to_move(clip), order);
+        let mut part = left_out(format!("motion of power {order}"), needs, switched_on, clip, with);
+        part.package = Some(Box::new(move |clip| {
+            let mut field = windowed(ordered(&pad::with_motion_order(&able_to_move(clip), order)));
+            let [low, high] = field.bounds();
+            if let Some(temporal) = &mut field.temporal {
+                temporal.motion[usize::from(order) - 1] =
+                    [0, 1, 2].map(|axis| 0.02 * (high[axis] - low[axis]));
+            }
+            packable(clip, field)
+        }));
+        parts.push(part);
+    }
+}
+
+fn rotation(clip: &Clip, parts: &mut Vec<Switched>) {
+    let rates = clip.moving.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
+    if let Some(rates) = rates {
+        let count = rates.iter().filter(|rate| **rate != [0.0; 4]).count();
+        let needs = format!("{count} of {} Gaussians turn", clip.len());
+        return parts.push(needed("rotation over time".into(), needs));
+    }
+    let with = pad::with_rotation(&able_to_move(clip));
+    let mut part =
+        left_out("rotation over time".into(), "no: nothing turns".into(), "rates of zero", clip, with);
+    part.package = Some(Box::new(|clip| {
+        let mut field = windowed(ordered(&pad::with_rotation(&able_to_move(clip))));
+        if let Some(rates) = field.temporal.as_mut().and_then(|temporal| temporal.rotation_rates.as_mut()) {
+            rates[0] = [0.0, 0.5, 0.0, 0.0];
+        }
+        packable(clip, field)
+    }));
+    parts.push(part);
+}
+
+/// Windows and motion of the Gaussians that are always there and never move.
+fn still(clip: &Clip) -> Switched {
+    let (still, name) = (clip.still.len(), "temporal columns of still Gaussians".to_owned());
+    if still == 0 {
+        return needed(name, "every Gaussian moves or fades".into());
+    }
+    let needs = format!("no: {still} of {} Gaussians neither move nor fade", clip.len());
+    let without = pad::without_index(clip);
+    let mut part =
+        left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_moving(clip));
+    // All that move are then asked at every instant, which is another part.
+    part.without = Some(Variant {
+        name: "without time index".into(),
+        content: Content::Other(Box::new(without)),
+        ..Variant::default()
+    });
+    part.package = Some(Box::new(|clip| {
+        let field = ordered(&pad::all_moving(clip));
+        packable(clip, windowed(field))
+    }));
+    part
+}
+
+fn index(clip: &Clip) -> Switched {
+    let name = "Gaussians of other times".to_owned();
+    if clip.moving.is_empty() {
+        return needed(name, "all are always alive; there is no time index".into());
+    }
+    let tested = counts(clip)["rows_tested"];
+    let needs = format!("no: of {} Gaussians the time index names {tested:.0} at an instant", clip.len());
+    left_out(name, needs, "every Gaussian is tested in every frame", clip, pad::without_index(clip))
+}
+
+fn plate(clip: &Clip) -> Switched {
+    let name = "plate".to_owned();
+    if let Some(plate) = &clip.plate {
+        return needed(name, format!("{} Gaussians are behind all others", plate.len()));
+    }
+    let with = pad::with_plate(clip);
+    let mut part = left_out(name, "no: there is none".into(), "one Gaussian that nobody sees", clip, with);
+    part.package = Some(Box::new(|clip| Packable {
+        plate: pad::with_plate(clip).plate,
+        ..packable(clip, ordered(clip))
+    }));
+    part
+}
+
+fn layered(clip: &Clip) -> Switched {
+    let name = "layers".to_owned();
+    match clip.layers.len() {
+        1 => Switched {
+            left_out: true,
+            switched_on: "ends of layers as `package` sets them".into(),
+            package: Some(Box::new(|clip| Packable {
+                layers: LAYERS.to_vec(),
+                ..packable(clip, ordered(clip))
+            })),
+            ..needed(name, "no: all comes at once".into())
+        },
+        count => needed(name, format!("{count}: it plays from the first on while the others arrive")),
+    }
+}
+
+fn eyes(gpu: &Gpu, parts: &mut Vec<Switched>) {
+    let two = |name: &str, eyes| Variant { name: name.into(), eyes, ..Variant::default() };
+    parts.push(Switched {
+        left_out: true,
+        switched_on: "two eyes, in one pass where the device can".into(),
+        with: Some(two("two eyes", Eyes::TwoAtOnce)),
+        ..needed("second eye".into(), "no: a window has one eye; a headset sorts once for two".into())
+    });
+    if !gpu.caps.multiview {
+        return;
+    }
+    parts.push(Switched {
+        left_out: true,
+        switched_on: "two eyes, one after the other".into(),
+        without: Some(two("two eyes at once", Eyes::TwoAtOnce)),
+        with: Some(two("two eyes in turn", Eyes::TwoInTurn)),
+        ..needed("second pass".into(), "no: this device draws both eyes of a headset in one".into())
+    });
+}
+
+/// Digits in which the depths of all Gaussians agree need no pass of the sort.
+fn sort_width(clip: &Clip) -> Switched {
+    let viewpoint = &viewpoints(clip)[0];
+    let camera = viewpoint.camera(clip.info.up, 1, 1).camera_from_world;
+    let [x, y, z, w] = camera[2];
+    let (mut passes, mut differ) = (0.0, 0u32);
+    for t in instants() {
+        let keys = [&clip.still, &clip.moving].into_iter().flat_map(|field| {
+            let alive = (0..field.len()).filter(move |&i| field.opacity_at(i, t) >= codec::ALPHA_MIN);
+            alive.map(move |i| field.position_at(i, t))
+        });
+        let keys = keys.map(|p| (x * p[0] + y * p[1] + z * p[2] + w) as f32).filter(|&depth| depth > 0.0);
+        // Of positive numbers, the bits order as the numbers do.
+        let (and, or) = keys.map(f32::to_bits).fold((u32::MAX, 0), |(and, or), key| (and & key, or | key));
+        let differs = or & !and;
+        differ |= differs;
+        let shared = |digit: &u32| u64::from(differs) >> (digit * DIGIT_BITS) & ((1 << DIGIT_BITS) - 1) == 0;
+        passes += f64::from(DIGITS - (0..DIGITS).filter(shared).count() as u32) / instants().len() as f64;
+    }
+    let bits = u32::BITS - differ.leading_zeros();
+    let count = |passes: f64| BTreeMap::from([("sort_passes".to_owned(), passes)]);
+    Switched {
+        left_out: passes < f64::from(DIGITS),
+        counts: [count(passes), count(f64::from(DIGITS))],
+        switched_on: "a pass for each 11 of 32 bits".into(),
+        ..needed("sort passes".into(), format!("depths differ in the last {bits} bits"))
+    }
+}
+
+/// What drawing a clip takes that is known without drawing it.
+fn counts(clip: &Clip) -> BTreeMap<String, f64> {
+    let temporal = clip.moving.temporal.as_ref().filter(|_| !clip.moving.is_empty());
+    let motion = temporal
+        .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
+    let features = Features { sh_degree: clip.sh_degree(), motion };
+    let shader = compose(features, Purpose::Draw { views: 1 });
+    let bindings = BINDINGS + usize::from(motion.is_some()) + usize::from(features.sh_degree > 0);
+    let tested = |t: f64| {
+        let candidates = clip.time_index.candidates(t, clip.layers.len()).map(|rows| rows.len());
+        clip.still.len() + candidates.sum::<usize>()
+    };
+    let rows_tested = instants().map(tested).sum::<usize>() as f64 / instants().len() as f64;
+    [
+        ("shader_lines", shader.lines().count() as f64),
+        ("bindings", bindings as f64),
+        ("rows_tested", rows_tested),
+    ]
+    .map(|(name, count)| (name.to_owned(), count))
+    .into()
+}
+
+/// The Gaussians of the clip, the most important first as far as its layers tell.
+fn ordered(clip: &Clip) -> Field {
+    let still = clip.still.len();
+    let (mut rows, mut start) = (Vec::new(), codec::LayerEnd::default());
+    for end in &clip.layers {
+        rows.extend(start.still..end.still);
+        rows.extend((start.moving..end.moving).map(|row| still + row));
+        start = *end;
+    }
+    merged(clip).select(&rows)
+}
+
+/// Where the layers of the clip end.
+fn layers(clip: &Clip) -> Vec<usize> {
+    clip.layers.iter().map(|end| end.still + end.moving).collect()
+}
+
+fn packable(clip: &Clip, field: Field) -> Packable {
+    Packable { field, plate: clip.plate.clone(), layers: layers(clip) }
+}
+
+/// The field with a window for those that have none, which lets them fade a little.
+fn windowed(mut field: Field) -> Field {
+    let rows = field.len();
+    let temporal = field.temporal.get_or_insert_with(|| Temporal {
+        tau: vec![0.5; rows],
+        s: vec![f32::INFINITY; rows],
+        ..Temporal::default()
+    });
+    for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s).filter(|(_, s)| s.is_infinite()) {
+        (*tau, *s) = (0.5, 1.0);
+    }
+    field
+}
+
+/// Sizes of the package by each coder, at their usual precision.
+fn package_bytes(clip: &Clip, packable: &Packable) -> anyhow::Result<Vec<(String, f64)>> {
+    let source = Source { info: &clip.info, field: &packable.field, plate: packable.plate.as_ref() };
+    let size = |(name, coder): (&str, Coder)| {
+        let options = EncodeOptions { coder, layers: packable.layers.clone(), ..EncodeOptions::default() };
+        Ok((name.to_owned(), codec::encode(&source, &options)?.len() as f64))
+    };
+    [("package_bytes", Coder::Context), ("package_bytes_fixed", Coder::Fixed)].into_iter().map(size).collect()
+}

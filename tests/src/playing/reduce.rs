@@ -1,0 +1,127 @@
+//! Clips with less in them: what a player would draw that knew less of each Gaussian.
+
+use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
+
+/// The clip with view-dependent colour up to `degree`.
+pub(super) fn to_sh_degree(clip: &Clip, degree: u8) -> Clip {
+    let cut = |field: &Field| {
+        let kept = sh_coefficients(degree.min(field.sh_degree));
+        let sh = (0..field.len()).flat_map(|i| field.sh_of(i)[..kept].iter().copied()).collect();
+        Field { sh, sh_degree: degree.min(field.sh_degree), ..field.clone() }
+    };
+    Clip { still: cut(&clip.still), moving: cut(&clip.moving), ..clip.clone() }
+}
+
+/// The clip with powers of time up to `order`: of each trajectory the Taylor expansion about the
+/// middle of the Gaussian's life, where it is seen most.
+pub(super) fn to_motion_order(clip: &Clip, order: u8) -> Clip {
+    let mut reduced = clip.clone();
+    let moving = &mut reduced.moving;
+    let Some(temporal) = &clip.moving.temporal else { return reduced };
+    let order = order.min(temporal.motion_order);
+    let mut motion = Vec::with_capacity(moving.len() * usize::from(order));
+    for i in 0..moving.len() {
+        let tau = f64::from(temporal.tau[i]);
+        let middle = clip.moving.alive_interval(i).map_or(tau, |(start, end)| 0.5 * (start + end));
+        for axis in 0..3 {
+            let mut powers = [f64::from(moving.centers[i][axis]), 0.0, 0.0, 0.0];
+            for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
+                *power = f64::from(v[axis]);
+            }
+            let mut about_middle = shifted(powers, middle - tau);
+            about_middle[1 + usize::from(order)..].fill(0.0);
+            let [center, rest @ ..] = shifted(about_middle, tau - middle);
+            moving.centers[i][axis] = center as f32;
+            motion.resize((i + 1) * usize::from(order), [0.0; 3]);
+            for (v, x) in motion[i * usize::from(order)..].iter_mut().zip(rest) {
+                v[axis] = x as f32;
+            }
+        }
+    }
+    moving.temporal = Some(Temporal { motion_order: order, motion, ..temporal.clone() });
+    reduced
+}
+
+/// The polynomial in `d + by` of the same values as that of `powers` in `d`.
+fn shifted([a, b, c, d]: [f64; 4], by: f64) -> [f64; 4] {
+    [a + by * (b + by * (c + by * d)), b + by * (2.0 * c + by * 3.0 * d), c + 3.0 * by * d, d]
+}
+
+/// The clip without rotation over time; each Gaussian is turned as in the middle of its life.
+pub(super) fn without_rotation(clip: &Clip) -> Clip {
+    let mut reduced = clip.clone();
+    let moving = &mut reduced.moving;
+    for i in 0..moving.len() {
+        if let Some((start, end)) = clip.moving.alive_interval(i) {
+            moving.rotations[i] = clip.moving.rotation_at(i, 0.5 * (start + end)).map(|x| x as f32);
+        }
+    }
+    if let Some(temporal) = &mut moving.temporal {
+        temporal.rotation_rates = None;
+    }
+    reduced
+}
+
+/// Of the clip those Gaussians whose opacity at `t` is at least `least`, as one layer.
+pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
+    let alive = |field: &Field| {
+        let rows: Vec<usize> = (0..field.len()).filter(|&i| field.opacity_at(i, t) >= least).collect();
+        field.select(&rows)
+    };
+    let (still, moving) = (alive(&clip.still), alive(&clip.moving));
+    Clip {
+        layers: vec![LayerEnd { still: still.len(), moving: moving.len() }],
+        time_index: TimeIndex::of_candidates(moving.len()),
+        still,
+        moving,
+        ..clip.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Motion, Recipe, decoded_with};
+
+    fn clip() -> Clip {
+        let motion = Motion::Mixed;
+        let recipe = Recipe { count: 60, sh_degree: 2, motion, motion_order: 3, turning: true, seed: 8 };
+        decoded_with(&recipe.field(), None, &[])
+    }
+
+    fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+        (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn lower_orders_agree_in_the_middle_of_a_life() {
+        let clip = clip();
+        let whole = to_motion_order(&clip, 3);
+        let reduced = to_motion_order(&clip, 1);
+        assert_eq!(reduced.moving.motion_order(), 1);
+        reduced.moving.check().unwrap();
+        let mut off = 0.0f64;
+        for i in 0..clip.moving.len() {
+            let Some((start, end)) = clip.moving.alive_interval(i) else { continue };
+            let middle = 0.5 * (start + end);
+            let place = |clip: &Clip, t| clip.moving.position_at(i, t);
+            assert!(distance(place(&reduced, middle), place(&clip, middle)) < 1e-5, "{i}");
+            assert!(distance(place(&whole, end), place(&clip, end)) < 1e-4, "{i}");
+            off = off.max(distance(place(&reduced, end), place(&clip, end)));
+        }
+        assert!(off > 0.01, "two powers are gone: {off}");
+    }
+
+    #[test]
+    fn what_is_cut_is_gone_and_the_rest_stays() {
+        let clip = clip();
+        let flat = to_sh_degree(&clip, 0);
+        flat.moving.check().unwrap();
+        assert_eq!((flat.sh_degree(), flat.moving.sh_of(3)), (0, &clip.moving.sh_of(3)[..1]));
+        assert!(without_rotation(&clip).moving.temporal.unwrap().rotation_rates.is_none());
+        let alive = to_alive(&clip, 0.5, 0.3);
+        let expected = (0..clip.moving.len()).filter(|&i| clip.moving.opacity_at(i, 0.5) >= 0.3).count();
+        assert_eq!(alive.moving.len(), expected);
+        assert!(expected < clip.moving.len());
+    }
+}

@@ -1,0 +1,150 @@
+//! Error over cost, with the Pareto front and the default marked, as SVG.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// A chart.
+pub(super) struct Chart {
+    /// What goes up.
+    pub(super) title: String,
+    /// What goes to the right.
+    pub(super) x: String,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// A point of a chart. One that is not finite is left out.
+pub(super) struct Mark {
+    pub(super) label: String,
+    /// Middle of what was measured and ends of its middle half.
+    pub(super) x: [f64; 3],
+    pub(super) y: f64,
+    pub(super) default: bool,
+    pub(super) on_front: bool,
+}
+
+/// Size of a chart in pixels.
+const SIZE: (u32, u32) = (520, 330);
+
+/// Blue and vermillion of Okabe and Ito (2008), which people with a colour deficiency can tell apart.
+const FRONT: RGBColor = RGBColor(0, 114, 178);
+const DEFAULT: RGBColor = RGBColor(213, 94, 0);
+const OFF: RGBColor = RGBColor(130, 130, 130);
+
+/// More labels than these would hide each other.
+const LABELS_MAX: usize = 12;
+
+/// The charts side by side.
+///
+/// # Errors
+/// If they cannot be drawn.
+pub(super) fn svg(charts: &[Chart]) -> anyhow::Result<String> {
+    let mut text = String::new();
+    {
+        let (width, height) = SIZE;
+        let size = (width * charts.len().max(1) as u32, height);
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        area.fill(&WHITE)?;
+        for (area, chart) in area.split_evenly((1, charts.len().max(1))).iter().zip(charts) {
+            draw(area, chart)?;
+        }
+        area.present()?;
+    }
+    Ok(text)
+}
+
+fn draw<D: DrawingBackend>(area: &DrawingArea<D, Shift>, chart: &Chart) -> anyhow::Result<()>
+where
+    D::ErrorType: 'static,
+{
+    let is_finite = |mark: &&Mark| mark.y.is_finite() && mark.x.iter().all(|x| x.is_finite());
+    let mut marks: Vec<&Mark> = chart.marks.iter().filter(is_finite).collect();
+    marks.sort_by(|a, b| a.x[0].total_cmp(&b.x[0]));
+    let (left, right) = range(marks.iter().flat_map(|mark| mark.x), [0.06, 0.14]);
+    let (bottom, top) = range(marks.iter().map(|mark| mark.y), [0.12, 0.12]);
+
+    let mut axes = ChartBuilder::on(area)
+        .margin(12)
+        .caption(&chart.title, ("sans-serif", 16))
+        .x_label_area_size(40)
+        .y_label_area_size(54)
+        .build_cartesian_2d(left..right, bottom..top)?;
+    axes.configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.1))
+        .label_style(("sans-serif", 12))
+        .axis_desc_style(("sans-serif", 13))
+        .x_labels(6)
+        .x_label_formatter(&|x| short(*x))
+        .y_label_formatter(&|y| short(*y))
+        .x_desc(&chart.x)
+        .draw()?;
+
+    let front = marks.iter().filter(|mark| mark.on_front).map(|mark| (mark.x[0], mark.y));
+    axes.draw_series(LineSeries::new(front, FRONT.mix(0.5).stroke_width(2)))?;
+    for (i, mark) in marks.iter().enumerate() {
+        let [x, low, high] = mark.x;
+        let color = if mark.on_front { FRONT } else { OFF };
+        axes.draw_series([PathElement::new([(low, mark.y), (high, mark.y)], color.stroke_width(1))])?;
+        let style = if mark.on_front { color.filled() } else { color.stroke_width(1) };
+        axes.draw_series([Circle::new((x, mark.y), 4, style)])?;
+        if mark.default {
+            axes.draw_series([Circle::new((x, mark.y), 8, DEFAULT.stroke_width(2))])?;
+        }
+        if marks.len() > LABELS_MAX && !mark.default {
+            continue;
+        }
+        // In turn above and below: neighbours do not cover each other.
+        let (v, y) = if i.is_multiple_of(2) { (VPos::Bottom, -7) } else { (VPos::Top, 7) };
+        let color = if mark.default { DEFAULT } else { BLACK };
+        let style = ("sans-serif", 12).into_text_style(area).color(&color).pos(Pos::new(HPos::Left, v));
+        let at = EmptyElement::at((x, mark.y));
+        axes.draw_series([at + Text::new(mark.label.clone(), (5, y), style)])?;
+    }
+    Ok(())
+}
+
+/// The range of `values` and so much of it more at both ends.
+fn range(values: impl Iterator<Item = f64>, [below, above]: [f64; 2]) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    // Without any point the axis still needs a range.
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
+    let length = if high > low { high - low } else { low.abs().max(1.0) * 0.1 };
+    (low - below * length, high + above * length)
+}
+
+/// A number of few digits.
+fn short(x: f64) -> String {
+    match x.abs() {
+        size if size >= 1e6 => format!("{:.2} M", 1e-6 * x),
+        size if size >= 1e4 => format!("{:.0} k", 1e-3 * x),
+        size if size >= 100.0 => format!("{x:.0}"),
+        size if size >= 1.0 => format!("{:.1}", (10.0 * x).round() / 10.0),
+        _ => format!("{}", (1000.0 * x).round() / 1000.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mark(x: f64, y: f64, default: bool) -> Mark {
+        Mark { label: format!("<{x}>"), x: [x, x - 0.1, x + 0.1], y, default, on_front: y < 45.0 }
+    }
+
+    #[test]
+    fn every_finite_point_is_drawn_and_defaults_have_a_ring() {
+        let marks = vec![mark(1.0, 40.0, true), mark(2.0, 50.0, false), mark(3.0, f64::INFINITY, false)];
+        let svg = svg(&[Chart { title: "a & b".into(), x: "ms".into(), marks }]).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 3, "{svg}");
+        assert!(svg.contains("a &amp; b") && svg.contains("&lt;1&gt;") && !svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn one_point_or_none_still_make_a_chart() {
+        for marks in [vec![], vec![mark(0.0, 0.0, true)]] {
+            let svg = svg(&[Chart { title: String::new(), x: String::new(), marks }]).unwrap();
+            assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"), "{svg}");
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! The report on one clip or field: a page with everything in it, and the same as CSV and JSON.
+
+mod front;
+mod rows;
+mod tables;
+mod text;
+
+use std::fmt::Write;
+
+use anyhow::Context;
+use refine::prune::RESOLUTION_DB;
+
+use super::ReportFile;
+use super::fitting::{self, FitLog};
+use super::knob::{Knob, Point, Stage};
+use super::playing::Playing;
+use super::plot::{self as lines, Line, Panel};
+use crate::fit::log::Entry;
+use front::{Chart, Mark, svg};
+use text::{escape, grouped};
+
+/// What was found out about a clip or field.
+#[derive(Debug)]
+pub struct Findings {
+    /// Its name.
+    pub name: String,
+    /// Processor and system.
+    pub machine: String,
+    /// What playing it costs and keeps.
+    pub playing: Playing,
+    /// The knobs of making a package of it.
+    pub packaging: Vec<Knob>,
+    /// Fits of it.
+    pub fits: Vec<FitLog>,
+}
+
+/// Knobs that a player may have, and why this one has not.
+const NO_KNOBS: [(&str, &str); 6] = [
+    (
+        "16-bit sort keys",
+        "Depths are sorted to their last bit, in passes of the digits in which they differ; the column <i>sort</i> says \
+         how little less could save. Keys of 22 bits were tried: they put visible pixels in the wrong order for a tenth \
+         of a millisecond.",
+    ),
+    (
+        "projection in the vertex stage or by compute",
+        "There is one path, the vertex stage, that runs on every device. The column <i>vertices</i> says how often; a \
+         compute stage would project a quarter as many times.",
+    ),
+    (
+        "foveated contribution cull",
+        "Contributions are culled alike all over the image: nothing tells the player where an eye looks.",
+    ),
+    (
+        "record precision",
+        "There is one format of records. What it costs is within the error of the player as it is, and bounded by the \
+         tests of the packer.",
+    ),
+    (
+        "SH degree, motion order, rotation over time",
+        "Where they are missing above, the clip has none to leave out.",
+    ),
+    ("resolution schedule of a fit", "A fit keeps the size it was given from the first step to the last."),
+];
+
+impl Findings {
+    /// All knobs.
+    fn knobs(&self) -> Vec<Knob> {
+        let mut knobs = self.playing.knobs.clone();
+        knobs.extend(self.packaging.clone());
+        knobs.extend(fitting::knob(&self.fits));
+        knobs
+    }
+
+    /// The defaults that are off the front of their knob, each in a sentence.
+    pub fn beaten_defaults(&self) -> Vec<String> {
+        let told = |(knob, default, by): (&Knob, &Point, Vec<&Point>)| {
+            let value = |point: &Point| {
+                let psnr = point.errors.psnr_db.map_or_else(|| "no error".into(), |db| format!("{db:.2} dB"));
+                format!("{} ({psnr} at {:.2} {})", point.value, point.cost.median, knob.cost)
+            };
+            let by: Vec<String> = by.into_iter().map(value).collect();
+            format!("{}: {} is beaten by {}", knob.name, value(default), by.join(", "))
+        };
+        let knobs = self.knobs();
+        let beaten = |knob| Knob::beaten_defaults(knob).map(move |(default, by)| (knob, default, by));
+        knobs.iter().flat_map(beaten).map(told).collect()
+    }
+
+    /// What a terminal shows: each knob's values, a line each.
+    pub fn table(&self) -> String {
+        let setup = &self.playing.setup;
+        let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
+        for knob in self.knobs().iter().filter(|knob| knob.stage != Stage::Fitting) {
+            let _ = writeln!(text, "\n{:<34}{:>10}{:>14}  {}", knob.name, "PSNR, dB", "cost", knob.cost);
+            for point in &knob.points {
+                let mark = if point.default { '*' } else { ' ' };
+                let off = if point.on_front { "" } else { "  off the front" };
+                let psnr = point.errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
+                let _ =
+                    writeln!(text, "{mark} {:<32}{psnr:>10}{:>14.3}{off}", point.value, point.cost.median);
+            }
+        }
+        for beaten in self.beaten_defaults() {
+            let _ = writeln!(text, "\na default is off the front: {beaten}");
+        }
+        text
+    }
+
+    /// The files: the page, and the numbers for programs.
+    ///
+    /// # Errors
+    /// If a plot cannot be drawn.
+    pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
+        let json = format!("{:#}\n", serde_json::Value::Object(self.to_json()?));
+        Ok(vec![
+            ReportFile { name: "report.html".into(), text: self.html().context("the page")? },
+            ReportFile { name: "report.csv".into(), text: rows::csv(&self.knobs()) },
+            ReportFile { name: "report.json".into(), text: json },
+        ])
+    }
+
+    /// All numbers.
+    ///
+    /// # Errors
+    /// If they are none that JSON has.
+    pub fn to_json(&self) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
+        rows::json(self, &self.knobs())
+    }
+
+    fn html(&self) -> anyhow::Result<String> {
+        let name = escape(&self.name);
+        let mut text = format!(
+            "<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n\
+             <meta name=viewport content=\"width=device-width, initial-scale=1\">\n\
+             <title>{name}: error against run time</title>\n<style>\n{}</style></head><body>\n\
+             <h1>{name}: error against run time</h1>\n",
+            include_str!("style.css")
+        );
+        self.introduce(&mut text);
+        text += "<h2>Playing</h2>\n";
+        for knob in &self.playing.knobs {
+            section(&mut text, knob)?;
+        }
+        text += "<h3>Not knobs</h3>\n<ul>\n";
+        for (name, why) in NO_KNOBS {
+            let _ = writeln!(text, "<li><b>{name}</b>: {why}</li>");
+        }
+        text += "</ul>\n";
+        self.pictures(&mut text)?;
+        text += "<h2>Only what this scene needs</h2>\n\
+             <p>What the clip does without was switched on, in columns that change no pixel, drawn, counted and \
+             packaged: the numbers are what it saves by doing without. Gray rows are parts that it needs. The last column is a frame without and with the \
+             part.</p>\n<div class=parts>";
+        text += &tables::parts(&self.playing.parts);
+        text += "</div>\n<h2>Packaging</h2>\n";
+        for knob in &self.packaging {
+            section(&mut text, knob)?;
+        }
+        text += "<h2>Fitting</h2>\n";
+        if self.fits.is_empty() {
+            text +=
+                "<p>No table of a fit lies beside the field, and <code>--fit-log</code> names none.</p>\n";
+        } else {
+            text += &self.fits_over_time()?;
+            text += &tables::fits(&self.fits);
+        }
+        text += "</body></html>\n";
+        Ok(text)
+    }
+
+    fn introduce(&self, text: &mut String) {
+        let Findings { machine, playing, .. } = self;
+        let setup = &playing.setup;
+        let [width, height] = setup.size;
+        let drawing = match setup.gpu_timed {
+            true => "by the GPU's own clock",
+            false => "what remains of a frame: this GPU has no clock",
+        };
+        let _ = writeln!(
+            text,
+            "<p>{} Gaussians. Machine: {}. Adapter: {}, {}.</p>\n\
+             <p>Every point is the same work: {} pictures of {width}x{height}, each from a place and at an instant of its \
+             own, and {} frames of a head that turns by 90 degrees a second while the clip plays. Errors are against \
+             the f64 reference of the whole field: PSNR over all pixels of all pictures, the mean SSIM, the PSNR of the \
+             worst tile of 32x32 pixels, and <i>flicker</i>, the root mean square of how the error changes from frame to \
+             frame while the head turns, against the reference in the order that does not change when a head turns. \
+             Run times are medians of {} rounds, with the ends of the middle half; each round draws every variant once. \
+             <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
+             on no machine; fetched bytes are those of records and of the order, once an instance.</p>\n\
+             <p>Blue points are on the Pareto front: no other value of the knob is cheaper and no less exact, or more exact \
+             and no dearer. Costs differ where the middle halves do not overlap, errors by more than {RESOLUTION_DB} dB. \
+             The ring is what is taken where nobody says.</p>",
+            grouped(setup.gaussians as f64),
+            escape(machine),
+            escape(&setup.adapter),
+            escape(&setup.driver),
+            setup.pictures,
+            setup.turn_frames,
+            setup.rounds,
+        );
+        let beaten = self.beaten_defaults();
+        if beaten.is_empty() {
+            *text += "<p class=good>Every default is on the front of its knob.</p>\n";
+        } else {
+            *text += "<div class=warning>Defaults that are off the front of their knob:<ul>\n";
+            for beaten in beaten {
+                let _ = writeln!(text, "<li>{}</li>", escape(&beaten));
+            }
+            *text += "</ul></div>\n";
+        }
+    }
+
+    /// Two pictures at a time, one beside the other.
+    fn pictures(&self, text: &mut String) -> anyhow::Result<()> {
+        let pictures = &self.playing.pictures;
+        let listed: Vec<[String; 2]> = pictures
+            .iter()
+            .map(|picture| [picture.name.clone(), format!("data:image/png;base64,{}", picture.png)])
+            .collect();
+        // Within a script, nothing may look like its end.
+        let listed = serde_json::to_string(&listed)?.replace('<', "\\u003c");
+        let [width, height] = self.playing.setup.size;
+        let _ = writeln!(
+            text,
+            "<h2>Pictures</h2>\n<p>The first picture by the reference, by the player as it is, and at the end of each \
+             knob. Slide over them, or look at their difference, eight times as bright.</p>\n\
+             <div class=controls><label>left <select></select></label><label>right <select></select></label>\
+             <input type=range min=0 max=100 step=0.1 value=50 aria-label=\"where the pictures meet\">\
+             <label><input type=checkbox> difference</label></div>\n\
+             <div class=compare><img alt=left width={width} height={height}><img alt=right width={width} \
+             height={height}></div>\n<script>\nconst pictures = {listed};\n{}</script>",
+            include_str!("compare.js")
+        );
+        Ok(())
+    }
+
+    /// Held photographs over steps and over time.
+    fn fits_over_time(&self) -> anyhow::Result<String> {
+        let chart = |x: &str, of: fn(&Entry) -> f64| Panel {
+            title: format!("PSNR of held photographs (dB) over {x}"),
+            lines: self
+                .fits
+                .iter()
+                .map(|fit| Line {
+                    name: fit.name.clone(),
+                    points: fit
+                        .entries
+                        .iter()
+                        .filter_map(|entry| Some((of(entry), entry.held_psnr_db?)))
+                        .collect(),
+                })
+                .collect(),
+        };
+        let steps = chart("steps", |entry| entry.step as f64);
+        let seconds = chart("seconds", |entry| entry.seconds);
+        Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
+    }
+}
+
+/// A knob: what it does, its front, its table.
+fn section(text: &mut String, knob: &Knob) -> anyhow::Result<()> {
+    let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&knob.name), escape(&knob.about));
+    let mark = |point: &Point, y: f64, on_front: bool| Mark {
+        label: point.value.clone(),
+        x: [point.cost.median, point.cost.low, point.cost.high],
+        y,
+        default: point.default,
+        on_front,
+    };
+    let psnr = |point: &Point| mark(point, point.psnr_db(), point.on_front);
+    let mut charts = vec![Chart {
+        title: "PSNR (dB)".into(),
+        x: knob.cost.clone(),
+        marks: knob.points.iter().map(psnr).collect(),
+    }];
+    if knob.points.iter().any(|point| point.errors.flicker.is_some()) {
+        let flicker = |point: &Point| {
+            let of = |point: &Point| point.errors.flicker.unwrap_or(f64::NAN);
+            let beaten = |other: &Point| other.cost.high < point.cost.low && of(other) <= of(point);
+            mark(point, of(point), !knob.points.iter().any(beaten))
+        };
+        charts.push(Chart {
+            title: "flicker while the head turns (/255, less is better)".into(),
+            x: knob.cost.clone(),
+            marks: knob.points.iter().map(flicker).collect(),
+        });
+    }
+    *text += &svg(&charts)?;
+    *text += &tables::knob(knob);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

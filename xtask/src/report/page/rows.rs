@@ -1,0 +1,127 @@
+//! The numbers of a report for programs: a row for each value of each knob.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::Findings;
+use crate::report::knob::{Errors, Knob, Point, Spread, Stage};
+
+/// A value of a knob; the fields are the keys of the JSON.
+#[derive(Serialize)]
+struct Row<'a> {
+    stage: Stage,
+    name: &'a str,
+    value: &'a str,
+    /// PSNR in dB; none where there is no error.
+    error_db: Option<f64>,
+    ssim: Option<f64>,
+    worst_tile_db: Option<f64>,
+    flicker: Option<f64>,
+    run_time_ms: Option<f64>,
+    /// The middle half of what was measured.
+    run_time_low_ms: Option<f64>,
+    run_time_high_ms: Option<f64>,
+    stages_ms: BTreeMap<&'a str, f64>,
+    counts: &'a BTreeMap<String, f64>,
+    /// What the front weighs the error against.
+    cost: f64,
+    cost_unit: &'a str,
+    default: bool,
+    on_front: bool,
+}
+
+fn rows(knobs: &[Knob]) -> impl Iterator<Item = Row<'_>> {
+    let row = |knob, point| {
+        let Knob { stage, name, cost: cost_unit, .. }: &Knob = knob;
+        let Point { value, default, on_front, cost, errors, run_time_ms, stages_ms, counts }: &Point = point;
+        let Errors { psnr_db, ssim, worst_tile_db, flicker } = *errors;
+        let time = |of: fn(Spread) -> f64| run_time_ms.map(of);
+        Row {
+            stage: *stage,
+            name,
+            value,
+            error_db: psnr_db,
+            ssim,
+            worst_tile_db,
+            flicker,
+            run_time_ms: time(|spread| spread.median),
+            run_time_low_ms: time(|spread| spread.low),
+            run_time_high_ms: time(|spread| spread.high),
+            stages_ms: stages_ms.iter().map(|(name, spread)| (name.as_str(), spread.median)).collect(),
+            counts,
+            cost: cost.median,
+            cost_unit,
+            default: *default,
+            on_front: *on_front,
+        }
+    };
+    knobs.iter().flat_map(move |knob| knob.points.iter().map(move |point| row(knob, point)))
+}
+
+pub(super) fn json(findings: &Findings, knobs: &[Knob]) -> anyhow::Result<Map<String, Value>> {
+    let Findings { name, machine, playing, .. } = findings;
+    let values = [
+        ("subject", Value::from(name.as_str())),
+        ("machine", Value::from(machine.as_str())),
+        ("setup", serde_json::to_value(&playing.setup)?),
+        ("knobs", serde_json::to_value(rows(knobs).collect::<Vec<_>>())?),
+        ("parts", serde_json::to_value(&playing.parts)?),
+        ("beaten_defaults", findings.beaten_defaults().into()),
+    ];
+    Ok(values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+pub(super) fn csv(knobs: &[Knob]) -> String {
+    let keys = |of: fn(&Point) -> Vec<&String>| -> BTreeSet<&String> {
+        knobs.iter().flat_map(|knob| &knob.points).flat_map(of).collect()
+    };
+    let stages = keys(|point| point.stages_ms.keys().collect());
+    let counts = keys(|point| point.counts.keys().collect());
+    let mut text = String::from(
+        "stage,name,value,error_db,ssim,worst_tile_db,flicker,run_time_ms,run_time_low_ms,run_time_high_ms,cost,\
+         cost_unit,default,on_front",
+    );
+    stages.iter().for_each(|stage| text += &format!(",{stage}_ms"));
+    counts.iter().for_each(|count| text += &format!(",{count}"));
+    text.push('\n');
+    let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    for row in rows(knobs) {
+        let stage = match row.stage {
+            Stage::Playing => "playing",
+            Stage::Packaging => "packaging",
+            Stage::Fitting => "fitting",
+        };
+        let numbers = [
+            row.error_db,
+            row.ssim,
+            row.worst_tile_db,
+            row.flicker,
+            row.run_time_ms,
+            row.run_time_low_ms,
+            row.run_time_high_ms,
+            Some(row.cost),
+        ];
+        let _ = write!(
+            text,
+            "{stage},{},{},{},{},{},{}",
+            quoted(row.name),
+            quoted(row.value),
+            numbers.map(number).join(","),
+            quoted(row.cost_unit),
+            row.default,
+            row.on_front
+        );
+        for stage in &stages {
+            let _ = write!(text, ",{}", number(row.stages_ms.get(stage.as_str()).copied()));
+        }
+        for count in &counts {
+            let _ = write!(text, ",{}", number(row.counts.get(*count).copied()));
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,187 @@
+//! The tables of a page.
+
+use std::fmt::Write;
+
+use super::text::{decimals, escape, grouped};
+use crate::report::fitting::FitLog;
+use crate::report::knob::{Knob, Point, Spread, Stage};
+use crate::report::playing::{Part, Taken};
+
+/// What counts are called, in the order of the columns.
+const COUNTS: [(&str, &str); 15] = [
+    ("covered_fragments", "fragments"),
+    ("vertex_invocations", "vertices"),
+    ("sorted_keys", "sorted keys"),
+    ("bytes_fetched", "bytes fetched"),
+    ("rows_tested", "rows tested"),
+    ("gpu_bytes", "GPU bytes"),
+    ("bytes", "bytes"),
+    ("bytes_per_gaussian", "per Gaussian"),
+    ("package_bytes", "package bytes"),
+    ("package_bytes_fixed", "by <code>fixed</code>"),
+    ("features_preserved", "features preserved"),
+    ("restored", "restored"),
+    ("pipelines", "pipelines"),
+    ("passes", "passes"),
+    ("sort_passes", "sort passes"),
+];
+
+/// Counts that tell of a part what is built for it.
+const BUILT: [(&str, &str); 2] = [("shader_lines", "shader lines"), ("bindings", "bindings")];
+
+/// Counts that are no whole numbers.
+const FRACTIONS: [&str; 4] = ["bytes_per_gaussian", "features_preserved", "sort_passes", "passes"];
+
+/// Of a knob, what each value costs and keeps.
+pub(super) fn knob(knob: &Knob) -> String {
+    let any = |of: fn(&Point) -> Option<f64>| knob.points.iter().any(|point| of(point).is_some());
+    let (ssim, tile) = (any(|point| point.errors.ssim), any(|point| point.errors.worst_tile_db));
+    let flicker = any(|point| point.errors.flicker);
+    let time = match knob.stage {
+        Stage::Playing => "frame, ms",
+        Stage::Packaging => "decoding, ms",
+        Stage::Fitting => "fit, ms",
+    };
+    let timed = knob.points.iter().any(|point| point.run_time_ms.is_some());
+    let mut stages: Vec<&String> = knob.points.iter().flat_map(|point| point.stages_ms.keys()).collect();
+    stages.sort();
+    stages.dedup();
+    let counts: Vec<_> = COUNTS.iter().filter(|(key, _)| is_told(knob, key)).collect();
+
+    let mut head = vec![escape(&knob.name), "PSNR, dB".into()];
+    let mut add = |shown: bool, name: &str| head.extend(shown.then(|| name.to_owned()));
+    add(ssim, "SSIM");
+    add(tile, "worst tile, dB");
+    add(flicker, "flicker, /255");
+    add(timed, time);
+    stages.iter().for_each(|stage| add(true, stage));
+    counts.iter().for_each(|(_, name)| add(true, name));
+    if !timed {
+        head.push(escape(&knob.cost));
+    }
+    let mut text = row("th", &head, "");
+    for point in &knob.points {
+        let mut marks = String::new();
+        if point.default {
+            marks += " <span class=default>default</span>";
+        }
+        if point.on_front {
+            marks += " <span class=front>front</span>";
+        }
+        let errors = &point.errors;
+        let psnr = errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
+        let mut cells = vec![escape(&point.value) + &marks, psnr];
+        let mut add = |shown: bool, value: String| cells.extend(shown.then_some(value));
+        add(ssim, decimals(errors.ssim, 5));
+        add(tile, decimals(errors.worst_tile_db, 1));
+        add(flicker, decimals(errors.flicker, 3));
+        add(timed, point.run_time_ms.map_or_else(|| "-".into(), spread));
+        for stage in &stages {
+            add(true, decimals(point.stages_ms.get(*stage).map(|spread| spread.median), 2));
+        }
+        for (key, _) in &counts {
+            add(true, point.counts.get(*key).map_or_else(|| "-".into(), |&value| count(key, value)));
+        }
+        add(!timed, decimals(Some(point.cost.median), 3));
+        text += &row("td", &cells, if point.default { " class=chosen" } else { "" });
+    }
+    table(&text)
+}
+
+/// Whether a count says something of the knob.
+fn is_told(knob: &Knob, key: &str) -> bool {
+    let mut values = knob.points.iter().map(|point| point.counts.get(key));
+    let first = values.next().flatten();
+    let is_constant = values.all(|value| value == first);
+    first.is_some() && !(is_constant && ["gpu_bytes", "pipelines", "passes"].contains(&key))
+}
+
+/// Of the optional parts, what the clip needs, and what it saves by doing without the others.
+pub(super) fn parts(parts: &[Part]) -> String {
+    let columns: Vec<_> = COUNTS
+        .iter()
+        .chain(&BUILT)
+        .filter(|(key, _)| {
+            let saves = |part: &Part| saved(part, key).is_some_and(|saved| saved != 0.0);
+            parts.iter().any(saves)
+        })
+        .collect();
+    let mut head: Vec<String> =
+        ["part", "does this scene need it?", "switched on as"].map(String::from).into();
+    head.extend(columns.iter().map(|(_, name)| (*name).to_owned()));
+    head.push("frame, ms".into());
+    let mut text = row("th", &head, "");
+    for part in parts {
+        let Part { part: name, needs, switched_on, left_out, without, with } = part;
+        let mut cells = [name, needs, switched_on].map(|text| escape(text)).to_vec();
+        cells.extend(columns.iter().map(|(key, _)| match saved(part, key) {
+            None => String::new(),
+            Some(saved) => count(key, saved),
+        }));
+        cells.push(match (without.frame_ms, with.frame_ms) {
+            (Some(without), Some(with)) => format!("{} / {}", spread(without), spread(with)),
+            _ => String::new(),
+        });
+        text += &row("td", &cells, if *left_out { "" } else { " class=needed" });
+    }
+    table(&text)
+}
+
+/// How much more of a count there is with a part than without.
+fn saved(part: &Part, key: &str) -> Option<f64> {
+    let of = |taken: &Taken| taken.counts.get(key).copied();
+    Some(of(&part.with)? - of(&part.without)?)
+}
+
+/// Where each fit came to.
+pub(super) fn fits(logs: &[FitLog]) -> String {
+    let head =
+        ["field", "steps", "seconds", "ms a step", "Gaussians", "held photographs, dB", "best, dB", "by"];
+    let mut text = row("th", &head.map(String::from), "");
+    for FitLog { name, entries } in logs {
+        let Some(last) = entries.last() else { continue };
+        let held = entries.iter().filter_map(|entry| entry.held_psnr_db);
+        text += &row(
+            "td",
+            &[
+                escape(name),
+                grouped(last.step as f64),
+                format!("{:.0}", last.seconds),
+                format!("{:.1}", 1e3 * last.seconds / last.step.max(1) as f64),
+                grouped(last.gaussians as f64),
+                decimals(last.held_psnr_db, 2),
+                decimals(held.reduce(f64::max), 2),
+                escape(&last.backend),
+            ],
+            "",
+        );
+    }
+    table(&text)
+}
+
+fn count(key: &str, value: f64) -> String {
+    match FRACTIONS.contains(&key) {
+        true => format!("{}", (1000.0 * value).round() / 1000.0),
+        false => grouped(value),
+    }
+}
+
+/// Median, and the ends of the middle half.
+fn spread(Spread { low, median, high }: Spread) -> String {
+    match low == high {
+        true => format!("{median:.2}"),
+        false => format!("{median:.2} <small>{low:.2} to {high:.2}</small>"),
+    }
+}
+
+fn row(cell: &str, cells: &[String], attributes: &str) -> String {
+    let mut text = format!("<tr{attributes}>");
+    for content in cells {
+        let _ = write!(text, "<{cell}>{content}</{cell}>");
+    }
+    text + "</tr>\n"
+}
+
+fn table(rows: &str) -> String {
+    format!("<div class=wide><table>\n{rows}</table></div>\n")
+}

@@ -1,0 +1,139 @@
+//! The page and its files hold what was found.
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::fit::log::{Density, Entry};
+use crate::report::knob::{Errors, Spread};
+use crate::report::playing::{Part, Picture, Setup, Taken};
+
+fn counts(counts: &[(&str, f64)]) -> BTreeMap<String, f64> {
+    counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
+}
+
+fn point(value: &str, cost: f64, psnr_db: f64) -> Point {
+    let time = Spread { low: cost - 0.25, median: cost, high: cost + 0.25 };
+    Point {
+        value: value.into(),
+        default: value == "exact",
+        on_front: false,
+        cost: time,
+        errors: Errors {
+            psnr_db: psnr_db.is_finite().then_some(psnr_db),
+            ssim: Some(0.99),
+            worst_tile_db: Some(30.5),
+            flicker: Some(0.125),
+        },
+        run_time_ms: Some(time),
+        stages_ms: [("sort".to_owned(), Spread::exactly(1.5))].into(),
+        counts: counts(&[("covered_fragments", 12_345_678.0), ("pipelines", 1.0)]),
+    }
+}
+
+fn findings() -> Findings {
+    let knob = Knob {
+        stage: Stage::Playing,
+        name: "cut < off".into(),
+        about: "How far.".into(),
+        cost: "ms a frame".into(),
+        points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
+    };
+    let taken =
+        |bytes: f64| Taken { counts: counts(&[("gpu_bytes", bytes)]), frame_ms: Some(Spread::exactly(3.0)) };
+    let part = Part {
+        part: "SH of degree 1".into(),
+        left_out: true,
+        needs: "no".into(),
+        switched_on: "zeros".into(),
+        without: taken(1000.0),
+        with: taken(5000.0),
+    };
+    let setup = Setup {
+        adapter: "a device".into(),
+        driver: "Mesa".into(),
+        gpu_timed: true,
+        size: [64, 48],
+        gaussians: 1234,
+        pictures: 4,
+        turn_frames: 8,
+        rounds: 7,
+        steps: 1,
+    };
+    let pictures = ["reference", "</script>"].map(|name| Picture { name: name.into(), png: "AAAA".into() });
+    let entry = |step: u64, held: f64| Entry {
+        step,
+        seconds: step as f64,
+        loss: 0.1,
+        held_psnr_db: Some(held),
+        gaussians: 500,
+        drawn: 400,
+        density: Density::default(),
+        backend: "cpu".into(),
+    };
+    Findings {
+        name: "a & b".into(),
+        machine: "two cores".into(),
+        playing: Playing {
+            setup,
+            knobs: vec![knob.mark_front()],
+            parts: vec![part],
+            pictures: pictures.into(),
+        },
+        packaging: Vec::new(),
+        fits: vec![FitLog { name: "one".into(), entries: vec![entry(10, 20.0), entry(20, 22.0)] }],
+    }
+}
+
+#[test]
+fn the_page_is_whole_by_itself_and_says_which_default_is_beaten() {
+    let files = findings().files().unwrap();
+    let page = &files[0].text;
+    assert!(page.contains("<title>a &amp; b: error against run time</title>"));
+    assert!(
+        page.contains("cut &lt; off: exact (50.00 dB at 9.00 ms a frame) is beaten by near (52.00 dB"),
+        "{page}"
+    );
+    for expected in ["12,345,678", "9.00 <small>8.75 to 9.25</small>", "4,000", "two cores", "a device, Mesa"]
+    {
+        assert!(page.contains(expected), "no {expected} in {page}");
+    }
+    // A plot a knob, one of fits over steps, one over time.
+    assert_eq!(page.matches("<svg").count(), 3);
+    // Pictures cannot end the script, and nothing comes from elsewhere.
+    assert_eq!(page.matches("</script>").count(), 1);
+    for foreign in ["src=\"http", "href=", "@import", "url("] {
+        assert!(!page.contains(foreign), "{foreign}");
+    }
+}
+
+#[test]
+fn rows_hold_the_keys_that_scripts_rely_on() {
+    let findings = findings();
+    let json = findings.to_json().unwrap();
+    let row = &json["knobs"][0];
+    assert_eq!((&row["name"], &row["value"]), (&"cut < off".into(), &"exact".into()));
+    assert_eq!((row["error_db"].as_f64(), row["run_time_ms"].as_f64()), (Some(50.0), Some(9.0)));
+    assert_eq!(row["counts"]["covered_fragments"], 12_345_678.0);
+    assert_eq!((&row["default"], &row["on_front"]), (&true.into(), &false.into()));
+    assert_eq!(json["knobs"][1]["on_front"], true);
+    assert_eq!(json["knobs"].as_array().unwrap().len(), 4, "two values, two lines of a fit");
+
+    let csv = &findings.files().unwrap()[1].text;
+    let columns = |line: &str| line.split(',').count();
+    assert!(csv.lines().all(|line| columns(line) == columns(csv.lines().next().unwrap())), "{csv}");
+    assert!(
+        csv.contains(
+            "playing,\"cut < off\",\"exact\",50,0.99,30.5,0.125,9,8.75,9.25,9,\"ms a frame\",true,false"
+        ),
+        "{csv}"
+    );
+}
+
+#[test]
+fn the_terminal_shows_every_value() {
+    let table = findings().table();
+    assert!(
+        table.contains("* exact") && table.contains("  near") && table.contains("off the front"),
+        "{table}"
+    );
+}
