@@ -2,17 +2,54 @@
 
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
 
+#[cfg(not(target_os = "android"))]
+use crate::generate::Generated;
 use crate::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
 
+/// What `--version` says: of the program, and of the packages that it plays.
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let major = codec::VERSION_MAJOR;
+    format!("{}\nplays packages (.aarc) of versions {major}.x", env!("CARGO_PKG_VERSION"))
+});
+
+/// What the long help ends with, besides the options.
+const AFTER_HELP: &str = "\
+Exit codes:
+  0  done
+  1  a defect of the program
+  2  the command line asks for something impossible, or an output cannot be written
+  3  a clip, or a file of a camera, is missing, damaged or not what it should be
+  4  a clip could not be fetched
+  5  there is no display or graphics device, or it failed
+
+  An error is one line on standard error: what is wrong, where, and what to do. No output is left
+  half-written. Where Ctrl-C ends it, shells report 130.
+
+Environment:
+  XDG_CACHE_HOME        clips from the network are kept in aarc/clips there, 512 MiB at most
+  XDG_STATE_HOME        where clips were left in the room is kept in aarc/placements.json there
+  SSL_CERT_FILE         certificates to trust instead of Mozilla's
+  HTTPS_PROXY, HTTP_PROXY, NO_PROXY
+                        the proxy for addresses
+  XR_RUNTIME_JSON       the OpenXR runtime, instead of the system's
+  RUST_LOG              what to log, as in \"info\" or \"client=debug\"
+
+Examples:
+  client clip.aarc
+  client https://clips.example.org/dance.aarc
+  client clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
+  client clip.aarc --headless --frames 0..30 --fps 30 --stereo --out frames --stats stats.json
+  client --xr clip.aarc
+  client --generate bash > ~/.local/share/bash-completion/completions/client";
+
 /// Plays a clip of 4D Gaussians in a window or a headset, or renders images of it.
-///
-/// Exit codes: 0 done, 2 usage, 3 bad data, 4 network, 5 no device or display.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "client", version)]
+#[command(name = "client", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
     /// The clip: an .aarc file, or its http:// or https:// address [default: the built-in demo].
     ///
@@ -92,6 +129,11 @@ pub struct Args {
     /// Write counts and timings.
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
+
+    /// Print the manual page, or what completes this command line in a shell, and leave.
+    #[cfg(not(target_os = "android"))]
+    #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
+    pub generate: Option<Generated>,
 }
 
 impl Args {

@@ -9,6 +9,8 @@ pub mod args;
 pub mod fault;
 #[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
 mod folders;
+#[cfg(not(target_os = "android"))]
+pub mod generate;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
 pub mod headless;

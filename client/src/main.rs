@@ -5,13 +5,15 @@ use std::process::ExitCode;
 use clap::Parser;
 use client::args::Args;
 use client::fault::Fault;
-use client::headless;
+use client::{generate, headless};
 
 fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     env_logger::Builder::from_env(quiet).init();
     let args = Args::parse();
-    let result = if args.headless {
+    let result = if let Some(what) = args.generate {
+        generate::print(what)
+    } else if args.headless {
         headless::run(&args)
     } else if args.xr {
         headset(&args)

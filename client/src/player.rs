@@ -205,6 +205,19 @@ mod tests {
     }
 
     #[test]
+    fn time_that_stands_still_or_goes_back_moves_nothing() {
+        let mut player = player();
+        player.advance(0.5);
+        for elapsed_s in [0.0, -1e-9, -3600.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            player.advance(elapsed_s);
+            assert!(near(player.position_s(), 0.5), "{elapsed_s}");
+        }
+        // After a night's sleep it is somewhere in the clip.
+        player.advance(36_000.7);
+        assert!((0.0..2.0).contains(&player.position_s()), "{player:?}");
+    }
+
+    #[test]
     fn a_pause_holds_the_position() {
         let mut player = player();
         player.advance(0.5);

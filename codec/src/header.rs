@@ -17,12 +17,12 @@ use crate::{
 /// First bytes of every package. Format.
 const MAGIC: [u8; 4] = *b"AARC";
 
-/// Major version: a reader refuses any other. Format.
-pub(crate) const VERSION_MAJOR: u16 = 1;
+/// Major version of the package format: a reader refuses any other. Format.
+pub const VERSION_MAJOR: u16 = 1;
 
-/// Minor version: may add sections that are not critical. Format.
-#[cfg(feature = "encode")]
-pub(crate) const VERSION_MINOR: u16 = 0;
+/// Minor version of the package format that is written: a later one may add sections that are not
+/// critical. Format.
+pub const VERSION_MINOR: u16 = 0;
 
 /// Bytes up to and including the length of the head. Format.
 const PREFIX_BYTES: usize = 12;

@@ -14,4 +14,5 @@ pub mod programs;
 pub mod remote;
 pub mod scene;
 pub mod server;
+pub mod soak;
 pub mod stability;

@@ -106,6 +106,37 @@ fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
 }
 
 #[test]
+fn one_version_of_rust_is_the_oldest() {
+    let version = env!("CARGO_PKG_RUST_VERSION");
+    let mut stated = 0;
+    let mut offences = Vec::new();
+    for (path, text) in files(&["toml"]) {
+        for line in text.lines().filter_map(|line| line.strip_prefix("rust-version = ")) {
+            stated += 1;
+            if line.trim_matches('"') != version {
+                offences.push(format!("{path}: {line}"));
+            }
+        }
+    }
+    assert_none(&format!("packages need Rust {version}"), &offences);
+    assert!(stated > 3, "the workspaces say what they need");
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    assert!(readme.contains(&format!("Rust {version} or newer")), "README: not Rust {version}");
+}
+
+#[test]
+fn the_clock_on_the_wall_decides_nothing_but_the_age_of_files() {
+    let mut offences = Vec::new();
+    for (path, text) in files(&["rs"]) {
+        if path.starts_with("client/src/") && path != "client/src/net/cache.rs" {
+            let lines = code(&text).filter(|(_, line)| names(line, "SystemTime"));
+            offences.extend(lines.map(|(number, _)| format!("{path}:{number}")));
+        }
+    }
+    assert_none("what plays goes by a clock that is never set", &offences);
+}
+
+#[test]
 fn every_source_file_begins_with_what_it_does() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs", "wgsl"]) {

@@ -49,7 +49,7 @@ pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
     build_target("bin", program, profile)
 }
 
-/// As [`build`], for an example program.
+/// As [`build`], for an example: a program or a library to be loaded.
 ///
 /// # Errors
 /// As [`build`].
@@ -68,7 +68,8 @@ fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fau
     let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
         let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == kind;
-        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
+        let made = message["executable"].as_str().or(message["filenames"][0].as_str());
+        made.filter(|_| is_program).map(PathBuf::from)
     });
     match executable {
         Some(path) if output.status.success() => Ok(path),

@@ -236,6 +236,26 @@ mod tests {
     }
 
     #[test]
+    fn a_clock_that_was_set_costs_no_clip() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1000);
+        let year = Duration::from_secs(365 * 24 * 3600);
+        let times = [SystemTime::UNIX_EPOCH, SystemTime::now() - year, SystemTime::now() + year];
+        for (i, time) in times.into_iter().enumerate() {
+            let url = i.to_string();
+            cache.put(&url, "", &[i as u8; 200]).unwrap();
+            File::options().append(true).open(cache.path(&url)).unwrap().set_modified(time).unwrap();
+        }
+        File::create(folder.path().join("new.part")).unwrap().set_modified(times[2]).unwrap();
+        cache.put("another", "", &[9; 200]).unwrap();
+        assert_eq!(kept(&cache, &["0", "1", "2", "another"]), [true; 4]);
+        for i in 0..times.len() {
+            assert_eq!(cache.get(&i.to_string()).unwrap().package, [i as u8; 200]);
+        }
+        assert!(folder.path().join("new.part").exists(), "somebody may be writing it");
+    }
+
+    #[test]
     fn what_someone_stopped_writing_goes_and_other_files_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);

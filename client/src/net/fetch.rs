@@ -11,8 +11,9 @@ use codec::Limits;
 
 use super::arrived::Arrived;
 use super::meter::Meter;
-use super::request::{Bytes, Server, Trouble};
+use super::request::{Bytes, Server};
 use super::transfer::{Patience, Step, Transfer};
+use super::trouble::Trouble;
 use crate::fault::Fault;
 use crate::progress::Progress;
 

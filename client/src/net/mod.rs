@@ -1,9 +1,10 @@
 //! Clips by address: [`Download`] fetches one, decodes it as its layers arrive, and keeps it.
 //!
 //! ```text
-//! request -> transfer -> arrived -> decode -> News        request: HTTP; transfer: what to ask next
-//!            (fetch: a thread)         |                  arrived: the bytes, and what plays of them
-//!                                    cache                cache: clips of earlier runs, on disk
+//! request -> transfer -> arrived -> decode -> News        request: HTTP; head: what an answer says
+//!            (fetch: a thread)         |                  transfer: what to ask next
+//!                                    cache                arrived: the bytes, and what plays of them
+//!                                                         cache: clips of earlier runs, on disk
 //! ```
 //!
 //! What was kept plays at once, while the server is asked whether there is another version. Memory
@@ -13,9 +14,11 @@
 mod arrived;
 mod cache;
 mod fetch;
+mod head;
 mod meter;
 mod request;
 mod transfer;
+mod trouble;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

@@ -5,38 +5,16 @@
 
 use std::io::{ErrorKind, Read};
 
-use ureq::http::{HeaderMap, header};
+use ureq::http::header;
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
 use ureq::{Agent, Body, Error, Timeout};
 
-use super::transfer::{Ask, Head, Patience};
+use super::head::Head;
+use super::transfer::{Ask, Patience};
+use super::trouble::Trouble;
 
 /// Most redirects that are followed.
 const REDIRECTS_MAX: u32 = 5;
-
-/// Why an exchange failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Trouble {
-    /// It may go better the next time.
-    Passing(String),
-    /// The server's name is not known; where it was known before, this passes, too.
-    Unresolved(String),
-    /// Whoever answers is not the server, or cannot show that it is: in this network, or by this clock.
-    Untrusted(String),
-    /// It will not go better.
-    Lasting(String),
-}
-
-impl Trouble {
-    /// The sentence.
-    pub(super) fn text(self) -> String {
-        let (Trouble::Passing(text)
-        | Trouble::Unresolved(text)
-        | Trouble::Untrusted(text)
-        | Trouble::Lasting(text)) = self;
-        text
-    }
-}
 
 /// Where requests go.
 pub(super) struct Server {
@@ -84,7 +62,8 @@ impl Server {
         }
         let response = request.call().map_err(trouble)?;
         let (parts, body) = response.into_parts();
-        Ok((head(parts.status.as_u16(), &parts.headers), Bytes(body)))
+        let header = |name| parts.headers.get(name).and_then(|value| value.to_str().ok());
+        Ok((Head::read(parts.status.as_u16(), header), Bytes(body)))
     }
 }
 
@@ -117,30 +96,6 @@ fn certificates() -> Result<RootCerts, Trouble> {
         }
     }
     Ok(certificates.into())
-}
-
-/// What matters of an answer.
-fn head(status: u16, headers: &HeaderMap) -> Head {
-    let text = |name| headers.get(name).and_then(|value| value.to_str().ok()).map(str::trim);
-    Head {
-        status,
-        length: text(header::CONTENT_LENGTH).and_then(|length| length.parse().ok()),
-        range: text(header::CONTENT_RANGE).and_then(content_range),
-        etag: text(header::ETAG)
-            .filter(|etag| etag.starts_with(['"', 'W']) && etag.len() > 1)
-            .map(String::from),
-        encoding: text(header::CONTENT_ENCODING)
-            .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
-            .map(String::from),
-        retry_after_s: text(header::RETRY_AFTER).and_then(|seconds| seconds.parse().ok()),
-    }
-}
-
-/// The first byte of `bytes FIRST-LAST/TOTAL`, and the total unless it is `*`.
-fn content_range(text: &str) -> Option<(u64, Option<u64>)> {
-    let (range, total) = text.strip_prefix("bytes ")?.split_once('/')?;
-    let first = range.split_once('-')?.0.trim().parse().ok()?;
-    Some((first, total.trim().parse().ok()))
 }
 
 /// An error of the library in words.
@@ -176,42 +131,5 @@ fn trouble(error: Error) -> Trouble {
         }
         Error::BadUri(_) | Error::Http(_) => Trouble::Lasting("not an address".into()),
         error => Trouble::Passing(error.to_string()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_are_read_and_nonsense_is_not() {
-        assert_eq!(content_range("bytes 5-9/10"), Some((5, Some(10))));
-        assert_eq!(content_range("bytes 0-9/*"), Some((0, None)));
-        for text in ["", "bytes", "bytes */10", "lines 5-9/10", "bytes 5-9", "bytes -5/10", "bytes x-9/10"] {
-            assert_eq!(content_range(text), None, "{text}");
-        }
-    }
-
-    #[test]
-    fn an_empty_version_is_none() {
-        for etag in ["", "none", "\""] {
-            let headers = HeaderMap::from_iter([(header::ETAG, etag.parse().unwrap())]);
-            assert_eq!(head(200, &headers).etag, None, "{etag}");
-        }
-    }
-
-    #[test]
-    fn what_the_headers_say() {
-        let mut headers = HeaderMap::new();
-        for (name, value) in [
-            (header::CONTENT_LENGTH, " 12 "),
-            (header::ETAG, "\"a\""),
-            (header::CONTENT_ENCODING, "Identity"),
-            (header::RETRY_AFTER, "Wed, 21 Oct 2015 07:28:00 GMT"),
-        ] {
-            headers.insert(name, value.parse().unwrap());
-        }
-        let expected = Head { status: 200, length: Some(12), etag: Some("\"a\"".into()), ..Head::default() };
-        assert_eq!(head(200, &headers), expected, "a date to wait for is no number of seconds");
     }
 }

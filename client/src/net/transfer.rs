@@ -7,6 +7,8 @@
 
 use std::time::Duration;
 
+use super::head::Head;
+
 /// Most requests for one clip, so that a server that sends byte after byte ends some day.
 const REQUESTS_MAX: u32 = 100;
 
@@ -59,21 +61,6 @@ pub(super) struct Ask {
     pub(super) if_range: Option<String>,
     /// The version that is here already.
     pub(super) if_none_match: Option<String>,
-}
-
-/// What a server says before the bytes.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Head {
-    pub(super) status: u16,
-    /// `Content-Length`.
-    pub(super) length: Option<u64>,
-    /// `Content-Range`: the first byte and, if told, the number in all.
-    pub(super) range: Option<(u64, Option<u64>)>,
-    pub(super) etag: Option<String>,
-    /// `Content-Encoding` other than identity.
-    pub(super) encoding: Option<String>,
-    /// `Retry-After` in seconds.
-    pub(super) retry_after_s: Option<u64>,
 }
 
 /// What to do.

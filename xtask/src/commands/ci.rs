@@ -16,7 +16,7 @@ use xtask::workspace;
 use crate::setup::{self, Need};
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing of the codec, lints for Android and what else can be checked
+/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing, dependencies, lints for Android and what else can be checked
 /// for it without a headset.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -61,19 +61,23 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
 const HOST_TOOL_TESTS: [(&str, &[&str]); 2] =
     [("networks that see depth", &["depths"]), ("fitting on a graphics device", &["fit_gpu"])];
 
-/// The programs of codec/fuzz that look for inputs that break the codec.
-const FUZZ_TARGETS: [&str; 2] = ["decode", "roundtrip"];
+/// The packages of the workspace in codec/fuzz, with the folder of each, the program that writes what
+/// to start from, and those that look for inputs that break something.
+const FUZZERS: [(&str, &str, &str, &[&str]); 2] = [
+    ("codec-fuzz", "codec/fuzz", "seeds", &["decode", "roundtrip"]),
+    ("aarc-fuzz", "tests/fuzz", "tool-seeds", &["import", "scene", "capture", "net"]),
+];
 
 /// How long each looks, on one core, from what random numbers, so that luck does not fail a change,
-/// and what it may use: bytes of an input, seconds for one, MB of memory. The package limits the
+/// and what it may use: bytes of an input, seconds for one, MB of memory. The workspace limits the
 /// address space.
 const FUZZ_LIMITS: [&str; 5] =
-    ["-max_total_time=60", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
+    ["-max_total_time=20", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     install_components();
     setup::satisfy(&[
-        (Need::CppCompiler, "the codec cannot be fuzzed and these checks fail"),
+        (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
         (Need::AndroidCompiler, "nothing is checked for Android"),
         (Need::ApkTools, "only the packer's own checks look at an APK"),
@@ -103,6 +107,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     packer(&mut steps);
     android::check(&mut steps, args.link);
     fuzz(&mut steps);
+    deny(&mut steps);
+    oldest_rust(&mut steps);
     for skipped in &steps.skipped {
         eprintln!("ci: not checked here: {skipped}");
     }
@@ -154,7 +160,7 @@ fn packer(steps: &mut Steps) {
 }
 
 /// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
-/// that it writes, what earlier runs found and the committed regressions. An input that breaks one
+/// that they write, what earlier runs found and the committed regressions. An input that breaks one
 /// is left in target/fuzz, under the path that is printed.
 fn fuzz(steps: &mut Steps) {
     let folder = workspace::root().join("codec/fuzz");
@@ -165,28 +171,73 @@ fn fuzz(steps: &mut Steps) {
         cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         cargo
     };
-    let run = |program| {
-        let mut cargo = cargo(&["run", "--quiet", "--locked", "--release", "--bin", program]);
-        cargo.arg("--");
-        cargo
-    };
-    steps.run("formatting, fuzzing", &mut cargo(&["fmt", "--check"]));
-    let lints = ["clippy", "--quiet", "--locked", "--release", "--all-targets", "--", "--deny", "warnings"];
-    steps.run("lints, fuzzing", &mut cargo(&lints));
-    steps.run("seeds of fuzzing", run("seeds").arg(out.join("corpus")));
-    for target in FUZZ_TARGETS {
-        let mut artifacts = OsString::from("-artifact_prefix=");
-        artifacts.push(out.join(format!("{target}-")));
-        steps.run(
-            &format!("fuzzing, {target}"),
-            run(target)
-                .arg(out.join("corpus").join(target))
-                .arg(folder.join("regressions").join(target))
-                .args(FUZZ_LIMITS)
-                .args(["-print_final_stats=1", "-verbosity=0"])
-                .arg(artifacts),
-        );
+    steps.run("formatting, fuzzing", &mut cargo(&["fmt", "--all", "--check"]));
+    let lints = ["clippy", "--quiet", "--locked", "--release", "--workspace", "--all-targets"];
+    steps.run("lints, fuzzing", cargo(&lints).args(["--", "--deny", "warnings"]));
+    for (package, folder, seeds, targets) in FUZZERS {
+        let run = |program| {
+            let mut cargo = cargo(&["run", "--quiet", "--locked", "--release", "--package", package]);
+            cargo.args(["--bin", program, "--"]);
+            cargo
+        };
+        steps.run(&format!("seeds of {package}"), run(seeds).arg(out.join("corpus")));
+        for target in targets {
+            let mut artifacts = OsString::from("-artifact_prefix=");
+            artifacts.push(out.join(format!("{target}-")));
+            let regressions = workspace::root().join(folder).join("regressions").join(target);
+            steps.run(
+                &format!("fuzzing, {target}"),
+                run(target)
+                    .arg(out.join("corpus").join(target))
+                    .args(regressions.is_dir().then_some(regressions))
+                    .args(FUZZ_LIMITS)
+                    .args(["-print_final_stats=1", "-verbosity=0"])
+                    .arg(artifacts),
+            );
+        }
     }
+}
+
+/// Checks licences, sources and known vulnerabilities of dependencies where cargo-deny is installed,
+/// which takes longer to build than everything here. Licences and sources are also tested without.
+fn deny(steps: &mut Steps) {
+    let is_there = workspace::cargo().args(["deny", "--version"]).output();
+    if !is_there.is_ok_and(|output| output.status.success()) {
+        steps.skip("known vulnerabilities of dependencies", "cargo-deny is not installed");
+        return;
+    }
+    steps.run("dependencies", workspace::cargo().args(["deny", "check", "bans", "licenses", "sources"]));
+    // Its list comes over the network: without one, what was fetched before counts.
+    let fetched =
+        workspace::cargo().args(["deny", "fetch", "db"]).status().is_ok_and(|status| status.success());
+    if fetched {
+        steps.run(
+            "known vulnerabilities of dependencies",
+            workspace::cargo().args(["deny", "check", "advisories"]),
+        );
+    } else {
+        steps.skip("known vulnerabilities of dependencies", "their list cannot be fetched");
+    }
+}
+
+/// Checks with the oldest Rust that the packages say they need, where this one is newer.
+fn oldest_rust(steps: &mut Steps) {
+    let oldest = env!("CARGO_PKG_RUST_VERSION");
+    let version = Command::new("rustc").arg("--version").output();
+    let version =
+        version.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default();
+    if version.starts_with(&format!("rustc {oldest}")) {
+        return;
+    }
+    let name = format!("the oldest Rust, {oldest}");
+    let has_it = Command::new("rustup").args(["run", oldest, "rustc", "--version"]).output();
+    if !has_it.is_ok_and(|output| output.status.success()) {
+        steps.skip(&name, "rustup does not have it");
+        return;
+    }
+    let mut check = Command::new("rustup");
+    check.current_dir(workspace::root()).args(["run", oldest, "cargo", "check", "--locked", "--workspace"]);
+    steps.run(&name, &mut check);
 }
 
 /// Installs the toolchain's formatter and linter where a minimal toolchain lacks them.

@@ -11,7 +11,7 @@ use super::{Hints, Imported, Repairs, inria};
 pub(crate) const MARK: &str = "aarc";
 
 /// Version of the format.
-pub(crate) const VERSION: &str = "1";
+pub const VERSION: &str = "1";
 
 /// Longest name of a viewpoint in bytes, as [`Viewpoint::name`] has it.
 const NAME_MAX: usize = 63;

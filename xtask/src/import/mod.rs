@@ -24,6 +24,8 @@ use codec::{Field, SH_C0, Viewpoint};
 
 use crate::fault::Fault;
 
+pub use field_file::VERSION as FIELD_FILE_VERSION;
+
 /// The formats that [`import`] reads, for messages.
 pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, compressed, or this tool's own), \
                            .splatv, .spz, SOG (.sog, or meta.json with its images), .splat";

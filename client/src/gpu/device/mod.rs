@@ -3,6 +3,7 @@
 //! Whoever opens it, the device is asked for the same: [`Wanted`] decides from what an adapter
 //! offers. In [`vulkan`] a headset's runtime opens it.
 
+mod loss;
 #[cfg(feature = "xr")]
 pub(crate) mod vulkan;
 
@@ -11,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::ThreadId;
 
 use crate::fault::Fault;
+use loss::Loss;
 
 /// What to log unless `RUST_LOG` says otherwise: what drivers and loaders say matters only to
 /// those who look for it.
@@ -41,6 +43,8 @@ pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
+    instance: wgpu::Instance,
+    loss: Loss,
     /// The only thread that may hand over work; `None` where any may.
     submitter: Option<ThreadId>,
 }
@@ -112,11 +116,12 @@ impl Gpu {
         let wanted = Wanted::of(&info, adapter.features(), &adapter.limits());
         let opened = pollster::block_on(adapter.request_device(&wanted.descriptor()))
             .map_err(|error| Fault::Device(format!("graphics device {}: {error}", info.name)))?;
-        Ok(Gpu::opened(adapter, &wanted, opened, None))
+        Ok(Gpu::opened(instance.clone(), adapter, &wanted, opened, None))
     }
 
     /// The device `opened` of `adapter`, which has been given what was `wanted`.
     fn opened(
+        instance: wgpu::Instance,
         adapter: wgpu::Adapter,
         wanted: &Wanted,
         (device, queue): (wgpu::Device, wgpu::Queue),
@@ -135,6 +140,8 @@ impl Gpu {
             driver: format!("{} {}", info.driver, info.driver_info),
             #[cfg(feature = "window")]
             adapter,
+            instance,
+            loss: Loss::watch(&device),
             device,
             queue,
             submitter,
@@ -162,23 +169,99 @@ impl Gpu {
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
     pub fn wait(&self) -> Result<(), Fault> {
-        match self.device.poll(wgpu::PollType::wait_indefinitely()) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(Fault::Device(format!("graphics device {}: {error}", self.adapter_name))),
-        }
+        self.loss.wait(&self.device).map_err(|why| self.gone(&why))
     }
 
     /// Creates a resource, turning want of memory into an error.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory, or the device was lost.
     pub(crate) fn allocate<T>(&self, what: &str, create: impl FnOnce() -> T) -> Result<T, Fault> {
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        // What is made of a resource that there is no memory for is invalid, too.
+        let validity = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let created = create();
-        match pollster::block_on(scope.pop()) {
-            None => Ok(created),
-            Some(_) => Err(Fault::Device(format!(
-                "graphics device {}: not enough memory for {what}",
-                self.adapter_name
-            ))),
+        let invalid = pollster::block_on(validity.pop());
+        let want = pollster::block_on(memory.pop());
+        if let Some(why) = self.loss.why() {
+            return Err(self.gone(why));
         }
+        let name = &self.adapter_name;
+        match (want, invalid) {
+            (None, None) => Ok(created),
+            (Some(_), _) => {
+                Err(Fault::Device(format!("graphics device {name}: not enough memory for {what}")))
+            }
+            (None, Some(error)) => Err(Fault::Device(format!("graphics device {name}: {what}: {error}"))),
+        }
+    }
+
+    /// Creates a buffer that holds `bytes`, a multiple of four of them.
+    ///
+    /// # Errors
+    /// As for [`Gpu::allocate`].
+    pub(crate) fn buffer(
+        &self,
+        what: &str,
+        bytes: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, Fault> {
+        let buffer = self.allocate(what, || {
+            self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(what),
+                size: bytes.len() as u64,
+                usage,
+                mapped_at_creation: true,
+            })
+        })?;
+        match buffer.get_mapped_range_mut(..) {
+            Ok(mut mapped) => mapped.copy_from_slice(bytes),
+            Err(error) => return Err(self.gone(self.loss.why().unwrap_or(&error.to_string()))),
+        }
+        buffer.unmap();
+        Ok(buffer)
+    }
+
+    /// The fault of a device that is gone, and why.
+    fn gone(&self, why: &str) -> Fault {
+        let name = &self.adapter_name;
+        Fault::Device(format!("graphics device {name} stopped working ({why}): start again"))
+    }
+
+    /// Destroys the device under all that uses it, as a driver that is reset does: to try what comes
+    /// of that.
+    pub fn lose(&self) {
+        self.device.destroy();
+        // Until it is waited for, a device that was destroyed goes on.
+        let _ = self.wait();
+    }
+
+    /// Objects of the graphics interface that are held, by kind; of all devices that one headset or
+    /// window has.
+    pub fn objects(&self) -> Vec<(&'static str, usize)> {
+        let Some(report) = self.instance.generate_report() else { return Vec::new() };
+        let hub = report.hub_report();
+        let kinds = [
+            ("bind groups", &hub.bind_groups),
+            ("bind group layouts", &hub.bind_group_layouts),
+            ("buffers", &hub.buffers),
+            ("command buffers", &hub.command_buffers),
+            ("command encoders", &hub.command_encoders),
+            ("devices", &hub.devices),
+            ("pipeline layouts", &hub.pipeline_layouts),
+            ("query sets", &hub.query_sets),
+            ("render pipelines", &hub.render_pipelines),
+            ("samplers", &hub.samplers),
+            ("shader modules", &hub.shader_modules),
+            ("textures", &hub.textures),
+            ("texture views", &hub.texture_views),
+        ];
+        kinds.map(|(kind, registry)| (kind, registry.num_kept_from_user)).to_vec()
+    }
+
+    /// Bytes of GPU memory that are held for objects, where the device counts them.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
 }
 
@@ -191,25 +274,22 @@ impl Failures {
     /// Keeps what would otherwise end the program in a panic.
     pub(crate) fn watch(gpu: &Gpu) -> Failures {
         let failure: Arc<Mutex<Option<String>>> = Arc::default();
-        let keep = |failure: &Mutex<Option<String>>, message: String| {
-            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
-        };
         let uncaptured = failure.clone();
-        gpu.device.on_uncaptured_error(Arc::new(move |error| keep(&uncaptured, error.to_string())));
-        let lost = failure.clone();
-        gpu.device.set_device_lost_callback(move |reason, message| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                keep(&lost, format!("lost: {message}"));
-            }
-        });
+        gpu.device.on_uncaptured_error(Arc::new(move |error| {
+            let mut first = uncaptured.lock().unwrap_or_else(PoisonError::into_inner);
+            first.get_or_insert_with(|| error.to_string());
+        }));
         Failures(failure)
     }
 
     /// Whether all is well with `gpu`.
     ///
     /// # Errors
-    /// [`Fault::Device`] with the failure, once.
+    /// [`Fault::Device`] with the failure.
     pub(crate) fn check(&self, gpu: &Gpu) -> Result<(), Fault> {
+        if let Some(why) = gpu.loss.why() {
+            return Err(gpu.gone(why));
+        }
         match self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
             None => Ok(()),
             Some(failure) => Err(Fault::Device(format!("graphics device {}: {failure}", gpu.adapter_name))),

@@ -180,7 +180,7 @@ impl Gpu {
         let opened = unsafe { adapter.create_device_from_hal(open, &wanted.descriptor()) }
             .map_err(|error| failed("device", &error))?;
         let here = std::thread::current().id();
-        Ok((Gpu::opened(adapter, &wanted, opened, Some(here)), handles))
+        Ok((Gpu::opened(instance, adapter, &wanted, opened, Some(here)), handles))
     }
 }
 

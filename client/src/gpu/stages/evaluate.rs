@@ -6,7 +6,6 @@ use std::mem::size_of;
 use codec::Field;
 use shaders::layout::{Gaussian, Ranges};
 use shaders::{Features, GAUSSIANS, MOTION, ORDER, RANGES, SH, sh_words};
-use wgpu::util::DeviceExt;
 
 use crate::fault::Fault;
 use crate::gpu::device::Gpu;
@@ -46,23 +45,21 @@ impl Buffers {
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
     pub(in crate::gpu) fn upload(gpu: &Gpu, packed: &Packed) -> Result<Buffers, Fault> {
-        let buffer = |label, contents: &[u8], usage| {
-            let descriptor = wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage };
-            gpu.device.create_buffer_init(&descriptor)
-        };
         let storage = wgpu::BufferUsages::STORAGE;
-        let words = |label, words: &[u32]| {
-            (!words.is_empty()).then(|| buffer(label, bytemuck::cast_slice(words), storage))
+        let words = |label: &str, words: &[u32]| match words {
+            [] => Ok(None),
+            words => gpu.buffer(label, bytemuck::cast_slice(words), storage).map(Some),
         };
         // A binding must not be empty, even if nothing is ever drawn from it.
         let nothing = [Gaussian::default()];
         let gaussians = if packed.gaussians.is_empty() { &nothing[..] } else { &packed.gaussians };
-        gpu.allocate("the clip", || Buffers {
+        let ranges = bytemuck::bytes_of(&packed.ranges);
+        Ok(Buffers {
             features: packed.features,
-            ranges: buffer("ranges", bytemuck::bytes_of(&packed.ranges), wgpu::BufferUsages::UNIFORM),
-            gaussians: buffer("gaussians", bytemuck::cast_slice(gaussians), storage),
-            motion: words("motion", &packed.motion),
-            sh: words("sh", &packed.sh),
+            ranges: gpu.buffer("ranges of the clip", ranges, wgpu::BufferUsages::UNIFORM)?,
+            gaussians: gpu.buffer("the clip", bytemuck::cast_slice(gaussians), storage)?,
+            motion: words("the clip's motion", &packed.motion)?,
+            sh: words("the clip's colours", &packed.sh)?,
         })
     }
 

@@ -1,0 +1,255 @@
+//! A Vulkan layer under which the device is lost, as when a driver crashes: tests load it below the
+//! player to see what becomes of that.
+//!
+//! `AARC_LOSE=submit:N` has the Nth submission refused, `AARC_LOSE=wait:N` the wait after it; from
+//! then on the driver answers everything with `VK_ERROR_DEVICE_LOST`. The loader's interface is
+//! version 2 of "LoaderLayerInterface.md" of the Vulkan loader.
+
+#![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
+
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::transmute;
+use std::ptr::{null, null_mut};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use ash::vk;
+
+/// How the loader tells a layer what comes below it; the same for instances and devices.
+#[repr(C)]
+struct Chain {
+    s_type: i32,
+    next: *mut c_void,
+    /// 0 where `link` is one.
+    function: i32,
+    link: *mut Link,
+}
+
+/// What comes below a layer.
+#[repr(C)]
+struct Link {
+    next: *mut Link,
+    instance: vk::PFN_vkGetInstanceProcAddr,
+    /// Of physical devices in an instance's chain.
+    device: Option<vk::PFN_vkGetDeviceProcAddr>,
+}
+
+/// `VkNegotiateLayerInterface`.
+#[repr(C)]
+pub struct Negotiation {
+    s_type: i32,
+    next: *mut c_void,
+    version: u32,
+    instance: Option<vk::PFN_vkGetInstanceProcAddr>,
+    device: Option<vk::PFN_vkGetDeviceProcAddr>,
+    physical_device: *const c_void,
+}
+
+/// A function of any type.
+// SAFETY: who calls one knows its type.
+type Any = unsafe extern "system" fn();
+
+/// `VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO` and the same for devices.
+const INSTANCE_CHAIN: i32 = 47;
+const DEVICE_CHAIN: i32 = 48;
+
+/// The functions below, of the latest instance and device.
+static INSTANCE: OnceLock<vk::PFN_vkGetInstanceProcAddr> = OnceLock::new();
+static DEVICE: OnceLock<vk::PFN_vkGetDeviceProcAddr> = OnceLock::new();
+static SUBMIT: OnceLock<vk::PFN_vkQueueSubmit> = OnceLock::new();
+static WAIT_FENCES: OnceLock<vk::PFN_vkWaitForFences> = OnceLock::new();
+static WAIT_SEMAPHORES: OnceLock<vk::PFN_vkWaitSemaphores> = OnceLock::new();
+static COUNTER: OnceLock<vk::PFN_vkGetSemaphoreCounterValue> = OnceLock::new();
+
+static SUBMISSIONS: AtomicU32 = AtomicU32::new(0);
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// Which submission is the last, and whether it is still taken.
+fn plan() -> (u32, bool) {
+    static PLAN: OnceLock<(u32, bool)> = OnceLock::new();
+    *PLAN.get_or_init(|| {
+        let text = std::env::var("AARC_LOSE").unwrap_or_default();
+        let (what, number) = text.split_once(':').unwrap_or_default();
+        (number.parse().unwrap_or(u32::MAX), what == "wait")
+    })
+}
+
+/// What the loader asks a layer first.
+///
+/// # Safety
+/// As for the loader: `negotiation` points to what it says.
+// SAFETY: no other library of the process has this name.
+#[unsafe(no_mangle)]
+pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(
+    negotiation: *mut Negotiation,
+) -> vk::Result {
+    // SAFETY: the loader's promise.
+    let negotiation = unsafe { &mut *negotiation };
+    negotiation.version = negotiation.version.min(2);
+    negotiation.instance = Some(instance_function);
+    negotiation.device = Some(device_function);
+    negotiation.physical_device = null();
+    vk::Result::SUCCESS
+}
+
+/// The link of a layer in the chain of a create info, which is moved on for the layer below.
+///
+/// # Safety
+/// `next` is the chain that the loader made.
+unsafe fn link(mut next: *mut c_void, s_type: i32) -> Option<(vk::PFN_vkGetInstanceProcAddr, *mut Link)> {
+    while !next.is_null() {
+        // SAFETY: every structure in the chain begins as this one does.
+        let chain = unsafe { &mut *next.cast::<Chain>() };
+        if chain.s_type == s_type && chain.function == 0 {
+            let link = chain.link;
+            // SAFETY: the loader has a link for each layer.
+            let Link { next, instance, .. } = unsafe { &*link };
+            chain.link = *next;
+            return Some((*instance, link));
+        }
+        next = chain.next;
+    }
+    None
+}
+
+// SAFETY: called by the loader, as vkCreateInstance is.
+unsafe extern "system" fn create_instance(
+    info: *const vk::InstanceCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    instance: *mut vk::Instance,
+) -> vk::Result {
+    // SAFETY: the loader's chain; what it leads to has the type that its name says.
+    unsafe {
+        let Some((below, _)) = link((*info).p_next.cast_mut(), INSTANCE_CHAIN) else {
+            return vk::Result::ERROR_INITIALIZATION_FAILED;
+        };
+        let create = below(vk::Instance::null(), c"vkCreateInstance".as_ptr());
+        let create: vk::PFN_vkCreateInstance = transmute(create);
+        let _ = INSTANCE.set(below);
+        create(info, allocator, instance)
+    }
+}
+
+// SAFETY: called by the loader, as vkCreateDevice is.
+unsafe extern "system" fn create_device(
+    adapter: vk::PhysicalDevice,
+    info: *const vk::DeviceCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    device: *mut vk::Device,
+) -> vk::Result {
+    // SAFETY: the loader's chain; what it leads to has the types that their names say.
+    unsafe {
+        let Some((below, link)) = link((*info).p_next.cast_mut(), DEVICE_CHAIN) else {
+            return vk::Result::ERROR_INITIALIZATION_FAILED;
+        };
+        let Some(of_device) = (*link).device else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+        let create: vk::PFN_vkCreateDevice =
+            transmute(below(vk::Instance::null(), c"vkCreateDevice".as_ptr()));
+        let result = create(adapter, info, allocator, device);
+        if result == vk::Result::SUCCESS {
+            let function = |name: &CStr| of_device(*device, name.as_ptr());
+            let _ = DEVICE.set(of_device);
+            function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, _>(f)));
+            function(c"vkWaitForFences").map(|f| WAIT_FENCES.set(transmute::<Any, _>(f)));
+            function(c"vkWaitSemaphores").map(|f| WAIT_SEMAPHORES.set(transmute::<Any, _>(f)));
+            function(c"vkGetSemaphoreCounterValue").map(|f| COUNTER.set(transmute::<Any, _>(f)));
+        }
+        result
+    }
+}
+
+// SAFETY: called as vkQueueSubmit is.
+unsafe extern "system" fn submit(
+    queue: vk::Queue,
+    count: u32,
+    submits: *const vk::SubmitInfo<'_>,
+    fence: vk::Fence,
+) -> vk::Result {
+    let (last, is_taken) = plan();
+    let loses = SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last;
+    if LOST.load(Ordering::Relaxed) || loses && !is_taken {
+        LOST.store(true, Ordering::Relaxed);
+        return vk::Result::ERROR_DEVICE_LOST;
+    }
+    // SAFETY: the caller's arguments, to the function of the same name.
+    let result =
+        SUBMIT.get().map_or(vk::Result::ERROR_DEVICE_LOST, |f| unsafe { f(queue, count, submits, fence) });
+    LOST.fetch_or(loses, Ordering::Relaxed);
+    result
+}
+
+/// What the driver answers, unless the device is lost.
+fn unless_lost(answer: impl FnOnce() -> Option<vk::Result>) -> vk::Result {
+    match LOST.load(Ordering::Relaxed) {
+        true => vk::Result::ERROR_DEVICE_LOST,
+        false => answer().unwrap_or(vk::Result::ERROR_DEVICE_LOST),
+    }
+}
+
+// SAFETY: called as vkWaitForFences is.
+unsafe extern "system" fn wait_fences(
+    device: vk::Device,
+    count: u32,
+    fences: *const vk::Fence,
+    all: vk::Bool32,
+    timeout: u64,
+) -> vk::Result {
+    // SAFETY: the caller's arguments, to the function of the same name.
+    unless_lost(|| WAIT_FENCES.get().map(|f| unsafe { f(device, count, fences, all, timeout) }))
+}
+
+// SAFETY: called as vkWaitSemaphores is.
+unsafe extern "system" fn wait_semaphores(
+    device: vk::Device,
+    info: *const vk::SemaphoreWaitInfo<'_>,
+    timeout: u64,
+) -> vk::Result {
+    // SAFETY: the caller's arguments, to the function of the same name.
+    unless_lost(|| WAIT_SEMAPHORES.get().map(|f| unsafe { f(device, info, timeout) }))
+}
+
+// SAFETY: called as vkGetSemaphoreCounterValue is.
+unsafe extern "system" fn counter(
+    device: vk::Device,
+    semaphore: vk::Semaphore,
+    value: *mut u64,
+) -> vk::Result {
+    // SAFETY: the caller's arguments, to the function of the same name.
+    unless_lost(|| COUNTER.get().map(|f| unsafe { f(device, semaphore, value) }))
+}
+
+/// What this layer has of its own for a name.
+fn own(name: &CStr) -> vk::PFN_vkVoidFunction {
+    let function: *const () = match name.to_bytes() {
+        b"vkGetInstanceProcAddr" => instance_function as *const (),
+        b"vkGetDeviceProcAddr" => device_function as *const (),
+        b"vkCreateInstance" => create_instance as *const (),
+        b"vkCreateDevice" => create_device as *const (),
+        b"vkQueueSubmit" => submit as *const (),
+        b"vkWaitForFences" => wait_fences as *const (),
+        b"vkWaitSemaphores" | b"vkWaitSemaphoresKHR" => wait_semaphores as *const (),
+        b"vkGetSemaphoreCounterValue" | b"vkGetSemaphoreCounterValueKHR" => counter as *const (),
+        _ => null_mut(),
+    };
+    // SAFETY: a null pointer is none, and all others are functions of this interface.
+    unsafe { transmute::<*const (), vk::PFN_vkVoidFunction>(function) }
+}
+
+// SAFETY: called as vkGetInstanceProcAddr is.
+unsafe extern "system" fn instance_function(
+    instance: vk::Instance,
+    name: *const c_char,
+) -> vk::PFN_vkVoidFunction {
+    // SAFETY: a name ends.
+    let own = own(unsafe { CStr::from_ptr(name) });
+    // SAFETY: the caller's arguments, to the layer below.
+    own.or_else(|| INSTANCE.get().and_then(|below| unsafe { below(instance, name) }))
+}
+
+// SAFETY: called as vkGetDeviceProcAddr is.
+unsafe extern "system" fn device_function(device: vk::Device, name: *const c_char) -> vk::PFN_vkVoidFunction {
+    // SAFETY: a name ends.
+    let own = own(unsafe { CStr::from_ptr(name) });
+    // SAFETY: the caller's arguments, to the layer below.
+    own.or_else(|| DEVICE.get().and_then(|below| unsafe { below(device, name) }))
+}

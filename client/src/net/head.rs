@@ -1,0 +1,83 @@
+//! [`Head`]: what a server says before the bytes, as far as it matters.
+
+/// What a server says before the bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Head {
+    pub(super) status: u16,
+    /// `Content-Length`.
+    pub(super) length: Option<u64>,
+    /// `Content-Range`: the first byte and, if told, the number in all.
+    pub(super) range: Option<(u64, Option<u64>)>,
+    pub(super) etag: Option<String>,
+    /// `Content-Encoding` other than identity.
+    pub(super) encoding: Option<String>,
+    /// `Retry-After` in seconds.
+    pub(super) retry_after_s: Option<u64>,
+}
+
+impl Head {
+    /// Of an answer with this status; `header` gives the text of a header by its name in lower case.
+    /// What makes no sense counts as not said.
+    pub(super) fn read<'h>(status: u16, header: impl Fn(&'static str) -> Option<&'h str>) -> Head {
+        let text = |name| header(name).map(str::trim);
+        Head {
+            status,
+            length: text("content-length").and_then(|length| length.parse().ok()),
+            range: text("content-range").and_then(content_range),
+            etag: text("etag")
+                .filter(|etag| etag.starts_with(['"', 'W']) && etag.len() > 1)
+                .map(String::from),
+            encoding: text("content-encoding")
+                .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
+                .map(String::from),
+            retry_after_s: text("retry-after").and_then(|seconds| seconds.parse().ok()),
+        }
+    }
+}
+
+/// The first byte of `bytes FIRST-LAST/TOTAL`, and the total unless it is `*`.
+fn content_range(text: &str) -> Option<(u64, Option<u64>)> {
+    let (range, total) = text.strip_prefix("bytes ")?.split_once('/')?;
+    let first = range.split_once('-')?.0.trim().parse().ok()?;
+    Some((first, total.trim().parse().ok()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn head(status: u16, headers: &[(&str, &'static str)]) -> Head {
+        Head::read(status, |name| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| *text))
+    }
+
+    #[test]
+    fn ranges_are_read_and_nonsense_is_not() {
+        assert_eq!(content_range("bytes 5-9/10"), Some((5, Some(10))));
+        assert_eq!(content_range("bytes 0-9/*"), Some((0, None)));
+        for text in ["", "bytes", "bytes */10", "lines 5-9/10", "bytes 5-9", "bytes -5/10", "bytes x-9/10"] {
+            assert_eq!(content_range(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_empty_version_is_none() {
+        for etag in ["", "none", "\""] {
+            assert_eq!(head(200, &[("etag", etag)]).etag, None, "{etag}");
+        }
+    }
+
+    #[test]
+    fn what_the_headers_say() {
+        let said = head(
+            200,
+            &[
+                ("content-length", " 12 "),
+                ("etag", "\"a\""),
+                ("content-encoding", "Identity"),
+                ("retry-after", "Wed, 21 Oct 2015 07:28:00 GMT"),
+            ],
+        );
+        let expected = Head { status: 200, length: Some(12), etag: Some("\"a\"".into()), ..Head::default() };
+        assert_eq!(said, expected, "a date to wait for is no number of seconds");
+    }
+}

@@ -1,0 +1,7 @@
+//! Fuzz target: any bytes as what a server answers.
+#![no_main]
+
+use aarc_fuzz::net::check_dialogue;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| check_dialogue(bytes));

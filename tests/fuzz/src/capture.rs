@@ -1,0 +1,134 @@
+//! Any bytes as the files of a capture: cameras in every layout, photographs, depth maps.
+
+use std::sync::OnceLock;
+
+use refine::capture::CaptureShot;
+use xtask::capture::Footage;
+
+use crate::files::{Desk, check_refusal};
+use crate::parts;
+use crate::seeds::{easyvolcap, manifest, photograph};
+
+/// What an input is, which its first byte chooses.
+pub(crate) const MANIFEST: u8 = 0;
+pub(crate) const EASYVOLCAP: u8 = 1;
+pub(crate) const TRANSFORMS: u8 = 2;
+pub(crate) const COLMAP_BINARY: u8 = 3;
+pub(crate) const COLMAP_TEXT: u8 = 4;
+pub(crate) const PHOTOGRAPH: u8 = 5;
+pub(crate) const DEPTH_PFM: u8 = 6;
+pub(crate) const DEPTH_NPY: u8 = 7;
+pub(crate) const DEPTH_PNG: u8 = 8;
+const KINDS: u8 = 9;
+
+/// Most frames that a manifest may ask for here: each is looked for on disk, more only take longer.
+const FRAMES_MAX: u64 = 50;
+
+/// Opens a capture of an input and looks at its first photographs.
+///
+/// # Panics
+/// If what is accepted is not valid, or what is refused is not refused in one line.
+pub fn check_capture(bytes: &[u8]) {
+    static DESK: OnceLock<Desk> = OnceLock::new();
+    let Some((kind, bytes)) = parts::kind(bytes, KINDS) else { return };
+    let desk = DESK.get_or_init(prepared);
+    let folder = match kind {
+        MANIFEST => {
+            let frames = serde_json::from_slice::<serde_json::Value>(bytes).ok();
+            if frames.and_then(|value| value["frames"].as_u64()).is_some_and(|frames| frames > FRAMES_MAX) {
+                return;
+            }
+            desk.put("manifest/capture.json", bytes);
+            "manifest"
+        }
+        EASYVOLCAP => {
+            let (intrinsics, extrinsics) = parts::two(bytes);
+            desk.put("easyvolcap/intri.yml", intrinsics);
+            desk.put("easyvolcap/extri.yml", extrinsics);
+            "easyvolcap"
+        }
+        TRANSFORMS => {
+            desk.put("transforms/transforms.json", bytes);
+            "transforms"
+        }
+        COLMAP_BINARY | COLMAP_TEXT => {
+            let (cameras, images) = parts::two(bytes);
+            let ending = if kind == COLMAP_BINARY { "bin" } else { "txt" };
+            desk.take("colmap/sparse/0/cameras.bin");
+            desk.put(format!("colmap/sparse/0/cameras.{ending}"), cameras);
+            desk.put(format!("colmap/sparse/0/images.{ending}"), images);
+            "colmap"
+        }
+        PHOTOGRAPH => {
+            desk.put("photograph/images/00/0.png", bytes);
+            "photograph"
+        }
+        _ => {
+            let ending = ["pfm", "npy", "png"][usize::from(kind - DEPTH_PFM)];
+            for other in ["pfm", "npy", "png"] {
+                desk.take(format!("depths/00/0.{other}"));
+            }
+            desk.put(format!("depths/00/0.{ending}"), bytes);
+            "depth"
+        }
+    };
+    let footage = match Footage::open(&desk.path(folder)) {
+        Ok(footage) => footage,
+        Err(error) => return check_refusal(&error),
+    };
+    check_footage(&footage);
+    for &shot in footage.capture.shots.iter().take(2) {
+        match footage.photo(shot) {
+            Ok(photo) => {
+                let camera = &footage.capture.cameras[shot.camera].camera;
+                assert_eq!((photo.image.width, photo.image.height), (camera.width, camera.height));
+                assert!(photo.image.pixels.iter().flatten().all(|x| x.is_finite()));
+            }
+            Err(fault) => check_refusal(&fault.into()),
+        }
+    }
+    if folder == "depth" {
+        match footage.depth(&desk.path("depths"), CaptureShot { frame: 0, camera: 0 }) {
+            Ok(map) => {
+                let map = map.expect("there is a file");
+                assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
+            }
+            Err(fault) => check_refusal(&fault.into()),
+        }
+    }
+}
+
+fn check_footage(footage: &Footage) {
+    let capture = &footage.capture;
+    for camera in &capture.cameras {
+        camera.camera.check().expect("accepted cameras are valid");
+    }
+    assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
+    assert!(capture.times.is_sorted());
+    let exists = |shot: &CaptureShot| shot.camera < capture.cameras.len() && shot.frame < capture.times.len();
+    assert!(!capture.shots.is_empty() && capture.shots.iter().all(exists));
+    assert!(footage.missing() <= capture.cameras.len() * capture.times.len());
+}
+
+/// A desk with the photographs that the inputs to start from name.
+fn prepared() -> Desk {
+    let photograph = photograph();
+    let images = ["00/0", "00/1", "01/0", "01/1"];
+    let numbered = ["manifest", "easyvolcap", "photograph", "depth"];
+    let of_layouts = numbered
+        .into_iter()
+        .flat_map(|layout| images.map(|image| (format!("{layout}/images/{image}.png"), photograph.clone())));
+    let masks = ["manifest", "photograph"]
+        .into_iter()
+        .flat_map(|layout| images.map(|image| (format!("{layout}/masks/{image}.png"), photograph.clone())));
+    let flat =
+        ["transforms/images/a.png", "transforms/images/b.png", "colmap/images/a.png", "colmap/images/b.png"];
+    let flat = flat.map(|path| (path.to_owned(), photograph.clone()));
+    let (intrinsics, extrinsics) = easyvolcap();
+    let cameras = [
+        ("photograph/capture.json".to_owned(), manifest().into_bytes()),
+        ("depth/intri.yml".to_owned(), intrinsics.into_bytes()),
+        ("depth/extri.yml".to_owned(), extrinsics.into_bytes()),
+    ];
+    Desk::with(of_layouts.chain(masks).chain(flat).chain(cameras))
+}

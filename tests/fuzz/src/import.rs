@@ -1,0 +1,62 @@
+//! Any bytes as a fitted field.
+
+use std::sync::OnceLock;
+
+use xtask::import::import;
+
+use crate::files::{Desk, check_refusal};
+use crate::parts;
+use crate::seeds::sog_files;
+
+/// How the bytes are given to the importer, which the first byte of an input chooses.
+pub(crate) const FILE: u8 = 0;
+pub(crate) const SPLAT: u8 = 1;
+pub(crate) const SOG_META: u8 = 2;
+pub(crate) const SOG_IMAGE: u8 = 3;
+
+/// Imports an input.
+///
+/// # Panics
+/// If what is accepted is not valid, or what is refused is not refused in one line.
+pub fn check_import(bytes: &[u8]) {
+    static DESK: OnceLock<Desk> = OnceLock::new();
+    let sog = || sog_files().into_iter().map(|(name, bytes)| (format!("sog/{name}"), bytes));
+    let desk = DESK.get_or_init(|| Desk::with(sog()));
+    let Some((kind, bytes)) = parts::kind(bytes, 4) else { return };
+    // A name whose ending says nothing, so that the bytes decide.
+    let mut name = "field".to_owned();
+    let mut restored = None;
+    match kind {
+        FILE => desk.put("field", bytes),
+        SPLAT => {
+            name.push_str(".splat");
+            desk.put(&name, bytes);
+        }
+        SOG_META => {
+            name = "sog".into();
+            desk.put("sog/meta.json", bytes);
+            restored = sog().find(|(path, _)| path == "sog/meta.json");
+        }
+        _ => {
+            name = "sog".into();
+            let Some((which, bytes)) = bytes.split_first() else { return };
+            restored = sog().skip(1).nth(usize::from(*which) % (sog().count() - 1));
+            desk.put(&restored.as_ref().expect("below their number").0, bytes);
+        }
+    }
+    let imported = import(&desk.path(name));
+    if let Some((path, bytes)) = restored {
+        desk.put(path, &bytes);
+    }
+    match imported {
+        Ok(imported) => {
+            imported.field.check().expect("an accepted field is valid");
+            assert!(!imported.field.is_empty());
+            assert!(!imported.repairs.to_string().contains('\n'));
+            let hints = imported.hints;
+            let numbers = [hints.metres_per_unit, hints.duration_s, hints.fps];
+            assert!(numbers.into_iter().flatten().all(|x| x.is_finite() && x > 0.0), "{numbers:?}");
+        }
+        Err(error) => check_refusal(&error),
+    }
+}

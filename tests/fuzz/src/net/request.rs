@@ -1,0 +1,245 @@
+//! [`Server`]: answers by a [`Script`] instead of HTTP.
+//!
+//! An honest server has two versions of a file, changes from one to the other when it likes, keeps
+//! to RFC 9110, and breaks off wherever it likes. Any other says whatever it likes, too.
+
+use std::sync::{Mutex, OnceLock};
+
+use codec::{EncodeOptions, Source, encode};
+
+use super::head::Head;
+use super::transfer::{Ask, Patience};
+use super::trouble::Trouble;
+use crate::seeds;
+
+/// Headers and the nonsense that may stand in them; a wait longer than none would be waited for.
+const HEADERS: [&str; 5] = ["content-length", "content-range", "etag", "content-encoding", "retry-after"];
+const WAITS: [&str; 5] = ["0", "-1", "99", "18446744073709551616", "Wed, 21 Oct 2015 07:28:00 GMT"];
+
+/// Statuses that mean something, and some that do not.
+const STATUSES: [u16; 12] = [200, 206, 304, 416, 503, 404, 200, 206, 100, 301, 204, 999];
+
+/// More requests than a downloader makes for one clip.
+const REQUESTS_MAX: usize = 101;
+
+/// What the next server does.
+static STAGED: Mutex<Script> = Mutex::new(Script { bytes: Vec::new(), at: 0 });
+
+/// A script: bytes that are used up as they decide things, then zeros.
+#[derive(Clone)]
+pub(crate) struct Script {
+    bytes: Vec<u8>,
+    at: usize,
+}
+
+/// How a server names versions.
+#[derive(Clone, Copy, PartialEq)]
+enum Tags {
+    Strong,
+    Weak,
+    None,
+}
+
+impl Script {
+    /// The one that `bytes` are: the first is about the whole dialogue.
+    pub(super) fn of(bytes: &[u8]) -> Script {
+        Script { bytes: bytes.to_vec(), at: 1 }
+    }
+
+    /// For the server that is asked next.
+    pub(super) fn stage(self) {
+        *STAGED.lock().expect("nobody panics with it") = self;
+    }
+
+    fn manner(&self) -> u8 {
+        self.bytes.first().copied().unwrap_or(0)
+    }
+
+    /// Whether the server keeps to HTTP.
+    pub(super) fn is_honest(&self) -> bool {
+        self.manner() & 1 == 0
+    }
+
+    fn sends_parts(&self) -> bool {
+        self.manner() & 2 == 0
+    }
+
+    fn tags(&self) -> Tags {
+        match self.manner() >> 2 & 3 {
+            0 | 1 => Tags::Strong,
+            2 => Tags::Weak,
+            _ => Tags::None,
+        }
+    }
+
+    /// The version that the downloader has already.
+    pub(super) fn known(&self) -> Option<String> {
+        (self.manner() & 0x10 != 0).then(|| tag(self.tags(), 0)).flatten()
+    }
+
+    fn u8(&mut self) -> u8 {
+        let byte = self.bytes.get(self.at).copied().unwrap_or(0);
+        self.at += 1;
+        byte
+    }
+
+    fn u16(&mut self) -> usize {
+        usize::from(u16::from_le_bytes([self.u8(), self.u8()]))
+    }
+
+    /// Up to so many bytes, as text.
+    fn text(&mut self, most: u8) -> String {
+        let length = usize::from(self.u8() % most);
+        // As in a header that could be read at all.
+        (0..length).map(|_| char::from(0x20 + self.u8() % 0x5f)).collect()
+    }
+}
+
+/// What a server calls a version.
+fn tag(tags: Tags, version: usize) -> Option<String> {
+    match tags {
+        Tags::Strong => Some(format!("\"{version}\"")),
+        Tags::Weak => Some(format!("W/\"{version}\"")),
+        Tags::None => None,
+    }
+}
+
+/// The versions of the file: of one length, with one head, and nothing else in common.
+pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
+    static VERSIONS: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
+    VERSIONS.get_or_init(|| {
+        let source = Source { info: &seeds::info(), field: &seeds::field(0), plate: None };
+        let options = EncodeOptions { layers: vec![2], ..EncodeOptions::default() };
+        let first = encode(&source, &options).expect("a valid field");
+        let head = codec::contents(&first, &codec::Limits::default()).expect("a package").head_bytes;
+        let mut second = first.clone();
+        second[head..].iter_mut().for_each(|byte| *byte ^= 0xff);
+        [first, second]
+    })
+}
+
+/// A server.
+pub(super) struct Server {
+    /// What it does, and how many requests it had.
+    state: Mutex<(Script, usize)>,
+}
+
+impl Server {
+    pub(super) fn new(_url: &str, _patience: Patience) -> Result<Server, Trouble> {
+        let script = STAGED.lock().expect("nobody panics with it").clone();
+        Ok(Server { state: Mutex::new((script, 0)) })
+    }
+
+    pub(super) fn get(&self, ask: &Ask) -> Result<(Head, Bytes), Trouble> {
+        let (script, requests) = &mut *self.state.lock().expect("nobody panics with it");
+        *requests += 1;
+        assert!(*requests <= REQUESTS_MAX, "{requests} requests");
+        let flags = script.u8();
+        let version = usize::from(flags & 1);
+        match flags >> 4 {
+            0 => return Err(Trouble::Passing("the connection was lost".into())),
+            1 if flags & 2 != 0 => return Err(Trouble::Unresolved("the server's name is not known".into())),
+            _ => {}
+        }
+        let breaks = Breaks {
+            after: if flags & 2 != 0 { script.u16() } else { usize::MAX },
+            silently: flags & 4 != 0,
+        };
+        let piece = 1 + usize::from(script.u8()) * 16;
+        let (status, headers, body) = if script.is_honest() {
+            honest(script, ask, version, flags & 8 != 0)
+        } else {
+            lying(script, version)
+        };
+        let header =
+            |name: &str| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| text.as_str());
+        let cut = body.len().min(breaks.after);
+        // An end before the announced length does not pass for the end.
+        let ends = cut == body.len() || breaks.silently && header("content-length").is_none();
+        Ok((Head::read(status, header), Bytes { body: body[..cut].to_vec(), at: 0, piece, ends }))
+    }
+}
+
+/// Where a connection breaks, and whether that looks like the end.
+struct Breaks {
+    after: usize,
+    silently: bool,
+}
+
+type Answer = (u16, Vec<(&'static str, String)>, Vec<u8>);
+
+fn honest(script: &Script, ask: &Ask, version: usize, tells_length: bool) -> Answer {
+    let whole = &versions()[version];
+    let tag = tag(script.tags(), version);
+    let mut headers: Vec<(&'static str, String)> = tag.iter().map(|tag| ("etag", tag.clone())).collect();
+    if ask.if_none_match.is_some() && ask.if_none_match == tag {
+        return (304, headers, Vec::new());
+    }
+    let first = usize::try_from(ask.first).unwrap_or(usize::MAX);
+    // Weak tags never match for parts.
+    let same = script.tags() == Tags::Strong && ask.if_range == tag;
+    if first == 0 || !script.sends_parts() || ask.if_range.is_some() && !same {
+        if tells_length {
+            headers.push(("content-length", whole.len().to_string()));
+        }
+        return (200, headers, whole.clone());
+    }
+    if first >= whole.len() {
+        return (416, vec![("content-range", format!("bytes */{}", whole.len()))], Vec::new());
+    }
+    headers.push(("content-range", format!("bytes {first}-{}/{}", whole.len() - 1, whole.len())));
+    headers.push(("content-length", (whole.len() - first).to_string()));
+    (206, headers, whole[first..].to_vec())
+}
+
+fn lying(script: &mut Script, version: usize) -> Answer {
+    let status = STATUSES[usize::from(script.u8()) % STATUSES.len()];
+    let said = script.u8();
+    let mut headers = Vec::new();
+    for (i, name) in HEADERS.into_iter().enumerate() {
+        if said >> i & 1 == 0 {
+            continue;
+        }
+        let text = match (name, script.u8() % 4) {
+            ("retry-after", _) => WAITS[usize::from(script.u8()) % WAITS.len()].into(),
+            ("content-length", 0) => script.u16().to_string(),
+            ("content-range", 0 | 1) => {
+                format!("bytes {}-{}/{}", script.u16(), script.u16(), script.u16())
+            }
+            ("etag", 0) => tag(script.tags(), version).unwrap_or_default(),
+            _ => script.text(24),
+        };
+        headers.push((name, text));
+    }
+    let mut body = versions()[version].clone();
+    body.drain(..script.u16().min(body.len()));
+    // Bytes of its own, and more of them than anybody asked for.
+    let length = usize::from(script.u8());
+    let own: Vec<u8> = (0..length).map(|_| script.u8()).collect();
+    let more = usize::from(script.u8()) * 64;
+    body.extend(own);
+    body.extend(std::iter::repeat_n(0x41, more));
+    (status, headers, body)
+}
+
+/// The bytes of an answer.
+pub(super) struct Bytes {
+    body: Vec<u8>,
+    at: usize,
+    /// Most that come at a time.
+    piece: usize,
+    /// Whether what comes after them is the end, and not a break.
+    ends: bool,
+}
+
+impl Bytes {
+    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Trouble> {
+        let count = (self.body.len() - self.at).min(self.piece).min(buffer.len());
+        if count == 0 && !self.ends {
+            return Err(Trouble::Passing("the connection was lost".into()));
+        }
+        buffer[..count].copy_from_slice(&self.body[self.at..self.at + count]);
+        self.at += count;
+        Ok(count)
+    }
+}

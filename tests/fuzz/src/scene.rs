@@ -1,0 +1,41 @@
+//! Any bytes as what stands beside a field: `scene.json`, and files of cameras.
+
+use std::sync::OnceLock;
+
+use codec::{Camera, EncodeOptions, Source, encode};
+use xtask::export::field_file;
+use xtask::scene::Scene;
+
+use crate::files::{Desk, check_refusal};
+use crate::parts;
+use crate::seeds;
+
+/// What an input is, which its first byte chooses.
+pub(crate) const OVERRIDES: u8 = 0;
+pub(crate) const CAMERA: u8 = 1;
+
+/// Reads an input.
+///
+/// # Panics
+/// If a scene is accepted that cannot be packaged, or what is refused is not refused in one line.
+pub fn check_scene(bytes: &[u8]) {
+    static DESK: OnceLock<Desk> = OnceLock::new();
+    let Some((kind, bytes)) = parts::kind(bytes, 2) else { return };
+    if kind == CAMERA {
+        if let Ok(camera) = serde_json::from_slice::<Camera>(bytes)
+            && camera.check().is_ok()
+        {
+            assert!(camera.position().iter().all(|x| x.is_finite()), "{camera:?}");
+        }
+        return;
+    }
+    let desk = DESK.get_or_init(|| Desk::with([("field.ply", field_file(&seeds::field(1), &seeds::info()))]));
+    desk.put("scene.json", bytes);
+    match Scene::load(&desk.path("")) {
+        Ok(scene) => {
+            let source = Source { info: &scene.info, field: &scene.subject.field, plate: None };
+            encode(&source, &EncodeOptions::default()).expect("an accepted scene can be packaged");
+        }
+        Err(error) => check_refusal(&error),
+    }
+}

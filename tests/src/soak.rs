@@ -1,0 +1,313 @@
+//! Playback that goes on and on: what a person can do, at random and as fast as the device draws,
+//! and what is left in memory each time a clip was put away.
+//!
+//! A round takes a clip in from memory or from a server, uploads it, draws it for one eye or two into
+//! images whose size changes, through seeks, steps, speeds, pauses and all settings, counts and reads
+//! back now and then, and puts everything away. Every few rounds the device is lost and another one
+//! opened.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::num::NonZero;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use client::fault::Fault;
+use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings, SortOrder};
+use client::net::{CACHE_BYTES, Cache, Download, Options, Patience};
+use client::player::{Player, SPEED_RANGE};
+use client::source::News;
+use client::view::View;
+use codec::{Clip, Limits, decode_parallel};
+use fastrand::Rng;
+use glam::UVec2;
+
+use crate::scene::{Motion, Place, Recipe, camera, packaged, stereo_pair};
+use crate::server::Server;
+
+/// Frames of a round.
+const FRAMES: u32 = 40;
+
+/// Rounds from loss to loss of the device.
+const LOSS_EVERY: u64 = 12;
+
+/// Seconds of the viewer between two frames.
+const FRAME_S: f64 = 1.0 / 30.0;
+
+/// What memory may grow by between the first half and the second, relative and in bytes: pages and
+/// tables that find their size late.
+const GROWTH: f64 = 0.02;
+const GROWTH_BYTES: u64 = 8 << 20;
+
+/// What is left after a round.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Since the beginning.
+    pub seconds: f64,
+    /// Of the process, as the system counts them; 0 where it does not.
+    pub resident_bytes: u64,
+    /// Allocated by the program itself.
+    pub heap_bytes: u64,
+    /// Of the graphics device, where it counts them.
+    pub gpu_bytes: u64,
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Account {
+    /// Clips put on.
+    pub rounds: u64,
+    /// Of them, from a server.
+    pub downloads: u64,
+    /// Frames drawn.
+    pub frames: u64,
+    /// Seconds of the viewer that they stand for.
+    pub played_s: f64,
+    /// Seeks, steps and pauses.
+    pub seeks: u64,
+    /// Images of another size.
+    pub resizes: u64,
+    /// Devices lost.
+    pub losses: u64,
+    /// After each round.
+    pub samples: Vec<Sample>,
+}
+
+impl Account {
+    /// Whether memory is flat: what is least in a half is what is held on to.
+    ///
+    /// # Errors
+    /// What has grown, and by how much.
+    pub fn check(&self) -> Result<(), String> {
+        let (first, second) = self.samples.split_at(self.samples.len() / 2);
+        let kinds: [(&str, fn(&Sample) -> u64); 3] = [
+            ("the process", |sample| sample.resident_bytes),
+            ("the heap", |sample| sample.heap_bytes),
+            ("the graphics device", |sample| sample.gpu_bytes),
+        ];
+        for (what, of) in kinds {
+            let least = |samples: &[Sample]| samples.iter().map(of).min().unwrap_or(0);
+            let (before, after) = (least(first), least(second));
+            if after > before + (before as f64 * GROWTH) as u64 + GROWTH_BYTES {
+                return Err(format!("memory of {what} grew from {before} to {after} bytes"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Plays for `duration`; at least until the device was lost once. `heap_bytes` tells what the program
+/// has allocated; `on_sample` is called after each round.
+///
+/// # Errors
+/// What the player reports, or what it left behind.
+pub fn soak(
+    duration: Duration,
+    heap_bytes: impl Fn() -> u64,
+    mut on_sample: impl FnMut(&Account),
+) -> Result<Account, String> {
+    let text = |fault: Fault| fault.to_string();
+    let start = Instant::now();
+    let mut account = Account::default();
+    let mut rng = Rng::with_seed(1);
+    let shelf = Shelf::new();
+    let mut gpu = Gpu::new_headless().map_err(text)?;
+    let mut at_rest = objects(&gpu)?;
+    while start.elapsed() < duration || account.losses == 0 {
+        if account.rounds % LOSS_EVERY == LOSS_EVERY - 1 {
+            lose(&gpu, &shelf.clip(0)?)?;
+            account.losses += 1;
+            gpu = Gpu::new_headless().map_err(text)?;
+            at_rest = objects(&gpu)?;
+        }
+        let clip = match rng.u8(..4) {
+            0 => {
+                account.downloads += 1;
+                shelf.download(rng.usize(..shelf.packages.len()))?
+            }
+            _ => shelf.clip(account.rounds as usize)?,
+        };
+        play(&gpu, &clip, &mut rng, &mut account).map_err(text)?;
+        drop(clip);
+        gpu.wait().map_err(text)?;
+        let held = objects(&gpu)?;
+        if held != at_rest {
+            return Err(format!("after {} rounds {held:?} are held, {at_rest:?} at first", account.rounds));
+        }
+        account.rounds += 1;
+        account.samples.push(Sample {
+            seconds: start.elapsed().as_secs_f64(),
+            resident_bytes: resident_bytes(),
+            heap_bytes: heap_bytes(),
+            gpu_bytes: gpu.allocated_bytes().unwrap_or(0),
+        });
+        on_sample(&account);
+    }
+    Ok(account)
+}
+
+/// Clips of every kind, and a server that has them.
+struct Shelf {
+    packages: Vec<Arc<[u8]>>,
+    server: Server,
+    cache: tempfile::TempDir,
+}
+
+impl Shelf {
+    fn new() -> Shelf {
+        let recipe = |count, sh_degree, motion, turning| {
+            Recipe { count, sh_degree, motion, motion_order: 3, turning, seed: count as u64 }.field()
+        };
+        let still = recipe(900, 2, Motion::Still, false);
+        let packages: Vec<Arc<[u8]>> = vec![
+            packaged(&recipe(3000, 0, Motion::Mixed, true), None, &[500, 1000]).into(),
+            packaged(&recipe(1200, 3, Motion::Moving, true), Some(&still), &[]).into(),
+            packaged(&still, None, &[300]).into(),
+            packaged(&recipe(1, 1, Motion::Moving, false), None, &[]).into(),
+        ];
+        let served = packages.clone();
+        let server = Server::start(move |number, request, answer| {
+            let which = request.path.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap_or(0);
+            let file: &Arc<[u8]> = &served[which];
+            // Every other time, the connection breaks on the way.
+            let end = if number % 2 == 0 { file.len() / 2 } else { file.len() };
+            answer.file(request, file, &format!("\"{which}\""), end);
+        });
+        Shelf { packages, server, cache: tempfile::tempdir().expect("temporary files can be made") }
+    }
+
+    fn clip(&self, round: usize) -> Result<Clip, String> {
+        let package = &self.packages[round % self.packages.len()];
+        decode_parallel(package, &Limits::default(), NonZero::<usize>::MIN.saturating_add(1))
+            .map_err(|error| error.to_string())
+    }
+
+    /// The clip with this number by way of the server, kept in between on disk half of the time.
+    fn download(&self, which: usize) -> Result<Clip, String> {
+        let cache = (which % 2 == 0).then(|| Cache::new(self.cache.path(), CACHE_BYTES));
+        let patience = Patience { first_wait: Duration::from_millis(1), ..Patience::default() };
+        let mut latest = None;
+        let url = self.server.url(&format!("{which}"));
+        for news in Download::new(&url, Options { cache, patience, ..Options::default() }) {
+            if let News::Clip(clip) = news.map_err(|fault| fault.to_string())? {
+                latest = Some(clip);
+            }
+        }
+        latest.map(|clip| *clip).ok_or_else(|| "a download without a clip".into())
+    }
+}
+
+/// A round.
+fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
+    let eyes = 1 + usize::from(rng.bool());
+    let depth = if rng.bool() { Depth::Eight } else { Depth::Sixteen };
+    let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+    let mut renderer = Renderer::new(gpu, on_gpu, depth.format(), eyes)?;
+    let mut player = Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps));
+    let size = |rng: &mut Rng| UVec2::new(rng.u32(16..320), rng.u32(16..240));
+    let mut shown = size(rng);
+    let mut image = Offscreen::new(gpu, shown, eyes as u32, depth)?;
+    for frame in 0..FRAMES {
+        let action = rng.u8(..16);
+        account.seeks += u64::from(action < 4);
+        match action {
+            0 => player.seek(rng.f64() * player.duration_s()),
+            1 => player.step_forward(),
+            2 => player.step_back(),
+            3 => player.toggle_playing(),
+            4 => player.set_speed(SPEED_RANGE.0 + (SPEED_RANGE.1 - SPEED_RANGE.0) * rng.f64()),
+            5 => player.set_looping(rng.bool()),
+            6 => {
+                shown = size(rng);
+                image = Offscreen::new(gpu, shown, eyes as u32, depth)?;
+                account.resizes += 1;
+            }
+            _ => player.set_playing(true),
+        }
+        player.advance(FRAME_S);
+        account.played_s += FRAME_S * player.speed();
+        let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][rng.usize(..4)];
+        let seen = camera(place, shown.x, shown.y);
+        let cameras = if eyes == 2 { stereo_pair(&seen, 0.065).to_vec() } else { vec![seen] };
+        let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
+        let settings = Settings {
+            sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],
+            cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
+            layers: [None, Some(1)][rng.usize(..2)],
+            least_px: [0.0, 0.5][rng.usize(..2)],
+        };
+        image.render(gpu, &mut renderer, player.clip_time(), &views, &settings)?;
+        account.frames += 1;
+        if frame % 16 == 15 {
+            renderer.count(gpu, player.clip_time(), &views, &settings)?;
+            image.read(gpu)?;
+        }
+    }
+    Ok(())
+}
+
+/// Loses the device under a clip that is drawn: every way to use it says so and none panics.
+fn lose(gpu: &Gpu, clip: &Clip) -> Result<(), String> {
+    let text = |fault: Fault| fault.to_string();
+    let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(text)?);
+    let depth = Depth::Eight;
+    let mut renderer = Renderer::new(gpu, on_gpu.clone(), depth.format(), 1).map_err(text)?;
+    let image = Offscreen::new(gpu, UVec2::new(64, 48), 1, depth).map_err(text)?;
+    let (views, settings) = ([View::from_camera(&camera(Place::Whole, 64, 48))], Settings::default());
+    image.render(gpu, &mut renderer, 0.5, &views, &settings).map_err(text)?;
+    gpu.lose();
+    let outcomes = [
+        ("drawing", image.render(gpu, &mut renderer, 0.5, &views, &settings).map(drop)),
+        ("counting", renderer.count(gpu, 0.5, &views, &settings).map(drop)),
+        ("reading back", image.read(gpu).map(drop)),
+        ("resizing", Offscreen::new(gpu, UVec2::new(32, 32), 1, depth).map(drop)),
+        ("uploading", GpuClip::upload(gpu, clip).map(drop)),
+        ("setting up", Renderer::new(gpu, on_gpu, depth.format(), 2).map(drop)),
+    ];
+    for (what, outcome) in outcomes {
+        match outcome {
+            Err(Fault::Device(sentence)) if sentence.contains("stopped working") => {}
+            other => return Err(format!("{what} with a device that is lost gives {other:?}")),
+        }
+    }
+    Ok(())
+}
+
+/// Objects of the graphics interface by kind.
+fn objects(gpu: &Gpu) -> Result<BTreeMap<&'static str, usize>, String> {
+    let objects: BTreeMap<_, _> = gpu.objects().into_iter().collect();
+    if objects.get("devices") == Some(&1) { Ok(objects) } else { Err(format!("{objects:?}: not counted")) }
+}
+
+/// Memory of this process in the machine, where Linux tells.
+fn resident_bytes() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kilobytes = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
+    kilobytes.unwrap_or(0) << 10
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn growth_is_noticed_and_a_wave_is_none() {
+        let account = |bytes: &dyn Fn(u64) -> u64| Account {
+            samples: (0..100)
+                .map(|i| Sample { resident_bytes: bytes(i), heap_bytes: 1, ..Sample::default() })
+                .collect(),
+            ..Account::default()
+        };
+        assert_eq!(account(&|i| (1 << 30) + (i % 10) * (30 << 20)).check(), Ok(()));
+        let grown = account(&|i| (1 << 30) + i * (1 << 20)).check().unwrap_err();
+        assert!(grown.contains("the process"), "{grown}");
+    }
+
+    #[test]
+    fn the_system_tells_how_large_the_process_is() {
+        if cfg!(target_os = "linux") {
+            assert!(resident_bytes() > 1 << 20);
+        }
+    }
+}

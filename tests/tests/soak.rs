@@ -1,0 +1,25 @@
+//! The short form of `soak`: half a minute of everything, after which nothing is left that was not
+//! there before.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use aarc_tests::gpu::{self, Passes};
+use aarc_tests::soak::soak;
+use peak_alloc::PeakAlloc;
+
+#[global_allocator]
+static HEAP: PeakAlloc = PeakAlloc;
+
+const DURATION: Duration = Duration::from_secs(20);
+
+fn main() -> ExitCode {
+    gpu::run_in_turn(vec![gpu::trial("playing on and on leaves nothing behind", Passes::Shared, |_| {
+        let account = soak(DURATION, || HEAP.current_usage() as u64, |_| ())?;
+        let done = [account.downloads, account.frames, account.seeks, account.resizes, account.losses];
+        if done.contains(&0) {
+            return Err(format!("something was not tried: {done:?}"));
+        }
+        account.check()
+    })])
+}
