@@ -13,4 +13,5 @@ pub mod programs;
 pub mod remote;
 pub mod scene;
 pub mod server;
+pub mod slurm;
 pub mod stability;
