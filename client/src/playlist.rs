@@ -6,6 +6,7 @@ use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Deserialize;
 
 use crate::fault::Fault;
@@ -19,6 +20,9 @@ pub const CLIPS_MAX: usize = 10_000;
 
 /// The version of the form of playlists. Format.
 const VERSION: u32 = 1;
+
+/// What is encoded in an address: all but unreserved characters (RFC 3986, 2.3).
+const MEANT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// The clips of a playlist.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -192,22 +196,10 @@ fn join(base: &str, entry: &str) -> String {
         match part {
             "" | "." => {}
             ".." => drop(parts.pop()),
-            part => parts.push(encoded(part)),
+            part => parts.push(utf8_percent_encode(part, MEANT).to_string()),
         }
     }
     format!("{server}/{}", parts.join("/"))
-}
-
-/// A name as a part of an address: all but unreserved characters as bytes (RFC 3986, 2.3).
-fn encoded(name: &str) -> String {
-    let mut text = String::new();
-    for byte in name.bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => text.push(byte.into()),
-            _ => text.push_str(&format!("%{byte:02X}")),
-        }
-    }
-    text
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! built in and thus the same on every system; `SSL_CERT_FILE` names others, as for OpenSSL.
 
 use std::io::{ErrorKind, Read};
+use std::time::SystemTime;
 
 use ureq::http::{HeaderMap, header};
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
@@ -132,8 +133,19 @@ fn head(status: u16, headers: &HeaderMap) -> Head {
         encoding: text(header::CONTENT_ENCODING)
             .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
             .map(String::from),
-        retry_after_s: text(header::RETRY_AFTER).and_then(|seconds| seconds.parse().ok()),
+        retry_after_s: text(header::RETRY_AFTER).and_then(|time| retry_after_s(time, text(header::DATE))),
     }
+}
+
+/// Seconds of `Retry-After`, which is a number of them, or a date.
+fn retry_after_s(text: &str, now: Option<&str>) -> Option<u64> {
+    if let Ok(seconds) = text.parse() {
+        return Some(seconds);
+    }
+    let date = |text: &str| httpdate::parse_http_date(text).ok();
+    // By the server's clock, where it tells: this one may be wrong.
+    let now = now.and_then(date).unwrap_or_else(SystemTime::now);
+    Some(date(text)?.duration_since(now).unwrap_or_default().as_secs())
 }
 
 /// The first byte of `bytes FIRST-LAST/TOTAL`, and the total unless it is `*`.
@@ -207,11 +219,30 @@ mod tests {
             (header::CONTENT_LENGTH, " 12 "),
             (header::ETAG, "\"a\""),
             (header::CONTENT_ENCODING, "Identity"),
-            (header::RETRY_AFTER, "Wed, 21 Oct 2015 07:28:00 GMT"),
+            (header::RETRY_AFTER, "20"),
         ] {
             headers.insert(name, value.parse().unwrap());
         }
-        let expected = Head { status: 200, length: Some(12), etag: Some("\"a\"".into()), ..Head::default() };
-        assert_eq!(head(200, &headers), expected, "a date to wait for is no number of seconds");
+        let expected = Head {
+            status: 200,
+            length: Some(12),
+            etag: Some("\"a\"".into()),
+            retry_after_s: Some(20),
+            ..Head::default()
+        };
+        assert_eq!(head(200, &headers), expected);
+    }
+
+    #[test]
+    fn a_date_to_wait_for_is_by_the_clock_of_the_server() {
+        let at = |time: &str, now: Option<&str>| retry_after_s(time, now);
+        let now = Some("Wed, 21 Oct 2015 07:27:35 GMT");
+        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", now), Some(25));
+        assert_eq!(at("Wed, 21 Oct 2015 07:27:00 GMT", now), Some(0), "that is over");
+        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", None), Some(0), "that is long over");
+        assert_eq!(at("soon", now), None);
+        let later = SystemTime::now() + std::time::Duration::from_secs(3600);
+        let seconds = at(&httpdate::fmt_http_date(later), Some("no date")).unwrap();
+        assert!((3500..=3600).contains(&seconds), "{seconds}");
     }
 }

@@ -293,7 +293,10 @@ impl Show {
             return Ok(());
         };
         self.hurries = false;
-        let mut loaded = self.accept(*loaded)?;
+        let mut loaded = match self.accept(*loaded) {
+            Ok(loaded) => loaded,
+            Err(fault) => return self.load_next().and(Err(fault)),
+        };
         let (duration_s, fps) = (loaded.info.duration_s.into(), loaded.info.fps.into());
         match self.player.over_s() {
             Some(_) => self.player.follow_with(duration_s, fps),
@@ -327,7 +330,8 @@ impl Show {
             && !first
             && loaded.goes_on(&playing.loaded)
         {
-            playing.loaded = loaded;
+            // What it is held by stays where it is.
+            playing.loaded = Loaded { subject: playing.loaded.subject, ..loaded };
             log::info!("{}: now {} layers", playing.title, self.quality.layers());
             return Ok(());
         }

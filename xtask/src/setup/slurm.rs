@@ -24,6 +24,6 @@ pub(super) fn scheduler() -> Unpacked {
             "usr/sbin/slurmstepd-wlm",
             "usr/lib",
         ],
-        size_mb: (17, 35),
+        size_mb: (17, 28),
     }
 }
