@@ -51,7 +51,8 @@ Examples:
 #[derive(Clone, Debug, Parser)]
 #[command(name = "client", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
-    /// The clip: an .aarc file, or its http:// or https:// address [default: the built-in demo].
+    /// The clip, an .aarc file, or a playlist of clips, a .json file; or the http:// or https:// address
+    /// of one [default: the built-in demo].
     ///
     /// From an address it plays as soon as its first layer is there. Clips are kept in
     /// $XDG_CACHE_HOME/aarc/clips (512 MiB; what was not played for the longest time goes), and play

@@ -1,6 +1,7 @@
-//! Renders images and statistics of a clip, through the renderer that a window uses.
+//! Renders images and statistics of a clip, through the renderer that a window uses; of a playlist images
+//! alone, by the time that has gone by since its start.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -9,13 +10,13 @@ use glam::{UVec2, uvec2};
 
 use crate::args::Args;
 use crate::fault::Fault;
-use crate::gpu::{Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
+use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
 use crate::output;
 use crate::source::News;
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::View;
-use crate::{source, viewpoint};
+use crate::{playlist, source, viewpoint};
 
 /// Size of images where nothing says another.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
@@ -23,53 +24,131 @@ const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
 /// Distance between the eyes, the mean of adults.
 const EYE_DISTANCE_M: f32 = 0.063;
 
+/// Seconds by which an instant at the change of two clips may be early and still be of the second: times
+/// of a playlist are sums.
+const CHANGE_S: f64 = 1e-6;
+
 /// Does what `args` ask for.
 ///
 /// # Errors
 /// The [`Fault`] that says what is wrong; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let out = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
-    let many = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
-    if many {
-        output::check_folder(out)?
-    } else {
-        output::check(out)?
+    let output = Output::check(args)?;
+    match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
+        Some(list) => run_list(args, list, &output),
+        None => run_clip(args, &output),
     }
-    args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
+}
 
+/// Where images go.
+struct Output<'a> {
+    path: &'a Path,
+    /// Whether that is a folder for several.
+    many: bool,
+}
+
+impl Output<'_> {
+    fn check(args: &Args) -> Result<Output<'_>, Fault> {
+        let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
+        let many = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
+        if many {
+            output::check_folder(path)?;
+        } else {
+            output::check(path)?;
+        }
+        args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
+        Ok(Output { path, many })
+    }
+
+    /// Writes image number `i`.
+    fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
+        let (rgb, size) = side_by_side(eyes);
+        if !self.many {
+            return output::write_png(self.path, &rgb, size.x, size.y);
+        }
+        output::make_folder(self.path)?;
+        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.x, size.y)
+    }
+}
+
+/// A clip on the device, and what draws it for the eyes that are asked for.
+struct Stage<'a> {
+    gpu: &'a Gpu,
+    clip: Clip,
+    views: Vec<View>,
+    settings: Settings,
+    image: Offscreen,
+    renderer: Renderer,
+    upload_ms: f64,
+}
+
+impl<'a> Stage<'a> {
+    fn new(gpu: &'a Gpu, clip: Clip, views: Vec<View>, args: &Args) -> Result<Stage<'a>, Fault> {
+        let settings = settings(args, &clip)?;
+        let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
+        let start = Instant::now();
+        let on_gpu = Arc::new(GpuClip::upload(gpu, &clip)?);
+        let upload_ms = start.elapsed().as_secs_f64() * 1e3;
+        let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
+        Ok(Stage { gpu, clip, views, settings, image, renderer, upload_ms })
+    }
+
+    /// Draws the instant `time` seconds from the start of the clip.
+    fn draw(&mut self, time: f64) -> Result<Vec<Pixels>, Fault> {
+        self.render(time)?;
+        self.image.read(self.gpu)
+    }
+
+    fn render(&mut self, time: f64) -> Result<FrameCounts, Fault> {
+        let t = clip_time(&self.clip, time);
+        self.image.render(self.gpu, &mut self.renderer, t, &self.views, &self.settings)
+    }
+
+    /// Draws a frame and measures it.
+    fn measure(&mut self, time: f64) -> Result<FrameStats, Fault> {
+        let start = Instant::now();
+        let counts = self.render(time)?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
+        let draw_ms = self.renderer.gpu_ms().unwrap_or(wall_ms);
+        let t = clip_time(&self.clip, time);
+        let coverage = self.renderer.count(self.gpu, t, &self.views, &self.settings)?;
+        Ok(FrameStats {
+            time,
+            alive: counts.alive,
+            sorted: counts.sorted,
+            drawn: coverage.drawn,
+            fragments: coverage.fragments,
+            alive_ms: counts.alive_ms,
+            sort_ms: counts.sort_ms,
+            draw_ms,
+        })
+    }
+}
+
+fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     let (clip, loading) = load(args)?;
-    let times = times(args, &clip)?;
+    let times = times(args, clip.info.fps.into());
+    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
     let views = views(args, &clip)?;
-    let settings = settings(args, &clip)?;
-
+    settings(args, &clip)?;
     let gpu = Gpu::new_headless()?;
-    let image = Offscreen::new(&gpu, views[0].size, views.len() as u32, args.target)?;
-    let start = Instant::now();
-    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
-    let upload_ms = start.elapsed().as_secs_f64() * 1e3;
-    let mut renderer = Renderer::new(&gpu, on_gpu, args.target.format(), views.len())?;
-
-    if many {
-        output::make_folder(out)?;
-    }
+    let mut stage = Stage::new(&gpu, clip, views, args)?;
     let mut frames = Vec::new();
     for (i, &time) in times.iter().enumerate() {
-        let t = clip_time(&clip, time);
         if args.stats.is_some() {
             if i == 0 {
                 // Drivers finish their compiling in the first frame: keep that out of the timings.
-                image.render(&gpu, &mut renderer, t, &views, &settings)?;
+                stage.render(time)?;
             }
-            frames.push(measure(&gpu, &mut renderer, &image, time, t, &views, &settings)?);
+            frames.push(stage.measure(time)?);
+            output.write(i, &stage.image.read(&gpu)?)?;
         } else {
-            image.render(&gpu, &mut renderer, t, &views, &settings)?;
+            output.write(i, &stage.draw(time)?)?;
         }
-        let (rgb, size) = side_by_side(&image.read(&gpu)?);
-        let path = if many { out.join(format!("frame_{i:04}.png")) } else { PathBuf::from(out) };
-        output::write_png(&path, &rgb, size.x, size.y)?;
     }
 
     if let Some(path) = &args.stats {
+        let Stage { clip, views, renderer, upload_ms, .. } = stage;
         let stats = Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
@@ -95,6 +174,69 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     Ok(())
 }
 
+/// Renders a playlist: its clips one after the other, as they play. One that cannot be had is told and
+/// skipped. The clip before stays on the device until the next one is there: two at a time.
+fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
+    if args.stats.is_some() {
+        return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
+    }
+    let mut reporter = Reporter::new();
+    let list = playlist::wait(list, source::kept(), |news| reporter.tell(news))?;
+    let gpu = Gpu::new_headless()?;
+    let mut stage: Option<Stage> = None;
+    let mut failed: Option<Fault> = None;
+    let (mut todo, mut start) = (Vec::new(), 0.0);
+    for name in &list.clips {
+        if let Some(fault) = failed.take() {
+            reporter.tell(&News::Note(format!("{fault}; skipped")));
+        }
+        let arrived = source::open(Some(name), source::kept())
+            .and_then(|mut arrival| arrival.wait(None, |news| reporter.tell(news)));
+        let clip = match arrived {
+            Ok(clip) => clip,
+            Err(fault) => {
+                failed = Some(fault);
+                continue;
+            }
+        };
+        if stage.is_none() {
+            let times = times(args, clip.info.fps.into());
+            if let Some(time) = times.iter().find(|time| **time < 0.0) {
+                return Err(Fault::Usage(format!("time {time} s is before the start")));
+            }
+            todo = times.into_iter().enumerate().collect();
+        }
+        let end = start + f64::from(clip.info.duration_s);
+        let (here, later): (Vec<_>, Vec<_>) = todo.into_iter().partition(|&(_, time)| time < end - CHANGE_S);
+        todo = later;
+        let views = views(args, &clip)?;
+        let stage = stage.insert(Stage::new(&gpu, clip, views, args)?);
+        for (i, time) in here {
+            output.write(i, &stage.draw((time - start).max(0.0))?)?;
+        }
+        start = end;
+        if todo.is_empty() {
+            return Ok(());
+        }
+    }
+    let mut stage = match (stage, failed) {
+        (Some(stage), failed) => {
+            failed.inspect(|fault| reporter.tell(&News::Note(format!("{fault}; skipped"))));
+            stage
+        }
+        (None, Some(fault)) => return Err(fault),
+        (None, None) => return Err(Fault::Data("there is no clip".into())),
+    };
+    // What is left is the very end, or beyond it.
+    let (fps, duration) = (stage.clip.info.fps, stage.clip.info.duration_s);
+    let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
+    check_times(&left, start, fps.into())?;
+    for (i, _) in todo {
+        output.write(i, &stage.draw(duration.into())?)?;
+    }
+    Ok(())
+}
+
 /// Waits for the whole clip, with its progress on the terminal.
 fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
@@ -110,52 +252,27 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
 }
 
-/// Draws a frame and measures it.
-fn measure(
-    gpu: &Gpu,
-    renderer: &mut Renderer,
-    image: &Offscreen,
-    time: f64,
-    t: f64,
-    views: &[View],
-    settings: &Settings,
-) -> Result<FrameStats, Fault> {
-    let start = Instant::now();
-    let counts = image.render(gpu, renderer, t, views, settings)?;
-    let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
-    let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
-    let coverage = renderer.count(gpu, t, views, settings)?;
-    Ok(FrameStats {
-        time,
-        alive: counts.alive,
-        sorted: counts.sorted,
-        drawn: coverage.drawn,
-        fragments: coverage.fragments,
-        alive_ms: counts.alive_ms,
-        sort_ms: counts.sort_ms,
-        draw_ms,
-    })
-}
-
-/// The times to render, in seconds from the start of the clip.
-fn times(args: &Args, clip: &Clip) -> Result<Vec<f64>, Fault> {
-    let captured_fps = f64::from(clip.info.fps);
-    let times = match &args.frames {
+/// The times to render, in seconds from the start; `captured_fps` where nothing says another rate.
+fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
+    match &args.frames {
         Some(frames) => {
             let fps = args.fps.unwrap_or(captured_fps);
             frames.clone().map(|frame| f64::from(frame) / fps).collect()
         }
         None if args.time.is_empty() => vec![0.0],
         None => args.time.clone(),
-    };
+    }
+}
+
+/// Checks that times are within what lasts `duration` seconds.
+fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fault> {
     // Times are often rounded in text: half a captured frame beyond the end is still the end.
-    let duration = f64::from(clip.info.duration_s);
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
         Some(time) => {
             Err(Fault::Usage(format!("time {time} s is outside the clip, which lasts {duration} s")))
         }
-        None => Ok(times),
+        None => Ok(()),
     }
 }
 

@@ -18,7 +18,10 @@ pub mod headless;
 pub mod net;
 pub mod output;
 pub mod player;
+pub mod playlist;
 pub mod progress;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod queue;
 pub mod source;
 pub mod stats;
 #[cfg(not(target_os = "android"))]

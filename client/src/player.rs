@@ -22,6 +22,10 @@ pub struct Player {
     playing: bool,
     looping: bool,
     speed: f64,
+    /// Whether another clip follows.
+    followed: bool,
+    /// How far beyond the end it would be, in seconds of the clip, where another one follows.
+    over_s: Option<f64>,
 }
 
 impl Player {
@@ -36,6 +40,8 @@ impl Player {
             playing: true,
             looping: true,
             speed: 1.0,
+            followed: false,
+            over_s: None,
         }
     }
 
@@ -45,8 +51,28 @@ impl Player {
         *self = Player { looping, speed, ..Player::new(duration_s, fps) };
     }
 
-    /// Moves on by `elapsed_s` seconds of the viewer's time. At the end a looping clip starts
-    /// over, any other stops on its last instant.
+    /// Goes on with the clip that follows, as far beyond its start as this one is beyond its end.
+    pub fn follow_with(&mut self, duration_s: f64, fps: f64) {
+        let (over_s, playing) = (self.over_s.unwrap_or(0.0), self.playing);
+        self.change_clip(duration_s, fps);
+        self.position_s = over_s.min(self.duration_s);
+        self.playing = playing;
+    }
+
+    /// Sets whether another clip follows at the end, for which this one then waits on its last instant.
+    pub fn set_followed(&mut self, followed: bool) {
+        self.followed = followed;
+        self.over_s = self.over_s.filter(|_| followed);
+    }
+
+    /// At the end of a clip that another one follows: by how many seconds of the clip the last step went
+    /// beyond it.
+    pub fn over_s(&self) -> Option<f64> {
+        self.over_s
+    }
+
+    /// Moves on by `elapsed_s` seconds of the viewer's time. At the end a clip waits for the one that
+    /// follows, where one does; else a looping one starts over, any other stops on its last instant.
     pub fn advance(&mut self, elapsed_s: f64) {
         if !self.is_moving() || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
             return;
@@ -54,6 +80,10 @@ impl Player {
         let position = self.position_s + elapsed_s * self.speed;
         if position < self.duration_s {
             self.position_s = position;
+        } else if self.followed {
+            // It waits from the second step on.
+            self.over_s = Some(self.over_s.map_or(position - self.duration_s, |_| 0.0));
+            self.position_s = self.duration_s;
         } else if self.looping {
             self.position_s = position % self.duration_s;
         } else {
@@ -79,6 +109,7 @@ impl Player {
     pub fn seek(&mut self, position_s: f64) {
         if position_s.is_finite() {
             self.position_s = position_s.clamp(0.0, self.duration_s);
+            self.over_s = None;
         }
     }
 
@@ -98,6 +129,7 @@ impl Player {
 
     fn step_to(&mut self, frame: f64) {
         self.playing = false;
+        self.over_s = None;
         let last = self.last_frame() as f64;
         let frame = if (0.0..=last).contains(&frame) {
             frame
@@ -334,6 +366,41 @@ mod tests {
             near(player.position_s(), 0.0) && near(player.duration_s(), 4.0) && player.last_frame() == 100
         );
         assert!(near(player.speed(), 0.5) && !player.is_looping() && player.is_playing());
+    }
+
+    #[test]
+    fn a_clip_that_follows_loses_no_time() {
+        let mut player = player();
+        player.set_speed(0.5);
+        player.set_followed(true);
+        player.seek(1.9);
+        player.advance(0.1);
+        assert!(player.over_s().is_none() && near(player.position_s(), 1.95));
+        player.advance(0.2);
+        assert!(near(player.position_s(), 2.0) && player.is_moving(), "{player:?}");
+        assert!(near(player.over_s().unwrap(), 0.05));
+        player.follow_with(4.0, 25.0);
+        assert!(near(player.position_s(), 0.05) && near(player.duration_s(), 4.0), "{player:?}");
+        assert!(player.over_s().is_none() && player.speed() == 0.5 && player.is_playing());
+        player.advance(20.0);
+        assert!(near(player.position_s(), 2.05), "nothing follows that: {player:?}");
+    }
+
+    #[test]
+    fn a_clip_waits_on_its_last_instant_for_the_one_that_follows() {
+        let mut player = player();
+        player.set_looping(false);
+        player.set_followed(true);
+        player.advance(2.5);
+        player.advance(3.0);
+        assert!(near(player.position_s(), 2.0) && player.is_playing() && player.over_s() == Some(0.0));
+        player.seek(1.0);
+        assert_eq!(player.over_s(), None);
+        player.advance(1.5);
+        player.set_followed(false);
+        assert_eq!(player.over_s(), None);
+        player.advance(0.1);
+        assert!(near(player.position_s(), 2.0) && !player.is_playing(), "there is none after all");
     }
 
     #[test]

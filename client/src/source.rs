@@ -107,16 +107,25 @@ pub fn kept() -> Option<PathBuf> {
 
 #[cfg(feature = "net")]
 fn download(url: &str, kept: Option<PathBuf>) -> Result<Arrival, Fault> {
+    Ok(Arrival::Download(Box::new(Download::new(url, net_options(kept)))))
+}
+
+/// How files are fetched that are kept in the folder `kept`.
+#[cfg(feature = "net")]
+pub(crate) fn net_options(kept: Option<PathBuf>) -> net::Options {
     let cache = kept.map(|folder| net::Cache::new(&folder, net::CACHE_BYTES));
-    let options = net::Options { cache, ..net::Options::default() };
-    Ok(Arrival::Download(Box::new(Download::new(url, options))))
+    net::Options { cache, ..net::Options::default() }
 }
 
 #[cfg(not(feature = "net"))]
 fn download(url: &str, _kept: Option<PathBuf>) -> Result<Arrival, Fault> {
-    Err(Fault::Usage(format!(
-        "{url}: built without addresses: download it first, or build with the feature net"
-    )))
+    Err(no_addresses(url))
+}
+
+/// Why nothing is fetched.
+#[cfg(not(feature = "net"))]
+pub(crate) fn no_addresses(url: &str) -> Fault {
+    Fault::Usage(format!("{url}: built without addresses: download it first, or build with the feature net"))
 }
 
 /// Whether a name is an address, and not a path.
@@ -126,7 +135,6 @@ pub(crate) fn is_address(name: &str) -> bool {
 }
 
 /// An address as it may be shown: without what may be secret in it, name, password and query.
-#[cfg(any(feature = "net", feature = "window", feature = "xr", test))]
 pub(crate) fn shown(url: &str) -> String {
     let url = url.split(['?', '#']).next().unwrap_or_default();
     let Some((scheme, rest)) = url.split_once("://") else { return url.into() };

@@ -14,5 +14,6 @@ pub mod programs;
 pub mod remote;
 pub mod scene;
 pub mod server;
+pub mod slurm;
 pub mod soak;
 pub mod stability;

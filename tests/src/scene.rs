@@ -121,6 +121,27 @@ pub fn packaged(field: &Field, plate: Option<&Field>, layers: &[usize]) -> Vec<u
     codec::encode(&Source { info: &info(), field, plate }, &options).expect("a valid field can be encoded")
 }
 
+/// A package of the field in one layer that lasts `duration_s` seconds, of `fps` captured frames each.
+pub fn lasting(field: &Field, duration_s: f32, fps: f32) -> Vec<u8> {
+    let info = ClipInfo { duration_s, fps, ..info() };
+    let source = Source { info: &info, field, plate: None };
+    codec::encode(&source, &EncodeOptions::default()).expect("a valid field can be encoded")
+}
+
+/// A ball of one colour in the middle of the picture, in front of everything.
+pub fn ball(rgb: [f32; 3]) -> Field {
+    // The constant spherical harmonic is this; colours are 0.5 more than its product.
+    const Y0: f32 = 0.282_094_8;
+    Field {
+        centers: vec![[0.0; 3]],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+        log_scales: vec![[(0.5f32).ln(); 3]],
+        opacities: vec![0.99],
+        sh: vec![rgb.map(|channel| (channel - 0.5) / Y0)],
+        ..Field::default()
+    }
+}
+
 /// The field as a player gets it: packaged and decoded.
 pub fn decoded(field: &Field) -> Clip {
     decoded_with(field, None, &[])

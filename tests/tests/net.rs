@@ -4,7 +4,7 @@
 //! what [`Download`] tells.
 
 use std::net::{Ipv4Addr, TcpListener};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -14,6 +14,7 @@ use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
 use client::fault::Fault;
 use client::net::{Cache, Download, Options, Patience};
+use client::playlist;
 use client::progress::Progress;
 use client::source::News;
 use codec::{Clip, Limits, contents, decode};
@@ -556,6 +557,44 @@ fn players_share_a_folder() {
     let last = server.requests();
     assert_eq!(last[last.len() - 1].header("if-none-match"), Some(ETAG), "whole entries were left");
     assert_eq!(folder.path().read_dir().unwrap().count(), 2, "and nothing else");
+}
+
+#[test]
+fn a_playlist_arrives_as_clips_do() {
+    let text = r#"{"version": 1, "clips": ["a.aarc"]}"#;
+    let server = Server::start(move |number, request, answer| match request.path.as_str() {
+        // Cut once, and silent about its length once.
+        "/list.json" if number == 0 => answer.file(request, text.as_bytes(), ETAG, 10),
+        "/list.json" => answer.file(request, text.as_bytes(), ETAG, text.len()),
+        "/short.json" => {
+            answer.head(200, &[]);
+            answer.raw(text.as_bytes());
+        }
+        "/long.json" => {
+            answer.head(200, &[]);
+            while answer.raw(&[b' '; 10_000]) {}
+        }
+        "/page.json" => {
+            answer.head(200, &[]);
+            answer.raw(b"<!doctype html><title>Welcome</title>");
+        }
+        _ => answer.head(404, &[("Content-Length", "0")]),
+    });
+    let open = |path: &str| playlist::open(&server.url(path), None, &mut |_| ControlFlow::Continue(()));
+    for path in ["list.json", "short.json"] {
+        assert_eq!(open(path).unwrap().unwrap().clips, [server.url("a.aarc")], "{path}");
+    }
+    assert_eq!(server.sent(), [0..10, 10..text.len()], "every byte once");
+    for (path, sentence) in [("long.json", "larger than 1 MiB"), ("page.json", "no playlist")] {
+        let Err(Fault::Data(why)) = open(path) else { panic!("{path} is no playlist") };
+        assert!(why.starts_with(&server.url(path)) && why.contains(sentence), "{why}");
+    }
+    assert!(matches!(open("none.json"), Err(Fault::Network(why)) if why.contains("404 Not Found")));
+    // Nobody waits for it any more.
+    let silent = Server::start(|_, _, _| std::thread::sleep(Duration::from_secs(5)));
+    let start = Instant::now();
+    let stopped = playlist::open(&silent.url("a.json"), None, &mut |_| ControlFlow::Break(()));
+    assert!(matches!(stopped, Ok(None)) && start.elapsed() < Duration::from_secs(4));
 }
 
 #[test]

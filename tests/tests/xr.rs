@@ -14,7 +14,7 @@ use aarc_tests::headset::{Headset, MISSING};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::programs::{Outcome, client, example, run};
 use aarc_tests::remote::Remote;
-use aarc_tests::scene::{decoded, packaged, stereo_pair};
+use aarc_tests::scene::{decoded, lasting, packaged, stereo_pair};
 use aarc_tests::server::Server;
 use client::fault::Fault;
 use client::gpu::{Depth, Gpu, GpuClip, Level, Offscreen, Renderer, Settings, SortOrder};
@@ -51,6 +51,7 @@ fn main() -> ExitCode {
         hand_trial("without any clip the panel leads out", no_clip, false),
         hand_trial("a clip by address plays from its first layer on", by_address, false),
         hand_trial("an address without a clip is told on the panel", no_such_address, false),
+        hand_trial("a playlist plays through, and the panel's next clip is its next", playlist, false),
         hand_trial("the next clip loads while frames go on", loading, false),
         hand_trial("the next clip loads while 2000 frames go on", loading_long, true),
         trial("the validation layer is awake", validation_is_awake),
@@ -463,6 +464,40 @@ fn by_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     player.says("clip.aarc: now 2 layers")?;
     let outcome = leave(&mut player, &mut remote)?;
     nothing_found(headset)?;
+    if outcome.code == Some(0) { Ok(()) } else { Err(format!("{outcome:?}")) }
+}
+
+fn playlist(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let (short, long) = (lasting(&signpost(), 0.25, 8.0), lasting(&signpost(), 600.0, 8.0));
+    let clips = [("a.aarc", &*short), ("b.aarc", b"no clip"), ("c.aarc", &short), ("d.aarc", &long)];
+    let clips = write_clips(headset, &clips)?;
+    let list = clips.join("list.json");
+    let write = |names: &str| {
+        fs::write(&list, format!(r#"{{"version": 1, "clips": [{names}]}}"#))
+            .map_err(|error| error.to_string())
+    };
+    write(r#""a.aarc", "b.aarc", "c.aarc""#)?;
+    let mut player = Player::start(headset, headset.validated(client()), &[&list])?;
+    let order = |said: &str| -> Vec<String> {
+        said.lines().filter_map(|line| line.split("playing ").nth(1)).map(String::from).collect()
+    };
+    wait_for(|| (order(&player.said()).len() >= 4).then_some(())).ok_or_else(|| player.said())?;
+    let said = player.said();
+    if order(&said)[..4] != ["a.aarc", "c.aarc", "a.aarc", "c.aarc"] || !said.contains("b.aarc: ") {
+        return Err(said);
+    }
+    let outcome = leave(&mut player, &mut remote)?;
+    nothing_found(headset)?;
+    if outcome.code != Some(0) {
+        return Err(format!("{outcome:?}"));
+    }
+    // One that lasts goes on by the panel.
+    write(r#""d.aarc", "c.aarc", "d.aarc""#)?;
+    let mut player = Player::start(headset, headset.command(client()), &[&list])?;
+    player.says("playing d.aarc")?;
+    let next = press(&mut remote, NEXT_CLIP, || player.said().contains("playing c.aarc").then_some(()));
+    next.ok_or_else(|| format!("no next clip: {}", player.said()))?;
+    let outcome = leave(&mut player, &mut remote)?;
     if outcome.code == Some(0) { Ok(()) } else { Err(format!("{outcome:?}")) }
 }
 

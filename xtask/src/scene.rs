@@ -336,6 +336,11 @@ fn extension_of(name: &str) -> String {
     Path::new(name).extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase()
 }
 
+/// What a scene or a capture is called: its folder or file, without extension.
+pub fn name_of(path: &Path) -> String {
+    if path.is_dir() { name_of_folder(path) } else { name_of_file(path) }
+}
+
 /// The stem of a file; for a `meta.json`, which never has a name of its own, that of its folder.
 fn name_of_file(path: &Path) -> String {
     match path.file_name() == Some(OsStr::new("meta.json")) {

@@ -9,6 +9,7 @@
 mod android;
 mod apt;
 mod headset;
+mod slurm;
 mod unpacked;
 
 use std::env;
@@ -35,6 +36,8 @@ pub(crate) enum Need {
     AndroidCompiler,
     /// Programs of Android that look at an APK.
     ApkTools,
+    /// A scheduler of clusters, for the test of many takes.
+    Slurm,
 }
 
 /// Where something comes from.
@@ -55,6 +58,7 @@ impl Need {
             Need::Headset => "Monado, an OpenXR runtime",
             Need::AndroidCompiler => "a Rust compiler with the source of its library",
             Need::ApkTools => "aapt, apksigner and zipalign",
+            Need::Slurm => "Slurm, a scheduler of clusters",
         }
     }
 
@@ -69,6 +73,7 @@ impl Need {
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
             Need::Headset => return Source::Unpacked(headset::runtime()),
             Need::AndroidCompiler => return Source::Unpacked(android::compiler()),
+            Need::Slurm => return Source::Unpacked(slurm::scheduler()),
         })
     }
 
@@ -92,6 +97,7 @@ impl Need {
             Need::CppCompiler => program_exists("c++"),
             Need::Headset => headset::runtime().is_there(),
             Need::AndroidCompiler => android::compiler().is_there(),
+            Need::Slurm => slurm::scheduler().is_there(),
             Need::ApkTools => ["aapt", "apksigner", "zipalign"].into_iter().all(program_exists),
         }
     }

@@ -30,6 +30,11 @@ pub fn android_compiler_folder() -> PathBuf {
     target_folder().join("android-compiler")
 }
 
+/// The folder in which the set-up puts a scheduler of clusters for a test. There is none, or a whole one.
+pub fn slurm_folder() -> PathBuf {
+    target_folder().join("slurm")
+}
+
 /// Cargo, to be run in the root of the repository: the one that runs this program, if one does.
 pub fn cargo() -> Command {
     let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));

@@ -1,19 +1,33 @@
-//! [`Arrived`]: the bytes of a package that are here, and how much of it they are enough for.
+//! [`Arrived`]: the bytes of a package that are here, and how much of it they are enough for; or those
+//! of another file, which says nothing of itself.
 
 use codec::{Error, Fault, Limits, contents};
 
-/// The beginning of a package.
+/// The beginning of a file.
 #[derive(Debug)]
 pub(super) struct Arrived {
     limits: Limits,
+    /// Whether it is a package, which tells where it ends.
+    is_package: bool,
     bytes: Vec<u8>,
     /// Where each layer ends, the last one, and the package, once the head is here.
     ends: Option<(Vec<usize>, usize)>,
 }
 
 impl Arrived {
+    /// Of a package.
     pub(super) fn new(limits: Limits) -> Arrived {
-        Arrived { limits, bytes: Vec::new(), ends: None }
+        Arrived { limits, is_package: true, bytes: Vec::new(), ends: None }
+    }
+
+    /// Of any file, which ends when no more comes.
+    pub(super) fn document(limits: Limits) -> Arrived {
+        Arrived { is_package: false, ..Arrived::new(limits) }
+    }
+
+    /// Whether it ends when no more comes.
+    pub(super) fn is_document(&self) -> bool {
+        !self.is_package
     }
 
     /// Forgets everything.
@@ -27,7 +41,7 @@ impl Arrived {
     /// As soon as they cannot be the beginning of a package.
     pub(super) fn push(&mut self, bytes: &[u8]) -> Result<(), Error> {
         self.bytes.extend_from_slice(bytes);
-        if self.ends.is_none() {
+        if self.is_package && self.ends.is_none() {
             let contents = match contents(&self.bytes, &self.limits) {
                 Err(Error::Format { fault: Fault::Cut { needed, .. }, .. }) => {
                     return self.is_allowed(needed);

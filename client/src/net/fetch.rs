@@ -1,4 +1,4 @@
-//! [`Fetch`]: the thread that fetches a clip, and what it shares with the one that decodes it.
+//! [`Fetch`]: the thread that fetches a file, and what it shares with the one that decodes it.
 //!
 //! Bytes come in on a thread of their own, so that a slow server holds nothing up and decoding
 //! does not hold up the bytes. Nobody waits for it to end: dropped, it ends with its next byte, or
@@ -6,8 +6,6 @@
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-
-use codec::Limits;
 
 use super::arrived::Arrived;
 use super::meter::Meter;
@@ -64,18 +62,20 @@ impl Shared {
 pub(super) struct Fetch(Arc<Shared>);
 
 impl Fetch {
-    /// Begins to fetch the clip at `url`, unless its version is `known`.
+    /// Begins to fetch what is at `url`, of at most so many bytes, into `arrived`, unless its version is
+    /// `known`.
     ///
     /// # Errors
     /// If the system refuses another thread.
     pub(super) fn start(
         url: &str,
         patience: Patience,
-        limits: Limits,
+        max_bytes: usize,
+        arrived: Arrived,
         known: Option<String>,
     ) -> std::io::Result<Fetch> {
         let state = State {
-            arrived: Arrived::new(limits),
+            arrived,
             progress: Progress::default(),
             end: None,
             meter: Meter::default(),
@@ -83,7 +83,7 @@ impl Fetch {
         };
         let shared =
             Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new(), start: Instant::now() });
-        let transfer = Transfer::new(patience, limits.max_bytes as u64, known);
+        let transfer = Transfer::new(patience, max_bytes as u64, known);
         let (ours, url) = (shared.clone(), url.to_owned());
         std::thread::Builder::new().name("fetch".into()).spawn(move || {
             let end = match Server::new(&url, patience) {
@@ -204,7 +204,14 @@ impl Exchange<'_> {
         loop {
             let count = match bytes.read(&mut buffer) {
                 Ok(0) => {
-                    let needed = self.shared.lock().arrived.package_bytes();
+                    let state = self.shared.lock();
+                    let here = state.arrived.bytes().len() as u64;
+                    if state.arrived.is_document() && self.transfer.total().is_none_or(|total| here >= total)
+                    {
+                        return Then::End(End::Complete { etag: self.transfer.etag().map(String::from) });
+                    }
+                    let needed = state.arrived.package_bytes();
+                    drop(state);
                     return self.transfer.ended(needed.map(|bytes| bytes as u64)).into();
                 }
                 Ok(count) => count,

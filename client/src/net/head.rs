@@ -1,5 +1,7 @@
 //! [`Head`]: what a server says before the bytes, as far as it matters.
 
+use std::time::SystemTime;
+
 /// What a server says before the bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
@@ -30,9 +32,20 @@ impl Head {
             encoding: text("content-encoding")
                 .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
                 .map(String::from),
-            retry_after_s: text("retry-after").and_then(|seconds| seconds.parse().ok()),
+            retry_after_s: text("retry-after").and_then(|time| retry_after_s(time, text("date"))),
         }
     }
+}
+
+/// Seconds of `Retry-After`, which is a number of them, or a date.
+fn retry_after_s(text: &str, now: Option<&str>) -> Option<u64> {
+    if let Ok(seconds) = text.parse() {
+        return Some(seconds);
+    }
+    let date = |text: &str| httpdate::parse_http_date(text).ok();
+    // By the server's clock, where it tells: this one may be wrong.
+    let now = now.and_then(date).unwrap_or_else(SystemTime::now);
+    Some(date(text)?.duration_since(now).unwrap_or_default().as_secs())
 }
 
 /// The first byte of `bytes FIRST-LAST/TOTAL`, and the total unless it is `*`.
@@ -74,10 +87,29 @@ mod tests {
                 ("content-length", " 12 "),
                 ("etag", "\"a\""),
                 ("content-encoding", "Identity"),
-                ("retry-after", "Wed, 21 Oct 2015 07:28:00 GMT"),
+                ("retry-after", "20"),
             ],
         );
-        let expected = Head { status: 200, length: Some(12), etag: Some("\"a\"".into()), ..Head::default() };
-        assert_eq!(said, expected, "a date to wait for is no number of seconds");
+        let expected = Head {
+            status: 200,
+            length: Some(12),
+            etag: Some("\"a\"".into()),
+            retry_after_s: Some(20),
+            ..Head::default()
+        };
+        assert_eq!(said, expected);
+    }
+
+    #[test]
+    fn a_date_to_wait_for_is_by_the_clock_of_the_server() {
+        let at = |time: &str, now: Option<&str>| retry_after_s(time, now);
+        let now = Some("Wed, 21 Oct 2015 07:27:35 GMT");
+        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", now), Some(25));
+        assert_eq!(at("Wed, 21 Oct 2015 07:27:00 GMT", now), Some(0), "that is over");
+        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", None), Some(0), "that is long over");
+        assert_eq!(at("soon", now), None);
+        let later = SystemTime::now() + std::time::Duration::from_secs(3600);
+        let seconds = at(&httpdate::fmt_http_date(later), Some("no date")).unwrap();
+        assert!((3500..=3600).contains(&seconds), "{seconds}");
     }
 }

@@ -1,4 +1,5 @@
-//! Clips by address: [`Download`] fetches one, decodes it as its layers arrive, and keeps it.
+//! Clips by address: [`Download`] fetches one, decodes it as its layers arrive, and keeps it; `document`
+//! does so for what is no clip.
 //!
 //! ```text
 //! request -> transfer -> arrived -> decode -> News        request: HTTP; head: what an answer says
@@ -13,6 +14,7 @@
 
 mod arrived;
 mod cache;
+mod document;
 mod fetch;
 mod head;
 mod meter;
@@ -26,10 +28,12 @@ use std::time::{Duration, Instant};
 use codec::{Clip, Limits};
 
 pub use cache::{CACHE_BYTES, Cache};
+pub(crate) use document::document;
 pub use transfer::Patience;
 
 use crate::fault::Fault;
 use crate::source::{News, decode, shown};
+use arrived::Arrived;
 use fetch::{End, Fetch, State};
 
 /// Time between two reports of progress: as fast as they can be read.
@@ -111,7 +115,8 @@ impl Download {
             patience = patience.in_passing();
         }
         let known = known.filter(|etag| !etag.is_empty());
-        match Fetch::start(&self.url, patience, self.options.limits, known) {
+        let limits = self.options.limits;
+        match Fetch::start(&self.url, patience, limits.max_bytes, Arrived::new(limits), known) {
             Ok(fetch) => self.stage = Stage::Running(fetch),
             Err(error) => return self.fail(Fault::Device(format!("cannot start a thread: {error}"))),
         }

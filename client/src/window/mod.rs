@@ -11,6 +11,7 @@ mod icon;
 mod icons;
 mod keys;
 mod loader;
+mod order;
 mod overlay;
 mod screenshot;
 mod session;
@@ -20,6 +21,7 @@ mod viewer;
 use std::panic::catch_unwind;
 use std::time::Instant;
 
+use codec::Clip;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
@@ -27,8 +29,10 @@ use winit::window::WindowId;
 
 use crate::args::Args;
 use crate::fault::Fault;
+use crate::queue::{Entry, Queue};
+use crate::source::{Arrival, News};
 use crate::terminal::Reporter;
-use crate::{headless, source, viewpoint};
+use crate::{headless, playlist, source, viewpoint};
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip that `args` name in a window, until it is closed.
@@ -37,22 +41,54 @@ use session::{Event, Next, Session, Start};
 /// As [`source::open`] and [`viewpoint::find`]; as [`source::Arrival`] until there is a clip to show;
 /// [`Fault::Device`] without a display or a graphics device that can draw on it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let mut arrival = source::open(args.clip.as_deref(), source::kept())?;
-    let mut reporter = Reporter::new();
-    let layers = args.layer.map_or(1, |layers| layers as usize);
-    let clip = arrival.wait(Some(layers), |news| reporter.tell(news))?;
-    drop(reporter);
+    let First { name, clip, rest, list } = first_clip(args)?;
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
-    let name = source::title(args.clip.as_deref());
-    let start = Start { name, clip, rest: arrival, viewpoint, settings, size: args.size };
+    let start = Start { name, clip, rest, list, viewpoint, settings, size: args.size };
     let event_loop = open_display()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop
         .run_app(&mut app)
         .map_err(|error| Fault::Device(format!("the connection to the display failed: {error}")))?;
     app.result
+}
+
+/// What plays first.
+struct First {
+    name: String,
+    clip: Clip,
+    rest: Arrival,
+    list: Option<Queue>,
+}
+
+/// Waits for what plays first: the clip that `args` name, or the first one of their playlist that can be
+/// had. What cannot is told on the terminal.
+fn first_clip(args: &Args) -> Result<First, Fault> {
+    let mut reporter = Reporter::new();
+    let layers = args.layer.map_or(1, |layers| layers as usize);
+    let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
+        let mut rest = source::open(name, source::kept())?;
+        let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
+        Ok(First { name: source::title(name), clip, rest, list })
+    };
+    let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
+        return wait(args.clip.as_deref(), None, &mut reporter);
+    };
+    let queue = Queue::new(playlist::wait(list, source::kept(), |news| reporter.tell(news))?);
+    let mut last = None;
+    for Entry { number, name } in queue.all() {
+        if let Some(fault) = last.take() {
+            reporter.tell(&News::Note(format!("{fault}; skipped")));
+        }
+        let mut queue = queue.clone();
+        queue.go_to(number);
+        match wait(name.as_deref(), Some(queue), &mut reporter) {
+            Err(fault) => last = Some(fault),
+            first => return first,
+        }
+    }
+    Err(last.expect("a playlist has a clip"))
 }
 
 /// What to do where the libraries of the X server are not installed.
@@ -143,7 +179,7 @@ impl ApplicationHandler<Event> for App {
                 }
                 Err(fault) => self.fail(event_loop, fault),
             },
-            WindowEvent::DroppedFile(path) => session.load(path),
+            WindowEvent::DroppedFile(path) => session.load(&path),
             event => session.input(&event),
         }
     }

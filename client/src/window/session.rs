@@ -1,6 +1,9 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
+//!
+//! Of a playlist, the next clip is made ready while this one plays: no more than these two are on the
+//! device, and the change takes no longer than a frame.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -15,6 +18,7 @@ use winit::window::{Fullscreen, Theme, Window};
 
 use super::frame_times::FrameTimes;
 use super::loader::{Loader, Tell};
+use super::order::carry_out;
 use super::overlay::Message;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
@@ -22,7 +26,8 @@ use super::{icon, style};
 use crate::fault::Fault;
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings, UiPainter, WindowSurface};
 use crate::progress::Progress;
-use crate::source::{self, Arrival, News};
+use crate::queue::{Entry, List, Queue, Terms};
+use crate::source::{self, Arrival};
 use crate::view::View;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
@@ -38,6 +43,8 @@ pub(super) struct Start {
     pub(super) clip: Clip,
     /// Better versions of it that are on their way.
     pub(super) rest: Arrival,
+    /// The playlist that it is of, standing at it.
+    pub(super) list: Option<Queue>,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
     pub(super) settings: Settings,
@@ -54,11 +61,13 @@ pub(super) enum Event {
 }
 
 /// What is to be loaded.
-enum Order {
-    /// A file that was dropped on the window.
-    File(PathBuf),
+pub(super) enum Order {
+    /// A clip or a playlist that was dropped on the window.
+    Open(String),
     /// The rest of the clip of this name that plays already.
     Rest(String, Arrival),
+    /// The first of these that can be had, to be played next.
+    Next(Vec<Entry>, Terms),
 }
 
 /// What is told of an order.
@@ -66,12 +75,17 @@ pub(super) enum Told {
     /// How far it is.
     Progress(Progress),
     Note(String),
-    /// A clip; of the one that plays already, or another one to be played from its start.
-    Clip {
-        playing: Box<Playing>,
-        same: bool,
-    },
+    /// Something of a playlist could not be had.
+    Skipped(Fault),
+    /// A clip to be played from its start, with the playlist that it is of.
+    New(Box<Playing>, Option<Queue>),
+    /// The clip to be played next, by its number in the playlist.
+    Next(Box<Playing>, usize),
+    /// A better version of the clip that was told last.
+    Better(Box<Playing>),
     Failed(Fault),
+    /// Nothing, to see whether somebody still waits.
+    Waiting,
     /// No more is to come.
     Done,
 }
@@ -95,7 +109,8 @@ pub(super) struct Playing {
 }
 
 impl Playing {
-    fn new(gpu: &Gpu, format: Format, name: String, clip: &Clip) -> Result<Playing, Fault> {
+    /// Uploads a clip and builds what draws it.
+    pub(super) fn new(gpu: &Gpu, format: Format, name: String, clip: &Clip) -> Result<Playing, Fault> {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
             name,
@@ -105,40 +120,6 @@ impl Playing {
             layers_announced: clip.layers_announced,
         })
     }
-}
-
-/// Carries an order out, up to clips that are ready to be drawn.
-fn carry_out(gpu: &Gpu, format: Format, order: Order, tell: Tell<'_, Told>) {
-    let (name, arrival, same) = match order {
-        Order::File(path) => {
-            let clip = source::load_file(&path).map(|clip| Arrival::Here(Some(Box::new(clip))));
-            (source::title(Some(&path.to_string_lossy())), clip, false)
-        }
-        Order::Rest(name, arrival) => (name, Ok(arrival), true),
-    };
-    let arrival = match arrival {
-        Ok(arrival) => arrival,
-        Err(fault) => {
-            let _ = tell(Told::Failed(fault));
-            return;
-        }
-    };
-    for news in arrival {
-        let told = match news {
-            Ok(News::Progress(progress)) => Told::Progress(progress),
-            Ok(News::Note(note)) => Told::Note(note),
-            Ok(News::Clip(clip)) => match Playing::new(gpu, format, name.clone(), &clip) {
-                Ok(playing) => Told::Clip { playing: Box::new(playing), same },
-                Err(fault) => Told::Failed(fault),
-            },
-            Err(fault) => Told::Failed(fault),
-        };
-        let failed = matches!(told, Told::Failed(_));
-        if tell(told).is_break() || failed {
-            return;
-        }
-    }
-    let _ = tell(Told::Done);
 }
 
 /// What a picture of a clip depends on.
@@ -162,6 +143,9 @@ pub(super) struct Session {
     /// When the frame before was drawn; `None` after a rest.
     last_frame: Option<Instant>,
     loader: Loader<Order>,
+    /// Whether an order is under way.
+    loading: bool,
+    list: Option<List<Playing>>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
     input: egui_winit::State,
@@ -217,6 +201,8 @@ impl Session {
             frame_times: FrameTimes::default(),
             last_frame: None,
             loader,
+            loading: true,
+            list: start.list.map(List::new),
             saving: None,
             proxy,
             input: egui_winit::State::new(
@@ -247,13 +233,60 @@ impl Session {
         self.window.request_redraw();
     }
 
-    /// Loads a clip in the background; the present one plays on.
-    pub(super) fn load(&mut self, path: PathBuf) {
+    /// Loads a clip or a playlist in the background; the present one plays on.
+    pub(super) fn load(&mut self, path: &Path) {
         self.input.egui_input_mut().hovered_files.clear();
-        self.viewer.message =
-            Some(Message::Working(format!("Opening {}", source::title(Some(&path.to_string_lossy())))));
-        self.loader.load(Order::File(path));
+        self.viewer.message = Some(match path.to_str() {
+            Some(name) => {
+                if let Some(list) = &mut self.list {
+                    list.forget_next();
+                }
+                self.order(Order::Open(name.into()));
+                Message::Working(format!("Opening {}", source::title(Some(name))))
+            }
+            None => Message::Error(format!("{}: its name is not text", path.display())),
+        });
         self.window.request_redraw();
+    }
+
+    fn order(&mut self, order: Order) {
+        self.loading = true;
+        self.loader.load(order);
+    }
+
+    /// Orders the next clip of the playlist, if there is one and nothing else is under way.
+    fn order_next(&mut self) {
+        if !self.loading
+            && let Some((entries, awaited)) = self.list.as_mut().and_then(List::ask)
+        {
+            let terms = Terms { kept: source::kept(), layers: Some(1), awaited };
+            self.order(Order::Next(entries, terms));
+        }
+    }
+
+    /// At the end of a clip of a playlist, goes on with the next one as soon as it is ready.
+    fn follow(&mut self) {
+        let Some(list) = &mut self.list else { return };
+        if self.viewer.player.over_s().is_none() {
+            return;
+        }
+        if let Some(playing) = list.take() {
+            self.window.set_title(&playing.name);
+            self.viewer.follow_scene(playing.scene.clone());
+            self.playing = playing;
+            self.shown = None;
+            self.forget_working();
+            self.order_next();
+        } else if list.awaits() {
+            self.viewer.message = Some(Message::Working("Loading the next clip".into()));
+        }
+    }
+
+    /// What was under way is done.
+    fn forget_working(&mut self) {
+        if let Some(Message::Working(_)) = self.viewer.message {
+            self.viewer.message = None;
+        }
     }
 
     /// Takes in what another thread reports.
@@ -278,24 +311,54 @@ impl Session {
                 self.viewer.message = Some(Message::Working(text));
             }
             Told::Note(note) => self.viewer.message = Some(Message::note(self.input.egui_ctx(), note)),
-            Told::Clip { playing, same } => {
-                if same {
-                    self.viewer.refine_scene(playing.scene.clone());
-                } else {
-                    self.window.set_title(&playing.name);
-                    self.viewer.change_scene(playing.scene.clone());
-                    self.last_frame = None;
-                }
+            Told::Skipped(fault) => {
+                let text = format!("{fault}; skipped");
+                self.viewer.message = Some(Message::note(self.input.egui_ctx(), text));
+            }
+            Told::New(playing, queue) => {
+                self.window.set_title(&playing.name);
+                self.viewer.change_scene(playing.scene.clone());
+                self.last_frame = None;
+                self.list = queue.map(List::new);
                 self.playing = *playing;
                 self.shown = None;
             }
-            Told::Failed(fault) => self.viewer.message = Some(Message::Error(fault.to_string())),
-            Told::Done => {
-                if let Some(Message::Working(_)) = self.viewer.message {
-                    self.viewer.message = None;
+            Told::Next(playing, number) => {
+                if let Some(list) = &mut self.list {
+                    list.put(number, *playing);
                 }
             }
+            Told::Better(playing) => match self.list.as_mut().and_then(List::ready) {
+                Some(next) => *next = *playing,
+                None => {
+                    self.viewer.refine_scene(playing.scene.clone());
+                    self.playing = *playing;
+                    self.shown = None;
+                }
+            },
+            Told::Waiting => {}
+            Told::Failed(fault) => {
+                // Of what comes next, the others were told to be skipped, too.
+                self.viewer.message = Some(match self.list.as_ref().is_some_and(List::is_coming) {
+                    true => Message::note(self.input.egui_ctx(), format!("{fault}; skipped")),
+                    false => Message::Error(fault.to_string()),
+                });
+                self.finish();
+            }
+            Told::Done => {
+                self.forget_working();
+                self.finish();
+            }
         }
+    }
+
+    /// No more comes of the order under way.
+    fn finish(&mut self) {
+        self.loading = false;
+        if let Some(list) = &mut self.list {
+            list.finish();
+        }
+        self.order_next();
     }
 
     /// Draws and shows a frame.
@@ -313,11 +376,14 @@ impl Session {
             self.frame_times.push(elapsed_s);
         }
 
+        let looping = self.viewer.player.is_looping();
+        self.viewer.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
         let ctx = self.input.egui_ctx().clone();
         let input = self.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
         let output = ctx.run_ui(input, |ui| requests = self.viewer.frame(ui, elapsed_s, &statistics));
+        self.follow();
 
         let [width, height] = frame.size;
         let wanted = Shown {
@@ -411,6 +477,9 @@ impl Session {
             let there = self.viewer.layers();
             let drawn = self.viewer.settings.layers.unwrap_or(there).min(there);
             rows.insert(1, ("layers", format!("{drawn} of {announced}")));
+        }
+        if let Some(list) = &self.list {
+            rows.insert(0, ("clip", list.place()));
         }
         if let Some(gpu_ms) = self.playing.renderer.gpu_ms() {
             rows.push(("GPU", format!("{gpu_ms:.2} ms")));

@@ -98,6 +98,18 @@ impl Viewer {
         self.message = None;
     }
 
+    /// Goes on with the clip that follows in a playlist. Seen from the same viewpoints it is on the same
+    /// stage, and the camera stays where it is.
+    pub(crate) fn follow_scene(&mut self, scene: Scene) {
+        self.player.follow_with(scene.duration_s, scene.fps);
+        self.settings.layers = self.settings.layers.filter(|layers| *layers <= scene.layers);
+        if (scene.up, &scene.viewpoints) != (self.scene.up, &self.scene.viewpoints) {
+            self.camera = CameraControl::new(&scene.viewpoints[0], scene.up);
+            self.viewpoint = 0;
+        }
+        self.scene = scene;
+    }
+
     /// Changes to a clip with more layers of the same scene: nothing that a person set changes. Of
     /// another scene, as [`Viewer::change_scene`].
     pub(crate) fn refine_scene(&mut self, scene: Scene) {
@@ -525,6 +537,28 @@ mod tests {
         assert_eq!((viewer.player.position_s(), bench.eye()), (position_s, eye));
         bench.viewer.refine_scene(Scene { duration_s: 7.0, ..scene() });
         assert_eq!(bench.viewer.player.position_s(), 0.0, "it has changed on the server");
+    }
+
+    #[test]
+    fn the_next_clip_of_a_list_goes_on_with_what_was_set() {
+        let mut bench = Bench::new();
+        bench.press(Key::Num2);
+        bench.press(Key::ArrowDown);
+        bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(140.0, 0.0));
+        bench.viewer.settings.layers = Some(3);
+        let eye = bench.eye();
+        bench.viewer.player.seek(1.9);
+        bench.viewer.player.set_followed(true);
+        bench.frame(0.2, vec![]);
+        assert!(bench.viewer.player.over_s().is_some());
+        bench.viewer.follow_scene(Scene { duration_s: 7.0, layers: 2, ..scene() });
+        let viewer = &bench.viewer;
+        assert!((viewer.player.position_s() - 0.05).abs() < 1e-9 && viewer.player.speed() == 0.75);
+        assert!(viewer.viewpoint() == 1 && viewer.settings.layers.is_none(), "it has no third layer");
+        assert_eq!(bench.eye(), eye);
+        bench.viewer.follow_scene(Scene { viewpoints: scene().viewpoints[1..].to_vec(), ..scene() });
+        assert_ne!(bench.eye(), eye, "elsewhere");
+        assert_eq!(bench.viewer.viewpoint(), 0);
     }
 
     #[test]

@@ -4,8 +4,10 @@
 //! along with the next frame. Of a clip that arrives layer by layer, each better one is made ready
 //! to take the place of the one before.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
@@ -14,13 +16,15 @@ use codec::{Clip, ClipInfo};
 use super::interaction::Subject;
 use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
+use crate::playlist;
 use crate::progress::Progress;
+use crate::queue::{Brought, Entry, Queue, Terms, bring};
 use crate::source::{self, News};
 
 /// What to load.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Request {
-    /// A path or an address; `None` for the demo.
+    /// A path or an address, of a clip or of a playlist; `None` for the demo.
     pub(super) name: Option<String>,
     /// The folder in which clips from the network are kept.
     pub(super) kept: Option<PathBuf>,
@@ -28,10 +32,18 @@ pub(super) struct Request {
     pub(super) layers: Option<usize>,
 }
 
+/// What to do with it.
+pub(super) enum Order {
+    /// Bring what it names.
+    Named,
+    /// Bring the first of these that can be had, in its name; whether somebody waits for it.
+    Next(Vec<Entry>, Arc<AtomicBool>),
+}
+
 /// A clip that can be drawn.
 pub(super) struct Loaded {
-    /// Its path or address; `None` for the demo.
-    pub(super) name: Option<String>,
+    /// Its path or address, `None` for the demo, and its number in its playlist.
+    pub(super) entry: Entry,
     pub(super) subject: Subject,
     pub(super) renderer: Renderer,
     pub(super) info: ClipInfo,
@@ -43,16 +55,22 @@ pub(super) struct Loaded {
 impl Loaded {
     /// Whether this is a version of the same clip, to go on with where that one stands.
     pub(super) fn goes_on(&self, before: &Loaded) -> bool {
-        self.name == before.name && self.info == before.info
+        self.entry == before.entry && self.info == before.info
     }
 
-    fn new(gpu: &Gpu, name: Option<String>, format: RuntimeFormat, clip: &Clip) -> Result<Loaded, Fault> {
+    /// Whether it stands on the same stage as another clip: seen from the same viewpoints.
+    pub(super) fn is_on_stage_of(&self, other: &Loaded) -> bool {
+        let stage = |info: &ClipInfo| (info.up, info.metres_per_unit, info.viewpoints.clone());
+        !self.info.viewpoints.is_empty() && stage(&self.info) == stage(&other.info)
+    }
+
+    fn new(gpu: &Gpu, entry: Entry, format: RuntimeFormat, clip: &Clip) -> Result<Loaded, Fault> {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Loaded {
             subject: Subject::of(clip),
             layer_ends: on_gpu.layer_ends(),
             renderer: Renderer::new(gpu, on_gpu, format.drawn(), 2)?,
-            name,
+            entry,
             info: clip.info.clone(),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
         })
@@ -63,6 +81,10 @@ impl Loaded {
 pub(super) enum Told {
     /// The clip to play after it, also where it cannot be loaded.
     Next(Option<String>),
+    /// The playlist that was named.
+    List(Queue),
+    /// A clip of the playlist could not be had.
+    Skipped(Fault),
     Progress(Progress),
     Note(String),
     /// A clip to show, the first one or a better one of the same.
@@ -97,11 +119,16 @@ impl Loading {
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
-    pub(super) fn start(gpu: Arc<Gpu>, request: Request, format: RuntimeFormat) -> Result<Loading, Fault> {
+    pub(super) fn start(
+        gpu: Arc<Gpu>,
+        request: Request,
+        order: Order,
+        format: RuntimeFormat,
+    ) -> Result<Loading, Fault> {
         let (tell, told) = channel();
         let run = move || {
-            let last = match load(&gpu, request, format, &tell) {
-                Ok(()) => Told::Done,
+            let last = match load(&gpu, request, order, format, &tell) {
+                Ok(_) => Told::Done,
                 Err(fault) => Told::Failed(fault),
             };
             // Nobody is left to tell where the session has ended.
@@ -140,41 +167,57 @@ impl Drop for Loading {
 }
 
 /// Loads a clip and tells of it, as long as someone listens.
-fn load(gpu: &Gpu, request: Request, format: RuntimeFormat, tell: &Sender<Told>) -> Result<(), Fault> {
+fn load(
+    gpu: &Gpu,
+    request: Request,
+    order: Order,
+    format: RuntimeFormat,
+    tell: &Sender<Told>,
+) -> Result<ControlFlow<()>, Fault> {
     let Request { name, kept, layers } = request;
-    let path = name.as_deref().filter(|name| !source::is_address(name));
-    let is_heard = |told| tell.send(told).is_ok();
-    if !is_heard(Told::Next(path.and_then(|path| next_clip(Path::new(path))))) {
-        return Ok(());
-    }
-    let mut arrival = source::open(name.as_deref(), kept)?;
-    let mut first = true;
-    let mut ready = |clip: &Clip| -> Result<Told, Fault> {
-        let loaded = Box::new(Loaded::new(gpu, name.clone(), format, clip)?);
-        Ok(Told::Clip { loaded, first: std::mem::take(&mut first) })
+    let hear = |told| match tell.send(told) {
+        Ok(()) => ControlFlow::Continue(()),
+        Err(_) => ControlFlow::Break(()),
     };
-    // One that is not shown yet, because layers are missing.
-    let mut latest = None;
-    loop {
-        let told = match arrival.next().transpose()? {
-            Some(News::Progress(progress)) => Told::Progress(progress),
-            Some(News::Note(note)) => Told::Note(note),
-            Some(News::Clip(clip)) if layers.is_some_and(|layers| clip.layers.len() >= layers) => {
-                ready(&clip)?
-            }
-            Some(News::Clip(clip)) => {
-                latest = Some(clip);
-                continue;
-            }
-            None => match latest.take() {
-                Some(clip) => ready(&clip)?,
-                None => return Ok(()),
-            },
-        };
-        if !is_heard(told) {
-            return Ok(());
+    let (entries, awaited) = match order {
+        Order::Next(entries, awaited) => (entries, awaited),
+        Order::Named => {
+            let Some(entries) = named(name, kept.clone(), &hear)? else { return Ok(ControlFlow::Break(())) };
+            (entries, Arc::new(true.into()))
         }
+    };
+    bring(&entries, &Terms { kept, layers, awaited }, &mut |brought| {
+        Ok(hear(match brought {
+            Brought::Progress(progress) => Told::Progress(progress),
+            Brought::Note(note) => Told::Note(note),
+            Brought::Skipped(fault) => Told::Skipped(fault),
+            Brought::Clip { entry, clip, first } => {
+                Told::Clip { loaded: Box::new(Loaded::new(gpu, entry, format, &clip)?), first }
+            }
+        }))
+    })
+}
+
+/// What a name means: a clip, or those of a playlist; `None` where nobody listens any more.
+fn named(
+    name: Option<String>,
+    kept: Option<PathBuf>,
+    hear: &dyn Fn(Told) -> ControlFlow<()>,
+) -> Result<Option<Vec<Entry>>, Fault> {
+    if let Some(name) = name.as_deref().filter(|name| playlist::is_playlist(name)) {
+        let opened = playlist::open(name, kept, &mut |news| match news {
+            News::Progress(progress) => hear(Told::Progress(progress)),
+            News::Note(note) => hear(Told::Note(note)),
+            News::Clip(_) => ControlFlow::Continue(()),
+        })?;
+        let Some(opened) = opened else { return Ok(None) };
+        let queue = Queue::new(opened);
+        let entries = queue.all();
+        return Ok(hear(Told::List(queue)).is_continue().then_some(entries));
     }
+    let path = name.as_deref().filter(|name| !source::is_address(name));
+    let next = path.and_then(|path| next_clip(Path::new(path)));
+    Ok(hear(Told::Next(next)).is_continue().then(|| vec![Entry::alone(name)]))
 }
 
 #[cfg(test)]

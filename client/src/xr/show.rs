@@ -8,13 +8,14 @@ use std::sync::Arc;
 use glam::UVec2;
 
 use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
-use super::loading::{self, Loaded, Loading, Request};
+use super::loading::{self, Loaded, Loading, Order, Request};
 use super::pacing::Clock;
 use super::panel::{Beam, Board, Notice, Painting, Panel, PanelState};
 use super::quality::Quality;
 use crate::fault::Fault;
 use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, Renderer, RuntimeFormat, Settings, UiPainter};
 use crate::player::Player;
+use crate::queue::List;
 use crate::source;
 
 /// Seconds between new numbers among the statistics: as fast as they can be read.
@@ -30,8 +31,14 @@ pub(super) struct Show {
     gpu: Arc<Gpu>,
     /// The clip named on the command line.
     request: Request,
+    /// What was named last: a clip, or a playlist.
+    named: Option<String>,
     /// The clip to play after the one that was loaded last.
     next: Option<String>,
+    /// The playlist that plays.
+    list: Option<List<Box<Loaded>>>,
+    /// Whether the next clip of the playlist is to play as soon as it is ready.
+    hurries: bool,
     /// Whether someone is there who can read the panel.
     attended: bool,
     /// Why no clip has played so far.
@@ -123,7 +130,10 @@ impl Show {
             painter: None,
             gpu,
             request,
+            named: None,
             next: None,
+            list: None,
+            hurries: false,
             attended,
             unplayed: None,
             interaction: Interaction::default(),
@@ -158,6 +168,7 @@ impl Show {
         if self.format != Some(format) {
             self.format = Some(format);
             self.playing = None;
+            self.list = None;
             self.interaction.take_away();
             self.load(self.request.name.clone())?;
         }
@@ -168,8 +179,21 @@ impl Show {
         let Some(format) = self.format else { return Ok(()) };
         let text = format!("Opening {}", source::title(name.as_deref()));
         self.notice = Some(Told::Loading { text, part: None });
+        self.named.clone_from(&name);
         let request = Request { name, ..self.request.clone() };
-        self.loading = Some(Loading::start(self.gpu.clone(), request, format)?);
+        self.loading = Some(Loading::start(self.gpu.clone(), request, Order::Named, format)?);
+        Ok(())
+    }
+
+    /// Begins to load the next clip of the playlist, if there is one and nothing else is loaded.
+    fn load_next(&mut self) -> Result<(), Fault> {
+        if self.loading.is_none()
+            && let Some(format) = self.format
+            && let Some((entries, awaited)) = self.list.as_mut().and_then(List::ask)
+        {
+            let order = Order::Next(entries, awaited);
+            self.loading = Some(Loading::start(self.gpu.clone(), self.request.clone(), order, format)?);
+        }
         Ok(())
     }
 
@@ -181,7 +205,10 @@ impl Show {
     pub(super) fn receive(&mut self) -> Result<(), Fault> {
         while let Some(told) = self.loading.as_ref().and_then(Loading::poll) {
             match told {
-                loading::Told::Next(next) => self.next = next,
+                loading::Told::Next(next) => (self.next, self.list) = (next, None),
+                loading::Told::List(queue) => (self.next, self.list) = (None, Some(List::new(queue))),
+                // Of what comes next, nobody asks how far it is.
+                loading::Told::Progress(_) if !self.is_awaited() => {}
                 loading::Told::Progress(progress) => {
                     let text = format!("Loading: {}", progress.text());
                     self.notice = Some(Told::Loading { text, part: progress.part() });
@@ -190,23 +217,105 @@ impl Show {
                     log::info!("{note}");
                     self.notice = Some(Told::Note(note));
                 }
+                loading::Told::Skipped(fault) => {
+                    log::warn!("{fault}; skipped");
+                    self.notice = Some(Told::Note(format!("{fault}; skipped")));
+                }
                 loading::Told::Clip { loaded, first } => {
-                    if let Err(fault) = self.play(*loaded, first) {
+                    if let Err(fault) = self.take(loaded, first) {
                         self.loading = None;
                         return self.fail(fault);
                     }
                 }
+                // The clip that plays is the only one that can be had.
+                loading::Told::Failed(fault) if self.list.as_ref().is_some_and(List::is_coming) => {
+                    log::warn!("{fault}; skipped");
+                    self.finish();
+                    self.notice = Some(Told::Note(format!("{fault}; skipped")));
+                }
                 loading::Told::Failed(fault) => {
-                    self.loading = None;
-                    return self.fail(fault);
+                    self.finish();
+                    self.fail(fault)?;
+                    return self.load_next();
                 }
                 loading::Told::Done => {
-                    self.loading = None;
-                    self.notice.take_if(|notice| matches!(notice, Told::Loading { .. }));
+                    self.finish();
+                    self.load_next()?;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether what is loaded is to be seen at once.
+    fn is_awaited(&self) -> bool {
+        self.playing.is_none() || self.list.as_ref().is_none_or(|list| !list.is_coming() || list.is_awaited())
+    }
+
+    /// No more comes of what is loaded.
+    fn finish(&mut self) {
+        self.loading = None;
+        self.notice.take_if(|notice| matches!(notice, Told::Loading { .. }));
+        if let Some(list) = &mut self.list {
+            list.finish();
+        }
+    }
+
+    /// Takes a clip in: to play now, or next.
+    ///
+    /// # Errors
+    /// Those of [`Show::play`].
+    fn take(&mut self, loaded: Box<Loaded>, first: bool) -> Result<(), Fault> {
+        let Some(list) = &mut self.list else { return self.play(*loaded, first) };
+        let is_next = if first { self.playing.is_some() && list.is_coming() } else { list.ready().is_some() };
+        if is_next {
+            list.put(loaded.entry.number, loaded);
+            return Ok(());
+        }
+        if first {
+            list.go_to(loaded.entry.number);
+        }
+        self.play(*loaded, first)
+    }
+
+    /// At the end of a clip of a playlist, or where the viewer wants it, goes on with the next one as
+    /// soon as it is ready.
+    fn follow(&mut self) -> Result<(), Fault> {
+        let Some(list) = &mut self.list else { return Ok(()) };
+        if self.player.over_s().is_none() && !self.hurries {
+            return Ok(());
+        }
+        let Some(loaded) = list.take() else {
+            if list.awaits() {
+                self.notice = Some(Told::Loading { text: "Loading the next clip".into(), part: None });
+            }
+            self.hurries &= list.has_next();
+            return Ok(());
+        };
+        self.hurries = false;
+        let mut loaded = match self.accept(*loaded) {
+            Ok(loaded) => loaded,
+            Err(fault) => return self.load_next().and(Err(fault)),
+        };
+        let (duration_s, fps) = (loaded.info.duration_s.into(), loaded.info.fps.into());
+        match self.player.over_s() {
+            Some(_) => self.player.follow_with(duration_s, fps),
+            None => self.player.change_clip(duration_s, fps),
+        }
+        if let Some(playing) = &mut self.playing {
+            // Nothing moves but what moves in the clips.
+            if loaded.is_on_stage_of(&playing.loaded) {
+                loaded.subject = playing.loaded.subject;
+            }
+            if let Some(placement) = self.interaction.placement().copied() {
+                self.interaction.put(loaded.subject, placement);
+            }
+            playing.title = source::title(loaded.entry.name.as_deref());
+            log::info!("playing {}", playing.title);
+            playing.loaded = loaded;
+        }
+        self.notice.take_if(|notice| matches!(notice, Told::Loading { .. }));
+        self.load_next()
     }
 
     /// Plays a clip from its start, or goes on with a better one of the same.
@@ -221,7 +330,8 @@ impl Show {
             && !first
             && loaded.goes_on(&playing.loaded)
         {
-            playing.loaded = loaded;
+            // What it is held by stays where it is.
+            playing.loaded = Loaded { subject: playing.loaded.subject, ..loaded };
             log::info!("{}: now {} layers", playing.title, self.quality.layers());
             return Ok(());
         }
@@ -230,7 +340,12 @@ impl Show {
         self.clock = Clock::default();
         // It has a place once it is known where the head is.
         self.interaction.take_away();
-        let (title, key) = (source::title(loaded.name.as_deref()), key(loaded.name.as_deref()));
+        let title = source::title(loaded.entry.name.as_deref());
+        // The clips of a playlist stand in one place.
+        let key = match &self.list {
+            Some(_) => key(self.named.as_deref()),
+            None => key(loaded.entry.name.as_deref()),
+        };
         log::info!("playing {title}");
         self.playing = Some(Playing { loaded, title, key });
         Ok(())
@@ -319,7 +434,7 @@ impl Show {
                 quality: self.quality.level() as usize,
                 lowered: self.quality.is_lowered(),
                 passthrough: self.room,
-                has_next: self.next.is_some(),
+                has_next: self.next.is_some() || self.list.as_ref().is_some_and(List::has_next),
                 statistics: &self.statistics.rows,
                 notice: self.notice.as_ref().map(|told| match told {
                     Told::Loading { text, part } => Notice::Working { text, part: *part },
@@ -335,8 +450,13 @@ impl Show {
         }
         commands.clear();
         self.commands = commands;
+        let looping = self.player.is_looping();
+        self.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
         if !scrubbing {
             self.player.advance(elapsed_s);
+        }
+        if let Err(fault) = self.follow() {
+            self.notice = Some(Told::Failed(fault.to_string()));
         }
         moved
     }
@@ -351,6 +471,7 @@ impl Show {
         match command {
             Command::Exit => return true,
             Command::Recentre => self.interaction.recentre(head),
+            Command::NextClip if self.list.is_some() => self.hurries = true,
             Command::NextClip => {
                 if let (Some(next), None) = (self.next.clone(), &self.loading)
                     && let Err(fault) = self.load(Some(next))

@@ -12,7 +12,7 @@ use xtask::fault::Fault;
 use xtask::fit::Shots;
 
 /// Which part of a capture, and what of it is held out from fitting.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Cut {
     /// Frames to look at: from A, without B; all by default
     #[arg(long, value_name = "A..B", value_parser = frames)]
@@ -31,7 +31,7 @@ pub(crate) struct Cut {
     cameras: Vec<String>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Holdout {
     /// Every other frame, from the second
     Odd,

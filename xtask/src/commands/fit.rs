@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::anchor::Mirror;
 use refine::fit::{Backend, Cpu, DensityRule};
-use serde_json::json;
+use serde_json::{Value, json};
 use xtask::capture::Footage;
 use xtask::export::field_file;
 use xtask::fault::Fault;
@@ -17,19 +17,24 @@ use xtask::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, S
 use xtask::input::Input;
 use xtask::output;
 use xtask::scene::DEFAULT_FPS;
+use xtask::takes::Take;
 
 use super::capture::{Cut, describe, load_lpips, load_shots};
+use super::takes::{self, Job, Many};
 
 /// Fit a field to the photographs of a capture.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
-    capture: PathBuf,
+    #[arg(required_unless_present = "list", conflicts_with = "list")]
+    capture: Option<PathBuf>,
     /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. Beside it go
     /// the table and the picture of the fit (.fit.csv, .fit.png) and, until it is done, a
     /// .checkpoint, from which the same command goes on
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    many: Many,
     /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
@@ -48,13 +53,14 @@ pub(crate) struct Args {
     mirror: MirrorWhen,
     /// Folder of depth maps, named as the photographs are, instead: 16-bit PNG in thousandths of a
     /// unit, PFM or NPY
-    #[arg(long, value_name = "DIR", conflicts_with = "anchor")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
     depths: Option<PathBuf>,
     /// How depth maps come to the scale of the cameras
     #[arg(long, value_enum, default_value_t = Scale::Auto, requires = "depths")]
     depth_scale: Scale,
     /// Fitted field or package to go on from instead
-    #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror"])]
+    #[arg(long, value_name = "FIELD",
+          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
     from: Option<PathBuf>,
     /// Fewest Gaussians that pruning leaves, and about as many to start with; by default 12000 for
     /// each frame that is fitted to, at most 200000, and fewer for photographs below 512x375
@@ -91,7 +97,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Anchor {
     /// The visual hull of the masks, refined where the photographs agree
     Sweep,
@@ -101,14 +107,14 @@ enum Anchor {
     None,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum MirrorWhen {
     Auto,
     On,
     Off,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Scale {
     /// By the hull where there are masks, else by the rig
     Auto,
@@ -120,7 +126,7 @@ enum Scale {
     Metric,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Rule {
     /// Split, clone and prune, but never below --gaussians (the paper)
     Floor,
@@ -128,7 +134,7 @@ enum Rule {
     Relocate,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Engine {
     /// All cores; the same result for any number of them, bit by bit
     Cpu,
@@ -155,18 +161,67 @@ pub(super) fn by_default(
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match (&args.many.list, &args.out) {
+        (Some(list), Some(folder)) => run_many(args, list, folder),
+        _ => run_one(args),
+    }
+}
+
+fn run_one(args: &Args) -> anyhow::Result<()> {
     let began = Instant::now();
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", name_of(&args.capture))));
-    output::check(&out)?;
+    let usual = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
+    let out = args.out.clone().unwrap_or_else(usual);
+    let done = make(args, &out)?;
+    report(args, &done, &out, began)
+}
+
+/// Fits a field to each capture of a list.
+fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
+    let job = Job {
+        command: "fit",
+        ending: "ply",
+        options: format!("{:?}", args.options()),
+        inputs: args.lpips_weights.iter().map(PathBuf::as_path).collect(),
+        forget: fit::forget_checkpoint,
+        json: args.json,
+    };
+    takes::run(list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+        make(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
+    })
+}
+
+impl Args {
+    fn capture(&self) -> &Path {
+        self.capture.as_deref().expect("there is a capture where there is no list")
+    }
+
+    /// What decides what becomes of any capture.
+    fn options(&self) -> Args {
+        Args {
+            capture: None,
+            out: None,
+            many: Many::default(),
+            // Its contents count, see the inputs.
+            lpips_weights: None,
+            checkpoint_every: 0.0,
+            json: false,
+            ..self.clone()
+        }
+    }
+}
+
+/// Fits and writes a field.
+fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
+    output::check(out)?;
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
     }
-    let footage = args.cut.open(&args.capture)?;
+    let footage = args.cut.open(args.capture())?;
     let holdout = args.cut.holdout();
     let splits = describe(&footage, holdout)?;
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
     let settings = settings(args, &footage)?;
-    fit::check_checkpoint(&settings, &out)?;
+    fit::check_checkpoint(&settings, out)?;
     let shots = load_shots(&footage, holdout)?;
     let mut backend = open(args.backend)?;
     let runtime = Runtime {
@@ -174,8 +229,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_to(&out, &settings, &footage, &shots, runtime, args.fps)?;
-    report(args, &Done { settings, fitted, splits }, &out, began)
+    let fitted = fit_to(out, &settings, &footage, &shots, runtime, args.fps)?;
+    Ok(Done { settings, fitted, splits })
 }
 
 /// A fit that is done.
@@ -291,22 +346,32 @@ fn show(bar: &ProgressBar, progress: &Progress) {
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
-fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Result<()> {
-    let Done { settings, fitted, splits } = done;
-    let last = fitted.entries.last().context("a fit has at least one step")?;
-    let ms_per_step = fitted.ms_per_step;
-    if args.json {
-        let object = json!({
+impl Done {
+    fn last(&self) -> anyhow::Result<&log::Entry> {
+        self.fitted.entries.last().context("a fit has at least one step")
+    }
+
+    fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
+        let Done { settings, fitted, splits } = self;
+        let last = self.last()?;
+        Ok(json!({
             "out": out, "steps": settings.steps, "resumed_at": fitted.resumed_at,
             "gaussians_at_start": fitted.started_with, "gaussians": fitted.field.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
-            "ms_per_step": ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
+            "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
             "lpips": settings.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
-        });
-        println!("{object:#}");
+        }))
+    }
+}
+
+fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Result<()> {
+    if args.json {
+        println!("{:#}", done.to_json(out)?);
         return Ok(());
     }
+    let Done { settings, fitted, splits } = done;
+    let (last, ms_per_step) = (done.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &settings.lpips {
         Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),

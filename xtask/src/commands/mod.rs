@@ -15,4 +15,5 @@ pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod serve;
 pub(crate) mod synth;
+pub(crate) mod takes;
 pub(crate) mod test;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::bail;
@@ -10,15 +10,18 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::fit::Shot;
 use refine::prune::Ranking;
-use serde_json::json;
+use serde_json::{Value, json};
 use xtask::capture::Footage;
 use xtask::fault::Fault;
 use xtask::fit::{self, FineTuned, FineTuning, Settings, Shots};
 use xtask::output;
 use xtask::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
+use xtask::playlist;
 use xtask::scene::Scene;
+use xtask::takes::{Record, Standing, Take, key};
 
 use super::capture::{Cut, load_shots};
+use super::takes::{self, Job, Many};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
 const LADDER_LOSS_DB: f64 = 0.5;
@@ -31,16 +34,22 @@ const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key option
   {"duration_s": 1.32, "fps": 25, "up": [0, -1, 0], "metres_per_unit": 1, "viewpoints": [
     {"name": "front", "position": [0, 0, -3], "target": [0, 0, 0], "fov_y_deg": 50}]}"#;
 
+/// Who made a field that lies beside a package, in its record.
+const FIELD_OF_PACKAGE: &str = "package: field";
+
 /// Make a package from a fitted field, or from a capture that it fits one to first.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone, Debug)]
 #[command(after_help = SCENE_HELP)]
 pub(crate) struct Args {
     /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a capture,
     /// to which a field is fitted first, beside the package, as `fit` does by default
-    scene: PathBuf,
+    #[arg(required_unless_present = "list", conflicts_with = "list")]
+    scene: Option<PathBuf>,
     /// Package to write; SCENE's name with .aarc in the current folder by default
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    many: Many,
     /// Most Gaussians to keep; all that can be seen by default
     #[arg(long, value_name = "N")]
     budget: Option<NonZeroUsize>,
@@ -60,7 +69,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Folder of that capture; SCENE itself by default
-    #[arg(long, value_name = "DIR", requires = "refine")]
+    #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
     capture: Option<PathBuf>,
     /// How the Gaussians are coded
     #[arg(long, value_enum, default_value_t = Coder::Context)]
@@ -85,7 +94,7 @@ pub(crate) struct Args {
 }
 
 /// A ranking, or none in particular.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Rank(Option<Ranking>);
 
 fn rank(text: &str) -> Result<Rank, String> {
@@ -97,7 +106,7 @@ fn rank(text: &str) -> Result<Rank, String> {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Coder {
     /// As coarsely as nobody sees, and an adaptive range coder
     Context,
@@ -111,14 +120,98 @@ fn quality(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match (&args.many.list, &args.out) {
+        (Some(list), Some(folder)) => run_many(args, list, folder),
+        _ => run_one(args),
+    }
+}
+
+fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
+    let made = make(args)?;
+    if args.json {
+        println!("{:#}", made.to_json()?);
+    } else {
+        println!("{}", made.scene);
+        print_report(&made.report);
+        print_ladder(made.rungs.as_deref().unwrap_or_default());
+        println!("{}, written in {:.1} s", made.out.display(), start.elapsed().as_secs_f64());
+    }
+    made.check_ladder()
+}
+
+/// Makes a package of each take of a list, and a playlist of all.
+fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
+    let names = takes::read(list, folder)?.takes.into_iter().map(|take| take.name);
+    let job = Job {
+        command: "package",
+        ending: "aarc",
+        options: format!("{:?}", args.options()),
+        inputs: Vec::new(),
+        forget: |_| Ok(()),
+        json: args.json,
+    };
+    // All shards write the same one: which of them ends last does not matter.
+    output::write(&folder.join(playlist::FILE), &playlist::of(names.map(|name| format!("{name}.aarc"))))?;
+    takes::run(list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+        let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
+        made.check_ladder()?;
+        made.to_json()
+    })
+}
+
+/// A package that was written.
+struct Made {
+    /// The scene and its format.
+    scene: String,
+    out: PathBuf,
+    report: Report,
+    rungs: Option<Vec<Rung>>,
+}
+
+impl Made {
+    fn to_json(&self) -> anyhow::Result<Value> {
+        let mut object = serde_json::to_value(&self.report)?;
+        object["out"] = json!(self.out);
+        if let Some(rungs) = &self.rungs {
+            object["ladder"] = json!(rungs);
+        }
+        Ok(object)
+    }
+
+    /// Whether all first parts are as good as they should be.
+    fn check_ladder(&self) -> anyhow::Result<()> {
+        let mut failed = self.rungs.iter().flatten().filter(|rung| rung.loss_db > LADDER_LOSS_DB);
+        match failed.next() {
+            None => Ok(()),
+            Some(Rung { gaussians, loss_db, .. }) => bail!(
+                "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
+                 {LADDER_LOSS_DB} dB are allowed"
+            ),
+        }
+    }
+}
+
+impl Args {
+    fn scene(&self) -> &Path {
+        self.scene.as_deref().expect("there is a scene where there is no list")
+    }
+
+    /// What decides what becomes of any scene.
+    fn options(&self) -> Args {
+        Args { scene: None, out: None, many: Many::default(), json: false, ..self.clone() }
+    }
+}
+
+/// Makes and writes a package.
+fn make(args: &Args) -> anyhow::Result<Made> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
     let captured = Captured::open(args)?;
     let scene = match &captured {
-        Some(captured) if captured.is_scene => Scene::load_with(&args.scene, &captured.fit(args)?)?,
-        _ => Scene::load(&args.scene)?,
+        Some(captured) if captured.is_scene => Scene::load_with(args.scene(), &captured.fit(args)?)?,
+        _ => Scene::load(args.scene())?,
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
@@ -149,28 +242,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         true => Some(ladder(&scene, &settings, &package, &progress)?),
         false => None,
     };
-    let report = package.report;
-    if args.json {
-        let mut object = serde_json::to_value(&report)?;
-        object["out"] = json!(out);
-        if let Some(rungs) = &rungs {
-            object["ladder"] = json!(rungs);
-        }
-        println!("{object:#}");
-    } else {
-        println!("{}: {}", scene.name, scene.subject.format);
-        print_report(&report);
-        print_ladder(rungs.as_deref().unwrap_or_default());
-        println!("{}, written in {:.1} s", out.display(), start.elapsed().as_secs_f64());
-    }
-    let mut failed = rungs.iter().flatten().filter(|rung| rung.loss_db > LADDER_LOSS_DB);
-    match failed.next() {
-        None => Ok(()),
-        Some(Rung { gaussians, loss_db, .. }) => bail!(
-            "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
-             {LADDER_LOSS_DB} dB are allowed"
-        ),
-    }
+    Ok(Made {
+        scene: format!("{}: {}", scene.name, scene.subject.format),
+        out,
+        report: package.report,
+        rungs,
+    })
 }
 
 /// The capture that a package is made from, or made to look like.
@@ -183,13 +260,13 @@ struct Captured {
 impl Captured {
     /// Opens the capture that the arguments ask for, if they do.
     fn open(args: &Args) -> anyhow::Result<Option<Captured>> {
-        let is_scene = Scene::is_capture(&args.scene);
+        let is_scene = Scene::is_capture(args.scene());
         let folder = match (&args.capture, args.refine) {
             (Some(_), _) if is_scene => {
-                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene.display())))
+                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene().display())))
             }
-            (Some(folder), _) => folder,
-            (None, Some(_)) if !args.scene.is_dir() => bail!(Fault::Usage(
+            (Some(folder), _) => folder.as_path(),
+            (None, Some(_)) if !args.scene().is_dir() => bail!(Fault::Usage(
                 "--refine takes the photographs that the field was fitted to: name their folder with --capture"
                     .into()
             )),
@@ -199,27 +276,50 @@ impl Captured {
                 }
                 return Ok(None);
             }
-            (None, _) => &args.scene,
+            (None, _) => args.scene(),
         };
         let footage = args.cut.open(folder)?;
-        if is_scene {
-            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field_path(args)?)?;
+        // Of a list, records say what may be gone on with and what may be replaced.
+        if is_scene && args.many.list.is_none() {
+            let field = field_path(args);
+            if field.exists() {
+                bail!(is_there(&field));
+            }
+            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field)?;
         }
         Ok(Some(Captured { footage, is_scene }))
     }
 
-    /// Fits it, to a field file beside the package.
+    /// Fits it, to a field file beside the package; of a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
-        let out = field_path(args)?;
+        let out = field_path(args);
         let settings = Settings::usual(&self.footage, args.cut.holdout())?;
-        let shots = load_shots(&self.footage, args.cut.holdout())?;
-        super::fit::by_default(&self.footage, &shots, &settings, &out)?;
+        if args.many.list.is_none() {
+            self.fit_to(&out, &settings, args)?;
+            return Ok(out);
+        }
+        let key = key(FIELD_OF_PACKAGE, &format!("{settings:?}"), &[args.scene()])?;
+        match Record::standing(&out, FIELD_OF_PACKAGE, &key) {
+            Standing::Done => return Ok(out),
+            Standing::Begun => {}
+            Standing::Stale => fit::forget_checkpoint(&out)?,
+            Standing::Unknown if out.exists() => bail!(is_there(&out)),
+            Standing::Unknown => {}
+        }
+        Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
+        self.fit_to(&out, &settings, args)?;
+        Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
+    }
+
+    fn fit_to(&self, out: &Path, settings: &Settings, args: &Args) -> anyhow::Result<()> {
+        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        super::fit::by_default(&self.footage, &shots, settings, out)
     }
 
     /// The photographs that `scene` is to look like.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
-        fit::check_frames(&args.scene, &scene.subject.field, scene.frames(), &self.footage)?;
+        fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
         let shots = load_shots(&self.footage, args.cut.holdout())?;
         let has_mask = |shot: &Shot| {
             let photograph = &shot.photograph;
@@ -236,18 +336,16 @@ impl Captured {
 }
 
 /// Where the field of a capture goes.
-fn field_path(args: &Args) -> Result<PathBuf, Fault> {
-    let field = match &args.out {
+fn field_path(args: &Args) -> PathBuf {
+    match &args.out {
         Some(out) => out.with_extension("ply"),
-        None => PathBuf::from(format!("{}.ply", super::fit::name_of(&args.scene))),
-    };
-    match field.exists() {
-        true => {
-            let field = field.display();
-            Err(Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew")))
-        }
-        false => Ok(field),
+        None => PathBuf::from(format!("{}.ply", super::fit::name_of(args.scene()))),
     }
+}
+
+fn is_there(field: &Path) -> Fault {
+    let field = field.display();
+    Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
 }
 
 fn print_report(report: &Report) {

@@ -23,6 +23,7 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
         (Need::Vulkan, "tests that draw with the GPU are ignored"),
         (Need::WindowLibraries, "tests of the window are ignored"),
         (Need::VirtualDisplay, "tests of the window are ignored"),
+        (Need::Slurm, "the test of a job array is ignored"),
     ]);
     let start = Instant::now();
     let mut tally = Tally::default();

@@ -1,4 +1,5 @@
 //! A small stage, fits of it, and how well they show it.
+#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::Path;
 

@@ -1,0 +1,73 @@
+//! [`document`]: a small file that is fetched whole, such as a playlist, and kept as clips are.
+
+use std::ops::ControlFlow;
+
+use codec::Limits;
+
+use super::arrived::Arrived;
+use super::fetch::{End, Fetch};
+use super::{Options, REPORT};
+use crate::fault::Fault;
+use crate::progress::Progress;
+use crate::source::shown;
+
+/// A file that was fetched, or kept by an earlier run.
+#[derive(Debug)]
+pub(crate) struct Document {
+    pub(crate) bytes: Vec<u8>,
+    /// Why it is the one that was kept, if the server was not reached.
+    pub(crate) note: Option<String>,
+}
+
+/// Fetches the file at `url`, of at most so many bytes. `tell` is told of it a few times a second, and
+/// says whether to go on; `None` where it does not.
+///
+/// # Errors
+/// [`Fault::Network`] or [`Fault::Data`] that names the address.
+pub(crate) fn document(
+    url: &str,
+    options: &Options,
+    max_bytes: usize,
+    tell: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Document>, Fault> {
+    let kept = options
+        .cache
+        .as_ref()
+        .and_then(|cache| cache.get(url))
+        .filter(|kept| kept.package.len() <= max_bytes);
+    let patience = if kept.is_some() { options.patience.in_passing() } else { options.patience };
+    let known = kept.as_ref().map(|kept| kept.etag.clone()).filter(|etag| !etag.is_empty());
+    let limits = Limits { max_bytes, ..options.limits };
+    let fetch = Fetch::start(url, patience, max_bytes, Arrived::document(limits), known)
+        .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+    let (end, bytes) = loop {
+        let mut state = fetch.wait(REPORT, |state| state.end.is_some());
+        if let Some(end) = state.end.take() {
+            break (end, state.arrived.take());
+        }
+        let progress = state.progress.clone();
+        drop(state);
+        if tell(&progress).is_break() {
+            return Ok(None);
+        }
+    };
+    match (end, kept) {
+        (End::Complete { etag }, _) => {
+            if let Some(cache) = &options.cache
+                && let Err(error) = cache.put(url, etag.as_deref().unwrap_or_default(), &bytes)
+            {
+                log::warn!("{}: cannot be kept for the next time: {error}", shown(url));
+            }
+            Ok(Some(Document { bytes, note: None }))
+        }
+        (End::Unchanged, Some(kept)) => Ok(Some(Document { bytes: kept.package, note: None })),
+        (End::Failed { fault, passing: true }, Some(kept)) => {
+            let note = format!("{}: {fault}; the version kept on this device plays", shown(url));
+            Ok(Some(Document { bytes: kept.package, note: Some(note) }))
+        }
+        (End::Failed { fault, .. }, _) => Err(fault.about(&shown(url))),
+        (End::Unchanged, None) => {
+            Err(Fault::Network(format!("{}: the answer was not understood", shown(url))))
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Slurm, the scheduler of clusters, for a test of many takes: its controller, a node and the
+//! service by which they know one another.
+
+use xtask::workspace;
+
+use super::unpacked::{Release, Unpacked};
+
+/// What the test starts.
+const PACKAGES: &[&str] = &["slurmctld", "slurmd", "slurm-client", "munge"];
+
+/// The scheduler in its folder.
+pub(super) fn scheduler() -> Unpacked {
+    Unpacked {
+        folder: workspace::slurm_folder(),
+        release: Release::Machine,
+        packages: PACKAGES,
+        keep: &[
+            "usr/bin/sbatch",
+            "usr/bin/scontrol",
+            "usr/bin/sinfo",
+            "usr/sbin/munged",
+            "usr/sbin/slurmctld-wlm",
+            "usr/sbin/slurmd-wlm",
+            "usr/sbin/slurmstepd-wlm",
+            "usr/lib",
+        ],
+        size_mb: (17, 28),
+    }
+}
