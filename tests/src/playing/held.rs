@@ -4,6 +4,7 @@
 //! `player + (reference in the held order - reference)`. What it saves is the part of the stages
 //! `alive` and `sort` that a frame then has no share in.
 
+use anyhow::Context;
 use refine::image::Image;
 use refine::prune::Shot;
 use refine::reference::{Order, Scene, render, render_held};
@@ -23,7 +24,7 @@ pub(super) fn pictures(shots: &Shots) -> usize {
 }
 
 /// Measures the knob against the player as it is, `base`, of a clip of so many seconds. `on_picture`
-/// is called for each of [`pictures`].
+/// is called for each of [`pictures`]. With it comes a picture of an order held longest.
 pub(super) fn knob(
     whole: &Scene,
     shots: &Shots,
@@ -31,7 +32,7 @@ pub(super) fn knob(
     expected: &Expected,
     base: &Measured,
     on_picture: &mut dyn FnMut() -> anyhow::Result<()>,
-) -> anyhow::Result<Knob> {
+) -> anyhow::Result<(Knob, Image)> {
     let mut take = |shot: &Shot, made: &Shot| {
         on_picture()?;
         anyhow::Ok(match shot == made {
@@ -42,12 +43,13 @@ pub(super) fn knob(
     // That of errors is sorted by distance.
     let turn = shots.turn.iter().map(|shot| take(shot, shot)).collect::<anyhow::Result<Vec<_>>>()?;
     let mut points = vec![point("1", true, base)];
+    let mut longest = None;
     for frames in FRAMES {
         let last = shots.pictures.len().saturating_sub(1).max(1);
         let mut pictures = Vec::new();
         for (i, shot) in shots.pictures.iter().enumerate() {
-            // Pictures are taken evenly long after the order was made.
-            let since = (i * (frames - 1) + last / 2) / last;
+            // Pictures are taken evenly long after the order was made, the first one longest.
+            let since = ((last - i.min(last)) * (frames - 1) + last / 2) / last;
             let held = take(shot, &earlier(shot, since, duration_s))?;
             pictures.push(on_top(&base.looked.images[i], &held, &expected.pictures[i]));
         }
@@ -57,8 +59,9 @@ pub(super) fn knob(
             turned.push(on_top(&base.looked.turn[i], &held, &turn[i]));
         }
         points.push(held_point(frames, base, expected.errors(&pictures, &turned)));
+        longest = pictures.into_iter().next();
     }
-    Ok(Knob {
+    let knob = Knob {
         stage: Stage::Playing,
         name: "frames to a sort".into(),
         about: "How many frames are drawn in the order, and of the Gaussians, that the first of them found. The \
@@ -67,8 +70,8 @@ pub(super) fn knob(
             .into(),
         cost: "ms a frame".into(),
         points,
-    }
-    .mark_front())
+    };
+    Ok((knob.mark_front(), longest.context("an order is held")?))
 }
 
 fn held_point(frames: usize, base: &Measured, errors: xtask::report::knob::Errors) -> Point {

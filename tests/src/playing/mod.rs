@@ -106,7 +106,9 @@ pub fn measure(
     tell(Message::Picture(picture("player", &base.looked.images[0])?))?;
     let mut on_picture = || tell(Message::Step("frames to a sort".into()));
     let duration_s = f64::from(clip.info.duration_s);
-    let held = held::knob(whole, &shots, duration_s, &expected, &base, &mut on_picture)?;
+    let (held, longest) = held::knob(whole, &shots, duration_s, &expected, &base, &mut on_picture)?;
+    let frames = held.points.last().map_or("", |point| &point.value);
+    tell(Message::Picture(picture(&format!("{}: {frames}", held.name), &longest)?))?;
     tell(Message::Knob(held))?;
     for sweep in sweeps {
         let points: Vec<Option<Measured>> =
