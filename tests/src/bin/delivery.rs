@@ -132,8 +132,8 @@ fn measure(clips: &[String], inside: bool) -> Result<(), String> {
 fn drop_packets() -> Result<(), String> {
     run(
         "nft",
-        "add table inet loss; add chain inet loss all { type filter hook input priority 0; }; \
-         add rule inet loss all meta l4proto tcp numgen random mod 100 < 1 drop",
+        "add table inet loss; add chain inet loss arriving { type filter hook input priority 0; }; \
+         add rule inet loss arriving meta l4proto tcp numgen random mod 100 < 1 drop",
     )
 }
 
@@ -145,7 +145,10 @@ fn run(program: &str, line: &str) -> Result<(), String> {
         .map_err(|error| format!("{program}: {error}"))?;
     match output.status.success() {
         true => Ok(()),
-        false => Err(format!("{program} {line}: {}", String::from_utf8_lossy(&output.stderr).trim())),
+        false => {
+            let said = String::from_utf8_lossy(&output.stderr);
+            Err(format!("{program}: {}", said.lines().next().unwrap_or_default()))
+        }
     }
 }
 
