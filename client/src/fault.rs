@@ -37,11 +37,16 @@ impl Fault {
     }
 }
 
+/// One line, whatever servers and drivers put into it: what would end it or control a terminal is
+/// shown as an escape.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
             self;
-        f.write_str(message)
+        message.chars().try_for_each(|c| match c.is_control() {
+            true => write!(f, "{}", c.escape_default()),
+            false => write!(f, "{c}"),
+        })
     }
 }
 

@@ -25,11 +25,26 @@ impl Fault {
     }
 }
 
+/// One line, whatever names out of files are in it: what would end it or control a terminal is shown
+/// as an escape.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Fault::Usage(message) | Fault::Data(message) | Fault::Device(message)) = self;
-        f.write_str(message)
+        message.chars().try_for_each(|c| match c.is_control() {
+            true => write!(f, "{}", c.escape_default()),
+            false => write!(f, "{c}"),
+        })
     }
 }
 
 impl std::error::Error for Fault {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_one_line() {
+        assert_eq!(Fault::Data("é a\nb\u{1b}[2J".into()).to_string(), "é a\\nb\\u{1b}[2J");
+    }
+}

@@ -81,6 +81,10 @@ fn repair_rotation(raw: &mut Field, row: usize, repairs: &mut Repairs) {
         *q = normalized(*q);
         if let Some(rate) = rate {
             *rate = normalized(*rate);
+            if !rate.iter().all(|x| x.is_finite()) {
+                *rate = [0.0; 4];
+                repairs.repair_rows("rotation rate far beyond its quaternion", 1);
+            }
         }
     } else {
         *q = [1.0, 0.0, 0.0, 0.0];

@@ -12,7 +12,8 @@ use std::sync::{Arc, Once, OnceLock};
 pub(super) struct Loss(Arc<OnceLock<String>>);
 
 impl Loss {
-    /// Listens to what the graphics interface tells of `device`.
+    /// Listens to what the graphics interface tells of `device`. Errors before it is gone are defects
+    /// of the program and panic, unless somebody else listens to them.
     pub(super) fn watch(device: &wgpu::Device) -> Loss {
         let why: Arc<OnceLock<String>> = Arc::default();
         let told = why.clone();
@@ -21,6 +22,13 @@ impl Loss {
             // The first one tells most.
             let _ = told.set(why);
         });
+        let is_gone = why.clone();
+        device.on_uncaptured_error(Arc::new(move |error| {
+            // What was made of the device went with it, and is missed: of that, the loss is told.
+            if is_gone.get().is_none() {
+                panic!("{error}");
+            }
+        }));
         Loss(why)
     }
 

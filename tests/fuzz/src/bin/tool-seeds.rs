@@ -4,6 +4,8 @@
 use std::{env, fs, path::PathBuf};
 
 use aarc_fuzz::seeds;
+// What is instrumented calls it.
+use libfuzzer_sys as _;
 
 fn main() {
     let folder = PathBuf::from(env::args_os().nth(1).expect("usage: tool-seeds FOLDER"));
