@@ -1,19 +1,23 @@
-//! What a clip does not use is absent from its GPU memory and its pipelines: what it takes is
-//! exactly what its columns need.
+//! What a clip does not use is absent from its package, its GPU memory and its pipelines: what it
+//! takes is exactly what its columns need.
 
 use std::mem::size_of;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::scene::{Motion, Recipe, decoded_with};
+use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
 use client::gpu::{Depth, Gpu, GpuClip, Renderer};
-use codec::Clip;
+use codec::{Clip, Coder, EncodeOptions, Field, Source, Temporal, sh_coefficients};
+use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
 
 fn main() -> ExitCode {
-    gpu::run(vec![gpu::trial("GPU memory and pipelines", Passes::Shared, memory_and_pipelines)])
+    gpu::run(vec![
+        gpu::trial("GPU memory and pipelines", Passes::Shared, memory_and_pipelines),
+        Trial::test("columns that say nothing", columns_that_say_nothing),
+    ])
 }
 
 const COUNT: usize = 100;
@@ -49,6 +53,46 @@ fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
     let plate = Recipe { sh_degree: 1, ..bare }.field();
     let bytes = 2 * least + COUNT * WORD * sh_words(1);
     expect(gpu, "plate", &decoded_with(&bare.field(), Some(&plate), &[]), bytes, 2)
+}
+
+/// A static field without view-dependent colour makes the same package, and so costs the same in all
+/// that follows, whatever columns it came with.
+fn columns_that_say_nothing() -> Result<(), Failed> {
+    let recipe = Recipe {
+        count: COUNT,
+        sh_degree: 0,
+        motion: Motion::Still,
+        motion_order: 0,
+        turning: false,
+        seed: 2,
+    };
+    let bare = recipe.field();
+    let coefficients = sh_coefficients(3);
+    let wide = Field {
+        sh_degree: 3,
+        sh: bare
+            .sh
+            .iter()
+            .flat_map(|&c| [&[c][..], &vec![[0.0; 3]; coefficients - 1][..]].concat())
+            .collect(),
+        temporal: Some(Temporal {
+            tau: vec![0.5; COUNT],
+            s: vec![f32::INFINITY; COUNT],
+            motion_order: 3,
+            motion: vec![[0.0; 3]; 3 * COUNT],
+            rotation_rates: Some(vec![[0.0; 4]; COUNT]),
+        }),
+        ..bare.clone()
+    };
+    for coder in [Coder::Fixed, Coder::Context] {
+        let options = EncodeOptions { coder, ..EncodeOptions::default() };
+        let package = |field| codec::encode(&Source { info: &info(), field, plate: None }, &options);
+        let (wide, bare) = (package(&wide)?, package(&bare)?);
+        if wide != bare {
+            return Err(format!("{coder:?}: {} bytes for {}", wide.len(), bare.len()).into());
+        }
+    }
+    Ok(())
 }
 
 fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {

@@ -79,6 +79,7 @@ pub fn measure(
         pictures: take(&shots.pictures, Order::Depth)?,
         // The order that does not change when the head turns: nothing pops.
         turn: take(&shots.turn, Order::Radial)?,
+        cameras: shots.turn.iter().map(|shot| shot.camera.clone()).collect(),
     };
     tell(Message::Picture(picture("f64 reference", &expected.pictures[0])?))?;
 

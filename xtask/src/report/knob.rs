@@ -1,9 +1,9 @@
 //! [`Knob`]: something that trades error for time or bytes, and what each of its values costs and
 //! keeps.
 //!
-//! A point is on the Pareto front where no other point of its knob is better in one and no worse in
-//! the other, beyond what the measurement can tell: costs differ where the middle halves of what was
-//! measured do not overlap, errors where pictures can tell them apart.
+//! A point is on the Pareto front where no other point of its knob is better in one, beyond what the
+//! measurement can tell, and no worse in the other: a cost is less where the middle halves of what was
+//! measured do not overlap, an error where pictures can tell.
 
 use std::collections::BTreeMap;
 
@@ -120,7 +120,7 @@ impl Point {
     /// Whether it is better than `other` in one and no worse in the other.
     fn beats(&self, other: &Point) -> bool {
         (self.is_cheaper(other) && !other.is_more_exact(self))
-            || (self.is_more_exact(other) && !other.is_cheaper(self))
+            || (self.is_more_exact(other) && self.cost.median <= other.cost.median)
     }
 }
 
@@ -191,11 +191,13 @@ mod tests {
             front(vec![point("default", [6.0, 8.0, 9.0], 50.00), point("as fast", [6.5, 7.0, 8.0], 50.05)]);
         assert_eq!(on_front, [true, true]);
         assert_eq!(knob.beaten_defaults().count(), 0);
-        // As fast as far as one can tell, and less exact.
-        assert_eq!(
-            front(vec![point("default", [6.0, 8.0, 9.0], 50.0), point("b", [6.5, 7.0, 8.0], 48.0)]).0,
-            [true, false]
-        );
+        // Faster as far as one can tell, and less exact.
+        let (on_front, _) =
+            front(vec![point("default", [6.0, 8.0, 9.0], 50.0), point("b", [6.5, 7.0, 8.0], 48.0)]);
+        assert_eq!(on_front, [true, true]);
+        let (on_front, _) =
+            front(vec![point("default", [6.0, 8.0, 9.0], 50.0), point("b", [6.5, 8.5, 9.0], 48.0)]);
+        assert_eq!(on_front, [true, false]);
     }
 
     #[test]

@@ -75,8 +75,8 @@ where
         .label_style(("sans-serif", 12))
         .axis_desc_style(("sans-serif", 13))
         .x_labels(6)
-        .x_label_formatter(&|x| short(*x))
-        .y_label_formatter(&|y| short(*y))
+        .x_label_formatter(&|x| short(*x, right - left))
+        .y_label_formatter(&|y| short(*y, top - bottom))
         .x_desc(&chart.x)
         .draw()?;
 
@@ -113,14 +113,12 @@ fn range(values: impl Iterator<Item = f64>, [below, above]: [f64; 2]) -> (f64, f
     (low - below * length, high + above * length)
 }
 
-/// A number of few digits.
-fn short(x: f64) -> String {
-    match x.abs() {
-        size if size >= 1e6 => format!("{:.2} M", 1e-6 * x),
-        size if size >= 1e4 => format!("{:.0} k", 1e-3 * x),
-        size if size >= 100.0 => format!("{x:.0}"),
-        size if size >= 1.0 => format!("{:.1}", (10.0 * x).round() / 10.0),
-        _ => format!("{}", (1000.0 * x).round() / 1000.0),
+/// A number on an axis of this length: as many digits as tell its labels apart.
+fn short(x: f64, length: f64) -> String {
+    match length {
+        length if length >= 2e6 => format!("{:.1} M", 1e-6 * x),
+        length if length >= 5e3 => format!("{:.0} k", 1e-3 * x),
+        length => format!("{x:.*}", (2.0 - length.log10()).floor().clamp(0.0, 6.0) as usize),
     }
 }
 
@@ -146,5 +144,13 @@ mod tests {
             let svg = svg(&[Chart { title: String::new(), x: String::new(), marks }]).unwrap();
             assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"), "{svg}");
         }
+    }
+
+    #[test]
+    fn labels_have_the_digits_that_tell_them_apart() {
+        assert_eq!(short(43.256, 30.0), "43");
+        assert_eq!(short(43.256, 4.0), "43.3");
+        assert_eq!(short(3.2468, 0.05), "3.247");
+        assert_eq!((short(61_970.0, 4e4), short(5e6, 9e6)), ("62 k".into(), "5.0 M".into()));
     }
 }

@@ -17,7 +17,7 @@ use super::playing::Playing;
 use super::plot::{self as lines, Line, Panel};
 use crate::fit::log::Entry;
 use front::{Chart, Mark, svg};
-use text::{escape, grouped};
+use text::{escape, grouped, prose};
 
 /// What was found out about a clip or field.
 #[derive(Debug)]
@@ -184,12 +184,13 @@ impl Findings {
              own, and {} frames of a head that turns by 90 degrees a second while the clip plays. Errors are against \
              the f64 reference of the whole field: PSNR over all pixels of all pictures, the mean SSIM, the PSNR of the \
              worst tile of 32x32 pixels, and <i>flicker</i>, the root mean square of how the error changes from frame to \
-             frame while the head turns, against the reference in the order that does not change when a head turns. \
+             frame while the head turns, against the reference in the order that does not change when a head turns; an error \
+             that stays where it is in the world does not flicker. \
              Run times are medians of {} rounds, with the ends of the middle half; each round draws every variant once. \
              <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
-             on no machine; fetched bytes are those of records and of the order, once an instance.</p>\n\
+             on no machine; fetched bytes are those of the mean record and of the order, once an instance.</p>\n\
              <p>Blue points are on the Pareto front: no other value of the knob is cheaper and no less exact, or more exact \
-             and no dearer. Costs differ where the middle halves do not overlap, errors by more than {RESOLUTION_DB} dB. \
+             and no dearer. Cheaper is what the middle halves of both show, more exact is by more than {RESOLUTION_DB} dB. \
              The ring is what is taken where nobody says.</p>",
             grouped(setup.gaussians as f64),
             escape(machine),
@@ -260,7 +261,7 @@ impl Findings {
 
 /// A knob: what it does, its front, its table.
 fn section(text: &mut String, knob: &Knob) -> anyhow::Result<()> {
-    let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&knob.name), escape(&knob.about));
+    let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&knob.name), prose(&knob.about));
     let mark = |point: &Point, y: f64, on_front: bool| Mark {
         label: point.value.clone(),
         x: [point.cost.median, point.cost.low, point.cost.high],

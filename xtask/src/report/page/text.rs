@@ -5,6 +5,14 @@ pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// Text of which what stands between backticks is code.
+pub(super) fn prose(text: &str) -> String {
+    let mut marks = ["<code>", "</code>"].into_iter().cycle();
+    let mut parts = text.split('`');
+    let first = escape(parts.next().unwrap_or_default());
+    parts.fold(first, |text, part| text + marks.next().unwrap_or_default() + &escape(part))
+}
+
 /// A whole number in groups of three digits.
 pub(super) fn grouped(x: f64) -> String {
     let digits = format!("{:.0}", x.abs());
@@ -36,6 +44,7 @@ mod tests {
     #[test]
     fn markup_is_text() {
         assert_eq!(escape("<a href=\"b\">&"), "&lt;a href=&quot;b&quot;&gt;&amp;");
+        assert_eq!(prose("a `b<` c"), "a <code>b&lt;</code> c");
         assert_eq!((decimals(Some(1.25), 1), decimals(None, 1)), ("1.2".into(), "-".into()));
     }
 }
