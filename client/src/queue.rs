@@ -152,6 +152,7 @@ impl<P> List<P> {
     }
 
     /// Forgets the next clip, which may be asked for again.
+    #[cfg(any(feature = "window", test))]
     pub(crate) fn forget_next(&mut self) {
         self.next = Next::Unasked;
     }
@@ -188,6 +189,7 @@ impl<P> List<P> {
     }
 
     /// The clip that plays, among all, in words.
+    #[cfg(any(feature = "window", test))]
     pub(crate) fn place(&self) -> String {
         format!("{} of {}", self.queue.at + 1, self.queue.len())
     }
