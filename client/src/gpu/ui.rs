@@ -46,7 +46,24 @@ impl UiPainter {
             }
         }
         let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: target.size, pixels_per_point };
-        self.renderer.update_buffers(&gpu.device, &gpu.queue, encoder, triangles, &screen);
+        // A device that is gone has no buffers, and the painter insists on them.
+        if !gpu.is_lost() {
+            self.record(gpu, encoder, target, triangles, &screen);
+        }
+        for id in textures.free.drain() {
+            self.renderer.free_texture(&id);
+        }
+    }
+
+    fn record(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &UiTarget<'_>,
+        triangles: &[egui::ClippedPrimitive],
+        screen: &egui_wgpu::ScreenDescriptor,
+    ) {
+        self.renderer.update_buffers(&gpu.device, &gpu.queue, encoder, triangles, screen);
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("interface"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -64,9 +81,6 @@ impl UiPainter {
             })],
             ..Default::default()
         });
-        self.renderer.render(&mut pass.forget_lifetime(), triangles, &screen);
-        for id in textures.free.drain() {
-            self.renderer.free_texture(&id);
-        }
+        self.renderer.render(&mut pass.forget_lifetime(), triangles, screen);
     }
 }

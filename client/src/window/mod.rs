@@ -141,9 +141,11 @@ struct App {
 }
 
 impl App {
-    /// Ends the program.
+    /// Ends the program. What a device that was lost had is not put away, at which the graphics library
+    /// panics: it goes with the process.
     fn fail(&mut self, event_loop: &ActiveEventLoop, fault: Fault) {
         self.result = Err(fault);
+        std::mem::forget(self.session.take());
         event_loop.exit();
     }
 }

@@ -228,6 +228,12 @@ impl Gpu {
         Fault::Device(format!("graphics device {name} stopped working ({why}): start again"))
     }
 
+    /// Whether the device is gone: what is drawn with it is drawn nowhere.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(crate) fn is_lost(&self) -> bool {
+        self.loss.why().is_some()
+    }
+
     /// Destroys the device under all that uses it, as a driver that is reset does: to try what comes
     /// of that.
     pub fn lose(&self) {

@@ -1,9 +1,10 @@
-//! A Vulkan layer under which the device is lost, as when a driver crashes: tests load it below the
-//! player to see what becomes of that.
+//! A Vulkan layer under which the device is lost, as when a driver crashes, or its memory runs out:
+//! tests load it below the player to see what becomes of that.
 //!
 //! `AARC_LOSE=submit:N` has the Nth submission refused, `AARC_LOSE=wait:N` the wait after it; from
-//! then on the driver answers everything with `VK_ERROR_DEVICE_LOST`. The loader's interface is
-//! version 2 of "LoaderLayerInterface.md" of the Vulkan loader.
+//! then on the driver answers everything with `VK_ERROR_DEVICE_LOST`. `AARC_LOSE=memory:N` has no
+//! memory from the Nth allocation on. The loader's interface is version 2 of
+//! "LoaderLayerInterface.md" of the Vulkan loader.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
@@ -61,16 +62,32 @@ static WAIT_FENCES: OnceLock<vk::PFN_vkWaitForFences> = OnceLock::new();
 static WAIT_SEMAPHORES: OnceLock<vk::PFN_vkWaitSemaphores> = OnceLock::new();
 static COUNTER: OnceLock<vk::PFN_vkGetSemaphoreCounterValue> = OnceLock::new();
 
+static ALLOCATE: OnceLock<vk::PFN_vkAllocateMemory> = OnceLock::new();
+
 static SUBMISSIONS: AtomicU32 = AtomicU32::new(0);
+static ALLOCATIONS: AtomicU32 = AtomicU32::new(0);
 static LOST: AtomicBool = AtomicBool::new(false);
 
-/// Which submission is the last, and whether it is still taken.
-fn plan() -> (u32, bool) {
-    static PLAN: OnceLock<(u32, bool)> = OnceLock::new();
+/// What is lost.
+#[derive(Clone, Copy, PartialEq)]
+enum Loss {
+    Submission,
+    Wait,
+    Memory,
+}
+
+/// What is lost, and with which call.
+fn plan() -> (Loss, u32) {
+    static PLAN: OnceLock<(Loss, u32)> = OnceLock::new();
     *PLAN.get_or_init(|| {
         let text = std::env::var("AARC_LOSE").unwrap_or_default();
         let (what, number) = text.split_once(':').unwrap_or_default();
-        (number.parse().unwrap_or(u32::MAX), what == "wait")
+        let loss = match what {
+            "wait" => Loss::Wait,
+            "memory" => Loss::Memory,
+            _ => Loss::Submission,
+        };
+        (loss, number.parse().unwrap_or(u32::MAX))
     })
 }
 
@@ -150,6 +167,7 @@ unsafe extern "system" fn create_device(
             let function = |name: &CStr| of_device(*device, name.as_ptr());
             let _ = DEVICE.set(of_device);
             function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, _>(f)));
+            function(c"vkAllocateMemory").map(|f| ALLOCATE.set(transmute::<Any, _>(f)));
             function(c"vkWaitForFences").map(|f| WAIT_FENCES.set(transmute::<Any, _>(f)));
             function(c"vkWaitSemaphores").map(|f| WAIT_SEMAPHORES.set(transmute::<Any, _>(f)));
             function(c"vkGetSemaphoreCounterValue").map(|f| COUNTER.set(transmute::<Any, _>(f)));
@@ -165,9 +183,9 @@ unsafe extern "system" fn submit(
     submits: *const vk::SubmitInfo<'_>,
     fence: vk::Fence,
 ) -> vk::Result {
-    let (last, is_taken) = plan();
-    let loses = SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last;
-    if LOST.load(Ordering::Relaxed) || loses && !is_taken {
+    let (loss, last) = plan();
+    let loses = loss != Loss::Memory && SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last;
+    if LOST.load(Ordering::Relaxed) || loses && loss == Loss::Submission {
         LOST.store(true, Ordering::Relaxed);
         return vk::Result::ERROR_DEVICE_LOST;
     }
@@ -176,6 +194,21 @@ unsafe extern "system" fn submit(
         SUBMIT.get().map_or(vk::Result::ERROR_DEVICE_LOST, |f| unsafe { f(queue, count, submits, fence) });
     LOST.fetch_or(loses, Ordering::Relaxed);
     result
+}
+
+// SAFETY: called as vkAllocateMemory is.
+unsafe extern "system" fn allocate(
+    device: vk::Device,
+    info: *const vk::MemoryAllocateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    memory: *mut vk::DeviceMemory,
+) -> vk::Result {
+    let (loss, last) = plan();
+    if loss == Loss::Memory && ALLOCATIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last {
+        return vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+    }
+    // SAFETY: the caller's arguments, to the function of the same name.
+    unless_lost(|| ALLOCATE.get().map(|f| unsafe { f(device, info, allocator, memory) }))
 }
 
 /// What the driver answers, unless the device is lost.
@@ -226,6 +259,7 @@ fn own(name: &CStr) -> vk::PFN_vkVoidFunction {
         b"vkCreateInstance" => create_instance as *const (),
         b"vkCreateDevice" => create_device as *const (),
         b"vkQueueSubmit" => submit as *const (),
+        b"vkAllocateMemory" => allocate as *const (),
         b"vkWaitForFences" => wait_fences as *const (),
         b"vkWaitSemaphores" | b"vkWaitSemaphoresKHR" => wait_semaphores as *const (),
         b"vkGetSemaphoreCounterValue" | b"vkGetSemaphoreCounterValueKHR" => counter as *const (),
