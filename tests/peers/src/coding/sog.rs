@@ -1,0 +1,38 @@
+//! SOG, by npm `@playcanvas/splat-transform`: static fields.
+
+use std::path::Path;
+use std::process::Command;
+
+use codec::Field;
+use xtask::export;
+use xtask::fault::Fault;
+use xtask::import::import;
+
+use super::Theirs;
+use crate::player::web_folder;
+
+/// The program, from the folder of what runs in Node.
+const CLI: &str = "../node_modules/@playcanvas/splat-transform/bin/cli.mjs";
+
+/// A file of a field that stands still.
+pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<Theirs> {
+    let (ply, path) = (folder.join("coded.ply"), folder.join("coded.sog"));
+    std::fs::write(&ply, export::static_ply(field))?;
+    let mut command = Command::new("node");
+    command.arg(web_folder().join(CLI)).args(["--quiet", "--overwrite", "--gpu", "cpu"]).arg(&ply).arg(&path);
+    let output = command.output().map_err(|error| Fault::Device(format!("node: {error}")))?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        return Err(Fault::Device(format!("splat-transform: {said}")).into());
+    }
+    Ok(Theirs {
+        name: "SOG",
+        leaves_out: "motion: one instant",
+        bytes: std::fs::read(&path)?.len(),
+        field: import(&path)?.field,
+        decode: Box::new(move || {
+            import(&path)?;
+            Ok(())
+        }),
+    })
+}

@@ -1,0 +1,158 @@
+//! Measures other players and coders in turn with this project's: the same fields, cameras, times and
+//! pixels. `README.md` says what is compared and how.
+
+mod coding;
+mod material;
+mod native;
+mod player;
+mod playing;
+mod report;
+mod spread;
+mod work;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+use xtask::export;
+use xtask::fault::Fault;
+use xtask::machine::machine;
+
+use material::Material;
+use player::{Kind, WebGl, web_folder};
+use report::Report;
+use work::Work;
+
+/// The clip time that is frozen.
+const INSTANT: f64 = 0.5;
+
+/// Frames of a round.
+const FRAMES: usize = 12;
+
+/// Players of moving fields.
+const MOVING: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Gsplat, Kind::GsplatMended];
+
+/// Players of static fields; ours plays the clip, at one instant.
+const FROZEN: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Viewer, Kind::Spark];
+
+/// Measures other players and coders in turn with this project's.
+#[derive(Parser)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    measure: Option<Measure>,
+}
+
+#[derive(clap::Args)]
+struct Measure {
+    /// Fitted field file, folder holding one, or package
+    input: PathBuf,
+    /// Folder for the tables, the pictures and all that was played and coded
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// Keep the N Gaussians that contribute most to pictures
+    #[arg(long, value_name = "N")]
+    budget: Option<usize>,
+    /// Size of the pictures
+    #[arg(long, value_name = "WxH", value_parser = size, default_value = "640x480")]
+    size: [u32; 2],
+    /// Rounds of playing and decoding
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..))]
+    rounds: u8,
+    /// What draws for WebGL
+    #[arg(long, value_enum, default_value_t)]
+    webgl: WebGl,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Answers for a player; what a measurement starts by itself
+    #[command(hide = true)]
+    Play { kind: Kind, folder: PathBuf },
+}
+
+fn main() -> ExitCode {
+    let start = Instant::now();
+    let result = match Cli::parse() {
+        Cli { command: Some(Command::Play { kind, folder }), .. } => native::answer(kind, &folder, start),
+        Cli { measure: Some(measure), .. } => run(&measure),
+        Cli { command: None, measure: None } => unreachable!("one of both is required"),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(error.downcast_ref::<Fault>().map_or(1, Fault::exit_code))
+        }
+    }
+}
+
+fn run(args: &Measure) -> anyhow::Result<()> {
+    let modules = web_folder().with_file_name("node_modules");
+    if !modules.is_dir() {
+        let folder = modules.with_file_name("").display().to_string();
+        return Err(Fault::Device(format!("the peers of npm are missing: run `npm ci` in {folder}")).into());
+    }
+    let rounds = usize::from(args.rounds);
+    let progress = ProgressBar::new_spinner();
+    progress.set_style(ProgressStyle::with_template("{elapsed_precise} {msg}")?);
+    progress.enable_steady_tick(Duration::from_secs(1));
+
+    let material = Material::load(&args.input, args.budget, &progress)?;
+    let Material { name, info, field: _, package, clip } = &material;
+    let viewpoint = &info.viewpoints[0];
+    let moving = Work::swinging(viewpoint, info, args.size, FRAMES, |part| part);
+    let frozen = Work::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
+    let played = export::merged(clip);
+    let splatv = export::splatv(&played, info);
+    let ply = export::static_ply(&export::frozen(&played, INSTANT));
+    let coded = made(&args.out.join("coding"))?;
+    let [moving_folder, frozen_folder] = [("moving", &moving), ("frozen", &frozen)].map(|(name, work)| {
+        let folder = made(&args.out.join(name))?;
+        fs::write(folder.join(Kind::Ours.field()), package)?;
+        work.write(&folder)?;
+        anyhow::Ok(folder)
+    });
+    let (moving_folder, frozen_folder) = (moving_folder?, frozen_folder?);
+    fs::write(moving_folder.join(Kind::Gsplat.field()), &splatv)?;
+    fs::write(frozen_folder.join(Kind::Viewer.field()), ply)?;
+
+    let how = (rounds, args.webgl);
+    let report = Report {
+        name: name.clone(),
+        gaussians: clip.len(),
+        package_bytes: package.len(),
+        splatv_bytes: splatv.len(),
+        machine: machine(),
+        size: args.size,
+        frames: FRAMES,
+        rounds,
+        moving: playing::compare(&MOVING, (clip, &moving), &moving_folder, how, &progress)?,
+        frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, how, &progress)?,
+        coding: coding::compare(&material, INSTANT, &coded, rounds, &progress)?,
+    };
+    progress.finish_and_clear();
+    fs::write(args.out.join("peers.json"), serde_json::to_vec_pretty(&report)?)?;
+    fs::write(args.out.join("peers.md"), report.text())?;
+    print!("{}", report.text());
+    Ok(())
+}
+
+/// The folder, made if it is missing, by a path that other programs can use from elsewhere.
+fn made(folder: &Path) -> anyhow::Result<PathBuf> {
+    let fault = |error: std::io::Error| Fault::Data(format!("{}: {error}", folder.display()));
+    fs::create_dir_all(folder).map_err(fault)?;
+    Ok(folder.canonicalize().map_err(fault)?)
+}
+
+/// A size of pictures, as WxH.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let size = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    size.filter(|size| size.iter().all(|side| (1..=8192).contains(side)))
+        .ok_or("not a size WxH of 1x1 to 8192x8192 pixels".into())
+}

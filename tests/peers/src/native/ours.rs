@@ -1,0 +1,46 @@
+//! This project's player, by the calls that its headless mode makes.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::source;
+use client::view::View;
+
+use super::Drawer;
+use crate::work::{Frame, Work};
+
+struct Ours {
+    gpu: Gpu,
+    renderer: Renderer,
+    image: Offscreen,
+    settings: Settings,
+}
+
+/// Opens the package at `path`, for 8 bits per channel, as windows have.
+pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<Box<dyn Drawer>> {
+    let clip = source::load_file(path)?;
+    let gpu = Gpu::new_headless()?;
+    let view = View::from_camera(&work.frames[0].camera);
+    let image = Offscreen::new(&gpu, view.size, 1, Depth::Eight)?;
+    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
+    let renderer = Renderer::new(&gpu, on_gpu, Depth::Eight.format(), 1)?;
+    let settings = Settings { cutoff, ..Settings::default() };
+    Ok(Box::new(Ours { gpu, renderer, image, settings }))
+}
+
+impl Drawer for Ours {
+    fn device(&self) -> String {
+        format!("{}, {}", self.gpu.adapter_name, self.gpu.driver)
+    }
+
+    fn draw(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        let view = View::from_camera(&frame.camera);
+        self.image.render(&self.gpu, &mut self.renderer, frame.t, &[view], &self.settings)?;
+        Ok(())
+    }
+
+    fn read(&mut self) -> anyhow::Result<Vec<u8>> {
+        Ok(self.image.read(&self.gpu)?[0].to_rgb8())
+    }
+}

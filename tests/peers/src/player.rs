@@ -1,0 +1,203 @@
+//! [`Player`]: a player in a process of its own, and what it is asked to do.
+//!
+//! A request is a line of JSON on its stdin, the reply one on its stdout. `native` answers for
+//! players in Rust, `web/driver.mjs` for those in a browser.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+use xtask::fault::Fault;
+
+/// What a player is asked.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Request {
+    /// Opens a field of the folder and draws the first frame of the work. Reply: [`Opened`].
+    Open {
+        /// Name of its file.
+        field: String,
+    },
+    /// Draws all frames of the work. Reply: [`Played`].
+    Play {},
+    /// Draws one frame, in the order that belongs to it, and writes it. Reply: `{}`.
+    Picture {
+        /// Number of the frame.
+        frame: usize,
+        /// The file to write: red, green, blue of every pixel, row by row from the top.
+        out: PathBuf,
+    },
+}
+
+/// A field is open, and its first frame is drawn.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Opened {
+    /// Milliseconds from the start of the program, in a browser of the page, to the first picture.
+    pub(crate) first_ms: f64,
+    /// What draws.
+    pub(crate) device: String,
+}
+
+/// All frames are drawn.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Played {
+    /// Milliseconds of each, from handing it over until the GPU was done.
+    pub(crate) frames_ms: Vec<f64>,
+}
+
+/// Which player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    /// This project's, as its window draws: 8 bits, every Gaussian to where its alpha is 1/255.
+    Ours,
+    /// The same with `--cutoff 8`, as far as other players draw.
+    OursSqrt8,
+    /// npm `gsplat`, as it is.
+    Gsplat,
+    /// The same with the coordinates that it should sort by.
+    GsplatMended,
+    /// crates.io `wgpu-3dgs-viewer`.
+    Viewer,
+    /// npm `@sparkjsdev/spark`.
+    Spark,
+}
+
+impl Kind {
+    /// Its name in tables.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Kind::Ours => "ours",
+            Kind::OursSqrt8 => "ours, `--cutoff 8`",
+            Kind::Gsplat => "gsplat.js",
+            Kind::GsplatMended => "gsplat.js, sorting mended",
+            Kind::Viewer => "wgpu-3dgs-viewer",
+            Kind::Spark => "Spark",
+        }
+    }
+
+    /// The file that it plays.
+    pub(crate) fn field(self) -> &'static str {
+        match self {
+            Kind::Ours | Kind::OursSqrt8 => "field.aarc",
+            Kind::Gsplat | Kind::GsplatMended => "field.splatv",
+            Kind::Viewer | Kind::Spark => "field.ply",
+        }
+    }
+
+    fn in_browser(self) -> bool {
+        matches!(self, Kind::Gsplat | Kind::GsplatMended | Kind::Spark)
+    }
+}
+
+/// What draws for WebGL.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WebGl {
+    /// Mesa's OpenGL ES: without a GPU the rasteriser that also is this machine's Vulkan.
+    #[default]
+    Mesa,
+    /// Chromium's own software driver.
+    Swiftshader,
+}
+
+/// A running player.
+pub(crate) struct Player {
+    pub(crate) kind: Kind,
+    folder: PathBuf,
+    web_gl: WebGl,
+    process: Option<Process>,
+}
+
+struct Process {
+    child: Child,
+    requests: Option<ChildStdin>,
+    replies: BufReader<ChildStdout>,
+}
+
+impl Player {
+    /// A player of the fields and the work in `folder`; nothing runs yet.
+    pub(crate) fn new(kind: Kind, folder: &Path, web_gl: WebGl) -> Player {
+        Player { kind, folder: folder.to_owned(), web_gl, process: None }
+    }
+
+    /// Opens its field anew: in a program that has just been started, or in a new page of the browser.
+    pub(crate) fn open(&mut self) -> anyhow::Result<Opened> {
+        if self.process.is_none() || !self.kind.in_browser() {
+            self.process = None;
+            self.process = Some(self.start()?);
+        }
+        self.ask(&Request::Open { field: self.kind.field().to_owned() })
+    }
+
+    /// Plays all frames.
+    pub(crate) fn play(&mut self) -> anyhow::Result<Played> {
+        self.ask(&Request::Play {})
+    }
+
+    /// Red, green, blue of every pixel of a frame.
+    pub(crate) fn picture(&mut self, frame: usize) -> anyhow::Result<Vec<u8>> {
+        let out = self.folder.join(format!("{}.rgb", name_of(self.kind)));
+        let Nothing {} = self.ask(&Request::Picture { frame, out: out.clone() })?;
+        let rgb = std::fs::read(&out)?;
+        std::fs::remove_file(&out)?;
+        Ok(rgb)
+    }
+
+    fn start(&self) -> anyhow::Result<Process> {
+        let mut command = if self.kind.in_browser() {
+            let mut command = Command::new("node");
+            command.arg(web_folder().join("driver.mjs")).args([name_of(self.kind), name_of(self.web_gl)]);
+            command
+        } else {
+            let mut command = Command::new(std::env::current_exe()?);
+            command.args(["play".into(), name_of(self.kind)]);
+            command
+        };
+        command.arg(&self.folder).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| {
+            Fault::Device(format!("{}: {error}", command.get_program().to_string_lossy()))
+        })?;
+        let requests = child.stdin.take();
+        let replies = BufReader::new(child.stdout.take().expect("it is piped"));
+        Ok(Process { child, requests, replies })
+    }
+
+    fn ask<Reply: for<'a> Deserialize<'a>>(&mut self, request: &Request) -> anyhow::Result<Reply> {
+        let name = self.kind.name();
+        let process = self.process.as_mut().with_context(|| format!("{name} is not open"))?;
+        let requests = process.requests.as_mut().expect("open until it is dropped");
+        let mut line = serde_json::to_vec(request)?;
+        line.push(b'\n');
+        let mut reply = String::new();
+        // A player that ended says on stderr why.
+        let sent = requests.write_all(&line).and_then(|()| requests.flush());
+        if sent.is_err() || process.replies.read_line(&mut reply)? == 0 {
+            return Err(Fault::Device(format!("{name} ended without a reply")).into());
+        }
+        serde_json::from_str(&reply).with_context(|| format!("{name} replied {reply}"))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // They leave when nothing more can be asked. What fails here has failed before.
+        self.requests = None;
+        let _ = self.child.wait();
+    }
+}
+
+/// A reply that says nothing.
+#[derive(Deserialize)]
+struct Nothing {}
+
+/// The name of a value on command lines; of a player in a browser also that of its module in `web`.
+fn name_of(value: impl ValueEnum) -> String {
+    value.to_possible_value().expect("no value is hidden").get_name().to_owned()
+}
+
+/// The folder of what runs in Node and the browser.
+pub(crate) fn web_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("web")
+}
