@@ -57,6 +57,8 @@ fn list_pairs(
             to++;
         }
     }
+    // Pairs of no tile have no gradient.
+    splats[row].tiles = to - splats[row].first_pair;
     for (; to < end; to++) {
         pair_tiles[to] = step.tiles.x * step.tiles.y;
     }

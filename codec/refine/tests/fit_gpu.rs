@@ -18,7 +18,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let trials = vec![
         trial("pictures are those of the CPU", pictures),
-        trial("pictures of more pairs than there was room for", many_pairs),
+        trial("pictures and gradients of more pairs than there was room for", many_pairs),
         trial("gradients are those of the CPU", gradients),
         trial("the loss is that of the CPU", losses),
         trial("a step is that of the CPU", a_step),
@@ -128,7 +128,18 @@ fn many_pairs(mut gpu: Gpu) -> Result<(), DeviceError> {
     parameters.logits.iter_mut().for_each(|logit| *logit -= 2.0);
     gpu.load(parameters.clone().into())?;
     let camera = camera(150, 90);
-    assert_pictures(&mut gpu, &parameters, &View { camera: &camera, frame: 0.0 }, "many pairs");
+    let view = View { camera: &camera, frame: 0.0 };
+    assert_pictures(&mut gpu, &parameters, &view, "many pairs");
+    // Behind opaque ones no light comes to most splats of a tile.
+    let mut opaque = parameters;
+    opaque.logits.fill(6.0);
+    let weights = weights(&camera);
+    let mut fresh = Gpu::open()?;
+    fresh.load(opaque.clone().into())?;
+    let expected = cpu::draw(&opaque, &view).backward(&opaque, &view, &weights, true);
+    for what in ["many pairs", "many pairs again"] {
+        assert_gradients(&fresh.gradient(&view, &weights, true)?, &expected, what);
+    }
     Ok(())
 }
 

@@ -32,8 +32,7 @@ pub enum Start {
 /// How depth maps come to the scale of the cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DepthScale {
-    /// [`DepthScale::Hull`] where the photographs have masks and more than one camera took them, else
-    /// [`DepthScale::Rig`].
+    /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
     Auto,
     /// They are in units of the capture.
     Metric,
@@ -54,14 +53,24 @@ impl DepthScale {
     }
 }
 
-/// Whether masks carve a visual hull.
+/// Whether masks carve a visual hull in every frame: two cameras or more see the subject, and one of
+/// them what is beside it.
 fn has_hull(shots: &Shots) -> bool {
-    let Some((first, _)) = shots.train.first() else { return false };
-    let is_masked = |photograph: &Photograph| {
-        (0..photograph.pixels.len()).any(|pixel| photograph.is_seen(pixel) && !photograph.is_subject(pixel))
+    let mut frames: BTreeMap<usize, Vec<&Photograph>> = BTreeMap::new();
+    for (taken, shot) in &shots.train {
+        frames.entry(taken.frame).or_default().push(&shot.photograph);
+    }
+    let any = |photograph: &Photograph, is: fn(&Photograph, usize) -> bool| {
+        (0..photograph.pixels.len()).any(|pixel| is(photograph, pixel))
     };
-    shots.train.iter().any(|(taken, _)| taken.camera != first.camera)
-        && shots.train.iter().any(|(_, shot)| is_masked(&shot.photograph))
+    frames.values().all(|photographs| {
+        let mut seen = photographs.iter().filter(|photo| any(photo, Photograph::is_subject)).peekable();
+        let is_masked = |photo: &Photograph| any(photo, |p, pixel| p.is_seen(pixel) && !p.is_subject(pixel));
+        let is_empty = seen.peek().is_none();
+        let (count, masked) =
+            seen.fold((0, false), |(count, masked), photo| (count + 1, masked || is_masked(photo)));
+        is_empty || (count >= 2 && masked)
+    })
 }
 
 /// A fit at its first step.
@@ -156,4 +165,39 @@ fn anchored(
         *tau = (times[*tau as usize] * shots.clock.frames_per_clip()) as f32;
     }
     Ok(parameters)
+}
+
+#[cfg(test)]
+mod tests {
+    use codec::Camera;
+    use refine::fit::Clock;
+
+    use super::*;
+
+    /// A photograph of a frame whose alpha is this, from left to right.
+    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (CaptureShot, Shot) {
+        let photograph = Photograph {
+            width: 2,
+            height: 1,
+            pixels: alpha.map(|alpha| [0, 0, 0, alpha]).to_vec(),
+            seen: Vec::new(),
+        };
+        let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
+        (CaptureShot { camera, frame }, Shot { camera: camera_of, frame: frame as f64, photograph })
+    }
+
+    #[test]
+    fn depths_are_scaled_on_the_hull_where_every_frame_has_one() {
+        let scale = |train: Vec<_>| {
+            let shots = Shots { train, held: Vec::new(), clock: Clock { frames: 2 } };
+            DepthScale::Auto.alignment(&shots)
+        };
+        let (cut, full, empty) = ([255, 0], [255, 255], [0, 0]);
+        let both = || vec![shot(0, 0, cut), shot(1, 0, full)];
+        assert_eq!(scale(both()), Alignment::Hull);
+        assert_eq!(scale(vec![shot(0, 0, full), shot(1, 0, full)]), Alignment::Rig, "no masks");
+        assert_eq!(scale([both(), vec![shot(0, 1, cut)]].concat()), Alignment::Rig, "a frame of one camera");
+        let left = vec![shot(0, 1, empty), shot(1, 1, empty)];
+        assert_eq!(scale([both(), left].concat()), Alignment::Hull, "nobody is there any more");
+    }
 }

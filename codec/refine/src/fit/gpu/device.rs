@@ -1,5 +1,6 @@
 //! [`Device`]: the graphics device, its memory and its failures.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -146,9 +147,7 @@ impl Device {
                 keep(&failure, &error.to_string());
             }
         });
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|error| self.lost(error.to_string()))?;
+        self.wait()?;
         if let Some(failure) = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
             return Err(self.lost(failure));
         }
@@ -157,6 +156,16 @@ impl Device {
         drop(mapped);
         landing.raw.unmap();
         Ok(values)
+    }
+
+    /// Waits until all that was submitted is done.
+    fn wait(&self) -> Result<(), DeviceError> {
+        let wait = || self.device.poll(wgpu::PollType::wait_indefinitely());
+        // A device that is lost at that moment makes the graphics interface panic.
+        match catch_unwind(AssertUnwindSafe(wait)) {
+            Ok(waited) => waited.map(|_| ()).map_err(|error| self.lost(error.to_string())),
+            Err(_) => Err(self.lost("the driver gave it up".into())),
+        }
     }
 
     /// The first `count` numbers of `buffer`.

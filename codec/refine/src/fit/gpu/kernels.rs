@@ -30,7 +30,7 @@ pub(super) enum Threads {
     Count(u64),
     /// One for each pixel of the image.
     Pixels,
-    /// One for each pixel of the image, in groups that are tiles.
+    /// A group for each tile of the image.
     Tiles,
     /// One for each tile of the image, and one more.
     TileStarts,
