@@ -176,13 +176,12 @@ fn lossy(command: &mut Command, room: &Room, when: &str) {
 }
 
 fn little_memory(room: &Room) -> Result<Completion, String> {
-    for number in 1..=4 {
+    // None at all; and none besides the block that small things are in, sooner or later.
+    for when in ["memory:1", "memory:2", "memory:3"] {
         let mut command = Command::new(client());
-        let line = format!("clip.aarc {HEADLESS} --out frame.png");
-        let when = format!("memory:{number}");
-        lossy(command.args(line.split_whitespace()).current_dir(room.0.path()), room, &when);
-        sentence(&run(&mut command), DEVICE, &["not enough memory for"])
-            .map_err(|what| format!("{when}: {what}"))?;
+        let line = "clip.aarc --headless --size 8000x6000 --out frame.png";
+        lossy(command.args(line.split_whitespace()).current_dir(room.0.path()), room, when);
+        sentence(&run(&mut command), DEVICE, &["enough memory"]).map_err(|what| format!("{when}: {what}"))?;
         if room.path("frame.png").exists() {
             return Err("a picture without memory".into());
         }
