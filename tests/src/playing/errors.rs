@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn what_turns_along_does_not_flicker() {
-        let (cameras, frames) = turning(|angle| 0.2 * (20.0 * angle).sin());
+        let (cameras, frames) = turning(|angle| 0.2 * (8.0 * angle).sin());
         let expected = Expected { pictures: Vec::new(), turn: vec![gray(0.5); 4], cameras };
         let turned_along = expected.flicker(&frames);
         assert!(turned_along < 0.2, "{turned_along}");
@@ -160,7 +160,7 @@ mod tests {
         popping[2] = gray(0.5);
         assert!(expected.flicker(&popping) > 20.0);
         // It stays in the image and so moves in the world.
-        assert!(expected.flicker(&vec![frames[0].clone(); 4]) > 5.0);
+        assert!(expected.flicker(&vec![frames[0].clone(); 4]) > 3.0);
     }
 
     #[test]
