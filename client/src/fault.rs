@@ -28,7 +28,7 @@ impl Fault {
     }
 
     /// The same fault, saying what it is about.
-    #[cfg(feature = "net")]
+    #[cfg(any(feature = "net", not(target_os = "android")))]
     pub(crate) fn about(mut self, subject: &str) -> Fault {
         let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
             &mut self;

@@ -74,7 +74,7 @@ impl Output<'_> {
 /// A clip on the device, and what draws it for the eyes that are asked for.
 struct Stage<'a> {
     gpu: &'a Gpu,
-    clip: Clip,
+    clip: Arc<Clip>,
     views: Vec<View>,
     settings: Settings,
     image: Offscreen,
@@ -83,7 +83,7 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(gpu: &'a Gpu, clip: Clip, views: Vec<View>, args: &Args) -> Result<Stage<'a>, Fault> {
+    fn new(gpu: &'a Gpu, clip: Arc<Clip>, views: Vec<View>, args: &Args) -> Result<Stage<'a>, Fault> {
         let settings = settings(args, &clip)?;
         let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let start = Instant::now();
@@ -132,7 +132,7 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     let views = views(args, &clip)?;
     settings(args, &clip)?;
     let gpu = Gpu::new_headless()?;
-    let mut stage = Stage::new(&gpu, clip, views, args)?;
+    let mut stage = Stage::new(&gpu, Arc::new(clip), views, args)?;
     let mut frames = Vec::new();
     for (i, &time) in times.iter().enumerate() {
         if args.stats.is_some() {
@@ -175,7 +175,8 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
 }
 
 /// Renders a playlist: its clips one after the other, as they play. One that cannot be had is told and
-/// skipped. The clip before stays on the device until the next one is there: two at a time.
+/// skipped, as is one that cannot be drawn. Only clips of which pictures are asked for are on the device,
+/// one at a time.
 fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
@@ -183,7 +184,7 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
     let list = playlist::wait(list, source::kept(), |news| reporter.tell(news))?;
     let gpu = Gpu::new_headless()?;
-    let mut stage: Option<Stage> = None;
+    let mut last: Option<Arc<Clip>> = None;
     let mut failed: Option<Fault> = None;
     let (mut todo, mut start) = (Vec::new(), 0.0);
     for name in &list.clips {
@@ -193,13 +194,13 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         let arrived = source::open(Some(name), source::kept())
             .and_then(|mut arrival| arrival.wait(None, |news| reporter.tell(news)));
         let clip = match arrived {
-            Ok(clip) => clip,
+            Ok(clip) => Arc::new(clip),
             Err(fault) => {
                 failed = Some(fault);
                 continue;
             }
         };
-        if stage.is_none() {
+        if last.is_none() {
             let times = times(args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
                 return Err(Fault::Usage(format!("time {time} s is before the start")));
@@ -207,30 +208,45 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
             todo = times.into_iter().enumerate().collect();
         }
         let end = start + f64::from(clip.info.duration_s);
-        let (here, later): (Vec<_>, Vec<_>) = todo.into_iter().partition(|&(_, time)| time < end - CHANGE_S);
-        todo = later;
-        let views = views(args, &clip)?;
-        let stage = stage.insert(Stage::new(&gpu, clip, views, args)?);
-        for (i, time) in here {
-            output.write(i, &stage.draw((time - start).max(0.0))?)?;
+        let (here, later): (Vec<_>, Vec<_>) =
+            todo.iter().copied().partition(|&(_, time)| time < end - CHANGE_S);
+        let stage = views(args, &clip).and_then(|views| {
+            settings(args, &clip)?;
+            (!here.is_empty()).then(|| Stage::new(&gpu, clip.clone(), views, args)).transpose()
+        });
+        match stage {
+            Ok(Some(mut stage)) => {
+                for (i, time) in here {
+                    output.write(i, &stage.draw((time - start).max(0.0))?)?;
+                }
+            }
+            Ok(None) => {}
+            Err(fault) => {
+                failed = Some(fault.about(&playlist::shown_name(name)));
+                continue;
+            }
         }
+        todo = later;
+        last = Some(clip);
         start = end;
         if todo.is_empty() {
             return Ok(());
         }
     }
-    let mut stage = match (stage, failed) {
-        (Some(stage), failed) => {
+    let clip = match (last, failed) {
+        (Some(clip), failed) => {
             failed.inspect(|fault| reporter.tell(&News::Note(format!("{fault}; skipped"))));
-            stage
+            clip
         }
         (None, Some(fault)) => return Err(fault),
         (None, None) => return Err(Fault::Data("there is no clip".into())),
     };
     // What is left is the very end, or beyond it.
-    let (fps, duration) = (stage.clip.info.fps, stage.clip.info.duration_s);
+    let (fps, duration) = (clip.info.fps, clip.info.duration_s);
     let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
     check_times(&left, start, fps.into())?;
+    let views = views(args, &clip)?;
+    let mut stage = Stage::new(&gpu, clip, views, args)?;
     for (i, _) in todo {
         output.write(i, &stage.draw(duration.into())?)?;
     }

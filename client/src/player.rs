@@ -26,6 +26,8 @@ pub struct Player {
     followed: bool,
     /// How far beyond the end it would be, in seconds of the clip, where another one follows.
     over_s: Option<f64>,
+    /// Whether it went from its end to its start since that was asked last.
+    started_over: bool,
 }
 
 impl Player {
@@ -42,6 +44,7 @@ impl Player {
             speed: 1.0,
             followed: false,
             over_s: None,
+            started_over: false,
         }
     }
 
@@ -71,6 +74,11 @@ impl Player {
         self.over_s
     }
 
+    /// Whether the clip started over at its end since this was asked last.
+    pub fn take_started_over(&mut self) -> bool {
+        std::mem::take(&mut self.started_over)
+    }
+
     /// Moves on by `elapsed_s` seconds of the viewer's time. At the end a clip waits for the one that
     /// follows, where one does; else a looping one starts over, any other stops on its last instant.
     pub fn advance(&mut self, elapsed_s: f64) {
@@ -86,6 +94,7 @@ impl Player {
             self.position_s = self.duration_s;
         } else if self.looping {
             self.position_s = position % self.duration_s;
+            self.started_over = true;
         } else {
             self.position_s = self.duration_s;
             self.playing = false;
@@ -96,6 +105,8 @@ impl Player {
     pub fn set_playing(&mut self, playing: bool) {
         if playing && !self.looping && self.position_s >= self.duration_s {
             self.position_s = 0.0;
+            self.over_s = None;
+            self.started_over = true;
         }
         self.playing = playing;
     }
@@ -401,6 +412,28 @@ mod tests {
         assert_eq!(player.over_s(), None);
         player.advance(0.1);
         assert!(near(player.position_s(), 2.0) && !player.is_playing(), "there is none after all");
+    }
+
+    #[test]
+    fn playing_from_the_end_starts_over_though_another_clip_follows() {
+        let mut player = player();
+        player.set_looping(false);
+        player.set_followed(true);
+        player.advance(2.5);
+        player.set_playing(false);
+        assert!(player.over_s().is_some() && !player.take_started_over());
+        player.set_playing(true);
+        assert!(near(player.position_s(), 0.0) && player.over_s().is_none(), "{player:?}");
+        assert!(player.take_started_over() && !player.take_started_over());
+    }
+
+    #[test]
+    fn a_loop_tells_that_it_started_over() {
+        let mut player = player();
+        player.advance(1.9);
+        assert!(!player.take_started_over());
+        player.advance(0.2);
+        assert!(player.take_started_over() && !player.take_started_over());
     }
 
     #[test]

@@ -109,7 +109,9 @@ fn fetch(
 ) -> Result<Option<Vec<u8>>, Fault> {
     use crate::source::net_options;
     let progress = &mut |progress: &crate::progress::Progress| tell(News::Progress(progress.clone()));
-    let Some(document) = crate::net::document(url, &net_options(kept), BYTES_MAX, progress)? else {
+    let is_sound = &|bytes: &[u8]| Playlist::parse(url, bytes).is_ok();
+    let options = net_options(kept);
+    let Some(document) = crate::net::document(url, &options, BYTES_MAX, is_sound, progress)? else {
         return Ok(None);
     };
     if let Some(note) = document.note
@@ -130,7 +132,7 @@ fn fetch(
 }
 
 /// A name as it may be shown.
-fn shown_name(name: &str) -> String {
+pub(crate) fn shown_name(name: &str) -> String {
     if is_address(name) { shown(name) } else { name.to_owned() }
 }
 

@@ -88,7 +88,7 @@ enum Next<P> {
     Coming(Arc<AtomicBool>),
     /// It is here, with its number.
     Ready(usize, P),
-    /// None can be had.
+    /// None can be had, until the one that plays starts over.
     None,
 }
 
@@ -128,10 +128,11 @@ impl<P> List<P> {
         self.queue.len() > 1 && !matches!(self.next, Next::None)
     }
 
-    /// Notes that another clip plays.
+    /// Notes that another clip plays, of which the next one was not asked for yet.
     #[cfg(feature = "xr")]
     pub(crate) fn go_to(&mut self, number: usize) {
         self.queue.go_to(number);
+        self.next = Next::Unasked;
     }
 
     /// Takes the next clip in.
@@ -151,8 +152,15 @@ impl<P> List<P> {
         }
     }
 
+    /// Notes that the clip that plays starts over: if no other could be had, they may be asked for again.
+    pub(crate) fn start_over(&mut self) {
+        if let Next::None = self.next {
+            self.next = Next::Unasked;
+        }
+    }
+
     /// Forgets the next clip, which may be asked for again.
-    #[cfg(any(feature = "window", test))]
+    #[cfg(any(feature = "window", feature = "xr", test))]
     pub(crate) fn forget_next(&mut self) {
         self.next = Next::Unasked;
     }
@@ -217,7 +225,8 @@ pub(crate) type Tell<'a> = &'a mut dyn FnMut(Brought) -> Result<ControlFlow<()>,
 pub(crate) struct Terms {
     /// The folder in which clips from the network are kept.
     pub(crate) kept: Option<PathBuf>,
-    /// Layers without which a clip is not to be shown; `None` if all are needed.
+    /// Layers without which a clip is not to be shown; `None` if all are needed. One that has not as many
+    /// cannot be had.
     pub(crate) layers: Option<usize>,
     /// Whether somebody waits for the clip: before that, only the whole one is told.
     pub(crate) awaited: Arc<AtomicBool>,
@@ -275,7 +284,14 @@ fn bring_one(
         }
     }
     match latest {
-        Some(clip) => tell_version(clip, tell),
+        Some(clip) => {
+            let there = clip.layers.len();
+            if let Some(layers) = terms.layers.filter(|&layers| layers > there) {
+                let title = source::title(entry.name.as_deref());
+                return Err(Fault::Usage(format!("--layer {layers}: {title} has {there} layers")));
+            }
+            tell_version(clip, tell)
+        }
         None => Ok(ControlFlow::Continue(())),
     }
 }
@@ -327,6 +343,10 @@ mod tests {
         assert!(!list.goes_on(false) && list.goes_on(true));
         list.finish();
         assert!(!list.goes_on(true) && list.ask().is_none(), "no other can be had");
+        list.start_over();
+        assert_eq!(numbers(&list.ask().unwrap().0), [0, 1], "they are tried again the next time round");
+        list.start_over();
+        assert!(list.is_coming() && list.ask().is_none(), "they are on their way");
         list.forget_next();
         assert!(list.ask().is_some());
         let mut single = List::<()>::new(queue(Path::new(""), &["a"]));
@@ -364,6 +384,21 @@ mod tests {
         assert_eq!(text, "x", "the last one is the error");
         assert!(matches!(result, Err(Fault::Data(why)) if why.contains("bad.aarc")));
         assert!(told(&[], true).1.is_ok(), "there is nothing to bring");
+    }
+
+    #[test]
+    fn one_without_the_layers_asked_for_cannot_be_had() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
+        let queue = queue(folder.path(), &["a.aarc"]);
+        for awaited in [true, false] {
+            let terms = Terms { kept: None, layers: Some(99), awaited: Arc::new(awaited.into()) };
+            let result = bring(&queue.all(), &terms, &mut |brought| {
+                assert!(!matches!(brought, Brought::Clip { .. }));
+                Ok(ControlFlow::Continue(()))
+            });
+            assert!(matches!(result, Err(Fault::Usage(why)) if why.starts_with("--layer 99: a.aarc has ")));
+        }
     }
 
     #[test]

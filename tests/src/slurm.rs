@@ -136,7 +136,8 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 
     /// Starts a service, which ends with this process, however that ends.
     fn serve(&mut self, program: &str, args: &[&str]) {
-        let log = fs::File::create(self.path("log")).expect("temporary files can be made");
+        let log = fs::File::options().append(true).create(true).open(self.path("log"));
+        let log = log.expect("temporary files can be made");
         let mut command = self.with_environment(Command::new("setpriv"));
         command.args(["--pdeathsig", "KILL"]).arg(self.root.join(program)).args(args);
         command.stdin(Stdio::null()).stdout(log.try_clone().expect("a file can be shared")).stderr(log);

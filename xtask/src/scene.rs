@@ -310,8 +310,12 @@ fn is_field_name(name: &str) -> bool {
     if name == PLATE || POINT_CLOUDS.contains(&name) {
         return false;
     }
-    let extension = extension_of(name);
-    name == "meta.json" || ["ply", "splatv", "spz", "sog", "splat"].contains(&extension.as_str())
+    is_field_file(name)
+}
+
+/// Whether a file of this name is of a format that fields have.
+fn is_field_file(name: &str) -> bool {
+    name == "meta.json" || ["ply", "splatv", "spz", "sog", "splat"].contains(&extension_of(name).as_str())
 }
 
 /// Whether an entry with this name says that a folder holds footage or its calibration.
@@ -336,9 +340,14 @@ fn extension_of(name: &str) -> String {
     Path::new(name).extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// What a scene or a capture is called: its folder or file, without extension.
+/// What a scene or a capture is called: its folder or file, without the ending of a field. So far as the
+/// path has a name, that alone decides, and not what is there.
 pub fn name_of(path: &Path) -> String {
-    if path.is_dir() { name_of_folder(path) } else { name_of_file(path) }
+    match path.file_name().and_then(OsStr::to_str) {
+        Some(name) if is_field_file(name) => name_of_file(path),
+        Some(name) => name.into(),
+        None => name_of_folder(path),
+    }
 }
 
 /// The stem of a file; for a `meta.json`, which never has a name of its own, that of its folder.

@@ -147,9 +147,11 @@ fn what_cannot_be_is_said_before_anything_is_done() {
     let folder = folder.path();
     let error = |code, args: &[&str]| xtask(folder, args).error(code);
     fs::write(folder.join("twice.txt"), "walk.ply\nold/walk.spz\n").unwrap();
+    fs::write(folder.join("tab.txt"), "walk\tone.ply\n").unwrap();
     let list = |name| ["package", "--list", name, "-o", "clips"];
     assert!(error(3, &list("twice.txt")).contains("lines 1 and 2"));
     assert!(error(3, &list("nowhere.txt")).contains("nowhere.txt"));
+    assert!(error(3, &list("tab.txt")).contains("no control characters"));
     assert!(
         error(2, &["package", "--list", "takes.txt", "-o", "walk.ply"]).contains("cannot make the folder")
     );
@@ -168,6 +170,12 @@ fn what_cannot_be_is_said_before_anything_is_done() {
     // Within a take, an output would change it each time.
     let within = xtask(folder, &["package", "--list", "takes.txt", "-o", "run", "--coder", "fixed"]);
     assert!(within.code == Some(2) && within.stdout.contains("would lie within"), "{}", within.stdout);
+    // The folder around such a file is the take.
+    fs::create_dir(folder.join("sit")).unwrap();
+    fs::write(folder.join("sit/meta.json"), "{}").unwrap();
+    fs::write(folder.join("sit.txt"), "sit/meta.json\n").unwrap();
+    let within = xtask(folder, &["package", "--list", "sit.txt", "-o", "sit/clips", "--coder", "fixed"]);
+    assert!(within.code == Some(2) && within.stdout.contains("would lie within sit"), "{}", within.stdout);
 }
 
 /// A list of captures: each is fitted, and a fit that was interrupted goes on where it was.

@@ -19,7 +19,8 @@ pub(crate) struct Document {
     pub(crate) note: Option<String>,
 }
 
-/// Fetches the file at `url`, of at most so many bytes. `tell` is told of it a few times a second, and
+/// Fetches the file at `url`, of at most so many bytes. It is kept if it `is_sound`: what a network says of
+/// itself in its place does not replace what was kept. `tell` is told of it a few times a second, and
 /// says whether to go on; `None` where it does not.
 ///
 /// # Errors
@@ -28,6 +29,7 @@ pub(crate) fn document(
     url: &str,
     options: &Options,
     max_bytes: usize,
+    is_sound: &dyn Fn(&[u8]) -> bool,
     tell: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Document>, Fault> {
     let kept = options
@@ -54,6 +56,7 @@ pub(crate) fn document(
     match (end, kept) {
         (End::Complete { etag }, _) => {
             if let Some(cache) = &options.cache
+                && is_sound(&bytes)
                 && let Err(error) = cache.put(url, etag.as_deref().unwrap_or_default(), &bytes)
             {
                 log::warn!("{}: cannot be kept for the next time: {error}", shown(url));
@@ -68,6 +71,45 @@ pub(crate) fn document(
         (End::Failed { fault, .. }, _) => Err(fault.about(&shown(url))),
         (End::Unchanged, None) => {
             Err(Fault::Network(format!("{}: the answer was not understood", shown(url))))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead, BufReader, Write};
+    use std::net::{Ipv4Addr, TcpListener};
+
+    use super::*;
+    use crate::net::Cache;
+
+    /// The address of a file on a server that answers one request, with this.
+    fn served(listener: &TcpListener, body: &'static str) -> std::thread::JoinHandle<()> {
+        let listener = listener.try_clone().unwrap();
+        std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
+            while !lines.next().unwrap().unwrap().is_empty() {}
+            let length = body.len();
+            write!(stream, "HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}")
+                .unwrap();
+        })
+    }
+
+    #[test]
+    fn what_is_not_sound_replaces_nothing_that_was_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1 << 20);
+        let options = Options { cache: Some(cache.clone()), ..Options::default() };
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let url = format!("http://{}/list", listener.local_addr().unwrap());
+        for (body, kept) in [("{one}", "{one}"), ("<html>", "{one}"), ("{two}", "{two}")] {
+            let server = served(&listener, body);
+            let is_sound = &|bytes: &[u8]| bytes.starts_with(b"{");
+            let fetched = document(&url, &options, 100, is_sound, &mut |_| ControlFlow::Continue(()));
+            server.join().unwrap();
+            assert_eq!(fetched.unwrap().unwrap().bytes, body.as_bytes());
+            assert_eq!(cache.get(&url).unwrap().package, kept.as_bytes());
         }
     }
 }

@@ -1,7 +1,7 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
 //!
-//! Of a playlist, the next clip is made ready while this one plays: no more than these two are on the
-//! device, and the change takes no longer than a frame.
+//! Of a playlist, the next clip is made ready while this one plays: these two are on the device, and for a
+//! moment a better version of one of them. The change takes no longer than a frame.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -264,10 +264,16 @@ impl Session {
         }
     }
 
-    /// At the end of a clip of a playlist, goes on with the next one as soon as it is ready.
+    /// At the end of a clip of a playlist, goes on with the next one as soon as it is ready, unless the
+    /// viewer has paused.
     fn follow(&mut self) {
         let Some(list) = &mut self.list else { return };
-        if self.viewer.player.over_s().is_none() {
+        let player = &mut self.viewer.player;
+        if player.take_started_over() {
+            list.start_over();
+            return self.order_next();
+        }
+        if player.over_s().is_none() || !player.is_playing() {
             return;
         }
         if let Some(playing) = list.take() {

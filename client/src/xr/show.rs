@@ -223,24 +223,25 @@ impl Show {
                 }
                 loading::Told::Clip { loaded, first } => {
                     if let Err(fault) = self.take(loaded, first) {
-                        self.loading = None;
+                        self.finish();
                         return self.fail(fault);
                     }
                 }
                 // The clip that plays is the only one that can be had.
-                loading::Told::Failed(fault) if self.list.as_ref().is_some_and(List::is_coming) => {
+                loading::Told::Failed(fault)
+                    if self.playing.is_some() && self.list.as_ref().is_some_and(List::is_coming) =>
+                {
                     log::warn!("{fault}; skipped");
                     self.finish();
                     self.notice = Some(Told::Note(format!("{fault}; skipped")));
                 }
                 loading::Told::Failed(fault) => {
                     self.finish();
-                    self.fail(fault)?;
-                    return self.load_next();
+                    return self.fail(fault).and_then(|()| self.go_on_loading());
                 }
                 loading::Told::Done => {
                     self.finish();
-                    self.load_next()?;
+                    self.go_on_loading()?;
                 }
             }
         }
@@ -252,13 +253,22 @@ impl Show {
         self.playing.is_none() || self.list.as_ref().is_none_or(|list| !list.is_coming() || list.is_awaited())
     }
 
-    /// No more comes of what is loaded.
+    /// No more comes of what is loaded. Where nothing plays, the viewer may have the list tried again.
     fn finish(&mut self) {
         self.loading = None;
         self.notice.take_if(|notice| matches!(notice, Told::Loading { .. }));
-        if let Some(list) = &mut self.list {
+        let Some(list) = &mut self.list else { return };
+        if self.playing.is_some() {
             list.finish();
+        } else {
+            list.forget_next();
+            self.hurries = false;
         }
+    }
+
+    /// Loads what comes after the clip that plays.
+    fn go_on_loading(&mut self) -> Result<(), Fault> {
+        if self.playing.is_some() { self.load_next() } else { Ok(()) }
     }
 
     /// Takes a clip in: to play now, or next.
@@ -274,17 +284,27 @@ impl Show {
         }
         if first {
             list.go_to(loaded.entry.number);
+            self.hurries = false;
         }
         self.play(*loaded, first)
     }
 
-    /// At the end of a clip of a playlist, or where the viewer wants it, goes on with the next one as
-    /// soon as it is ready.
+    /// At the end of a clip of a playlist, unless the viewer has paused, or where the viewer wants it, goes
+    /// on with the next one as soon as it is ready.
     fn follow(&mut self) -> Result<(), Fault> {
         let Some(list) = &mut self.list else { return Ok(()) };
-        if self.player.over_s().is_none() && !self.hurries {
+        if self.player.take_started_over() {
+            list.start_over();
+            return self.go_on_loading();
+        }
+        let is_over = self.player.over_s().is_some() && self.player.is_playing();
+        if !is_over && !self.hurries {
             return Ok(());
         }
+        if self.hurries {
+            self.load_next()?;
+        }
+        let Some(list) = &mut self.list else { return Ok(()) };
         let Some(loaded) = list.take() else {
             if list.awaits() {
                 self.notice = Some(Told::Loading { text: "Loading the next clip".into(), part: None });

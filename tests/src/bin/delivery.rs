@@ -3,12 +3,12 @@
 //! A server of this process sends each clip at the rate of WiFi and does what it is told: all is well, it
 //! falls silent for two seconds in the middle, it hangs up at every tenth. In a network namespace `tc`
 //! paces what goes over the loopback and `nft` drops one packet in a hundred; where the system has no
-//! namespaces for this user, the server paces, and without `nft` no packet is lost. Loss comes without
+//! namespaces for this user, or no `ip` and `tc`, the server paces, and without `nft` no packet is lost. Loss comes without
 //! delay: a loopback has none, and the kernel's netem, which adds some, is seldom there.
 
 use std::env;
 use std::path::Path;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -25,6 +25,10 @@ const RUNS: usize = 11;
 
 /// How long a server is silent: less than what counts as a break.
 const STALL: Duration = Duration::from_secs(2);
+
+/// What `ip` does to the loopback of the namespace. Packets are as on a network: a loopback's are of 64 KiB,
+/// of which one in a hundred is hardly any.
+const LINK: &str = "link set lo up mtu 1500 gso_max_segs 1 gso_max_size 1500";
 
 /// First argument of the process in the namespace.
 const INSIDE: &str = "--inside";
@@ -59,11 +63,10 @@ fn main() -> ExitCode {
         eprintln!("error: name the clips: delivery CLIP..");
         return ExitCode::from(2);
     }
-    let result = match inside || !enter(clips) {
-        true => measure(clips, inside),
-        false => Ok(()),
-    };
-    match result {
+    if !inside && let Some(code) = enter(clips) {
+        return code;
+    }
+    match measure(clips, inside) {
         Ok(()) => ExitCode::SUCCESS,
         Err(what) => {
             eprintln!("error: {what}");
@@ -72,24 +75,33 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs this program in a network namespace; whether there is one.
-fn enter(clips: &[String]) -> bool {
+/// Runs this program in a network namespace, and returns its exit code; `None` where there is none, or
+/// none that can be paced.
+fn enter(clips: &[String]) -> Option<ExitCode> {
     let unshare = || {
         let mut unshare = Command::new("unshare");
         unshare.args(["--net", "--map-root-user"]);
         unshare
     };
-    let is_there = unshare().arg("true").stderr(Stdio::null()).status().is_ok_and(|status| status.success());
-    let Ok(program) = env::current_exe() else { return false };
-    is_there && unshare().arg(program).arg(INSIDE).args(clips).status().is_ok()
+    let mut trial = unshare();
+    trial.args(["sh", "-c", &format!("ip {LINK} && tc {}", pacing())]);
+    let trial = trial.stdout(Stdio::null()).stderr(Stdio::null()).status();
+    trial.ok().filter(ExitStatus::success)?;
+    let status = unshare().arg(env::current_exe().ok()?).arg(INSIDE).args(clips).status().ok()?;
+    // One that was killed has no code.
+    Some(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+/// What `tc` does to the loopback of the namespace.
+fn pacing() -> String {
+    format!("qdisc add dev lo root tbf rate {MBIT}mbit burst 3000 limit 500000")
 }
 
 /// Measures all conditions and prints the table. `inside` is whether the loopback is this process's own.
 fn measure(clips: &[String], inside: bool) -> Result<(), String> {
     if inside {
-        // Packets as on a network: a loopback's are of 64 KiB, of which one in a hundred is hardly any.
-        run("ip", "link set lo up mtu 1500 gso_max_segs 1 gso_max_size 1500")?;
-        run("tc", &format!("qdisc add dev lo root tbf rate {MBIT}mbit burst 3000 limit 500000"))?;
+        run("ip", LINK)?;
+        run("tc", &pacing())?;
     }
     println!("| clip | bytes | what happens | first layer decoded, ms | whole clip decoded, ms |");
     println!("|---|--:|---|--:|--:|");

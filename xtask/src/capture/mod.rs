@@ -92,6 +92,15 @@ impl Footage {
         }
     }
 
+    /// The files of photographs and masks.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files
+            .values()
+            .flat_map(|files| [Some(&files.image), files.mask.as_ref()])
+            .flatten()
+            .map(PathBuf::as_path)
+    }
+
     /// Pixels of the largest photograph, as it was taken.
     pub fn most_pixels(&self) -> usize {
         let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;

@@ -17,7 +17,7 @@ use xtask::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, S
 use xtask::input::Input;
 use xtask::output;
 use xtask::scene::DEFAULT_FPS;
-use xtask::takes::Take;
+use xtask::takes::{List, Take};
 
 use super::capture::{Cut, describe, load_lpips, load_shots};
 use super::takes::{self, Job, Many};
@@ -185,7 +185,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         forget: fit::forget_checkpoint,
         json: args.json,
     };
-    takes::run(list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+    takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
         make(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
     })
 }

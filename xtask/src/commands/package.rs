@@ -18,7 +18,7 @@ use xtask::output;
 use xtask::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
 use xtask::playlist;
 use xtask::scene::Scene;
-use xtask::takes::{Record, Standing, Take, key};
+use xtask::takes::{List, Record, Standing, Take, key};
 
 use super::capture::{Cut, load_shots};
 use super::takes::{self, Job, Many};
@@ -142,7 +142,9 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 
 /// Makes a package of each take of a list, and a playlist of all.
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
-    let names = takes::read(list, folder)?.takes.into_iter().map(|take| take.name);
+    let list = List::read(list)?;
+    let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
+    takes::make_folder(folder)?;
     let job = Job {
         command: "package",
         ending: "aarc",
@@ -152,8 +154,8 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         json: args.json,
     };
     // All shards write the same one: which of them ends last does not matter.
-    output::write(&folder.join(playlist::FILE), &playlist::of(names.map(|name| format!("{name}.aarc"))))?;
-    takes::run(list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+    output::write(&folder.join(playlist::FILE), &playlist)?;
+    takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
         let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
         made.check_ladder()?;
         made.to_json()

@@ -55,16 +55,17 @@ struct Outcome<'a> {
 /// and writes a summary. What `make` returns is kept in the record.
 ///
 /// # Errors
-/// [`Fault`] where the list or the folder is unusable; the kind of the first failure, after all takes,
+/// [`Fault::Usage`] where the folder is unusable; the kind of the first failure, after all takes,
 /// where any failed.
 pub(super) fn run(
-    list: &Path,
+    takes: &List,
     shard: Option<Shard>,
     folder: &Path,
     job: &Job,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<()> {
-    let (takes, shard) = (read(list, folder)?, shard.unwrap_or(Shard::ALL));
+    make_folder(folder)?;
+    let shard = shard.unwrap_or(Shard::ALL);
     let mut outcomes = Vec::new();
     for take in takes.of(shard) {
         let out = folder.join(format!("{}.{}", take.name, job.ending));
@@ -93,7 +94,7 @@ pub(super) fn run(
     }
     let count = |what| outcomes.iter().filter(|outcome| outcome.outcome == what).count();
     let summary = json!({
-        "command": job.command, "list": list, "shard": shard.to_string(),
+        "command": job.command, "list": takes.path, "shard": shard.to_string(),
         "done": count("done"), "skipped": count("skipped"), "failed": count("failed"), "takes": outcomes,
     });
     let text = format!("{summary:#}\n");
@@ -119,12 +120,10 @@ pub(super) fn run(
     }
 }
 
-/// Reads the list and makes the folder.
-pub(super) fn read(list: &Path, folder: &Path) -> Result<List, Fault> {
-    let takes = List::read(list)?;
+/// Makes the folder of the outputs, if it is not there.
+pub(super) fn make_folder(folder: &Path) -> Result<(), Fault> {
     std::fs::create_dir_all(folder)
-        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display())))?;
-    Ok(takes)
+        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display())))
 }
 
 /// Makes the output of a take, unless it is done.
@@ -134,10 +133,14 @@ fn one(
     job: &Job,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<&'static str> {
-    check_apart(&take.path, out)?;
     // The images of such a file are beside it.
     let is_index = take.path.file_name().is_some_and(|name| name == "meta.json");
-    let scene = take.path.parent().filter(|_| is_index).unwrap_or(&take.path);
+    let scene = match take.path.parent().filter(|_| is_index) {
+        Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
+        Some(folder) => folder,
+        None => &take.path,
+    };
+    check_apart(scene, out)?;
     let inputs: Vec<&Path> = [scene].into_iter().chain(job.inputs.iter().copied()).collect();
     let key = key(job.command, &job.options, &inputs)?;
     match Record::standing(out, job.command, &key) {

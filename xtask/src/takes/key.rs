@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+use crate::capture::Footage;
 use crate::fault::Fault;
 
 /// Bytes that are read at a time.
@@ -16,7 +17,8 @@ const DEPTH_MAX: usize = 32;
 
 /// The SHA-256 of what a command makes an output from: this program's version, the command, its
 /// options as text, and its inputs, names and contents of all files of a folder (hidden ones left
-/// out). Where the inputs are does not count.
+/// out), and of the photographs and masks that a capture there lists, wherever they are. Where the
+/// inputs are does not count.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file that cannot be read.
@@ -34,7 +36,12 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
         let mut files = Vec::new();
         if input.is_dir() {
             find(input, 0, &mut files).map_err(|error| fault(input, error))?;
+            // What is no capture, or none that can be read, lists nothing.
+            if let Ok(footage) = Footage::open(input) {
+                files.extend(footage.files().map(Path::to_owned));
+            }
             files.sort();
+            files.dedup();
         } else {
             files.push((*input).to_owned());
         }
@@ -123,6 +130,31 @@ mod tests {
         assert_ne!(of("one.ply", "x"), of("one.spz", "x"), "the ending tells the format");
         let error = key("package", "", &[&folder.path().join("none")]).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("none: "), "{error}");
+    }
+
+    #[test]
+    fn photographs_that_a_capture_lists_count_wherever_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let take = folder.path().join("take");
+        fs::create_dir(&take).unwrap();
+        let paint = |red: u8| {
+            let image = image::RgbImage::from_pixel(8, 6, image::Rgb([red, 0, 0]));
+            image.save(folder.path().join("photo.png")).unwrap();
+        };
+        let absolute = folder.path().join("photo.png");
+        for path in ["../photo.png", absolute.to_str().unwrap()] {
+            let transforms = serde_json::json!({"fl_x": 8.0, "frames": [{
+                "file_path": path,
+                "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]],
+            }]});
+            fs::write(take.join("transforms.json"), transforms.to_string()).unwrap();
+            let of = || key("fit", "", &[&take]).unwrap();
+            paint(10);
+            let first = of();
+            assert_eq!(of(), first);
+            paint(20);
+            assert_ne!(of(), first, "{path}");
+        }
     }
 
     #[cfg(unix)]

@@ -27,6 +27,8 @@ pub struct Take {
 /// The takes of a list, in its order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct List {
+    /// Where it was read from.
+    pub path: PathBuf,
     /// At least one.
     pub takes: Vec<Take>,
 }
@@ -67,7 +69,7 @@ impl List {
         match takes.len() {
             0 => Err(bad("names no take: write the path of one in each line".into())),
             count if count > TAKES_MAX => Err(bad(format!("{count} takes; at most {TAKES_MAX} are taken"))),
-            _ => Ok(List { takes }),
+            _ => Ok(List { path: path.into(), takes }),
         }
     }
 
@@ -119,7 +121,6 @@ mod tests {
 
     fn read(text: &str) -> Result<List, Fault> {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("walk.v2")).unwrap();
         let path = folder.path().join("takes.txt");
         std::fs::write(&path, text).unwrap();
         let mut list = List::read(&path)?;
@@ -135,11 +136,15 @@ mod tests {
 
     #[test]
     fn lines_are_paths_from_the_folder_of_the_list() {
-        let list = read("# a day's work\n\n walk.v2 \r\nfields/run.v2.ply\n/elsewhere/jump.spz\n").unwrap();
+        let text = "# a day's work\n\n walk.v2 \r\nfields/run.v2.ply\n/elsewhere/jump.spz\nwalk.2026-11-01\nsit/meta.json\n";
+        let list = read(text).unwrap();
         let expected = [
             take("walk.v2", "walk.v2"),
             take("fields/run.v2.ply", "run.v2"),
             take("/elsewhere/jump.spz", "jump"),
+            // Whether it is there or not.
+            take("walk.2026-11-01", "walk.2026-11-01"),
+            take("sit/meta.json", "sit"),
         ];
         assert_eq!(list.takes, expected);
     }
@@ -158,7 +163,8 @@ mod tests {
 
     #[test]
     fn shards_share_all_takes_out() {
-        let list = List { takes: (0..7).map(|i| take("x", &i.to_string())).collect() };
+        let list =
+            List { path: "takes.txt".into(), takes: (0..7).map(|i| take("x", &i.to_string())).collect() };
         let names = |shard: &str| -> Vec<&str> {
             list.of(shard.parse().unwrap()).map(|take| take.name.as_str()).collect()
         };
