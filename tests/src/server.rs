@@ -160,6 +160,12 @@ impl Server {
     pub fn sent(&self) -> Vec<Range<usize>> {
         lock(&self.log.sent).clone()
     }
+
+    /// Forgets both: the next request is the first one again.
+    pub fn forget(&self) {
+        lock(&self.log.requests).clear();
+        lock(&self.log.sent).clear();
+    }
 }
 
 impl Drop for Server {

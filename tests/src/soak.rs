@@ -6,7 +6,7 @@
 //! back now and then, and puts everything away. At first the device is lost a few times and another
 //! one opened.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::num::NonZero;
 use std::sync::Arc;
@@ -30,16 +30,21 @@ const FRAMES: u32 = 40;
 
 /// Rounds from loss to loss of the device, and how often it is lost: drivers keep some memory of each,
 /// which is not the player's and would hide what is.
-const LOSS_EVERY: u64 = 12;
+const LOSS_EVERY: u64 = 4;
 const LOSSES_MAX: u64 = 3;
 
 /// Seconds of the viewer between two frames.
 const FRAME_S: f64 = 1.0 / 30.0;
 
-/// What memory may grow by after the first quarter of the time, in which pools and tables find their
-/// size, relative and in bytes.
+/// Fewest rounds that tell whether memory is flat.
+const ROUNDS_MIN: usize = 12;
+
+/// What memory that others hand out in pools may grow by, relative and in bytes.
 const GROWTH: f64 = 0.02;
 const GROWTH_BYTES: u64 = 8 << 20;
+
+/// What the heap may grow by, of which every byte is counted.
+const HEAP_GROWTH_BYTES: u64 = 64 << 10;
 
 /// What is left after a round.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,7 +53,7 @@ pub struct Sample {
     pub seconds: f64,
     /// Of the process, as the system counts them; 0 where it does not.
     pub resident_bytes: u64,
-    /// Allocated by the program itself.
+    /// Allocated by the program itself, but for these samples.
     pub heap_bytes: u64,
     /// Of the graphics device, where it counts them.
     pub gpu_bytes: u64,
@@ -73,34 +78,55 @@ pub struct Account {
     pub losses: u64,
     /// After each round.
     pub samples: Vec<Sample>,
+    /// How many of them are of the time in which pools and tables find their size: until all was done
+    /// once, and the device lost for the last time.
+    pub warm_up: usize,
 }
 
 impl Account {
     /// Whether memory is flat: what is least for a while is what is held on to.
     ///
     /// # Errors
-    /// What has grown, and by how much.
+    /// What has grown, and by how much; or that there were too few rounds to tell.
     pub fn check(&self) -> Result<(), String> {
-        let (_, warm) = self.samples.split_at(self.samples.len() / 4);
+        let warm = self.warm();
+        if !self.is_enough() {
+            return Err(format!("{} rounds after warming up: {ROUNDS_MIN} are needed", warm.len()));
+        }
         let (first, second) = warm.split_at(warm.len() / 2);
-        let kinds: [(&str, fn(&Sample) -> u64); 3] = [
-            ("the process", |sample| sample.resident_bytes),
-            ("the heap", |sample| sample.heap_bytes),
-            ("the graphics device", |sample| sample.gpu_bytes),
+        let pooled = |before: u64| (before as f64 * GROWTH) as u64 + GROWTH_BYTES;
+        let kinds: [Kind<'_>; 3] = [
+            ("the process", |sample| sample.resident_bytes, &pooled),
+            ("the heap", |sample| sample.heap_bytes, &|_| HEAP_GROWTH_BYTES),
+            ("the graphics device", |sample| sample.gpu_bytes, &pooled),
         ];
-        for (what, of) in kinds {
+        for (what, of, growth) in kinds {
             let least = |samples: &[Sample]| samples.iter().map(of).min().unwrap_or(0);
             let (before, after) = (least(first), least(second));
-            if after > before + (before as f64 * GROWTH) as u64 + GROWTH_BYTES {
+            if after > before + growth(before) {
                 return Err(format!("memory of {what} grew from {before} to {after} bytes"));
             }
         }
         Ok(())
     }
+
+    /// The samples after warming up, and after a quarter of them all.
+    fn warm(&self) -> &[Sample] {
+        &self.samples[self.warm_up.max(self.samples.len() / 4)..]
+    }
+
+    /// Whether there are enough rounds to tell.
+    fn is_enough(&self) -> bool {
+        self.warm_up > 0 && self.warm().len() >= ROUNDS_MIN
+    }
 }
 
-/// Plays for `duration`; at least until the device was lost once. `heap_bytes` tells what the program
-/// has allocated; `on_sample` is called after each round.
+/// Memory of one kind: whose, how much of it a sample has, and what it may grow by from how much.
+type Kind<'a> = (&'a str, fn(&Sample) -> u64, &'a dyn Fn(u64) -> u64);
+
+/// Plays for `duration`; at least until all was done once, and for as many rounds more as
+/// [`Account::check`] needs. `heap_bytes` tells what the program has allocated; `on_sample` is called
+/// after each round.
 ///
 /// # Errors
 /// What the player reports, or what it left behind.
@@ -116,7 +142,8 @@ pub fn soak(
     let shelf = Shelf::new();
     let mut gpu = Gpu::new_headless().map_err(text)?;
     let mut at_rest = objects(&gpu)?;
-    while start.elapsed() < duration || account.losses == 0 {
+    let mut kinds = BTreeSet::new();
+    while start.elapsed() < duration || !account.is_enough() {
         if account.losses < LOSSES_MAX && account.rounds % LOSS_EVERY == LOSS_EVERY - 1 {
             lose(&gpu, &shelf.clip(0)?)?;
             account.losses += 1;
@@ -128,7 +155,11 @@ pub fn soak(
                 account.downloads += 1;
                 shelf.download(rng.usize(..shelf.packages.len()))?
             }
-            _ => shelf.clip(account.rounds as usize)?,
+            _ => {
+                let kind = account.rounds as usize % shelf.packages.len();
+                kinds.insert(kind);
+                shelf.clip(kind)?
+            }
         };
         play(&gpu, &clip, &mut rng, &mut account).map_err(text)?;
         drop(clip);
@@ -141,9 +172,14 @@ pub fn soak(
         account.samples.push(Sample {
             seconds: start.elapsed().as_secs_f64(),
             resident_bytes: resident_bytes(),
-            heap_bytes: heap_bytes(),
+            heap_bytes: heap_bytes() - (account.samples.capacity() * size_of::<Sample>()) as u64,
             gpu_bytes: gpu.allocated_bytes().unwrap_or(0),
         });
+        let is_warm =
+            kinds.len() == shelf.packages.len() && account.downloads > 0 && account.losses == LOSSES_MAX;
+        if account.warm_up == 0 && is_warm {
+            account.warm_up = account.samples.len();
+        }
         on_sample(&account);
     }
     Ok(account)
@@ -179,9 +215,8 @@ impl Shelf {
         Shelf { packages, server, cache: tempfile::tempdir().expect("temporary files can be made") }
     }
 
-    fn clip(&self, round: usize) -> Result<Clip, String> {
-        let package = &self.packages[round % self.packages.len()];
-        decode_parallel(package, &Limits::default(), NonZero::<usize>::MIN.saturating_add(1))
+    fn clip(&self, which: usize) -> Result<Clip, String> {
+        decode_parallel(&self.packages[which], &Limits::default(), NonZero::<usize>::MIN.saturating_add(1))
             .map_err(|error| error.to_string())
     }
 
@@ -196,6 +231,7 @@ impl Shelf {
                 latest = Some(clip);
             }
         }
+        self.server.forget();
         latest.map(|clip| *clip).ok_or_else(|| "a download without a clip".into())
     }
 }
@@ -296,15 +332,30 @@ mod tests {
 
     #[test]
     fn growth_is_noticed_and_a_wave_is_none() {
-        let account = |bytes: &dyn Fn(u64) -> u64| Account {
+        let account = |resident: &dyn Fn(u64) -> u64, heap: &dyn Fn(u64) -> u64| Account {
             samples: (0..100)
-                .map(|i| Sample { resident_bytes: bytes(i), heap_bytes: 1, ..Sample::default() })
+                .map(|i| Sample { resident_bytes: resident(i), heap_bytes: heap(i), ..Sample::default() })
                 .collect(),
+            warm_up: 30,
             ..Account::default()
         };
-        assert_eq!(account(&|i| (1 << 30) + (i % 10) * (30 << 20)).check(), Ok(()));
-        let grown = account(&|i| (1 << 30) + i * (1 << 20)).check().unwrap_err();
+        let wave = |i| (1 << 30) + (i % 10) * (30 << 20);
+        assert_eq!(account(&wave, &|i| (1 << 20) + (i % 10) * (1 << 20)).check(), Ok(()));
+        let grown = account(&|i| (1 << 30) + i * (1 << 20), &|_| 1).check().unwrap_err();
         assert!(grown.contains("the process"), "{grown}");
+        let grown = account(&wave, &|i| (1 << 20) + i * (2 << 10)).check().unwrap_err();
+        assert!(grown.contains("the heap"), "{grown}");
+        // While it warms up, memory may grow.
+        assert_eq!(account(&wave, &|i| (1 << 20) + i.min(29) * (1 << 20)).check(), Ok(()));
+    }
+
+    #[test]
+    fn a_few_rounds_tell_nothing() {
+        let samples = vec![Sample::default(); 30 + ROUNDS_MIN];
+        let mut account = Account { samples, warm_up: 30, ..Account::default() };
+        assert!(account.is_enough() && account.check().is_ok());
+        account.samples.pop();
+        assert!(!account.is_enough() && account.check().is_err());
     }
 
     #[test]

@@ -89,7 +89,9 @@ impl Room {
 
     /// Runs a program with a line of arguments where `disk` has 64 KiB, and prints what is on it then.
     fn on_small_disk(&self, program: &Path, line: &str) -> Outcome {
-        let script = "mount -t tmpfs -o size=64k none disk && \"$@\"; code=$?; [ ! -d disk/aarc ] || find disk/aarc -type f; find disk -maxdepth 1 -type f; exit $code";
+        let script = "mount -t tmpfs -o size=64k none disk && \"$@\"; code=$?; \
+                      [ ! -d disk/aarc ] || find disk/aarc -type f; \
+                      find disk -maxdepth 1 -type f; exit $code";
         let mut command = Command::new("unshare");
         command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"]);
         command.arg(program).args(line.split_whitespace());

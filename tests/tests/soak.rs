@@ -1,5 +1,5 @@
-//! The short form of `soak`: half a minute of everything, after which nothing is left that was not
-//! there before.
+//! The short form of `soak`: twenty seconds of everything, and longer where few rounds fit in, after
+//! which nothing is left that was not there before.
 
 use std::process::ExitCode;
 use std::time::Duration;

@@ -84,20 +84,20 @@ impl Renderer {
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
         let rows = clip.parts().map(|part| part.rows.len()).max().unwrap_or(0);
-        let parts = gpu.allocate("the renderer", || {
-            clip.parts().map(|part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass)).collect()
+        let (parts, passes, timer) = gpu.allocate("the renderer", || {
+            let part = |part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass);
+            let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
+            let passes = (0..eyes).step_by(eyes_per_pass as usize);
+            (clip.parts().map(part).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
         })?;
         Ok(Renderer {
             eyes,
             eyes_per_pass,
-            passes: (0..eyes)
-                .step_by(eyes_per_pass as usize)
-                .map(|_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass))
-                .collect(),
+            passes,
             parts,
             items: Vec::with_capacity(rows),
             sorter: Sorter::new(rows),
-            timer: GpuTimer::new(gpu),
+            timer,
             counter: None,
             clip,
         })

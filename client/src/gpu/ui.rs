@@ -47,9 +47,7 @@ impl UiPainter {
         }
         let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: target.size, pixels_per_point };
         // A device that is gone has no buffers, and the painter insists on them.
-        if !gpu.is_lost() {
-            self.record(gpu, encoder, target, triangles, &screen);
-        }
+        gpu.unless_lost(|| self.record(gpu, encoder, target, triangles, &screen));
         for id in textures.free.drain() {
             self.renderer.free_texture(&id);
         }

@@ -141,11 +141,16 @@ struct App {
 }
 
 impl App {
-    /// Ends the program. What a device that was lost had is not put away, at which the graphics library
-    /// panics: it goes with the process.
+    /// Ends the program, once a picture under way is saved. What a device that was lost had is not put
+    /// away, at which the graphics library panics: it goes with the process.
     fn fail(&mut self, event_loop: &ActiveEventLoop, fault: Fault) {
         self.result = Err(fault);
-        std::mem::forget(self.session.take());
+        if let Some(mut session) = self.session.take() {
+            session.finish_saving();
+            if session.is_lost() {
+                std::mem::forget(session);
+            }
+        }
         event_loop.exit();
     }
 }

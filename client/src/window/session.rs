@@ -468,6 +468,18 @@ impl Session {
         }));
     }
 
+    /// Waits for a picture under way: it is written whole, and the device must not go away below it.
+    pub(super) fn finish_saving(&mut self) {
+        if let Some(saving) = self.saving.take() {
+            let _ = saving.join();
+        }
+    }
+
+    /// Whether the device is gone.
+    pub(super) fn is_lost(&self) -> bool {
+        self.gpu.is_lost()
+    }
+
     /// Rows for the corner of the window.
     fn statistics(&mut self, size: [u32; 2]) -> Vec<(&'static str, String)> {
         let FrameCounts { alive, sorted, alive_ms, sort_ms, .. } = self.counts;
@@ -500,11 +512,8 @@ impl Session {
 }
 
 impl Drop for Session {
-    /// Waits for a picture under way: it is written whole, and the device must not go away below it.
     fn drop(&mut self) {
-        if let Some(saving) = self.saving.take() {
-            let _ = saving.join();
-        }
+        self.finish_saving();
     }
 }
 

@@ -1,4 +1,5 @@
-//! Any bytes as what stands beside a field: `scene.json`, and files of cameras.
+//! Any bytes as what stands beside a field: `scene.json`, by the reader of the tool, and the JSON of a
+//! camera, by its type alone.
 
 use std::sync::OnceLock;
 
@@ -17,7 +18,8 @@ pub(crate) const CAMERA: u8 = 1;
 /// Reads an input.
 ///
 /// # Panics
-/// If a scene is accepted that cannot be packaged, or what is refused is not refused in one line.
+/// If a scene is accepted that cannot be packaged or refused in more than one line, or a camera is
+/// accepted that is nowhere.
 pub fn check_scene(bytes: &[u8]) {
     static DESK: OnceLock<Desk> = OnceLock::new();
     let Some((kind, bytes)) = parts::kind(bytes, 2) else { return };

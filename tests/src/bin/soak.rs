@@ -49,7 +49,7 @@ fn main() -> ExitCode {
 }
 
 fn line(account: &Account) -> String {
-    let Account { rounds, downloads, frames, played_s, seeks, resizes, losses, samples } = account;
+    let Account { rounds, downloads, frames, played_s, seeks, resizes, losses, samples, .. } = account;
     let sample = samples.last().cloned().unwrap_or_default();
     let megabytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     format!(

@@ -16,8 +16,8 @@ use xtask::workspace;
 use crate::setup::{self, Need};
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing, dependencies, lints for Android and what else can be checked
-/// for it without a headset.
+/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing,
+/// dependencies, lints for Android and what else can be checked for it without a headset.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Link the player for Android, too, against stand-ins for its libraries. Takes many minutes the
@@ -207,7 +207,7 @@ fn deny(steps: &mut Steps) {
         return;
     }
     steps.run("dependencies", workspace::cargo().args(["deny", "check", "bans", "licenses", "sources"]));
-    // Its list comes over the network: without one, what was fetched before counts.
+    // Their list comes over the network: without one, an older list would pass what is known by now.
     let fetched =
         workspace::cargo().args(["deny", "fetch", "db"]).status().is_ok_and(|status| status.success());
     if fetched {
@@ -220,7 +220,9 @@ fn deny(steps: &mut Steps) {
     }
 }
 
-/// Checks with the oldest Rust that the packages say they need, where this one is newer.
+/// Compiles the workspace, without its tests and optional features, with the oldest Rust that the
+/// packages say they need, where this one is newer. The other workspaces are not: their
+/// `rust-version` is only held to the same.
 fn oldest_rust(steps: &mut Steps) {
     let oldest = env!("CARGO_PKG_RUST_VERSION");
     let version = Command::new("rustc").arg("--version").output();
@@ -229,7 +231,7 @@ fn oldest_rust(steps: &mut Steps) {
     if version.starts_with(&format!("rustc {oldest}")) {
         return;
     }
-    let name = format!("the oldest Rust, {oldest}");
+    let name = format!("the workspace with the oldest Rust, {oldest}");
     let has_it = Command::new("rustup").args(["run", oldest, "rustc", "--version"]).output();
     if !has_it.is_ok_and(|output| output.status.success()) {
         steps.skip(&name, "rustup does not have it");

@@ -4,7 +4,8 @@
 //! interface takes calls without doing anything and tells of it once, from any thread; only where
 //! somebody waits for the device at that moment, it panics.
 
-use std::cell::Cell;
+use std::any::Any;
+use std::cell::RefCell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Once, OnceLock};
 
@@ -42,37 +43,61 @@ impl Loss {
     /// # Errors
     /// Why that will not be.
     pub(super) fn wait(&self, device: &wgpu::Device) -> Result<(), String> {
-        let waited = quietly(|| device.poll(wgpu::PollType::wait_indefinitely()));
+        let waited = self.catch(|| device.poll(wgpu::PollType::wait_indefinitely()))?;
         match (self.why(), waited) {
             (Some(why), _) => Err(why.to_owned()),
-            (None, Some(Ok(_))) => Ok(()),
-            (None, Some(Err(error))) => Err(error.to_string()),
-            (None, None) => Err("the driver failed".into()),
+            (None, Ok(_)) => Ok(()),
+            (None, Err(error)) => Err(error.to_string()),
         }
+    }
+
+    /// What `work` returns.
+    ///
+    /// # Errors
+    /// Why the device is gone, where that made `work` panic.
+    ///
+    /// # Panics
+    /// If `work` panics on a device that is there.
+    pub(super) fn catch<T>(&self, work: impl FnOnce() -> T) -> Result<T, String> {
+        quietly(work).or_else(|panic| match self.why() {
+            Some(why) => Err(why.to_owned()),
+            None => {
+                log::error!("{}", panic.told);
+                panic::resume_unwind(panic.payload)
+            }
+        })
     }
 }
 
-thread_local! {
-    /// Whether panics of this thread are expected.
-    static QUIET: Cell<bool> = const { Cell::new(false) };
+/// A panic of which nothing was printed.
+struct Panic {
+    /// What would have been.
+    told: String,
+    payload: Box<dyn Any + Send>,
 }
 
-/// What `work` returns; `None` where it panics, of which nothing is printed.
-fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
+thread_local! {
+    /// Where panics of this thread may be expected, what the last one said.
+    static TOLD: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// What `work` returns, or its panic.
+fn quietly<T>(work: impl FnOnce() -> T) -> Result<T, Panic> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let loud = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
-            if !QUIET.get() {
+            let is_told = TOLD.with_borrow_mut(|told| told.as_mut().map(|told| *told = panic.to_string()));
+            if is_told.is_none() {
                 loud(panic);
             }
         }));
     });
-    QUIET.set(true);
-    // What was interrupted is a device that is gone.
+    TOLD.set(Some(String::new()));
+    // What was interrupted is a device that is gone; where it is not, the panic goes on.
     let result = panic::catch_unwind(AssertUnwindSafe(work));
-    QUIET.set(false);
-    result.ok()
+    let told = TOLD.take().unwrap_or_default();
+    result.map_err(|payload| Panic { told, payload })
 }
 
 #[cfg(test)]
@@ -81,8 +106,19 @@ mod tests {
 
     #[test]
     fn only_expected_panics_are_caught() {
-        assert_eq!(quietly(|| 3), Some(3));
-        assert_eq!(quietly(|| -> u8 { panic!("nobody sees this") }), None);
-        assert!(!QUIET.get());
+        assert_eq!(quietly(|| 3).ok(), Some(3));
+        let panic = quietly(|| -> u8 { panic!("nobody sees this") }).err().unwrap();
+        assert!(panic.told.contains("nobody sees this"), "{}", panic.told);
+        assert_eq!(TOLD.take(), None);
+    }
+
+    #[test]
+    fn a_panic_goes_on_unless_the_device_is_gone() {
+        let loss = Loss(Arc::default());
+        assert_eq!(loss.catch(|| 3), Ok(3));
+        let defect = quietly(|| loss.catch(|| -> u8 { panic!("a defect") })).err().unwrap();
+        assert_eq!(defect.payload.downcast_ref(), Some(&"a defect"));
+        loss.0.set("reset".into()).unwrap();
+        assert_eq!(loss.catch(|| -> u8 { panic!("of the loss") }), Err("reset".into()));
     }
 }

@@ -176,6 +176,9 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory, or the device was lost.
+    ///
+    /// # Panics
+    /// If `create` asks for what is invalid, which is a defect of the program.
     pub(crate) fn allocate<T>(&self, what: &str, create: impl FnOnce() -> T) -> Result<T, Fault> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         // What is made of a resource that there is no memory for is invalid, too.
@@ -192,7 +195,7 @@ impl Gpu {
             (Some(_), _) => {
                 Err(Fault::Device(format!("graphics device {name}: not enough memory for {what}")))
             }
-            (None, Some(error)) => Err(Fault::Device(format!("graphics device {name}: {what}: {error}"))),
+            (None, Some(error)) => panic!("{what}: {error}"),
         }
     }
 
@@ -229,9 +232,19 @@ impl Gpu {
     }
 
     /// Whether the device is gone: what is drawn with it is drawn nowhere.
-    #[cfg(any(feature = "window", feature = "xr"))]
+    #[cfg(feature = "window")]
     pub(crate) fn is_lost(&self) -> bool {
         self.loss.why().is_some()
+    }
+
+    /// Does what panics on a device that is gone, or goes meanwhile; not, or not to the end, on such a
+    /// one.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(crate) fn unless_lost(&self, work: impl FnOnce()) {
+        if self.loss.why().is_none() {
+            // Who draws is told of the loss at the end of the frame.
+            let _ = self.loss.catch(work);
+        }
     }
 
     /// Destroys the device under all that uses it, as a driver that is reset does: to try what comes

@@ -1,10 +1,11 @@
 //! A Vulkan layer under which the device is lost, as when a driver crashes, or its memory runs out:
 //! tests load it below the player to see what becomes of that.
 //!
-//! `AARC_LOSE=submit:N` has the Nth submission refused, `AARC_LOSE=wait:N` the wait after it; from
-//! then on the driver answers everything with `VK_ERROR_DEVICE_LOST`. `AARC_LOSE=memory:N` has no
-//! memory from the Nth allocation on. The loader's interface is version 2 of
-//! "LoaderLayerInterface.md" of the Vulkan loader.
+//! `AARC_LOSE=submit:N` has the Nth `vkQueueSubmit` refused, `AARC_LOSE=wait:N` the wait after it; from
+//! then on that call, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
+//! `vkGetSemaphoreCounterValue` answer `VK_ERROR_DEVICE_LOST`, and all others go on to the driver.
+//! `AARC_LOSE=memory:N` has `vkAllocateMemory` find no memory from the Nth time on. The loader's
+//! interface is version 2 of "LoaderLayerInterface.md" of the Vulkan loader.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
