@@ -15,14 +15,11 @@ use crate::output;
 use crate::source::News;
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
-use crate::view::View;
+use crate::view::{EYE_DISTANCE_M, View};
 use crate::{playlist, source, viewpoint};
 
 /// Size of images where nothing says another.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
-
-/// Distance between the eyes, the mean of adults.
-const EYE_DISTANCE_M: f32 = 0.063;
 
 /// Seconds by which an instant at the change of two clips may be early and still be of the second: times
 /// of a playlist are sums.

@@ -3,6 +3,9 @@
 use codec::Camera;
 use glam::{DMat4, DVec3, UVec2, Vec2, vec2};
 
+/// Distance between the eyes of a person, the mean of adults.
+pub const EYE_DISTANCE_M: f32 = 0.063;
+
 /// A pinhole eye with an image, in OpenCV axes: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {

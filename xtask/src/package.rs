@@ -24,7 +24,7 @@ use crate::scene::Scene;
 use choose::choose;
 pub use choose::{Preserved, Tried};
 use coding::Coded;
-pub use coding::{Coding, QUALITY_DB};
+pub use coding::{Coding, LAYERS, QUALITY_DB};
 pub use ladder::{Rung, ladder};
 
 /// What to make of a scene.

@@ -30,6 +30,7 @@ pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{Coverage, FrameCounts, Renderer};
 pub use settings::{Cutoff, Settings, SortOrder};
+pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{Depth, Offscreen};
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use ui::UiPainter;

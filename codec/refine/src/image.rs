@@ -70,7 +70,7 @@ impl Image {
 
 /// Peak signal-to-noise ratio in dB of a sum of squared errors over so many pixels of three
 /// channels; `+inf` where there is no error.
-pub(crate) fn psnr(squared_error: f64, pixels: usize) -> f64 {
+pub fn psnr(squared_error: f64, pixels: usize) -> f64 {
     if squared_error == 0.0 {
         f64::INFINITY
     } else {

@@ -2,7 +2,7 @@
 
 use codec::Camera;
 use glam::{DMat3, DVec2, DVec3};
-use refine::image::Image;
+use refine::image::{Image, psnr};
 use refine::metrics::ssim;
 use xtask::report::knob::Errors;
 
@@ -27,7 +27,7 @@ impl Expected {
         let pixels: usize = self.pictures.iter().map(|image| image.pixels.len()).sum();
         let worst = pairs().map(|(a, b)| worst_tile(a, b)).fold(f64::INFINITY, f64::min);
         Errors {
-            psnr_db: psnr(squares / (3 * pixels) as f64),
+            psnr_db: Some(psnr(squares, pixels)).filter(|db| db.is_finite()),
             ssim: Some(pairs().map(|(a, b)| ssim(a, b)).sum::<f64>() / pictures.len() as f64),
             worst_tile_db: Some(worst).filter(|db| db.is_finite()),
             flicker: Some(self.flicker(turn)),
@@ -55,23 +55,18 @@ impl Expected {
     }
 }
 
-/// PSNR in dB of a mean squared error; `None` where there is none.
-fn psnr(mean_square: f64) -> Option<f64> {
-    (mean_square > 0.0).then(|| -10.0 * mean_square.log10())
-}
-
 /// PSNR of the worst tile in dB, infinite where the images are the same.
 fn worst_tile(a: &Image, b: &Image) -> f64 {
-    let mut worst = 0f64;
+    let mut worst = f64::INFINITY;
     for top in (0..a.height).step_by(TILE as usize) {
         for left in (0..a.width).step_by(TILE as usize) {
             let (bottom, right) = ((top + TILE).min(a.height), (left + TILE).min(a.width));
             let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
             let squares: f64 = pixels.map(|(x, y)| squared(a.pixel(x, y), b.pixel(x, y))).sum();
-            worst = worst.max(squares / f64::from(3 * (bottom - top) * (right - left)));
+            worst = worst.min(psnr(squares, ((bottom - top) * (right - left)) as usize));
         }
     }
-    psnr(worst).unwrap_or(f64::INFINITY)
+    worst
 }
 
 /// Sum of the squared differences of two pixels over black.

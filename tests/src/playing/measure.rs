@@ -1,14 +1,15 @@
 //! [`Bench`]: draws variants, and looks, counts and times.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::mem::size_of;
+use std::ptr;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
 use client::fault::Fault;
 use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
-use client::view::View;
+use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
 use glam::UVec2;
 use image::Rgba32FImage;
@@ -28,9 +29,6 @@ pub(super) const ROUNDS: usize = 7;
 
 /// Corners of the rectangle that a Gaussian is drawn as.
 const CORNERS: f64 = 4.0;
-
-/// Distance between the eyes, the mean of adults.
-const EYE_DISTANCE_M: f32 = 0.063;
 
 /// A way to draw the clip. The default is the player as it is.
 #[derive(Default)]
@@ -110,6 +108,19 @@ pub(super) struct Bench<'a> {
     shots: &'a Shots,
     /// What each variant that was looked at is drawn with.
     placed: Vec<Placed>,
+    /// The clip in the memory of each device that draws it whole.
+    wholes: Vec<(&'static Gpu, Arc<GpuClip>)>,
+    /// What is drawn into.
+    canvases: Vec<Canvas>,
+}
+
+/// What variants of the same device, size, depth and number of eyes are drawn into.
+struct Canvas {
+    gpu: &'static Gpu,
+    size: UVec2,
+    depth: Depth,
+    eyes: usize,
+    target: Rc<Offscreen>,
 }
 
 /// What a variant is drawn with.
@@ -123,7 +134,7 @@ struct Placed {
 struct Stand {
     gpu: &'static Gpu,
     renderer: Renderer,
-    target: Offscreen,
+    target: Rc<Offscreen>,
     size: UVec2,
     /// Gaussians, the plate's among them.
     rows: usize,
@@ -133,18 +144,16 @@ struct Stand {
 
 impl<'a> Bench<'a> {
     pub(super) fn new(gpu: &'static Gpu, clip: &'a Clip, size: UVec2, shots: &'a Shots) -> Bench<'a> {
-        Bench { gpu, clip, size, shots, placed: Vec::new() }
+        Bench { gpu, clip, size, shots, placed: Vec::new(), wholes: Vec::new(), canvases: Vec::new() }
     }
 
     /// Draws a variant for the first time, looks at it and counts.
     pub(super) fn look(&mut self, variant: &Variant, expected: &Expected) -> Result<Looked, Fault> {
         let mut stands = match variant.content {
-            Content::Alive(_) => self
-                .shots
-                .pictures
-                .iter()
-                .map(|shot| self.stand(variant, shot.t))
-                .collect::<Result<_, _>>()?,
+            Content::Alive(_) => {
+                let shots = self.shots.pictures.iter();
+                shots.map(|shot| self.stand(variant, shot.t)).collect::<Result<_, _>>()?
+            }
             Content::Whole | Content::Other(_) => vec![self.stand(variant, 0.0)?],
         };
         let (mut images, mut counts) = (Vec::new(), BTreeMap::new());
@@ -188,15 +197,17 @@ impl<'a> Bench<'a> {
     }
 
     /// What `variant` is drawn with at clip time `t`.
-    fn stand(&self, variant: &Variant, t: f64) -> Result<Stand, Fault> {
+    fn stand(&mut self, variant: &Variant, t: f64) -> Result<Stand, Fault> {
         let gpu = match variant.eyes {
             Eyes::TwoInTurn => device(Passes::PerEye)?,
             Eyes::One | Eyes::TwoAtOnce => self.gpu,
         };
-        let clip = match &variant.content {
-            Content::Whole => Cow::Borrowed(self.clip),
-            Content::Other(clip) => Cow::Borrowed(&**clip),
-            Content::Alive(least) => Cow::Owned(reduce::to_alive(self.clip, t, *least)),
+        let rows = |clip: &Clip| clip.len() + clip.plate.as_ref().map_or(0, Field::len);
+        let upload = |clip: &Clip| GpuClip::upload(gpu, clip).map(|on_gpu| (Arc::new(on_gpu), rows(clip)));
+        let (clip, rows) = match &variant.content {
+            Content::Whole => (self.whole(gpu)?, rows(self.clip)),
+            Content::Other(clip) => upload(clip)?,
+            Content::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
         };
         let depth = match variant.depth {
             Target::Sixteen => Depth::Sixteen,
@@ -207,12 +218,41 @@ impl<'a> Bench<'a> {
         let size = variant.size.unwrap_or(self.size);
         Ok(Stand {
             gpu,
-            renderer: Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, &clip)?), depth.format(), eyes)?,
-            target: Offscreen::new(gpu, size, eyes as u32, depth)?,
+            renderer: Renderer::new(gpu, clip, depth.format(), eyes)?,
+            target: self.target(gpu, size, depth, eyes)?,
             size,
-            rows: clip.len() + clip.plate.as_ref().map_or(0, Field::len),
+            rows,
             apart,
         })
+    }
+
+    /// The clip in the memory of `gpu`, uploaded once.
+    fn whole(&mut self, gpu: &'static Gpu) -> Result<Arc<GpuClip>, Fault> {
+        if let Some((_, whole)) = self.wholes.iter().find(|(of, _)| ptr::eq(*of, gpu)) {
+            return Ok(whole.clone());
+        }
+        let whole = Arc::new(GpuClip::upload(gpu, self.clip)?);
+        self.wholes.push((gpu, whole.clone()));
+        Ok(whole)
+    }
+
+    /// What is drawn into, made once.
+    fn target(
+        &mut self,
+        gpu: &'static Gpu,
+        size: UVec2,
+        depth: Depth,
+        eyes: usize,
+    ) -> Result<Rc<Offscreen>, Fault> {
+        let is_it = |canvas: &&Canvas| {
+            ptr::eq(canvas.gpu, gpu) && (canvas.size, canvas.depth, canvas.eyes) == (size, depth, eyes)
+        };
+        if let Some(canvas) = self.canvases.iter().find(is_it) {
+            return Ok(canvas.target.clone());
+        }
+        let target = Rc::new(Offscreen::new(gpu, size, eyes as u32, depth)?);
+        self.canvases.push(Canvas { gpu, size, depth, eyes, target: target.clone() });
+        Ok(target)
     }
 }
 

@@ -42,20 +42,26 @@ pub(super) fn with_rotation(clip: &Clip) -> Clip {
     padded
 }
 
-/// The clip with its motionless Gaussians among the others, and without a time index.
-pub(super) fn all_moving(clip: &Clip) -> Clip {
-    let moving = merged(clip);
-    let rows = moving.len();
-    let temporal = moving.temporal.clone().unwrap_or_else(|| Temporal {
+/// The field with windows that never end for all, if it has no temporal columns.
+pub(super) fn with_temporal(mut field: Field) -> Field {
+    let rows = field.len();
+    field.temporal.get_or_insert_with(|| Temporal {
         tau: vec![0.5; rows],
         s: vec![f32::INFINITY; rows],
         ..Temporal::default()
     });
+    field
+}
+
+/// The clip with its motionless Gaussians among the others, and without a time index.
+pub(super) fn all_moving(clip: &Clip) -> Clip {
+    let moving = with_temporal(merged(clip));
+    let rows = moving.len();
     Clip {
         still: Field { sh_degree: clip.still.sh_degree, ..Field::default() },
         layers: vec![LayerEnd { still: 0, moving: rows }],
         time_index: TimeIndex::of_candidates(rows),
-        moving: Field { temporal: Some(temporal), ..moving },
+        moving,
         ..clip.clone()
     }
 }

@@ -6,29 +6,18 @@
 
 use std::collections::BTreeMap;
 
-use client::gpu::Gpu;
+use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
-use codec::{
-    Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, Temporal, sh_coefficients,
-};
+use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
 use shaders::{Features, Motion, Purpose, compose};
 use xtask::export::merged;
+use xtask::package::LAYERS;
 use xtask::report::playing::{Part, Taken};
 
 use super::Measured;
 use super::measure::{Content, Eyes, Variant};
 use super::pad;
 use super::shots::instants;
-
-/// Where layers of a package end that has some.
-const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
-
-/// Bits of a digit of the sort and their number, see the stage `sort`.
-const DIGIT_BITS: u32 = 11;
-const DIGITS: u32 = 3;
-
-/// Bindings of a shader that every clip takes: the instant, the eyes, ranges, records, order.
-const BINDINGS: usize = 5;
 
 /// A part, and how to switch it on.
 pub(super) struct Switched {
@@ -307,15 +296,17 @@ fn sort_width(clip: &Clip) -> Switched {
         let (and, or) = keys.map(f32::to_bits).fold((u32::MAX, 0), |(and, or), key| (and & key, or | key));
         let differs = or & !and;
         differ |= differs;
-        let shared = |digit: &u32| u64::from(differs) >> (digit * DIGIT_BITS) & ((1 << DIGIT_BITS) - 1) == 0;
-        passes += f64::from(DIGITS - (0..DIGITS).filter(shared).count() as u32) / instants().len() as f64;
+        let mask = (1 << SORT_DIGIT_BITS) - 1;
+        let is_sorted_by = |&i: &usize| u64::from(differs) >> (i as u32 * SORT_DIGIT_BITS) & mask != 0;
+        passes += (0..SORT_DIGITS).filter(is_sorted_by).count() as f64 / instants().len() as f64;
     }
     let bits = u32::BITS - differ.leading_zeros();
+    let most = SORT_DIGITS as f64;
     let count = |passes: f64| BTreeMap::from([("sort_passes".to_owned(), passes)]);
     Switched {
-        left_out: passes < f64::from(DIGITS),
-        counts: [count(passes), count(f64::from(DIGITS))],
-        switched_on: "a pass for each 11 of 32 bits".into(),
+        left_out: passes < most,
+        counts: [count(passes), count(most)],
+        switched_on: format!("a pass for each {SORT_DIGIT_BITS} of 32 bits"),
         ..needed("sort passes".into(), format!("depths differ in the last {bits} bits"))
     }
 }
@@ -327,7 +318,7 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
     let features = Features { sh_degree: clip.sh_degree(), motion };
     let shader = compose(features, Purpose::Draw { views: 1 });
-    let bindings = BINDINGS + usize::from(motion.is_some()) + usize::from(features.sh_degree > 0);
+    let bindings = shader.matches("@binding(").count();
     let tested = |t: f64| {
         let candidates = clip.time_index.candidates(t, clip.layers.len()).map(|rows| rows.len());
         clip.still.len() + candidates.sum::<usize>()
@@ -364,15 +355,12 @@ fn packable(clip: &Clip, field: Field) -> Packable {
 }
 
 /// The field with a window for those that have none, which lets them fade a little.
-fn windowed(mut field: Field) -> Field {
-    let rows = field.len();
-    let temporal = field.temporal.get_or_insert_with(|| Temporal {
-        tau: vec![0.5; rows],
-        s: vec![f32::INFINITY; rows],
-        ..Temporal::default()
-    });
-    for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s).filter(|(_, s)| s.is_infinite()) {
-        (*tau, *s) = (0.5, 1.0);
+fn windowed(field: Field) -> Field {
+    let mut field = pad::with_temporal(field);
+    if let Some(temporal) = &mut field.temporal {
+        for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s).filter(|(_, s)| s.is_infinite()) {
+            (*tau, *s) = (0.5, 1.0);
+        }
     }
     field
 }

@@ -18,8 +18,9 @@ use xtask::report::{ReportFile, Subject, rd};
 
 use super::render::size;
 
-/// Most pixels of a picture that is measured: dozens of them, of 32 bytes a pixel, are held at once.
-const PIXELS_MAX: u64 = 1 << 22;
+/// Most pixels of a picture that is measured: some 60 of them, of 32 bytes a pixel, are held at once,
+/// which makes a gigabyte.
+const PIXELS_MAX: u64 = 1 << 19;
 
 /// Measure a clip, and write a page of error against run time and of what it does without.
 #[derive(clap::Args)]

@@ -103,7 +103,8 @@ fn parse_line(line: &str) -> Option<Entry> {
     Some(Entry {
         step: cell()?.parse().ok()?,
         seconds: number(cell())?,
-        loss: number(cell())?,
+        // It is no number where a fit went astray, which its table is there to show.
+        loss: cell()?.parse().ok()?,
         held_psnr_db: match cell()? {
             "" => None,
             // Held photographs can be met exactly.
@@ -157,6 +158,13 @@ mod tests {
         let entries = [entry(), Entry { held_psnr_db: None, ..entry() }];
         assert_eq!(parse(&csv(&entries)).unwrap(), entries);
         assert_eq!(parse(&csv(&[])).unwrap(), []);
+    }
+
+    #[test]
+    fn a_loss_may_be_no_number() {
+        let read = |loss| parse(&csv(&[Entry { loss, ..entry() }])).unwrap()[0].loss;
+        assert!(read(f64::NAN).is_nan());
+        assert_eq!(read(f64::INFINITY), f64::INFINITY);
     }
 
     #[test]

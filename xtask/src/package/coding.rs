@@ -13,7 +13,7 @@ use crate::fault::Fault;
 use crate::scene::Scene;
 
 /// Where layers end, as far as there are Gaussians; the last one ends at the last Gaussian.
-pub(crate) const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
+pub const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
 
 /// How much more exact a draft is to be than the package, in dB: it is made without looking, and
 /// its errors must not decide.

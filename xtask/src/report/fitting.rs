@@ -42,15 +42,32 @@ pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
     Ok(found)
 }
 
+/// The fits whose tables are `named`; where none is, those whose tables [`find`] finds beside `input`.
+/// Of these, what is no table of a fit is left out, which is said on standard error.
+///
+/// # Errors
+/// [`Fault::Data`] if a table that was named cannot be read.
+pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
+    if !named.is_empty() {
+        return named.iter().map(|path| load(path)).collect();
+    }
+    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: left out: {fault}")).ok();
+    Ok(find(input)?.into_iter().filter_map(usable).collect())
+}
+
 /// Reads a table.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file and what is wrong with it.
 pub fn load(path: &Path) -> Result<FitLog, Fault> {
     let fault = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-    let mut text = String::new();
+    let mut bytes = Vec::new();
     let file = File::open(path).map_err(|error| fault(error.to_string()))?;
-    file.take(BYTES_MAX).read_to_string(&mut text).map_err(|error| fault(error.to_string()))?;
+    file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(|error| fault(error.to_string()))?;
+    if bytes.len() as u64 > BYTES_MAX {
+        return Err(fault(format!("too long for the table of a fit, which has at most {BYTES_MAX} bytes")));
+    }
+    let text = String::from_utf8(bytes).map_err(|error| fault(error.to_string()))?;
     let entries = parse(&text).map_err(fault)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(FitLog { name: name.strip_suffix(ENDING).unwrap_or(&name).to_owned(), entries })
@@ -127,6 +144,11 @@ mod tests {
         std::fs::write(&table, "nonsense").unwrap();
         let error = load(&table).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("a.fit.csv"), "{error}");
+        assert_eq!(load_all(folder.path(), &[]).unwrap(), [], "it lies there, and nobody named it");
+        assert!(load_all(folder.path(), std::slice::from_ref(&table)).is_err());
+        // A file of holes: no disk is taken.
+        File::create(&table).unwrap().set_len(BYTES_MAX + 1).unwrap();
+        assert!(load(&table).unwrap_err().to_string().contains("too long"));
     }
 
     #[test]

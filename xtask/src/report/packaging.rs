@@ -108,10 +108,13 @@ fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Knob> 
     Ok(Knob {
         stage: Stage::Packaging,
         name: "coder precision".into(),
-        about: "How exactly the coder `context` keeps the Gaussians, as PSNR of the decoded package against \
-                what was coded; `fixed` is the paper's coder, which has one precision. The run time is that of \
-                decoding on one thread."
-            .into(),
+        about: format!(
+            "How exactly the coder `context` keeps the Gaussians, as PSNR of the decoded package against what was \
+             coded: {} of the {} Gaussians, those of the greatest mass. `fixed` is the paper's coder, which has one \
+             precision. The run time is that of decoding on one thread, the median of {DECODINGS} times.",
+            part.len(),
+            field.len()
+        ),
         cost: "bytes".into(),
         points,
     }

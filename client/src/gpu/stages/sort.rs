@@ -2,10 +2,13 @@
 //!
 //! A radix sort of 32-bit depth keys, 11 bits a pass, stable. It reuses its memory.
 
-/// Bits of a digit; three digits cover a key.
-const DIGIT_BITS: u32 = 11;
+/// Bits of a digit.
+pub const DIGIT_BITS: u32 = 11;
+
+/// Digits that cover a key.
+pub const DIGITS: usize = 3;
+
 const BUCKETS: usize = 1 << DIGIT_BITS;
-const DIGITS: usize = 3;
 
 /// A row and the key that it is sorted by: the key in the upper half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

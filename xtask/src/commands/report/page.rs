@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
-use xtask::fault::Fault;
 use xtask::input::Input;
 use xtask::machine::machine;
 use xtask::package::{self, package_showing};
-use xtask::report::fitting::{self, FitLog};
+use xtask::report::fitting;
 use xtask::report::playing::{Message, Playing};
 use xtask::report::{Findings, Subject, packaging};
 
@@ -19,8 +18,7 @@ use super::program;
 /// are `logs`, or else lie beside it.
 pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::Result<Findings> {
     let subject = Subject::load(path)?;
-    let found = if logs.is_empty() { fitting::find(path)? } else { logs.to_vec() };
-    let fits = found.iter().map(|log| fitting::load(log)).collect::<Result<Vec<FitLog>, Fault>>()?;
+    let fits = fitting::load_all(path, logs)?;
     let folder = tempfile::tempdir()?;
     let clip = match Input::load(path)? {
         Input::Package(_) => path.to_owned(),

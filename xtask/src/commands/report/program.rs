@@ -3,7 +3,8 @@
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::{ChildStderr, Command, Stdio};
+use std::thread;
 
 use anyhow::{Context, bail};
 use xtask::fault::Fault;
@@ -25,18 +26,35 @@ pub(super) fn run<A: AsRef<OsStr>>(
         .args(args)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .with_context(|| format!("cannot run {program}"))?;
     let printed = BufReader::new(child.stdout.take().expect("piped"));
+    let said = child.stderr.take().expect("piped");
+    let said = thread::spawn(|| error_of(said));
     // What is not read any more ends the program.
     let read = printed.lines().try_for_each(|line| on_line(&line?));
     let status = child.wait()?;
-    let told = "its message is above".to_owned();
+    let error = said.join().expect("no panic").unwrap_or_else(|| format!("{program} ended with {status}"));
     match status.code() {
+        Some(2) => Err(Fault::Usage(error).into()),
+        Some(3) => Err(Fault::Data(error).into()),
+        Some(5) => Err(Fault::Device(error).into()),
         Some(0) => read,
-        Some(2) => Err(Fault::Usage(told).into()),
-        Some(3) => Err(Fault::Data(told).into()),
-        Some(5) => Err(Fault::Device(format!("no report without a graphics device: {told}")).into()),
-        _ => bail!("{program} failed, {told}: {status}"),
+        // If nobody could use what it printed, that is why it failed.
+        _ => read.and_then(|()| bail!(error)),
     }
+}
+
+/// The sentence that a program ends with; whatever else it says goes on to standard error.
+fn error_of(said: ChildStderr) -> Option<String> {
+    let mut error = None;
+    for line in BufReader::new(said).split(b'\n').map_while(Result::ok) {
+        let line = String::from_utf8_lossy(&line);
+        match line.strip_prefix("error: ") {
+            Some(sentence) => error = Some(sentence.trim_end().to_owned()),
+            None => eprintln!("{line}"),
+        }
+    }
+    error
 }

@@ -186,7 +186,8 @@ impl Findings {
              worst tile of 32x32 pixels, and <i>flicker</i>, the root mean square of how the error changes from frame to \
              frame while the head turns, against the reference in the order that does not change when a head turns; an error \
              that stays where it is in the world does not flicker. \
-             Run times are medians of {} rounds, with the ends of the middle half; each round draws every variant once. \
+             Run times of playing are medians of {} rounds, with the ends of the middle half; each round draws every \
+             variant once. \
              <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
              on no machine; fetched bytes are those of the mean record and of the order, once an instance.</p>\n\
              <p>Blue points are on the Pareto front: no other value of the knob is cheaper and no less exact, or more exact \
