@@ -222,7 +222,7 @@ impl Shelf {
 
     /// The clip with this number by way of the server, kept in between on disk half of the time.
     fn download(&self, which: usize) -> Result<Clip, String> {
-        let cache = (which % 2 == 0).then(|| Cache::new(self.cache.path(), CACHE_BYTES));
+        let cache = which.is_multiple_of(2).then(|| Cache::new(self.cache.path(), CACHE_BYTES));
         let patience = Patience { first_wait: Duration::from_millis(1), ..Patience::default() };
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
