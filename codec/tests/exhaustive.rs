@@ -34,6 +34,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// What a byte is combined with where not all other bytes are tried: its bits, one by one and all.
 const MASKS: [u8; 9] = [0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xff];
 
+/// Tries one kind of damage.
+type Kind = fn(&Subject, &mut Tally);
+
 /// What came of one kind of damage.
 #[derive(Default)]
 struct Tally {
@@ -257,7 +260,7 @@ fn all_damage_of_a_kind_is_refused_or_plays() {
     assert_eq!(orders, 120);
     for coder in CODERS {
         let subject = Subject::new(coder);
-        let kinds: [(&str, fn(&Subject, &mut Tally)); 5] = [
+        let kinds: [(&str, Kind); 5] = [
             ("cuts", Subject::cut),
             ("flips", Subject::flip),
             ("flips under true checksums", Subject::lie),

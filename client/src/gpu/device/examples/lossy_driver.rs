@@ -167,11 +167,15 @@ unsafe extern "system" fn create_device(
         if result == vk::Result::SUCCESS {
             let function = |name: &CStr| of_device(*device, name.as_ptr());
             let _ = DEVICE.set(of_device);
-            function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, _>(f)));
-            function(c"vkAllocateMemory").map(|f| ALLOCATE.set(transmute::<Any, _>(f)));
-            function(c"vkWaitForFences").map(|f| WAIT_FENCES.set(transmute::<Any, _>(f)));
-            function(c"vkWaitSemaphores").map(|f| WAIT_SEMAPHORES.set(transmute::<Any, _>(f)));
-            function(c"vkGetSemaphoreCounterValue").map(|f| COUNTER.set(transmute::<Any, _>(f)));
+            function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, vk::PFN_vkQueueSubmit>(f)));
+            function(c"vkAllocateMemory")
+                .map(|f| ALLOCATE.set(transmute::<Any, vk::PFN_vkAllocateMemory>(f)));
+            function(c"vkWaitForFences")
+                .map(|f| WAIT_FENCES.set(transmute::<Any, vk::PFN_vkWaitForFences>(f)));
+            function(c"vkWaitSemaphores")
+                .map(|f| WAIT_SEMAPHORES.set(transmute::<Any, vk::PFN_vkWaitSemaphores>(f)));
+            function(c"vkGetSemaphoreCounterValue")
+                .map(|f| COUNTER.set(transmute::<Any, vk::PFN_vkGetSemaphoreCounterValue>(f)));
         }
         result
     }
