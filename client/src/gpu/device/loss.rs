@@ -4,6 +4,8 @@
 //! interface takes calls without doing anything and tells of it once, from any thread; only where
 //! somebody waits for the device at that moment, it panics.
 
+#![allow(clippy::missing_const_for_thread_local, reason = "it is const; for Android that is not seen")]
+
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{self, AssertUnwindSafe};

@@ -25,6 +25,7 @@ use std::time::Duration;
 
 use codec::Limits;
 
+use arrived::Arrived;
 use fetch::{End, Fetch};
 use request::{Script, versions};
 use transfer::Patience;
@@ -55,7 +56,8 @@ pub fn check_dialogue(bytes: &[u8]) {
     let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
     let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };
     script.stage();
-    let fetch = Fetch::start("", PATIENCE, limits, known.clone()).expect("a thread can be started");
+    let fetch = Fetch::start("", PATIENCE, limits.max_bytes, Arrived::new(limits), known.clone())
+        .expect("a thread can be started");
     let mut state = fetch.wait(LONGEST, |state| state.end.is_some());
     let kept = state.arrived.take();
     assert!(kept.len() <= limits.max_bytes + READ_BYTES, "{} bytes kept", kept.len());
