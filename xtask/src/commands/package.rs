@@ -8,7 +8,6 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use refine::fit::Shot;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 use xtask::capture::Footage;
@@ -323,11 +322,7 @@ impl Captured {
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
         let shots = load_shots(&self.footage, args.cut.holdout())?;
-        let has_mask = |shot: &Shot| {
-            let photograph = &shot.photograph;
-            (0..photograph.pixels.len()).any(|i| photograph.is_seen(i) && !photograph.is_subject(i))
-        };
-        if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| has_mask(shot)) {
+        if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| shot.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
                     .into()

@@ -60,16 +60,9 @@ fn has_hull(shots: &Shots) -> bool {
     for (taken, shot) in &shots.train {
         frames.entry(taken.frame).or_default().push(&shot.photograph);
     }
-    let any = |photograph: &Photograph, is: fn(&Photograph, usize) -> bool| {
-        (0..photograph.pixels.len()).any(|pixel| is(photograph, pixel))
-    };
     frames.values().all(|photographs| {
-        let mut seen = photographs.iter().filter(|photo| any(photo, Photograph::is_subject)).peekable();
-        let is_masked = |photo: &Photograph| any(photo, |p, pixel| p.is_seen(pixel) && !p.is_subject(pixel));
-        let is_empty = seen.peek().is_none();
-        let (count, masked) =
-            seen.fold((0, false), |(count, masked), photo| (count + 1, masked || is_masked(photo)));
-        is_empty || (count >= 2 && masked)
+        let seen: Vec<_> = photographs.iter().filter(|photograph| photograph.has_subject()).collect();
+        seen.is_empty() || (seen.len() >= 2 && seen.iter().any(|photograph| photograph.is_masked()))
     })
 }
 

@@ -68,6 +68,16 @@ impl Photograph {
         self.pixels[pixel][3] > SUBJECT && self.is_seen(pixel)
     }
 
+    /// Whether any pixel shows the subject.
+    pub fn has_subject(&self) -> bool {
+        (0..self.pixels.len()).any(|pixel| self.is_subject(pixel))
+    }
+
+    /// Whether any pixel shows what is beside the subject, as a mask tells.
+    pub fn is_masked(&self) -> bool {
+        (0..self.pixels.len()).any(|pixel| self.is_seen(pixel) && !self.is_subject(pixel))
+    }
+
     /// Whether the photograph shows what is at a pixel.
     pub fn is_seen(&self, pixel: usize) -> bool {
         self.seen.get(pixel).is_none_or(|seen| *seen)
