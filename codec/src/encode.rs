@@ -355,7 +355,7 @@ fn describe(
 
 /// Whether Gaussian `i` looks the same all through the clip: it neither moves nor turns, and its
 /// opacity falls by no more than [`STILL_OPACITY`].
-fn is_still(field: &Field, i: usize) -> bool {
+pub(crate) fn is_still(field: &Field, i: usize) -> bool {
     let Some(temporal) = &field.temporal else {
         return true;
     };

@@ -1,6 +1,8 @@
 //! [`Precision`]: how exactly the coder `context` keeps a field, and where it may be less exact.
 
-use crate::{ALPHA_MIN, EncodeError, Field, context::Prepared, sh_coefficients};
+use crate::context::{Prepared, columns_needed};
+use crate::encode::is_still;
+use crate::{ALPHA_MIN, EncodeError, Field, sh_coefficients};
 
 /// How exact a package is. The coder `fixed` has one precision and takes no notice.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,9 +80,11 @@ impl Precision {
         bounds: [[f32; 3]; 2],
         sensitivities: Vec<Sensitivity>,
     ) -> Prepared<'a> {
-        let temporal = field.temporal.as_ref();
-        let motion = temporal.map_or(0, |temporal| 2 + 3 * usize::from(temporal.motion_order));
-        let numbers = field.len() * (10 + motion + 3 * sh_coefficients(field.sh_degree));
+        // Columns that say nothing change nothing.
+        let rows: Vec<usize> = (0..field.len()).collect();
+        let columns = columns_needed(field, &rows, !rows.iter().all(|&i| is_still(field, i)));
+        let motion = columns.temporal.map_or(0, |temporal| 2 + 3 * usize::from(temporal.motion_order));
+        let numbers = field.len() * (10 + motion + 3 * sh_coefficients(columns.sh_degree));
         let error = libm::pow(10.0, -0.05 * self.psnr.clamp(0.0, 160.0));
         let footprint = self.footprint.unwrap_or_else(|| (diagonal(bounds) * BLUR / LINES) as f32);
         Prepared { field, sensitivities, step: (12.0 / numbers as f64).sqrt() * error, footprint }
@@ -108,4 +112,30 @@ fn told(field: &Field, bounds: [[f32; 3]; 2]) -> Vec<Sensitivity> {
             Sensitivity { color: color as f32, geometry: (CONTRAST * color) as f32 }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Temporal;
+
+    #[test]
+    fn columns_that_say_nothing_make_nothing_more_exact() {
+        let bare = Field {
+            centers: vec![[0.0; 3], [1.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+            log_scales: vec![[-2.0; 3]; 2],
+            opacities: vec![0.5; 2],
+            sh: vec![[0.3; 3]; 2],
+            ..Field::default()
+        };
+        let temporal = Temporal { tau: vec![0.5; 2], s: vec![f32::INFINITY; 2], ..Temporal::default() };
+        let mut wide = Field { sh_degree: 1, temporal: Some(temporal), ..bare.clone() };
+        wide.sh = vec![[0.3; 3], [0.0; 3], [0.0; 3], [0.0; 3]].repeat(2);
+        let prepared = |field| format!("{:?}", Precision::default().prepare(field, bare.bounds()).step);
+        assert_eq!(prepared(&wide), prepared(&bare));
+        // What is said is not left out.
+        wide.sh[1] = [0.1; 3];
+        assert_ne!(prepared(&wide), prepared(&bare));
+    }
 }
