@@ -1,8 +1,6 @@
 //! [`Playlist`]: clips that play one after the other, named by a small JSON file; `xtask/PLAYLIST.md`
 //! describes it.
 
-use std::fs::File;
-use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +8,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Deserialize;
 
 use crate::fault::Fault;
-use crate::source::{News, is_address, shown};
+use crate::source::{self, News, is_address, shown};
 
 /// Most bytes of a playlist.
 pub const BYTES_MAX: usize = 1 << 20;
@@ -68,7 +66,7 @@ pub fn open(
             None => return Ok(None),
         }
     } else {
-        read(Path::new(name)).map_err(|what| Fault::Data(format!("{name}: {what}")))?
+        source::read(Path::new(name), BYTES_MAX).map_err(|what| Fault::Data(format!("{name}: {what}")))?
     };
     let playlist = Playlist::parse(name, &bytes);
     playlist.map(Some).map_err(|what| Fault::Data(format!("{}: {what}", shown_name(name))))
@@ -89,16 +87,6 @@ pub(crate) fn wait(
         ControlFlow::Continue(())
     });
     opened.map(|playlist| playlist.expect("somebody waits"))
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let mut bytes = Vec::new();
-    file.take(BYTES_MAX as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-    if bytes.len() > BYTES_MAX {
-        return Err(format!("larger than {} MiB, the most that is read", BYTES_MAX >> 20));
-    }
-    Ok(bytes)
 }
 
 #[cfg(feature = "net")]

@@ -173,14 +173,22 @@ pub fn load_file(path: &Path) -> Result<Clip, Fault> {
     if path.is_dir() {
         return Err(fault("is a folder: name an .aarc file".into()));
     }
-    let file = File::open(path).map_err(|error| fault(error.to_string()))?;
-    let mut bytes = Vec::new();
-    let most = limits.max_bytes as u64;
-    file.take(most + 1).read_to_end(&mut bytes).map_err(|error| fault(error.to_string()))?;
-    if bytes.len() as u64 > most {
-        return Err(fault(format!("larger than {} MiB, the most that is read", most >> 20)));
-    }
+    let bytes = read(path, limits.max_bytes).map_err(fault)?;
     decode(&bytes, &limits).map_err(|error| fault(error.to_string()))
+}
+
+/// The contents of a file of at most so many bytes.
+///
+/// # Errors
+/// What the system says, or that there is more of it.
+pub(crate) fn read(path: &Path, most: usize) -> Result<Vec<u8>, String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    file.take(most as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() > most {
+        return Err(format!("larger than {} MiB, the most that is read", most >> 20));
+    }
+    Ok(bytes)
 }
 
 /// Decodes a package on all cores.

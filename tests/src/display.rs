@@ -7,12 +7,15 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use libtest_mimic::{Completion, Failed, Trial};
 use x11rb::connection::Connection;
 use x11rb::protocol::xproto::{ClientMessageEvent, ConnectionExt as _, EventMask, ImageFormat, InputFocus};
 use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
 
 pub use x11rb::protocol::xproto::Window;
+
+use crate::gpu::{Passes, device};
 
 /// Longest to wait for something to appear.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -23,12 +26,13 @@ pub struct Display {
     connection: RustConnection,
     root: Window,
     /// Held for its drop.
-    _server: Server,
+    _server: Process,
 }
 
-struct Server(Child);
+/// A running program; ends when dropped.
+struct Process(Child);
 
-impl Drop for Server {
+impl Drop for Process {
     fn drop(&mut self) {
         // It may have ended by itself.
         let _ = self.0.kill();
@@ -47,6 +51,48 @@ pub struct Screenshot {
     pub rgb: Vec<u8>,
 }
 
+/// A test that needs a device and a display: ignored where either is missing.
+pub fn trial(name: &str, test: fn(&Display) -> Result<(), String>) -> Trial {
+    Trial::ignorable_test(name, move || {
+        if let Err(fault) = device(Passes::Shared) {
+            return Ok(Completion::ignored_with(fault));
+        }
+        match Display::start(1000, 700) {
+            Some(display) => test(&display).map(|()| Completion::Completed).map_err(Failed::from),
+            None => Ok(Completion::ignored_with("Xvfb is not installed")),
+        }
+    })
+}
+
+/// A program with a window; ends when dropped.
+pub struct Player<'a> {
+    display: &'a Display,
+    process: Process,
+    /// Its window.
+    pub window: Window,
+}
+
+impl Player<'_> {
+    /// Closes the window, and waits for the program.
+    ///
+    /// # Errors
+    /// If it does not end within 20 s, or not with success.
+    pub fn close(mut self) -> Result<(), String> {
+        self.display.close(self.window);
+        let start = Instant::now();
+        loop {
+            match self.process.0.try_wait().map_err(|error| error.to_string())? {
+                Some(status) if status.success() => return Ok(()),
+                Some(status) => return Err(format!("closing the window ended it with {status}")),
+                None if start.elapsed() > Duration::from_secs(20) => {
+                    return Err("closing the window does not end it".into());
+                }
+                None => sleep(Duration::from_millis(20)),
+            }
+        }
+    }
+}
+
 impl Display {
     /// Starts a server with one screen of the given size; `None` where Xvfb is not installed.
     ///
@@ -60,7 +106,7 @@ impl Display {
             .stderr(Stdio::null())
             .spawn()
             .ok()?;
-        let mut server = Server(child);
+        let mut server = Process(child);
         let mut number = String::new();
         let stdout = server.0.stdout.take().expect("piped");
         BufReader::new(stdout).read_line(&mut number).expect("Xvfb says its number");
@@ -77,16 +123,20 @@ impl Display {
         command
     }
 
-    /// Waits for a window whose title contains `title`. `None` if none appears in a minute, or
-    /// `program` ends first.
-    pub fn wait_for_window(&self, title: &str, program: &mut Child) -> Option<Window> {
-        wait_for(|| {
-            if program.try_wait().is_ok_and(|status| status.is_some()) {
+    /// Starts a command and waits for its window, whose title contains `title`.
+    ///
+    /// # Errors
+    /// If none appears in a minute, or the program ends first.
+    pub fn open(&self, command: &mut Command, title: &str) -> Result<Player<'_>, String> {
+        let mut process = Process(command.spawn().map_err(|error| error.to_string())?);
+        let window = wait_for(|| {
+            if process.0.try_wait().is_ok_and(|status| status.is_some()) {
                 return Some(None);
             }
             self.find_window(self.root, title).map(Some)
-        })
-        .flatten()
+        });
+        let window = window.flatten().ok_or_else(|| format!("no window is called {title}"))?;
+        Ok(Player { display: self, process, window })
     }
 
     /// The window's title.
@@ -148,7 +198,7 @@ impl Display {
     }
 
     /// Asks the window to close, as its close button does.
-    pub fn close(&self, window: Window) {
+    fn close(&self, window: Window) {
         let atom = |name: &[u8]| {
             let atom = self.connection.intern_atom(false, name).expect("the server listens");
             atom.reply().expect("an atom").atom

@@ -6,6 +6,7 @@
 
 pub mod data;
 pub mod display;
+pub mod ending;
 pub mod gpu;
 pub mod headset;
 pub mod image;

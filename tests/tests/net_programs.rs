@@ -6,14 +6,14 @@ use std::process::{Command, ExitCode};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
-use aarc_tests::display::{Display, Screenshot};
-use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::display::{self, Display, Screenshot};
+use aarc_tests::gpu::{self, Passes};
 use aarc_tests::programs::{Outcome, client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Server, Stream};
 use client::gpu::Gpu;
 use codec::{Limits, contents};
-use libtest_mimic::{Completion, Failed, Trial};
+use libtest_mimic::{Failed, Trial};
 use rustls::pki_types::PrivateKeyDer;
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 use serde_json::Value;
@@ -33,15 +33,7 @@ fn main() -> ExitCode {
         ),
         gpu::trial("a secure connection needs a certificate that is trusted", Passes::Shared, secure),
         Trial::test("faults are one sentence and an exit code", || faults().map_err(Failed::from)),
-        Trial::ignorable_test("a window plays the first layer before the rest is sent", || {
-            if let Err(fault) = device(Passes::Shared) {
-                return Ok(Completion::ignored_with(fault));
-            }
-            match Display::start(1000, 700) {
-                Some(display) => window(&display).map(|()| Completion::Completed).map_err(Failed::from),
-                None => Ok(Completion::ignored_with("Xvfb is not installed")),
-            }
-        }),
+        display::trial("a window plays the first layer before the rest is sent", window),
     ])
 }
 
@@ -227,24 +219,16 @@ fn window(display: &Display) -> Result<(), String> {
     let mut command = display.command(client());
     command.arg(server.url("clip.aarc")).args(["--size", "800x600"]).current_dir(place.folder.path());
     command.env("XDG_CACHE_HOME", place.path("cache"));
-    let mut player = command.spawn().map_err(|error| error.to_string())?;
-    let seen = (|| {
-        let window = display.wait_for_window("clip.aarc", &mut player).ok_or("no window of this title")?;
-        let plays = |shot: &Screenshot| shot.colors() > 500;
-        display.wait_until(window, plays).ok_or("the first layer is not seen")?;
-        if server.sent().len() != 1 {
-            return Err("the rest was sent before".to_owned());
-        }
-        permit.send(()).map_err(|error| error.to_string())?;
-        let kept = || place.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == 1);
-        display.wait_until(window, |_: &Screenshot| kept()).ok_or("the rest never came")?;
-        display.close(window);
-        Ok(())
-    })();
-    if seen.is_err() {
-        let _ = player.kill();
+    // Dropped before the server, which waits for what it is sending.
+    let permit = permit;
+    let player = display.open(&mut command, "clip.aarc")?;
+    let plays = |shot: &Screenshot| shot.colors() > 500;
+    display.wait_until(player.window, plays).ok_or("the first layer is not seen")?;
+    if server.sent().len() != 1 {
+        return Err("the rest was sent before".to_owned());
     }
-    let status = player.wait().map_err(|error| error.to_string())?;
-    seen?;
-    if status.success() { Ok(()) } else { Err(format!("closing the window ended it with {status}")) }
+    permit.send(()).map_err(|error| error.to_string())?;
+    let kept = || place.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == 1);
+    display.wait_until(player.window, |_: &Screenshot| kept()).ok_or("the rest never came")?;
+    player.close()
 }

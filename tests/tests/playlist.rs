@@ -2,17 +2,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use aarc_tests::display::{Display, Screenshot};
-use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::display::{self, Display, Screenshot};
+use aarc_tests::gpu::{self, Passes};
 use aarc_tests::programs::{Outcome, client, run};
 use aarc_tests::scene::{Motion, Recipe, ball, lasting, packaged};
 use aarc_tests::server::Server;
 use client::gpu::Gpu;
-use libtest_mimic::{Completion, Failed, Trial};
 use tempfile::TempDir;
 
 const USAGE: i32 = 2;
@@ -27,15 +26,7 @@ fn main() -> ExitCode {
         ),
         gpu::trial("from an address, and again without the network", Passes::Shared, addresses),
         gpu::trial("what is wrong is one sentence and an exit code", Passes::Shared, faults),
-        Trial::ignorable_test("in a window nothing comes between two clips, over and over", || {
-            if let Err(fault) = device(Passes::Shared) {
-                return Ok(Completion::ignored_with(fault));
-            }
-            match Display::start(1000, 700) {
-                Some(display) => window(&display).map(|()| Completion::Completed).map_err(Failed::from),
-                None => Ok(Completion::ignored_with("Xvfb is not installed")),
-            }
-        }),
+        display::trial("in a window nothing comes between two clips, over and over", window),
     ])
 }
 
@@ -220,17 +211,6 @@ fn seen(shot: &Screenshot) -> Seen {
     }
 }
 
-/// A running player that ends with the test.
-struct Player(Child);
-
-impl Drop for Player {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Looks at the window as often as it can while it plays red, what is broken, blue, and red again.
 fn window(display: &Display) -> Result<(), String> {
     let place = Place::new();
@@ -243,8 +223,8 @@ fn window(display: &Display) -> Result<(), String> {
         .arg(place.path("list.json"))
         .args(["--size", "800x600"])
         .current_dir(Path::new(place.folder.path()));
-    let mut player = Player(command.stderr(Stdio::inherit()).spawn().map_err(|error| error.to_string())?);
-    let window = display.wait_for_window("red.aarc", &mut player.0).ok_or("no window of this title")?;
+    let player = display.open(command.stderr(Stdio::inherit()), "red.aarc")?;
+    let window = player.window;
     display.wait_until(window, |shot| seen(shot) == Seen::Red).ok_or("the first clip is not seen")?;
     let (mut order, mut titles, mut shots) = (vec![Seen::Red], Vec::new(), 0);
     let start = Instant::now();
@@ -271,16 +251,5 @@ fn window(display: &Display) -> Result<(), String> {
     if titles.len() < 2 || !titles.iter().all(is_known) {
         return Err(format!("{titles:?}"));
     }
-    display.close(window);
-    let closed = Instant::now();
-    loop {
-        match player.0.try_wait().map_err(|error| error.to_string())? {
-            Some(status) if status.success() => return Ok(()),
-            Some(status) => return Err(format!("closing the window ended it with {status}")),
-            None if closed.elapsed() > Duration::from_secs(20) => {
-                return Err("closing does not end it".into());
-            }
-            None => sleep(Duration::from_millis(20)),
-        }
-    }
+    player.close()
 }

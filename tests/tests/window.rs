@@ -3,15 +3,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use aarc_tests::display::{Display, Screenshot, Window};
-use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::display::{Display, Screenshot, Window, trial};
+use aarc_tests::gpu;
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
-use libtest_mimic::{Completion, Failed, Trial};
+use libtest_mimic::{Failed, Trial};
 
 /// Rows at the bottom of the window that hold the controls; the clip shows above them.
 const CONTROLS: u32 = 120;
@@ -29,30 +29,6 @@ fn main() -> ExitCode {
     ])
 }
 
-/// A test that needs a device and a display: ignored where either is missing.
-fn trial(name: &str, test: fn(&Display) -> Result<(), String>) -> Trial {
-    Trial::ignorable_test(name, move || {
-        if let Err(fault) = device(Passes::Shared) {
-            return Ok(Completion::ignored_with(fault));
-        }
-        match Display::start(1000, 700) {
-            Some(display) => test(&display).map(|()| Completion::Completed).map_err(Failed::from),
-            None => Ok(Completion::ignored_with("Xvfb is not installed")),
-        }
-    })
-}
-
-/// A running player that ends with the test.
-struct Player(Child);
-
-impl Drop for Player {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Writes a clip that moves all the time.
 fn write_clip(path: &Path) {
     let recipe =
@@ -66,8 +42,8 @@ fn plays(display: &Display) -> Result<(), String> {
     write_clip(&clip);
     let mut command = display.command(client());
     command.arg(&clip).args(["--size", "800x600"]).current_dir(folder.path()).stderr(Stdio::inherit());
-    let mut player = Player(command.spawn().map_err(|error| error.to_string())?);
-    let window = display.wait_for_window("dancers.aarc", &mut player.0).ok_or("no window of this title")?;
+    let player = display.open(&mut command, "dancers.aarc")?;
+    let window = player.window;
     let look = |what: &str, condition: &dyn Fn(&Screenshot) -> bool| {
         display.wait_until(window, condition).ok_or(format!("the window never {what}"))
     };
@@ -102,18 +78,7 @@ fn plays(display: &Display) -> Result<(), String> {
         return Err(format!("{} has {size:?} pixels", saved.display()));
     }
 
-    display.close(window);
-    let start = Instant::now();
-    loop {
-        match player.0.try_wait().map_err(|error| error.to_string())? {
-            Some(status) if status.success() => return Ok(()),
-            Some(status) => return Err(format!("closing the window ended it with {status}")),
-            None if start.elapsed() > Duration::from_secs(20) => {
-                return Err("closing the window does not end it".into());
-            }
-            None => sleep(Duration::from_millis(20)),
-        }
-    }
+    player.close()
 }
 
 /// Whether the clip itself, above the controls, looks different.

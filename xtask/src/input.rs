@@ -152,7 +152,8 @@ pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
     sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
 }
 
-fn is_package(path: &Path) -> bool {
+/// Whether a file begins as packages do.
+pub fn is_package(path: &Path) -> bool {
     let mut magic = [0; 4];
     // Opening a pipe would wait for its other end.
     path.is_file()

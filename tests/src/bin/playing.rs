@@ -8,6 +8,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
+use aarc_tests::ending;
 use aarc_tests::gpu::{Passes, device};
 use aarc_tests::playing::measure;
 use anyhow::Context;
@@ -19,15 +20,7 @@ use xtask::report::Subject;
 use xtask::report::playing::Message;
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            let client = error.downcast_ref::<client::fault::Fault>().map(client::fault::Fault::exit_code);
-            let code = client.or_else(|| error.downcast_ref::<Fault>().map(Fault::exit_code));
-            ExitCode::from(code.unwrap_or(1))
-        }
-    }
+    ending::code(run())
 }
 
 fn run() -> anyhow::Result<()> {

@@ -10,11 +10,11 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use aarc_tests::ending;
 use aarc_tests::gpu::{Passes, device};
 use aarc_tests::stability::{Case, Meter, along, cases, run};
 use client::gpu::Gpu;
 use peak_alloc::PeakAlloc;
-use xtask::fault::Fault;
 use xtask::report::Subject;
 use xtask::report::stability::{Header, Row};
 
@@ -25,15 +25,7 @@ static HEAP: PeakAlloc = PeakAlloc;
 const PATIENCE: Duration = Duration::from_secs(180);
 
 fn main() -> ExitCode {
-    match suite() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            let client = error.downcast_ref::<client::fault::Fault>().map(client::fault::Fault::exit_code);
-            let code = client.or_else(|| error.downcast_ref::<Fault>().map(Fault::exit_code));
-            ExitCode::from(code.unwrap_or(1))
-        }
-    }
+    ending::code(suite())
 }
 
 fn suite() -> anyhow::Result<()> {

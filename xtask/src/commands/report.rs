@@ -112,10 +112,8 @@ impl Report {
     }
 
     fn add_rd(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
-        let bar = ProgressBar::new(subjects.iter().map(rd::work).sum());
-        // Drawn on a terminal's standard error only.
-        let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
-        bar.set_style(style);
+        let bar = bar("")?;
+        bar.set_length(subjects.iter().map(rd::work).sum());
         let mut measured = Vec::new();
         for subject in subjects {
             bar.set_prefix(subject.scene.name.clone());
@@ -140,6 +138,12 @@ impl Report {
         Ok(())
     }
 }
+/// Progress, drawn on a terminal's standard error only.
+fn bar(prefix: &'static str) -> anyhow::Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
+    Ok(ProgressBar::new(1).with_style(style).with_prefix(prefix))
+}
+
 /// Checks, before any work is done, that the folder is there or can be made.
 fn check_folder(folder: &Path) -> Result<(), Fault> {
     match folder.metadata() {

@@ -4,15 +4,14 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
-use xtask::input::Input;
+use xtask::input::is_package;
 use xtask::machine::machine;
 use xtask::package::{self, package_showing};
 use xtask::report::fitting;
 use xtask::report::playing::{Message, Playing};
 use xtask::report::{Findings, Subject, packaging};
 
-use super::program;
+use super::{bar, program};
 
 /// Measures `path`, a package or a field, in pictures of this `size`; with it the fits whose tables
 /// are `logs`, or else lie beside it.
@@ -20,16 +19,15 @@ pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::
     let subject = Subject::load(path)?;
     let fits = fitting::load_all(path, logs)?;
     let folder = tempfile::tempdir()?;
-    let clip = match Input::load(path)? {
-        Input::Package(_) => path.to_owned(),
-        Input::Scene(scene) => {
-            let bar = bar("packaging")?;
-            let package = package_showing(&scene, &package::Settings::default(), None, &bar)?;
-            bar.finish_and_clear();
-            let clip = folder.path().join("clip.aarc");
-            std::fs::write(&clip, package.bytes)?;
-            clip
-        }
+    let clip = if is_package(path) {
+        path.to_owned()
+    } else {
+        let bar = bar("packaging")?;
+        let package = package_showing(&subject.scene, &package::Settings::default(), None, &bar)?;
+        bar.finish_and_clear();
+        let clip = folder.path().join("clip.aarc");
+        std::fs::write(&clip, package.bytes)?;
+        clip
     };
     let playing = play(&clip, path, size)?;
     let bar = bar("packaging")?;
@@ -61,10 +59,4 @@ fn play(clip: &Path, whole: &Path, [width, height]: [u32; 2]) -> anyhow::Result<
     })?;
     bar.finish_and_clear();
     playing.context("nothing was measured")
-}
-
-/// Progress, drawn on a terminal's standard error only.
-fn bar(prefix: &'static str) -> anyhow::Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
-    Ok(ProgressBar::new(1).with_style(style).with_prefix(prefix))
 }
