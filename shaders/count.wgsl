@@ -1,9 +1,9 @@
-// Stage count: instead of drawing, counts the fragments of every instance.
+// Stage count: instead of drawing, counts the fragments of every rectangle.
 
 @group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
 
-fn carried(instance: u32, color: vec3<f32>, opacity: f32) -> vec2<u32> {
-    return vec2<u32>(instance, 0u);
+fn carried(place: u32, color: vec3<f32>, opacity: f32) -> vec2<u32> {
+    return vec2<u32>(place, 0u);
 }
 
 @fragment

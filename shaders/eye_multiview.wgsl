@@ -2,9 +2,9 @@
 
 @vertex
 fn vertex(
-    @builtin(vertex_index) corner: u32,
-    @builtin(instance_index) instance: u32,
+    @builtin(vertex_index) index: u32,
+    @builtin(instance_index) batch: u32,
     @builtin(view_index) eye: u32,
 ) -> Splat {
-    return splat(corner, instance, eye);
+    return splat(index % CORNERS, batch * BATCH + index / CORNERS, eye);
 }

@@ -1,6 +1,6 @@
 // One eye a pass.
 
 @vertex
-fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Splat {
-    return splat(corner, instance, 0u);
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) batch: u32) -> Splat {
+    return splat(index % CORNERS, batch * BATCH + index / CORNERS, 0u);
 }

@@ -21,13 +21,13 @@ struct Splat {
 // An image of 2000 pixels is a five-hundredth of a deviation then, instead of none.
 const SIGMA_MAX: f32 = 1e6;
 
-// Corner `corner` (0 to 3, as a strip) of the rectangle of instance `instance`.
-fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
+// Corner `corner` (bit 0: right, bit 1: far) of the rectangle at `place` in the order.
+fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     // Outside the clip volume: all four corners there draw nothing.
     let nothing = Splat(vec4<f32>(0.0, 0.0, 2.0, 1.0), vec2<f32>(0.0), vec2<u32>(0u));
 
     // Conditions are phrased so that NaN fails them.
-    let row = order[instance];
+    let row = order[place];
     let g = evaluate(row);
     if !(g.opacity >= ALPHA_MIN) {
         return nothing;
@@ -94,5 +94,5 @@ fn splat(corner: u32, instance: u32, eye: u32) -> Splat {
     let ndc = (2.0 * image / views[eye].size - 1.0) * vec2<f32>(1.0, -1.0);
 
     let color = color_of(row, normalize(from_eye));
-    return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(instance, color, g.opacity));
+    return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(place, color, g.opacity));
 }

@@ -13,7 +13,7 @@
 //! | 1 | [`ORDER`] | rows to draw, back to front: array of `u32` | vertex |
 //! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] a moving row | vertex |
 //! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] a row | vertex |
-//! | 2 | [`COUNTS`] | for [`Purpose::Count`]: fragments of every instance | fragment |
+//! | 2 | [`COUNTS`] | for [`Purpose::Count`]: fragments of every rectangle | fragment |
 
 #[cfg(feature = "fit")]
 pub mod fit;
@@ -54,6 +54,13 @@ pub const MOTION: u32 = 3;
 pub const SH: u32 = 4;
 /// Binding of the fragment counts in group 2.
 pub const COUNTS: u32 = 0;
+
+/// Corners of the rectangle that a Gaussian is drawn as.
+pub const CORNERS: u32 = 4;
+
+/// Rectangles of an instance. With one each, hardware would start a group of threads for four
+/// corners, and a software driver all that it does for a draw call.
+pub const BATCH: u32 = 1024;
 
 /// Name of the vertex entry point.
 pub const VERTEX_ENTRY: &str = "vertex";
@@ -120,6 +127,8 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
          const NEAR: f32 = {NEAR:?};\n\
          const BLUR: f32 = {BLUR:?};\n\
          const WIDTH_UNIT: f32 = {WIDTH_UNIT:?};\n\
+         const CORNERS: u32 = {CORNERS}u;\n\
+         const BATCH: u32 = {BATCH}u;\n\
          const VIEWS: u32 = {views}u;\n"
     );
     source += include_str!("../frame.wgsl");

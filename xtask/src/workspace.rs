@@ -40,6 +40,12 @@ pub fn cargo() -> Command {
     let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let mut command = Command::new(program);
     command.current_dir(root());
+    // Cargo tells the programs that it runs about their package in these. Build scripts below that
+    // look at them would run anew for every program that calls this, and what depends on them.
+    let is_told = |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
+    for (name, _) in env::vars_os().filter(|(name, _)| name.to_str().is_some_and(is_told)) {
+        command.env_remove(name);
+    }
     command
 }
 
@@ -84,7 +90,16 @@ fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fau
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
+
     use super::*;
+
+    #[test]
+    fn cargo_is_not_told_of_the_package_that_runs_it() {
+        // Cargo tells tests of theirs.
+        let is_removed = |(name, value): (&OsStr, Option<&OsStr>)| name == "CARGO_PKG_NAME" && value.is_none();
+        assert!(cargo().get_envs().any(is_removed));
+    }
 
     #[test]
     fn the_root_holds_the_workspace() {

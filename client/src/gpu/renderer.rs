@@ -10,8 +10,9 @@ use super::clip::{GpuClip, Part};
 use super::device::Gpu;
 use super::stages::alive::EYES_MAX;
 use super::stages::count::Counter;
+use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
-use super::stages::splat::{self, CORNERS, PassUniforms, multiview_mask};
+use super::stages::splat::{self, PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
 use crate::fault::Fault;
 use crate::gpu::settings::Settings;
@@ -48,6 +49,7 @@ pub struct Renderer {
     eyes_per_pass: u32,
     passes: Vec<PassUniforms>,
     parts: Vec<DrawnPart>,
+    quads: Quads,
     items: Vec<Item>,
     sorter: Sorter,
     timer: Option<GpuTimer>,
@@ -84,17 +86,23 @@ impl Renderer {
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
         let rows = clip.parts().map(|part| part.rows.len()).max().unwrap_or(0);
-        let (parts, passes, timer) = gpu.allocate("the renderer", || {
+        let (parts, passes, quads, timer) = gpu.allocate("the renderer", || {
             let part = |part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
             let passes = (0..eyes).step_by(eyes_per_pass as usize);
-            (clip.parts().map(part).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
+            (
+                clip.parts().map(part).collect(),
+                passes.map(pass).collect(),
+                Quads::new(gpu),
+                GpuTimer::new(gpu),
+            )
         })?;
         Ok(Renderer {
             eyes,
             eyes_per_pass,
             passes,
             parts,
+            quads,
             items: Vec::with_capacity(rows),
             sorter: Sorter::new(rows),
             timer,
@@ -238,7 +246,7 @@ impl Renderer {
         for part in self.parts.iter().filter(|part| !part.order.is_empty()) {
             pass.set_pipeline(&part.pipeline);
             pass.set_bind_group(1, &part.group, &[]);
-            pass.draw(0..CORNERS, 0..part.order.len() as u32);
+            self.quads.draw(&mut pass, part.order.len() as u32);
         }
     }
 }

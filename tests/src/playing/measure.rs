@@ -16,6 +16,7 @@ use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
 use refine::image::Image;
 use refine::prune::Shot;
+use shaders::CORNERS;
 use shaders::layout::Ranges;
 use xtask::report::knob::Errors;
 
@@ -27,11 +28,7 @@ use crate::gpu::{Passes, device};
 /// How often each picture is timed.
 pub(super) const ROUNDS: usize = 7;
 
-/// Corners of the rectangle that a Gaussian is drawn as.
-const CORNERS: f64 = 4.0;
-
-/// A way to draw the clip. The default is the player as it is.
-#[derive(Default)]
+/// A way to draw the clip. The default is the player as it is, for images.
 pub(super) struct Variant {
     /// What it is called.
     pub(super) name: String,
@@ -42,9 +39,22 @@ pub(super) struct Variant {
     /// The size that is drawn, if another than that of the pictures.
     pub(super) size: Option<UVec2>,
     /// Bits per channel.
-    pub(super) depth: Target,
+    pub(super) depth: Depth,
     /// For how many eyes.
     pub(super) eyes: Eyes,
+}
+
+impl Default for Variant {
+    fn default() -> Variant {
+        Variant {
+            name: String::new(),
+            content: Content::default(),
+            settings: Settings::default(),
+            size: None,
+            depth: Depth::Sixteen,
+            eyes: Eyes::default(),
+        }
+    }
 }
 
 /// What a variant draws.
@@ -57,16 +67,6 @@ pub(super) enum Content {
     Other(Box<Clip>),
     /// At each instant those Gaussians of the clip whose opacity is at least this.
     Alive(f64),
-}
-
-/// What a variant draws into.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(super) enum Target {
-    /// 16-bit floats, as images are made with.
-    #[default]
-    Sixteen,
-    /// 8 bits, as windows and headsets have.
-    Eight,
 }
 
 /// For how many eyes a variant draws.
@@ -209,10 +209,7 @@ impl<'a> Bench<'a> {
             Content::Other(clip) => upload(clip)?,
             Content::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
         };
-        let depth = match variant.depth {
-            Target::Sixteen => Depth::Sixteen,
-            Target::Eight => Depth::Eight,
-        };
+        let depth = variant.depth;
         let apart = (variant.eyes != Eyes::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
         let eyes = 1 + usize::from(apart.is_some());
         let size = variant.size.unwrap_or(self.size);
@@ -296,7 +293,7 @@ impl Stand {
             ("sorted_keys", f64::from(counts.sorted)),
             ("drawn", f64::from(coverage.drawn)),
             ("covered_fragments", coverage.fragments as f64),
-            ("vertex_invocations", CORNERS * instances),
+            ("vertex_invocations", f64::from(CORNERS) * instances),
             ("bytes_fetched", instances * self.bytes_of_instance()),
             ("gpu_bytes", self.renderer.clip().bytes() as f64),
             ("pipelines", self.renderer.pipelines() as f64),

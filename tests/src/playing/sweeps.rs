@@ -1,10 +1,10 @@
 //! The knobs of the player, and their values from the finest to the coarsest.
 
-use client::gpu::{Cutoff, Level, Settings, SortOrder};
+use client::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
 use codec::Clip;
 use glam::UVec2;
 
-use super::measure::{Content, Target, Variant};
+use super::measure::{Content, Variant};
 use super::reduce::{to_motion_order, to_sh_degree, without_rotation};
 
 /// A knob to sweep.
@@ -177,7 +177,7 @@ fn levels(clip: &Clip, size: UVec2) -> Sweep {
 
 /// Both are defaults: images are made with 16 bits, windows and headsets have 8.
 fn target() -> Sweep {
-    let eight = Variant { depth: Target::Eight, ..Variant::default() };
+    let eight = Variant { depth: Depth::Eight, ..Variant::default() };
     let mut values = with_default("16 bits (images)", [("8 bits (windows, headsets)".into(), eight)]);
     values.iter_mut().for_each(|value| value.default = true);
     Sweep {

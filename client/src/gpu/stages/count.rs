@@ -1,9 +1,10 @@
-//! Stage `count`: how many fragments every instance covers, exactly and the same on every run.
+//! Stage `count`: how many fragments every rectangle covers, exactly and the same on every run.
 
 use glam::DVec3;
 use shaders::{COUNTS, Purpose};
 
-use super::splat::{self, CORNERS, PassUniforms};
+use super::quads::Quads;
+use super::splat::{self, PassUniforms};
 use crate::fault::Fault;
 use crate::gpu::device::Gpu;
 use crate::gpu::renderer::{Coverage, DrawnPart};
@@ -16,6 +17,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 /// Pipelines and memory for counting.
 pub(in crate::gpu) struct Counter {
     uniforms: PassUniforms,
+    quads: Quads,
     parts: Vec<CountedPart>,
 }
 
@@ -72,6 +74,7 @@ impl Counter {
         };
         Counter {
             uniforms: PassUniforms::new(gpu, &pass_layout, 1),
+            quads: Quads::new(gpu),
             parts: parts.iter().map(counted).collect(),
         }
     }
@@ -152,7 +155,7 @@ impl Counter {
             pass.set_pipeline(&counted.pipeline);
             pass.set_bind_group(1, &part.group, &[]);
             pass.set_bind_group(2, &counted.group, &[]);
-            pass.draw(0..CORNERS, 0..part.order.len() as u32);
+            self.quads.draw(&mut pass, part.order.len() as u32);
         }
         drop(pass);
         gpu.submit(encoder);

@@ -4,5 +4,6 @@
 pub(super) mod alive;
 pub(super) mod count;
 pub(super) mod evaluate;
+pub(super) mod quads;
 pub(super) mod sort;
 pub(super) mod splat;

@@ -12,9 +12,6 @@ use crate::gpu::device::Gpu;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
-/// Corners of the rectangle that an instance draws, as a strip.
-pub(in crate::gpu) const CORNERS: u32 = 4;
-
 /// The instant and the eyes of one pass: group 0.
 pub(in crate::gpu) struct PassUniforms {
     frame: wgpu::Buffer,
@@ -137,10 +134,7 @@ pub(in crate::gpu) fn build(
             compilation_options: Default::default(),
             buffers: &[],
         },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
+        primitive: Default::default(),
         depth_stencil: None,
         multisample: Default::default(),
         fragment: Some(wgpu::FragmentState {

@@ -1,0 +1,39 @@
+//! [`Quads`]: rectangles by the thousand, two triangles each.
+
+use shaders::{BATCH, CORNERS};
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+use crate::gpu::device::Gpu;
+
+/// The triangles of a rectangle, by its corners.
+const TRIANGLES: [u32; 6] = [0, 1, 2, 2, 1, 3];
+
+/// The corners of the triangles of [`BATCH`] rectangles.
+pub(in crate::gpu) struct Quads {
+    indices: wgpu::Buffer,
+}
+
+impl Quads {
+    pub(in crate::gpu) fn new(gpu: &Gpu) -> Quads {
+        let corners = (0..BATCH).flat_map(|quad| TRIANGLES.map(|corner| quad * CORNERS + corner));
+        let corners: Vec<u16> = corners.map(|corner| corner as u16).collect();
+        let indices = gpu.device.create_buffer_init(&BufferInitDescriptor {
+            label: Some("quads"),
+            contents: bytemuck::cast_slice(&corners),
+            usage: wgpu::BufferUsages::INDEX,
+        });
+        Quads { indices }
+    }
+
+    /// Draws `count` rectangles with the pipeline that is set.
+    pub(in crate::gpu) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, count: u32) {
+        let (batches, rest) = (count / BATCH, count % BATCH);
+        let corners = |quads| quads * TRIANGLES.len() as u32;
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
+        pass.draw_indexed(0..corners(BATCH), 0, 0..batches);
+        pass.draw_indexed(0..corners(rest), 0, batches..batches + 1);
+    }
+}
+
+// The number of a corner has 16 bits.
+const _: () = assert!(BATCH * CORNERS <= 1 << 16);
