@@ -520,7 +520,7 @@ fn loading_long(headset: &Headset, remote: Remote) -> Result<(), String> {
 }
 
 /// Goes from clip to clip while frames are counted, and prints what was missed. At the lowest quality:
-/// a software driver takes half a second for a frame of the others while two clips are on it.
+/// even of that a software driver shows five frames a second.
 fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Result<(), String> {
     let demo = fs::read(workspace::root().join("assets/demo.aarc")).map_err(|error| error.to_string())?;
     let clips = write_clips(headset, &[("a.aarc", &demo), ("b.aarc", &demo)])?;
