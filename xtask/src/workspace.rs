@@ -97,7 +97,8 @@ mod tests {
     #[test]
     fn cargo_is_not_told_of_the_package_that_runs_it() {
         // Cargo tells tests of theirs.
-        let is_removed = |(name, value): (&OsStr, Option<&OsStr>)| name == "CARGO_PKG_NAME" && value.is_none();
+        let is_removed =
+            |(name, value): (&OsStr, Option<&OsStr>)| name == "CARGO_PKG_NAME" && value.is_none();
         assert!(cargo().get_envs().any(is_removed));
     }
 
