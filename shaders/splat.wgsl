@@ -11,7 +11,7 @@
 struct Splat {
     @builtin(position) position: vec4<f32>,
     // From the centre, in standard deviations.
-    @location(0) @interpolate(linear) local: vec2<f32>,
+    @location(0) local: vec2<f32>,
     // What the fragments need to know, see `carried`.
     @location(1) @interpolate(flat, either) carried: vec2<u32>,
 }

@@ -86,23 +86,18 @@ impl Renderer {
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
         let rows = clip.parts().map(|part| part.rows.len()).max().unwrap_or(0);
-        let (parts, passes, quads, timer) = gpu.allocate("the renderer", || {
+        let (parts, passes, timer) = gpu.allocate("the renderer", || {
             let part = |part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
             let passes = (0..eyes).step_by(eyes_per_pass as usize);
-            (
-                clip.parts().map(part).collect(),
-                passes.map(pass).collect(),
-                Quads::new(gpu),
-                GpuTimer::new(gpu),
-            )
+            (clip.parts().map(part).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
         })?;
         Ok(Renderer {
             eyes,
             eyes_per_pass,
             passes,
             parts,
-            quads,
+            quads: Quads::new(gpu)?,
             items: Vec::with_capacity(rows),
             sorter: Sorter::new(rows),
             timer,
@@ -191,7 +186,7 @@ impl Renderer {
     ) -> Result<Coverage, Fault> {
         let counter = match self.counter.take() {
             Some(counter) => counter,
-            None => gpu.allocate("counting", || Counter::new(gpu, &self.parts))?,
+            None => gpu.allocate("counting", || Counter::new(gpu, &self.parts, self.quads.clone()))?,
         };
         let coverage =
             counter.count(gpu, &self.parts, within_clip(t), settings.cutoff, views, self.clip.middle);

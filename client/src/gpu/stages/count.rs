@@ -29,7 +29,7 @@ struct CountedPart {
 }
 
 impl Counter {
-    pub(in crate::gpu) fn new(gpu: &Gpu, parts: &[DrawnPart]) -> Counter {
+    pub(in crate::gpu) fn new(gpu: &Gpu, parts: &[DrawnPart], quads: Quads) -> Counter {
         let pass_layout = PassUniforms::layout(gpu, 1);
         let counts_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("counts"),
@@ -74,7 +74,7 @@ impl Counter {
         };
         Counter {
             uniforms: PassUniforms::new(gpu, &pass_layout, 1),
-            quads: Quads::new(gpu),
+            quads,
             parts: parts.iter().map(counted).collect(),
         }
     }

@@ -1,28 +1,27 @@
 //! [`Quads`]: rectangles by the thousand, two triangles each.
 
 use shaders::{BATCH, CORNERS};
-use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
+use crate::fault::Fault;
 use crate::gpu::device::Gpu;
 
 /// The triangles of a rectangle, by its corners.
 const TRIANGLES: [u32; 6] = [0, 1, 2, 2, 1, 3];
 
 /// The corners of the triangles of [`BATCH`] rectangles.
+#[derive(Clone)]
 pub(in crate::gpu) struct Quads {
     indices: wgpu::Buffer,
 }
 
 impl Quads {
-    pub(in crate::gpu) fn new(gpu: &Gpu) -> Quads {
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub(in crate::gpu) fn new(gpu: &Gpu) -> Result<Quads, Fault> {
         let corners = (0..BATCH).flat_map(|quad| TRIANGLES.map(|corner| quad * CORNERS + corner));
         let corners: Vec<u16> = corners.map(|corner| corner as u16).collect();
-        let indices = gpu.device.create_buffer_init(&BufferInitDescriptor {
-            label: Some("quads"),
-            contents: bytemuck::cast_slice(&corners),
-            usage: wgpu::BufferUsages::INDEX,
-        });
-        Quads { indices }
+        let indices = gpu.buffer("quads", bytemuck::cast_slice(&corners), wgpu::BufferUsages::INDEX)?;
+        Ok(Quads { indices })
     }
 
     /// Draws `count` rectangles with the pipeline that is set.
