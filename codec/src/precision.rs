@@ -131,7 +131,7 @@ mod tests {
         };
         let temporal = Temporal { tau: vec![0.5; 2], s: vec![f32::INFINITY; 2], ..Temporal::default() };
         let mut wide = Field { sh_degree: 1, temporal: Some(temporal), ..bare.clone() };
-        wide.sh = vec![[0.3; 3], [0.0; 3], [0.0; 3], [0.0; 3]].repeat(2);
+        wide.sh = [[0.3; 3], [0.0; 3], [0.0; 3], [0.0; 3]].repeat(2);
         let bounds = bare.bounds();
         let step = |field: &Field| Precision::default().prepare(field, bounds).step.to_bits();
         assert_eq!(step(&wide), step(&bare));
