@@ -34,10 +34,10 @@ const FIXED_BYTES: usize = 76;
 pub(crate) const COUNTS_OFFSET: usize = 68;
 
 /// Most viewpoints in a package. Format.
-const VIEWPOINTS_MAX: usize = 64;
+pub const VIEWPOINTS_MAX: usize = 64;
 
 /// Longest name of a viewpoint in bytes. Format.
-const NAME_BYTES_MAX: usize = 63;
+pub const NAME_BYTES_MAX: usize = 63;
 
 /// Most layers in a package. Format.
 pub(crate) const LAYERS_MAX: usize = 16;

@@ -23,7 +23,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
+use codec::{ALPHA_MIN, ClipInfo, Field, NAME_BYTES_MAX, VIEWPOINTS_MAX, Viewpoint};
 use serde::Deserialize;
 
 use crate::fault::Fault;
@@ -210,10 +210,16 @@ impl Overrides {
             return Err(format!("up must be a direction, not {up:?}"));
         }
         let views = self.viewpoints.as_deref().unwrap_or_default();
+        if views.len() > VIEWPOINTS_MAX {
+            return Err(format!("{} viewpoints, of which a package holds {VIEWPOINTS_MAX}", views.len()));
+        }
         for (i, view) in views.iter().enumerate() {
             let at = format!("viewpoints[{i}]");
             if view.name.is_empty() {
                 return Err(format!("{at}.name is empty"));
+            }
+            if view.name.len() > NAME_BYTES_MAX {
+                return Err(format!("{at}.name is longer than {NAME_BYTES_MAX} bytes"));
             }
             if views[..i].iter().any(|other| other.name == view.name) {
                 return Err(format!("{at}.name \"{}\" is there twice", view.name));
