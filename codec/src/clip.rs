@@ -1,6 +1,7 @@
 //! [`Clip`]: what a package holds once decoded.
 
 use crate::camera::{cross, norm};
+use crate::header::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
 use crate::{Camera, Field, TimeIndex};
 
 /// What a player must know of a clip besides its Gaussians.
@@ -16,6 +17,35 @@ pub struct ClipInfo {
     pub metres_per_unit: f32,
     /// Suggested viewpoints, the first one being the one to start from. May be empty.
     pub viewpoints: Vec<Viewpoint>,
+}
+
+impl ClipInfo {
+    /// Checks that a package can hold it; the same for reading and writing.
+    ///
+    /// # Errors
+    /// Name and value of the first field out of range.
+    pub fn check(&self) -> Result<(), (&'static str, String)> {
+        let check = |valid: bool, field, value: &dyn std::fmt::Debug| {
+            if valid { Ok(()) } else { Err((field, format!("{value:?}"))) }
+        };
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        check(positive(self.duration_s), "duration", &self.duration_s)?;
+        check(positive(self.fps), "frames per second", &self.fps)?;
+        let norm = self.up.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+        check((norm - 1.0).abs() < 1e-3, "up vector (must have length 1)", &self.up)?;
+        check(positive(self.metres_per_unit), "metres per unit", &self.metres_per_unit)?;
+        let count = self.viewpoints.len();
+        check(count <= VIEWPOINTS_MAX, "number of viewpoints (at most 64)", &count)?;
+        for Viewpoint { name, position, target, fov_y } in &self.viewpoints {
+            // Names end up in terminals and menus, where control characters can do harm.
+            let printable = name.len() <= NAME_BYTES_MAX && !name.chars().any(char::is_control);
+            check(printable, "name of a viewpoint (at most 63 bytes, no control characters)", name)?;
+            check(position.iter().all(|x| x.is_finite()), "position of a viewpoint", position)?;
+            check(target.iter().all(|x| x.is_finite()), "target of a viewpoint", target)?;
+            check(*fov_y > 0.0 && *fov_y < std::f32::consts::PI, "field of view of a viewpoint", fov_y)?;
+        }
+        Ok(())
+    }
 }
 
 /// A named place to watch a clip from, in source units.

@@ -14,7 +14,7 @@ use crate::{
     bytes::Writer,
     context::{self, Prepared},
     fixed::{self, Columns, TemporalColumns},
-    header::{CHUNK_ROWS, LAYERS_MAX, Planned, VERSION_MINOR, check_info},
+    header::{CHUNK_ROWS, LAYERS_MAX, Planned, VERSION_MINOR},
     parallel::try_for_each,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
     section::{Region, Section, SectionKind},
@@ -71,7 +71,7 @@ pub fn encode_parallel(
     threads: NonZero<usize>,
 ) -> Result<Vec<u8>, EncodeError> {
     let Source { info, field, plate } = *source;
-    check_info(info).map_err(|(field, value)| EncodeError::Info { field, value })?;
+    info.check().map_err(|(field, value)| EncodeError::Info { field, value })?;
     check_field("field", field)?;
     plate.map_or(Ok(()), check_plate)?;
     if field.is_empty() {

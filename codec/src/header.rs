@@ -34,10 +34,10 @@ const FIXED_BYTES: usize = 76;
 pub(crate) const COUNTS_OFFSET: usize = 68;
 
 /// Most viewpoints in a package. Format.
-pub const VIEWPOINTS_MAX: usize = 64;
+pub(crate) const VIEWPOINTS_MAX: usize = 64;
 
 /// Longest name of a viewpoint in bytes. Format.
-pub const NAME_BYTES_MAX: usize = 63;
+pub(crate) const NAME_BYTES_MAX: usize = 63;
 
 /// Most layers in a package. Format.
 pub(crate) const LAYERS_MAX: usize = 16;
@@ -215,7 +215,7 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
             .map_err(|e| Error::value(at, "name of a viewpoint", e.into_bytes()))?;
         info.viewpoints.push(Viewpoint { name, position, target, fov_y });
     }
-    check_info(&info).map_err(|(field, value)| {
+    info.check().map_err(|(field, value)| {
         let at = if field.contains("viewpoint") { viewpoints_at } else { PREFIX_BYTES };
         Error::format(at, Fault::Value { field, value })
     })?;
@@ -247,34 +247,6 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
         head_bytes: body.len() + 4,
         sections,
     })
-}
-
-/// Checks what a package says of itself apart from its Gaussians; the same for reading and
-/// writing.
-///
-/// # Errors
-/// Name and value of the first field out of range.
-pub(crate) fn check_info(info: &ClipInfo) -> Result<(), (&'static str, String)> {
-    let check = |valid: bool, field, value: &dyn std::fmt::Debug| {
-        if valid { Ok(()) } else { Err((field, format!("{value:?}"))) }
-    };
-    let positive = |x: f32| x.is_finite() && x > 0.0;
-    check(positive(info.duration_s), "duration", &info.duration_s)?;
-    check(positive(info.fps), "frames per second", &info.fps)?;
-    let norm = info.up.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
-    check((norm - 1.0).abs() < 1e-3, "up vector (must have length 1)", &info.up)?;
-    check(positive(info.metres_per_unit), "metres per unit", &info.metres_per_unit)?;
-    let count = info.viewpoints.len();
-    check(count <= VIEWPOINTS_MAX, "number of viewpoints (at most 64)", &count)?;
-    for Viewpoint { name, position, target, fov_y } in &info.viewpoints {
-        // Names end up in terminals and menus, where control characters can do harm.
-        let printable = name.len() <= NAME_BYTES_MAX && !name.chars().any(char::is_control);
-        check(printable, "name of a viewpoint (at most 63 bytes, no control characters)", name)?;
-        check(position.iter().all(|x| x.is_finite()), "position of a viewpoint", position)?;
-        check(target.iter().all(|x| x.is_finite()), "target of a viewpoint", target)?;
-        check(*fov_y > 0.0 && *fov_y < std::f32::consts::PI, "field of view of a viewpoint", fov_y)?;
-    }
-    Ok(())
 }
 
 /// A section that the counts in the header ask for.

@@ -74,7 +74,7 @@ pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 pub use error::EncodeError;
 pub use error::{Error, Fault};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
-pub use header::{Coder, Contents, NAME_BYTES_MAX, VERSION_MAJOR, VERSION_MINOR, VIEWPOINTS_MAX, contents};
+pub use header::{Coder, Contents, VERSION_MAJOR, VERSION_MINOR, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};

@@ -23,7 +23,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use codec::{ALPHA_MIN, ClipInfo, Field, NAME_BYTES_MAX, VIEWPOINTS_MAX, Viewpoint};
+use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
 use serde::Deserialize;
 
 use crate::fault::Fault;
@@ -77,7 +77,7 @@ impl Scene {
     /// a field that cannot be imported, a plate that moves, a bad `scene.json`.
     pub fn load(path: &Path) -> anyhow::Result<Scene> {
         if !fs::metadata(path).map_err(|error| unreadable(path, &error))?.is_dir() {
-            return Ok(Scene::new(name_of_file(path), import(path)?, None, Overrides::default()));
+            return Ok(Scene::new(path, name_of_file(path), import(path)?, None, Overrides::default())?);
         }
         let names = list(path)?;
         Scene::in_folder(path, &path.join(field_in(path, &names)?), &names)
@@ -98,11 +98,14 @@ impl Scene {
             true => Some(load_plate(&folder.join(PLATE))?),
             false => None,
         };
-        let overrides = match names.iter().any(|name| name == OVERRIDES) {
-            true => Overrides::load(&folder.join(OVERRIDES))?,
-            false => Overrides::default(),
+        let (told_by, overrides) = if names.iter().any(|name| name == OVERRIDES) {
+            let path = folder.join(OVERRIDES);
+            let overrides = Overrides::load(&path)?;
+            (path, overrides)
+        } else {
+            (field.to_owned(), Overrides::default())
         };
-        Ok(Scene::new(name_of_folder(folder), subject, plate, overrides))
+        Ok(Scene::new(&told_by, name_of_folder(folder), subject, plate, overrides)?)
     }
 
     /// Whether `path` is a folder with a capture and no field.
@@ -111,8 +114,14 @@ impl Scene {
         !names.iter().any(|name| is_field_name(name)) && names.iter().any(|name| is_capture_name(name))
     }
 
-    /// Overrides before hints before defaults.
-    fn new(name: String, subject: Imported, plate: Option<Imported>, overrides: Overrides) -> Scene {
+    /// Overrides before hints before defaults. What a package cannot hold is the fault of `told_by`.
+    fn new(
+        told_by: &Path,
+        name: String,
+        subject: Imported,
+        plate: Option<Imported>,
+        overrides: Overrides,
+    ) -> Result<Scene, Fault> {
         let hints = &subject.hints;
         let mut assumed = Vec::new();
         let up = known(overrides.up.and_then(normalized).or(hints.up), "up", DEFAULT_UP, &mut assumed);
@@ -138,7 +147,9 @@ impl Scene {
             ),
             viewpoints,
         };
-        Scene { name, subject, plate, info, assumed }
+        let fault = |(field, value)| Fault::Data(format!("{}: bad {field}: {value}", told_by.display()));
+        info.check().map_err(fault)?;
+        Ok(Scene { name, subject, plate, info, assumed })
     }
 
     /// Number of captured frames, the first at the start and the last at the end, where the field says
@@ -210,16 +221,10 @@ impl Overrides {
             return Err(format!("up must be a direction, not {up:?}"));
         }
         let views = self.viewpoints.as_deref().unwrap_or_default();
-        if views.len() > VIEWPOINTS_MAX {
-            return Err(format!("{} viewpoints, of which a package holds {VIEWPOINTS_MAX}", views.len()));
-        }
         for (i, view) in views.iter().enumerate() {
             let at = format!("viewpoints[{i}]");
             if view.name.is_empty() {
                 return Err(format!("{at}.name is empty"));
-            }
-            if view.name.len() > NAME_BYTES_MAX {
-                return Err(format!("{at}.name is longer than {NAME_BYTES_MAX} bytes"));
             }
             if views[..i].iter().any(|other| other.name == view.name) {
                 return Err(format!("{at}.name \"{}\" is there twice", view.name));

@@ -384,6 +384,8 @@ fn scene_json_is_checked() {
     write_field(&scene.join("field.ply"), &rising(9));
     let view = |rest: &str| format!(r#"{{"viewpoints": [{{"name": "v", "position": [0, 0, 1], {rest}}}]}}"#);
     let two = r#"{"name": "v", "position": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 50}"#;
+    let named = |name: &str| two.replace(r#""v""#, &format!(r#""{name}""#));
+    let many = (0..65).map(|i| named(&i.to_string())).collect::<Vec<_>>();
     for (text, expected) in [
         ("{".to_owned(), "EOF"),
         (r#"{"duration": 1}"#.to_owned(), "`duration`"),
@@ -397,6 +399,9 @@ fn scene_json_is_checked() {
         (view(r#""target": [0, 0, 0], "fov_y_deg": 50, "roll": 1"#), "`roll`"),
         (view(r#""target": [0, 0, 0]"#), "`fov_y_deg`"),
         (format!(r#"{{"viewpoints": [{two}, {two}]}}"#), "there twice"),
+        (format!(r#"{{"viewpoints": [{}]}}"#, named(&"v".repeat(64))), "at most 63 bytes"),
+        (format!(r#"{{"viewpoints": [{}]}}"#, named(r"\n")), "no control characters"),
+        (format!(r#"{{"viewpoints": [{}]}}"#, many.join(",")), "at most 64"),
     ] {
         fs::write(scene.join("scene.json"), &text).unwrap();
         let error = xtask(scene, &["package", ".", "-o", "clip.aarc"]).error(3);

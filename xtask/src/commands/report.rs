@@ -138,6 +138,7 @@ impl Report {
         Ok(())
     }
 }
+
 /// Progress, drawn on a terminal's standard error only.
 fn bar(prefix: &'static str) -> anyhow::Result<ProgressBar> {
     let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
