@@ -17,6 +17,9 @@ pub use x11rb::protocol::xproto::Window;
 
 use crate::gpu::{Passes, device};
 
+/// Rows at the bottom of a player's window that hold the controls; the clip shows above them.
+pub const CONTROLS: u32 = 120;
+
 /// Longest to wait for something to appear.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -219,11 +222,11 @@ impl Screenshot {
         colors.len()
     }
 
-    /// Number of pixels in the region above `height` that differ from those of `other`.
-    pub fn changed_pixels(&self, other: &Screenshot, height: u32) -> usize {
-        let rows = (3 * self.width * height.min(self.height)) as usize;
+    /// Whether the clip itself, above the controls, looks different.
+    pub fn clip_changed(&self, other: &Screenshot) -> bool {
+        let rows = (3 * self.width * self.height.saturating_sub(CONTROLS)) as usize;
         let pixels = |shot: &'_ Screenshot| shot.rgb[..rows.min(shot.rgb.len())].as_chunks::<3>().0.to_vec();
-        pixels(self).iter().zip(&pixels(other)).filter(|(a, b)| a != b).count()
+        pixels(self).iter().zip(&pixels(other)).filter(|(a, b)| a != b).count() > 200
     }
 }
 

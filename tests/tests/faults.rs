@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::Arc;
 
-use aarc_tests::display::Display;
+use aarc_tests::display::{Display, Screenshot};
 use aarc_tests::gpu::{self, Passes, device};
 use aarc_tests::programs::{Outcome, client, example, run, xtask};
 use aarc_tests::scene::{Motion, Recipe, packaged};
@@ -24,7 +24,11 @@ fn main() -> ExitCode {
         ignorable("a full disk is one sentence", Some(small_disk), full_output),
         ignorable("too little memory for the graphics device is one sentence", None, little_memory),
         ignorable("a driver that gives up is one sentence", None, lost_headless),
-        ignorable("a driver that gives up closes the window with one sentence", None, lost_window),
+        ignorable(
+            "a driver that gives up ends the window with one sentence, or another goes on",
+            None,
+            lost_window,
+        ),
     ])
 }
 
@@ -212,11 +216,29 @@ fn lost_window(room: &Room) -> Result<Completion, String> {
     let Some(display) = Display::start(1000, 700) else {
         return Ok(Completion::ignored_with("Xvfb is not installed"));
     };
-    for when in ["submit:1", "submit:20", "wait:20"] {
+    let player = |when| {
         let mut command = display.command(client());
-        lossy(command.arg("clip.aarc").current_dir(room.0.path()), room, when);
-        sentence(&run(&mut command), DEVICE, &["stopped working"])
+        lossy(command.args(["clip.aarc", "--size", "720x400"]).current_dir(room.0.path()), room, when);
+        command
+    };
+    // Lost over and over.
+    for when in ["submit:1", "submit:20", "wait:20"] {
+        sentence(&run(&mut player(when)), DEVICE, &["stopped working"])
             .map_err(|what| format!("{when}: {what}"))?;
+    }
+    // Lost once, when it has worked until then: the clip goes on.
+    for when in ["submit:240:1", "wait:240:1"] {
+        let told = room.path("told.txt");
+        let told_to = fs::File::create(&told).map_err(|error| error.to_string())?;
+        let player = display.open(player(when).stderr(told_to), "clip.aarc")?;
+        let told = || fs::read_to_string(&told).unwrap_or_default();
+        let is_told = |_: &Screenshot| told().contains("goes on with another");
+        display.wait_until(player.window, is_told).ok_or_else(|| format!("{when}: {}", told()))?;
+        let is_seen = |shot: &Screenshot| shot.colors() > 500;
+        let first = display.wait_until(player.window, is_seen).ok_or(format!("{when}: nothing is seen"))?;
+        let moved = |shot: &Screenshot| is_seen(shot) && shot.clip_changed(&first);
+        display.wait_until(player.window, moved).ok_or(format!("{when}: it stands still"))?;
+        player.close()?;
     }
     Ok(Completion::Completed)
 }

@@ -7,14 +7,11 @@ use std::process::{Command, ExitCode, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use aarc_tests::display::{Display, Screenshot, Window, trial};
+use aarc_tests::display::{CONTROLS, Display, Screenshot, Window, trial};
 use aarc_tests::gpu;
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use libtest_mimic::{Failed, Trial};
-
-/// Rows at the bottom of the window that hold the controls; the clip shows above them.
-const CONTROLS: u32 = 120;
 
 const SPACE: u32 = 0x20;
 const RIGHT: u32 = 0xff53;
@@ -52,18 +49,18 @@ fn plays(display: &Display) -> Result<(), String> {
     if (first.width, first.height) != (800, 600) {
         return Err(format!("the window has {}x{} pixels", first.width, first.height));
     }
-    look("moves", &|shot| clip_changed(shot, &first))?;
+    look("moves", &|shot| shot.clip_changed(&first))?;
 
     display.focus(window);
     display.press(SPACE);
     let paused = still(display, window).ok_or("it does not pause on the space bar")?;
     display.press(RIGHT);
-    let stepped = look("steps to another frame", &|shot| clip_changed(shot, &paused))?;
-    if still(display, window).is_none_or(|shot| clip_changed(&shot, &stepped)) {
+    let stepped = look("steps to another frame", &|shot| shot.clip_changed(&paused))?;
+    if still(display, window).is_none_or(|shot| shot.clip_changed(&stepped)) {
         return Err("it moves on after a step".into());
     }
     display.press(SPACE);
-    look("plays on", &|shot| clip_changed(shot, &stepped))?;
+    look("plays on", &|shot| shot.clip_changed(&stepped))?;
 
     let controls =
         |shot: &Screenshot| shot.rgb[(3 * shot.width * (shot.height - CONTROLS)) as usize..].to_vec();
@@ -81,11 +78,6 @@ fn plays(display: &Display) -> Result<(), String> {
     player.close()
 }
 
-/// Whether the clip itself, above the controls, looks different.
-fn clip_changed(shot: &Screenshot, other: &Screenshot) -> bool {
-    shot.changed_pixels(other, shot.height - CONTROLS) > 200
-}
-
 /// Waits until the window shows the same for half a second.
 fn still(display: &Display, window: Window) -> Option<Screenshot> {
     let start = Instant::now();
@@ -93,7 +85,7 @@ fn still(display: &Display, window: Window) -> Option<Screenshot> {
         let before = display.screenshot(window)?;
         sleep(Duration::from_millis(500));
         let after = display.screenshot(window)?;
-        if !clip_changed(&before, &after) {
+        if !before.clip_changed(&after) {
             return Some(after);
         }
     }

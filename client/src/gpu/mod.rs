@@ -43,5 +43,5 @@ pub(crate) use {
 #[cfg(feature = "window")]
 pub(crate) use {
     picture::Picture,
-    surface::{Format, WindowSurface},
+    surface::{Format, SurfaceFrame, WindowSurface},
 };

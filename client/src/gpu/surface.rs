@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use winit::window::Window;
 
-use super::device::{Failures, Gpu};
+use super::device::{Failures, Gpu, Loss};
 use super::ui::UiTarget;
 use crate::fault::Fault;
 
@@ -32,7 +32,9 @@ pub(crate) struct WindowSurface {
 
 /// An image of the window, to be drawn and shown.
 pub(crate) struct SurfaceFrame {
-    texture: wgpu::SurfaceTexture,
+    /// Until it is shown.
+    texture: Option<wgpu::SurfaceTexture>,
+    loss: Loss,
     /// What to draw into.
     pub(crate) view: wgpu::TextureView,
     /// Width and height in pixels.
@@ -94,11 +96,11 @@ impl WindowSurface {
             }
             match self.surface.get_current_texture() {
                 wgpu::CurrentSurfaceTexture::Success(texture) => {
-                    return Ok(Some(SurfaceFrame::new(texture, size)));
+                    return Ok(Some(SurfaceFrame::new(gpu, texture, size)));
                 }
                 wgpu::CurrentSurfaceTexture::Suboptimal(texture) => {
                     self.configured = None;
-                    return Ok(Some(SurfaceFrame::new(texture, size)));
+                    return Ok(Some(SurfaceFrame::new(gpu, texture, size)));
                 }
                 wgpu::CurrentSurfaceTexture::Outdated => self.configured = None,
                 wgpu::CurrentSurfaceTexture::Lost => {
@@ -114,9 +116,13 @@ impl WindowSurface {
     }
 
     /// Shows `frame`, all of whose drawing has been submitted.
-    pub(crate) fn present(&self, gpu: &Gpu, frame: SurfaceFrame) {
+    pub(crate) fn present(&self, gpu: &Gpu, mut frame: SurfaceFrame) {
         self.window.pre_present_notify();
-        gpu.queue.present(frame.texture);
+        if !gpu.is_lost()
+            && let Some(texture) = frame.texture.take()
+        {
+            gpu.queue.present(texture);
+        }
     }
 
     /// Whether it worked: a window that is being resized or closed may refuse.
@@ -148,9 +154,9 @@ impl WindowSurface {
 }
 
 impl SurfaceFrame {
-    fn new(texture: wgpu::SurfaceTexture, size: [u32; 2]) -> SurfaceFrame {
+    fn new(gpu: &Gpu, texture: wgpu::SurfaceTexture, size: [u32; 2]) -> SurfaceFrame {
         let view = texture.texture.create_view(&Default::default());
-        SurfaceFrame { texture, view, size }
+        SurfaceFrame { texture: Some(texture), loss: gpu.loss.clone(), view, size }
     }
 
     /// The interface goes over what was drawn.
@@ -159,7 +165,15 @@ impl SurfaceFrame {
     }
 
     pub(super) fn texture(&self) -> &wgpu::Texture {
-        &self.texture.texture
+        self.view.texture()
+    }
+}
+
+impl Drop for SurfaceFrame {
+    fn drop(&mut self) {
+        if let Some(texture) = self.texture.take() {
+            self.loss.let_go(texture);
+        }
     }
 }
 

@@ -13,6 +13,7 @@ mod keys;
 mod loader;
 mod order;
 mod overlay;
+mod screen;
 mod screenshot;
 mod session;
 mod style;
@@ -41,11 +42,11 @@ use session::{Event, Next, Session, Start};
 /// As [`source::open`] and [`viewpoint::find`]; as [`source::Arrival`] until there is a clip to show;
 /// [`Fault::Device`] without a display or a graphics device that can draw on it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let First { name, clip, rest, list } = first_clip(args)?;
+    let First { origin, clip, rest, list } = first_clip(args)?;
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
-    let start = Start { name, clip, rest, list, viewpoint, settings, size: args.size };
+    let start = Start { origin, clip, rest, list, viewpoint, settings, size: args.size };
     let event_loop = open_display()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop
@@ -56,7 +57,8 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 
 /// What plays first.
 struct First {
-    name: String,
+    /// Where it comes from, as [`source::open`] takes it.
+    origin: Option<String>,
     clip: Clip,
     rest: Arrival,
     list: Option<Queue>,
@@ -70,7 +72,7 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
     let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
         let mut rest = source::open(name, source::kept())?;
         let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
-        Ok(First { name: source::title(name), clip, rest, list })
+        Ok(First { origin: name.map(str::to_owned), clip, rest, list })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(args.clip.as_deref(), None, &mut reporter);
@@ -141,16 +143,10 @@ struct App {
 }
 
 impl App {
-    /// Ends the program, once a picture under way is saved. What a device that was lost had is not put
-    /// away, at which the graphics library panics: it goes with the process.
+    /// Ends the program, once a picture under way is saved.
     fn fail(&mut self, event_loop: &ActiveEventLoop, fault: Fault) {
         self.result = Err(fault);
-        if let Some(mut session) = self.session.take() {
-            session.finish_saving();
-            if session.is_lost() {
-                std::mem::forget(session);
-            }
-        }
+        self.session = None;
         event_loop.exit();
     }
 }
@@ -184,7 +180,13 @@ impl ApplicationHandler<Event> for App {
                         session.request_frame();
                     }
                 }
-                Err(fault) => self.fail(event_loop, fault),
+                Err(fault) => match session.reopen() {
+                    Ok(true) => Reporter::new().tell(&News::Note(
+                        "the graphics device stopped working: the clip goes on with another one".into(),
+                    )),
+                    Ok(false) => self.fail(event_loop, fault),
+                    Err(fault) => self.fail(event_loop, fault),
+                },
             },
             WindowEvent::DroppedFile(path) => session.load(&path),
             event => session.input(&event),

@@ -1,10 +1,12 @@
 //! [`carry_out`]: what is loaded for a window, on the thread of its loader, up to clips that can be drawn.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
+
+use codec::Clip;
 
 use super::loader::Tell;
-use super::session::{Order, Playing, Told};
+use super::session::{Job, Order, Playing, Told};
 use crate::fault::Fault;
 use crate::gpu::{Format, Gpu};
 use crate::playlist;
@@ -12,7 +14,7 @@ use crate::queue::{Brought, Entry, Queue, Terms, bring};
 use crate::source::{self, Arrival, News};
 
 /// Carries an order out and tells of it.
-pub(super) fn carry_out(gpu: &Gpu, format: Format, order: Order, tell: Tell<'_, Told>) {
+pub(super) fn carry_out(Job { gpu, format, order }: Job, tell: Tell<'_, Told>) {
     let order = Work { gpu, format, tell }.carry_out(order);
     let _ = match order {
         Ok(ControlFlow::Continue(())) => tell(Told::Done),
@@ -23,7 +25,7 @@ pub(super) fn carry_out(gpu: &Gpu, format: Format, order: Order, tell: Tell<'_, 
 
 /// With what an order is carried out.
 struct Work<'a> {
-    gpu: &'a Gpu,
+    gpu: Weak<Gpu>,
     format: Format,
     tell: Tell<'a, Told>,
 }
@@ -34,7 +36,10 @@ type Flow = Result<ControlFlow<()>, Fault>;
 impl Work<'_> {
     fn carry_out(&self, order: Order) -> Flow {
         match order {
-            Order::Rest(name, arrival) => self.rest(&name, arrival),
+            Order::Rest(origin, arrival) => self.rest(&origin, arrival),
+            Order::Again(origin) => {
+                self.bring(&[Entry::alone(origin)], &at_once(), &|playing, _| Told::Better(playing))
+            }
             Order::Next(entries, terms) => {
                 self.bring(&entries, &terms, &|playing, entry| Told::Next(playing, entry.number))
             }
@@ -45,14 +50,12 @@ impl Work<'_> {
         }
     }
 
-    fn rest(&self, name: &str, arrival: Arrival) -> Flow {
+    fn rest(&self, origin: &Option<String>, arrival: Arrival) -> Flow {
         for news in arrival {
             let told = match news? {
                 News::Progress(progress) => Told::Progress(progress),
                 News::Note(note) => Told::Note(note),
-                News::Clip(clip) => {
-                    Told::Better(Box::new(Playing::new(self.gpu, self.format, name.into(), &clip)?))
-                }
+                News::Clip(clip) => Told::Better(self.ready(origin, &clip)?),
             };
             if (self.tell)(told).is_break() {
                 return Ok(ControlFlow::Break(()));
@@ -76,6 +79,12 @@ impl Work<'_> {
         })
     }
 
+    /// A clip that can be drawn.
+    fn ready(&self, origin: &Option<String>, clip: &Clip) -> Result<Box<Playing>, Fault> {
+        let gpu = self.gpu.upgrade().ok_or_else(|| Fault::Device("the graphics device is gone".into()))?;
+        Playing::new(&gpu, self.format, origin.clone(), clip).map(Box::new)
+    }
+
     /// Brings the first of `entries` that can be had; its first version is told by `first`.
     fn bring(&self, entries: &[Entry], terms: &Terms, first: &dyn Fn(Box<Playing>, &Entry) -> Told) -> Flow {
         let is_awaited = || terms.awaited.load(std::sync::atomic::Ordering::Relaxed);
@@ -87,8 +96,7 @@ impl Work<'_> {
                 Brought::Note(note) => Told::Note(note),
                 Brought::Skipped(fault) => Told::Skipped(fault),
                 Brought::Clip { entry, clip, first: is_first } => {
-                    let title = source::title(entry.name.as_deref());
-                    let playing = Box::new(Playing::new(self.gpu, self.format, title, &clip)?);
+                    let playing = self.ready(&entry.name, &clip)?;
                     if is_first { first(playing, &entry) } else { Told::Better(playing) }
                 }
             };

@@ -2,9 +2,11 @@
 //!
 //! Of a playlist, the next clip is made ready while this one plays: these two are on the device, and for a
 //! moment a better version of one of them. The change takes no longer than a frame.
+//!
+//! A device that is lost takes all that was on it along: another one is opened, and the clip loaded anew.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -17,14 +19,15 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::{Fullscreen, Theme, Window};
 
 use super::frame_times::FrameTimes;
-use super::loader::{Loader, Tell};
+use super::icon;
+use super::loader::Loader;
 use super::order::carry_out;
 use super::overlay::Message;
+use super::screen::Screen;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
-use super::{icon, style};
 use crate::fault::Fault;
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings, UiPainter, WindowSurface};
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings};
 use crate::progress::Progress;
 use crate::queue::{Entry, List, Queue, Terms};
 use crate::source::{self, Arrival};
@@ -39,7 +42,8 @@ const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
 /// What to open a window with.
 pub(super) struct Start {
-    pub(super) name: String,
+    /// Where the clip comes from, as [`source::open`] takes it.
+    pub(super) origin: Option<String>,
     pub(super) clip: Clip,
     /// Better versions of it that are on their way.
     pub(super) rest: Arrival,
@@ -64,10 +68,19 @@ pub(super) enum Event {
 pub(super) enum Order {
     /// A clip or a playlist that was dropped on the window.
     Open(String),
-    /// The rest of the clip of this name that plays already.
-    Rest(String, Arrival),
+    /// The rest of the clip from this origin, which plays already.
+    Rest(Option<String>, Arrival),
+    /// The clip from this origin, to go on with where it was.
+    Again(Option<String>),
     /// The first of these that can be had, to be played next.
     Next(Vec<Entry>, Terms),
+}
+
+/// An order, and the device that clips are made ready on, as long as the window has it.
+pub(super) struct Job {
+    pub(super) gpu: Weak<Gpu>,
+    pub(super) format: Format,
+    pub(super) order: Order,
 }
 
 /// What is told of an order.
@@ -99,9 +112,11 @@ pub(super) enum Next {
 
 /// A clip that is ready to be drawn.
 pub(super) struct Playing {
-    name: String,
+    /// Where it comes from, as [`source::open`] takes it.
+    origin: Option<String>,
     scene: Scene,
-    renderer: Renderer,
+    /// `None` where the device that it was on is gone.
+    renderer: Option<Renderer>,
     /// Gaussians in the clip, plate included.
     gaussians: usize,
     /// Layers that the package announces; not all are there where the file was cut short.
@@ -110,15 +125,24 @@ pub(super) struct Playing {
 
 impl Playing {
     /// Uploads a clip and builds what draws it.
-    pub(super) fn new(gpu: &Gpu, format: Format, name: String, clip: &Clip) -> Result<Playing, Fault> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        format: Format,
+        origin: Option<String>,
+        clip: &Clip,
+    ) -> Result<Playing, Fault> {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
-            name,
+            origin,
             scene: Scene::of(clip),
-            renderer: Renderer::new(gpu, on_gpu, format, 1)?,
+            renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
         })
+    }
+
+    fn title(&self) -> String {
+        source::title(self.origin.as_deref())
     }
 }
 
@@ -135,23 +159,19 @@ struct Shown {
 pub(super) struct Session {
     playing: Playing,
     viewer: Viewer,
-    picture: Picture,
     /// What the picture shows; `None` where it must be drawn anew.
     shown: Option<Shown>,
     counts: FrameCounts,
     frame_times: FrameTimes,
     /// When the frame before was drawn; `None` after a rest.
     last_frame: Option<Instant>,
-    loader: Loader<Order>,
+    loader: Loader<Job>,
     /// Whether an order is under way.
     loading: bool,
     list: Option<List<Playing>>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
-    input: egui_winit::State,
-    painter: UiPainter,
-    surface: WindowSurface,
-    gpu: Arc<Gpu>,
+    screen: Screen,
     window: Arc<Window>,
 }
 
@@ -166,7 +186,7 @@ impl Session {
             Size::Physical(PhysicalSize::new(size.x, size.y))
         });
         let attributes = Window::default_attributes()
-            .with_title(&start.name)
+            .with_title(source::title(start.origin.as_deref()))
             .with_window_icon(icon::icon())
             .with_theme(Some(Theme::Dark))
             .with_min_inner_size(LEAST_SIZE)
@@ -175,55 +195,39 @@ impl Session {
             .create_window(attributes)
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}; try --headless")))?;
         let window = Arc::new(window);
-        let (gpu, surface) = WindowSurface::open(window.clone())?;
-        let gpu = Arc::new(gpu);
-
-        let format = surface.format();
-        let playing = Playing::new(&gpu, format, start.name, &start.clip)?;
+        let screen = Screen::open(&window)?;
+        let playing = Playing::new(&screen.gpu, screen.surface.format(), start.origin, &start.clip)?;
         let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
-        let ctx = egui::Context::default();
-        style::apply(&ctx);
         let loader = {
-            let (gpu, proxy) = (gpu.clone(), proxy.clone());
-            let load = move |order, tell: Tell<'_, Told>| carry_out(&gpu, format, order, tell);
+            let proxy = proxy.clone();
             // Without an event loop there is no window left to tell.
             let deliver = move |order, told| drop(proxy.send_event(Event::Loading(order, told)));
-            Loader::new(load, deliver)
+            Loader::new(carry_out, deliver)
         };
-        let mut loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
-        loader.load(Order::Rest(playing.name.clone(), start.rest));
+        let loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
         window.request_redraw();
-        Ok(Session {
+        let mut session = Session {
             viewer,
-            picture: Picture::new(&gpu, format, [1, 1])?,
             shown: None,
             counts: FrameCounts::default(),
             frame_times: FrameTimes::default(),
             last_frame: None,
             loader,
-            loading: true,
+            loading: false,
             list: start.list.map(List::new),
             saving: None,
             proxy,
-            input: egui_winit::State::new(
-                ctx,
-                ViewportId::ROOT,
-                &window,
-                Some(window.scale_factor() as f32),
-                Some(Theme::Dark),
-                Some(gpu.caps.max_image_side as usize),
-            ),
-            painter: UiPainter::new(&gpu, format),
             playing,
-            surface,
-            gpu,
+            screen,
             window,
-        })
+        };
+        session.order(Order::Rest(session.playing.origin.clone(), start.rest));
+        Ok(session)
     }
 
     /// Takes in an event of the window.
     pub(super) fn input(&mut self, event: &WindowEvent) {
-        if self.input.on_window_event(&self.window, event).repaint {
+        if self.screen.input.on_window_event(&self.window, event).repaint {
             self.window.request_redraw();
         }
     }
@@ -235,7 +239,7 @@ impl Session {
 
     /// Loads a clip or a playlist in the background; the present one plays on.
     pub(super) fn load(&mut self, path: &Path) {
-        self.input.egui_input_mut().hovered_files.clear();
+        self.screen.input.egui_input_mut().hovered_files.clear();
         self.viewer.message = Some(match path.to_str() {
             Some(name) => {
                 if let Some(list) = &mut self.list {
@@ -251,7 +255,8 @@ impl Session {
 
     fn order(&mut self, order: Order) {
         self.loading = true;
-        self.loader.load(order);
+        let Screen { gpu, surface, .. } = &self.screen;
+        self.loader.load(Job { gpu: Arc::downgrade(gpu), format: surface.format(), order });
     }
 
     /// Orders the next clip of the playlist, if there is one and nothing else is under way.
@@ -277,7 +282,7 @@ impl Session {
             return;
         }
         if let Some(playing) = list.take() {
-            self.window.set_title(&playing.name);
+            self.window.set_title(&playing.title());
             self.viewer.follow_scene(playing.scene.clone());
             self.playing = playing;
             self.shown = None;
@@ -302,7 +307,7 @@ impl Session {
             Event::Loading(..) => {}
             Event::Saved(Ok(path)) => {
                 let text = format!("Saved {}", path.display());
-                self.viewer.message = Some(Message::note(self.input.egui_ctx(), text));
+                self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), text));
             }
             Event::Saved(Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
         }
@@ -316,13 +321,13 @@ impl Session {
                 let text = format!("Loading: {}", progress.text());
                 self.viewer.message = Some(Message::Working(text));
             }
-            Told::Note(note) => self.viewer.message = Some(Message::note(self.input.egui_ctx(), note)),
+            Told::Note(note) => self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), note)),
             Told::Skipped(fault) => {
                 let text = format!("{fault}; skipped");
-                self.viewer.message = Some(Message::note(self.input.egui_ctx(), text));
+                self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), text));
             }
             Told::New(playing, queue) => {
-                self.window.set_title(&playing.name);
+                self.window.set_title(&playing.title());
                 self.viewer.change_scene(playing.scene.clone());
                 self.last_frame = None;
                 self.list = queue.map(List::new);
@@ -346,7 +351,7 @@ impl Session {
             Told::Failed(fault) => {
                 // Of what comes next, the others were told to be skipped, too.
                 self.viewer.message = Some(match self.list.as_ref().is_some_and(List::is_coming) {
-                    true => Message::note(self.input.egui_ctx(), format!("{fault}; skipped")),
+                    true => Message::note(self.screen.input.egui_ctx(), format!("{fault}; skipped")),
                     false => Message::Error(fault.to_string()),
                 });
                 self.finish();
@@ -372,7 +377,7 @@ impl Session {
     /// # Errors
     /// [`Fault::Device`] if the device was lost or has failed.
     pub(super) fn frame(&mut self) -> Result<Next, Fault> {
-        let Some(frame) = self.surface.acquire(&self.gpu)? else {
+        let Some(frame) = self.screen.surface.acquire(&self.screen.gpu)? else {
             self.last_frame = None;
             return Ok(Next::After(HIDDEN_RETRY));
         };
@@ -384,8 +389,8 @@ impl Session {
 
         let looping = self.viewer.player.is_looping();
         self.viewer.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
-        let ctx = self.input.egui_ctx().clone();
-        let input = self.input.take_egui_input(&self.window);
+        let ctx = self.screen.input.egui_ctx().clone();
+        let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
         let output = ctx.run_ui(input, |ui| requests = self.viewer.frame(ui, elapsed_s, &statistics));
@@ -401,15 +406,22 @@ impl Session {
         if outdated {
             self.draw_picture(frame.size, &wanted)?;
         }
-        let mut encoder = self.gpu.encoder();
-        self.picture.show(&mut encoder, &frame);
+        let mut encoder = self.screen.gpu.encoder();
+        self.screen.picture.show(&mut encoder, &frame);
         let triangles = ctx.tessellate(output.shapes, output.pixels_per_point);
         let scale = output.pixels_per_point;
         let target = frame.ui_target();
-        self.painter.draw(&self.gpu, &mut encoder, &target, &triangles, scale, output.textures_delta);
-        self.gpu.submit(encoder);
-        self.surface.present(&self.gpu, frame);
-        self.input.handle_platform_output(&self.window, output.platform_output);
+        self.screen.painter.draw(
+            &self.screen.gpu,
+            &mut encoder,
+            &target,
+            &triangles,
+            scale,
+            output.textures_delta,
+        );
+        self.screen.gpu.submit(encoder);
+        self.screen.present(frame);
+        self.screen.input.handle_platform_output(&self.window, output.platform_output);
 
         if requests.toggle_full_screen {
             let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
@@ -433,14 +445,18 @@ impl Session {
 
     /// Draws the clip into the picture.
     fn draw_picture(&mut self, size: [u32; 2], wanted: &Shown) -> Result<(), Fault> {
-        if self.picture.size != size {
-            self.picture = Picture::new(&self.gpu, self.surface.format(), size)?;
+        if self.screen.picture.size != size {
+            self.screen.picture = Picture::new(&self.screen.gpu, self.screen.surface.format(), size)?;
         }
         let Shown { t, view, settings } = wanted;
-        let mut encoder = self.gpu.encoder();
-        let target = std::slice::from_ref(&self.picture.view);
-        self.counts = self.playing.renderer.draw(&self.gpu, &mut encoder, *t, &[*view], settings, target);
-        self.gpu.submit(encoder);
+        // A picture is black until something is drawn.
+        if let Some(renderer) = &mut self.playing.renderer {
+            let Screen { gpu, picture, .. } = &self.screen;
+            let mut encoder = gpu.encoder();
+            let target = std::slice::from_ref(&picture.view);
+            self.counts = renderer.draw(gpu, &mut encoder, *t, &[*view], settings, target);
+            gpu.submit(encoder);
+        }
         self.shown = Some(*wanted);
         Ok(())
     }
@@ -450,16 +466,17 @@ impl Session {
         if self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
             return;
         }
+        let Some(renderer) = &self.playing.renderer else { return };
         let player = &self.viewer.player;
         let shot = Shot {
-            clip: self.playing.renderer.clip().clone(),
-            name: self.playing.name.clone(),
+            clip: renderer.clip().clone(),
+            name: self.playing.title(),
             t: shown.t,
             time_s: player.position_s(),
             view: shown.view,
             settings: shown.settings,
         };
-        let (gpu, proxy) = (self.gpu.clone(), self.proxy.clone());
+        let (gpu, proxy) = (self.screen.gpu.clone(), self.proxy.clone());
         self.viewer.message = Some(Message::Working("Saving a picture".into()));
         self.saving = Some(std::thread::spawn(move || {
             let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
@@ -475,9 +492,27 @@ impl Session {
         }
     }
 
-    /// Whether the device is gone.
-    pub(super) fn is_lost(&self) -> bool {
-        self.gpu.is_lost()
+    /// Opens another device if this one is gone and has worked until then: the clip is loaded anew, and
+    /// goes on where it is. Whether there is one.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if no other can be opened.
+    pub(super) fn reopen(&mut self) -> Result<bool, Fault> {
+        if !self.screen.is_worth_reopening() {
+            return Ok(false);
+        }
+        self.finish_saving();
+        self.screen = Screen::open(&self.window)?;
+        self.playing.renderer = None;
+        if let Some(list) = &mut self.list {
+            list.forget_next();
+        }
+        self.shown = None;
+        self.last_frame = None;
+        self.order(Order::Again(self.playing.origin.clone()));
+        self.viewer.message = Some(Message::Working("Loading the clip for another graphics device".into()));
+        self.window.request_redraw();
+        Ok(true)
     }
 
     /// Rows for the corner of the window.
@@ -499,14 +534,14 @@ impl Session {
         if let Some(list) = &self.list {
             rows.insert(0, ("clip", list.place()));
         }
-        if let Some(gpu_ms) = self.playing.renderer.gpu_ms() {
+        if let Some(gpu_ms) = self.playing.renderer.as_mut().and_then(Renderer::gpu_ms) {
             rows.push(("GPU", format!("{gpu_ms:.2} ms")));
         }
         if let Some(times) = self.frame_times.summary() {
             rows.push(("frame p50, p95", format!("{:.1}, {:.1} ms", times.median, times.p95)));
         }
         rows.push(("size", format!("{} x {}", size[0], size[1])));
-        rows.push(("adapter", self.gpu.adapter_name.clone()));
+        rows.push(("adapter", self.screen.gpu.adapter_name.clone()));
         rows
     }
 }

@@ -8,11 +8,13 @@
 
 use std::any::Any;
 use std::cell::RefCell;
+use std::ops::Deref;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Once, OnceLock};
 
 /// Why a device is gone, once it is.
-pub(super) struct Loss(Arc<OnceLock<String>>);
+#[derive(Clone)]
+pub(in crate::gpu) struct Loss(Arc<OnceLock<String>>);
 
 impl Loss {
     /// Listens to what the graphics interface tells of `device`. Errors before it is gone are defects
@@ -68,6 +70,50 @@ impl Loss {
                 panic::resume_unwind(panic.payload)
             }
         })
+    }
+}
+
+#[cfg(feature = "window")]
+impl Loss {
+    /// Drops the image of a window. One of a device that is gone the graphics interface takes back only
+    /// from a thread that panics, and as long as it is out, the window cannot be given to another device.
+    pub(in crate::gpu) fn let_go(&self, image: wgpu::SurfaceTexture) {
+        if self.why().is_some() {
+            let _ = quietly(move || {
+                let _image = image;
+                panic!("nobody hears this");
+            });
+        }
+    }
+}
+
+/// What panics when it is dropped after the device is gone: dropped without that.
+pub(in crate::gpu) struct Fragile<T> {
+    /// Until it is dropped.
+    held: Option<T>,
+    loss: Loss,
+}
+
+impl<T> Fragile<T> {
+    pub(super) fn new(held: T, loss: &Loss) -> Fragile<T> {
+        Fragile { held: Some(held), loss: loss.clone() }
+    }
+}
+
+impl<T> Deref for Fragile<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.held.as_ref().expect("not yet dropped")
+    }
+}
+
+impl<T> Drop for Fragile<T> {
+    fn drop(&mut self) {
+        let held = self.held.take();
+        if self.loss.why().is_some() {
+            let _ = quietly(|| drop(held));
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::ThreadId;
 
 use crate::fault::Fault;
-use loss::Loss;
+pub(super) use loss::{Fragile, Loss};
 
 /// What to log unless `RUST_LOG` says otherwise: what drivers and loaders say matters only to
 /// those who look for it.
@@ -42,9 +42,9 @@ pub struct Gpu {
     #[cfg(feature = "window")]
     pub(crate) adapter: wgpu::Adapter,
     pub(crate) device: wgpu::Device,
-    pub(crate) queue: wgpu::Queue,
+    pub(super) queue: Fragile<wgpu::Queue>,
     instance: wgpu::Instance,
-    loss: Loss,
+    pub(super) loss: Loss,
     /// The only thread that may hand over work; `None` where any may.
     submitter: Option<ThreadId>,
 }
@@ -129,6 +129,7 @@ impl Gpu {
     ) -> Gpu {
         let info = adapter.get_info();
         let Wanted { features, limits } = wanted;
+        let loss = Loss::watch(&device);
         Gpu {
             caps: Caps {
                 multiview: features.contains(wgpu::Features::MULTIVIEW),
@@ -141,9 +142,9 @@ impl Gpu {
             #[cfg(feature = "window")]
             adapter,
             instance,
-            loss: Loss::watch(&device),
+            queue: Fragile::new(queue, &loss),
+            loss,
             device,
-            queue,
             submitter,
         }
     }

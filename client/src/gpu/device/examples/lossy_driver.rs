@@ -1,11 +1,12 @@
 //! A Vulkan layer under which the device is lost, as when a driver crashes, or its memory runs out:
 //! tests load it below the player to see what becomes of that.
 //!
-//! `AARC_LOSE=submit:N` has the Nth `vkQueueSubmit` refused, `AARC_LOSE=wait:N` the wait after it; from
-//! then on that call, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
-//! `vkGetSemaphoreCounterValue` answer `VK_ERROR_DEVICE_LOST`, and all others go on to the driver.
-//! `AARC_LOSE=memory:N` has `vkAllocateMemory` find no memory from the Nth time on. The loader's
-//! interface is version 2 of "LoaderLayerInterface.md" of the Vulkan loader.
+//! `AARC_LOSE=submit:N` has the Nth `vkQueueSubmit` of a device refused, `AARC_LOSE=wait:N` the wait after
+//! it; from then on that call, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
+//! `vkGetSemaphoreCounterValue` answer `VK_ERROR_DEVICE_LOST`, and all others go on to the driver. With
+//! `:M` after that, the first M devices are lost, otherwise all. `AARC_LOSE=memory:N` has
+//! `vkAllocateMemory` find no memory from the Nth time on. The loader's interface is version 2 of
+//! "LoaderLayerInterface.md" of the Vulkan loader.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
@@ -55,7 +56,7 @@ type Any = unsafe extern "system" fn();
 const INSTANCE_CHAIN: i32 = 47;
 const DEVICE_CHAIN: i32 = 48;
 
-/// The functions below, of the latest instance and device.
+/// The functions below, of the first instance and device: a loader and driver have them once.
 static INSTANCE: OnceLock<vk::PFN_vkGetInstanceProcAddr> = OnceLock::new();
 static DEVICE: OnceLock<vk::PFN_vkGetDeviceProcAddr> = OnceLock::new();
 static SUBMIT: OnceLock<vk::PFN_vkQueueSubmit> = OnceLock::new();
@@ -65,6 +66,8 @@ static COUNTER: OnceLock<vk::PFN_vkGetSemaphoreCounterValue> = OnceLock::new();
 
 static ALLOCATE: OnceLock<vk::PFN_vkAllocateMemory> = OnceLock::new();
 
+/// Devices opened; submissions to the latest one, and whether it is lost.
+static DEVICES: AtomicU32 = AtomicU32::new(0);
 static SUBMISSIONS: AtomicU32 = AtomicU32::new(0);
 static ALLOCATIONS: AtomicU32 = AtomicU32::new(0);
 static LOST: AtomicBool = AtomicBool::new(false);
@@ -77,18 +80,28 @@ enum Loss {
     Memory,
 }
 
-/// What is lost, and with which call.
-fn plan() -> (Loss, u32) {
-    static PLAN: OnceLock<(Loss, u32)> = OnceLock::new();
+/// What is lost, when and where.
+#[derive(Clone, Copy)]
+struct Plan {
+    loss: Loss,
+    /// Number of the call, from 1.
+    call: u32,
+    /// How many devices.
+    devices: u32,
+}
+
+fn plan() -> Plan {
+    static PLAN: OnceLock<Plan> = OnceLock::new();
     *PLAN.get_or_init(|| {
         let text = std::env::var("AARC_LOSE").unwrap_or_default();
-        let (what, number) = text.split_once(':').unwrap_or_default();
-        let loss = match what {
-            "wait" => Loss::Wait,
-            "memory" => Loss::Memory,
+        let mut parts = text.split(':');
+        let loss = match parts.next() {
+            Some("wait") => Loss::Wait,
+            Some("memory") => Loss::Memory,
             _ => Loss::Submission,
         };
-        (loss, number.parse().unwrap_or(u32::MAX))
+        let mut number = || parts.next().and_then(|number| number.parse().ok()).unwrap_or(u32::MAX);
+        Plan { loss, call: number(), devices: number() }
     })
 }
 
@@ -165,6 +178,9 @@ unsafe extern "system" fn create_device(
             transmute(below(vk::Instance::null(), c"vkCreateDevice".as_ptr()));
         let result = create(adapter, info, allocator, device);
         if result == vk::Result::SUCCESS {
+            DEVICES.fetch_add(1, Ordering::Relaxed);
+            SUBMISSIONS.store(0, Ordering::Relaxed);
+            LOST.store(false, Ordering::Relaxed);
             let function = |name: &CStr| of_device(*device, name.as_ptr());
             let _ = DEVICE.set(of_device);
             function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, vk::PFN_vkQueueSubmit>(f)));
@@ -188,8 +204,9 @@ unsafe extern "system" fn submit(
     submits: *const vk::SubmitInfo<'_>,
     fence: vk::Fence,
 ) -> vk::Result {
-    let (loss, last) = plan();
-    let loses = loss != Loss::Memory && SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last;
+    let Plan { loss, call, devices } = plan();
+    let is_time = SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= call;
+    let loses = loss != Loss::Memory && is_time && DEVICES.load(Ordering::Relaxed) <= devices;
     if LOST.load(Ordering::Relaxed) || loses && loss == Loss::Submission {
         LOST.store(true, Ordering::Relaxed);
         return vk::Result::ERROR_DEVICE_LOST;
@@ -208,8 +225,8 @@ unsafe extern "system" fn allocate(
     allocator: *const vk::AllocationCallbacks<'_>,
     memory: *mut vk::DeviceMemory,
 ) -> vk::Result {
-    let (loss, last) = plan();
-    if loss == Loss::Memory && ALLOCATIONS.fetch_add(1, Ordering::Relaxed) + 1 >= last {
+    let Plan { loss, call, .. } = plan();
+    if loss == Loss::Memory && ALLOCATIONS.fetch_add(1, Ordering::Relaxed) + 1 >= call {
         return vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
     }
     // SAFETY: the caller's arguments, to the function of the same name.
