@@ -180,11 +180,10 @@ impl ApplicationHandler<Event> for App {
                         session.request_frame();
                     }
                 }
-                Err(fault) => match session.reopen() {
-                    Ok(true) => Reporter::new().tell(&News::Note(
+                Err(fault) => match session.reopen(fault) {
+                    Ok(()) => Reporter::new().tell(&News::Note(
                         "the graphics device stopped working: the clip goes on with another one".into(),
                     )),
-                    Ok(false) => self.fail(event_loop, fault),
                     Err(fault) => self.fail(event_loop, fault),
                 },
             },

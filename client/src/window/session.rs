@@ -486,20 +486,21 @@ impl Session {
     }
 
     /// Waits for a picture under way: it is written whole, and the device must not go away below it.
-    pub(super) fn finish_saving(&mut self) {
+    fn finish_saving(&mut self) {
         if let Some(saving) = self.saving.take() {
             let _ = saving.join();
         }
     }
 
-    /// Opens another device if this one is gone and has worked until then: the clip is loaded anew, and
-    /// goes on where it is. Whether there is one.
+    /// After a frame that failed: opens another device if this one is gone and has worked until then. The
+    /// clip is loaded anew, and goes on where it is.
     ///
     /// # Errors
-    /// [`Fault::Device`] if no other can be opened.
-    pub(super) fn reopen(&mut self) -> Result<bool, Fault> {
+    /// `fault`, why the frame failed, if that is no reason to; [`Fault::Device`] if no other device can be
+    /// opened.
+    pub(super) fn reopen(&mut self, fault: Fault) -> Result<(), Fault> {
         if !self.screen.is_worth_reopening() {
-            return Ok(false);
+            return Err(fault);
         }
         self.finish_saving();
         self.screen = Screen::open(&self.window)?;
@@ -512,7 +513,7 @@ impl Session {
         self.order(Order::Again(self.playing.origin.clone()));
         self.viewer.message = Some(Message::Working("Loading the clip for another graphics device".into()));
         self.window.request_redraw();
-        Ok(true)
+        Ok(())
     }
 
     /// Rows for the corner of the window.
