@@ -71,10 +71,10 @@ fn unpackaged(field: Field) -> Clip {
     Clip {
         info: aarc_tests::scene::info(),
         bounds: field.bounds(),
-        layers: vec![LayerEnd { still: field.len(), moving: 0 }],
+        layers: vec![LayerEnd { static_count: field.len(), dynamic_count: 0 }],
         layers_announced: 1,
-        still: field,
-        moving: Field::default(),
+        static_field: field,
+        dynamic_field: Field::default(),
         time_index: TimeIndex::default(),
         plate: None,
     }

@@ -157,7 +157,7 @@ pub fn package_showing(
         why: choice.why,
         refit_gain_db: choice.refit_gain_db,
         refined: choice.refined,
-        layers: clip.layers.iter().map(|end| end.still + end.moving).collect(),
+        layers: clip.layers.iter().map(|end| end.total()).collect(),
         duration_s: scene.info.duration_s,
         assumed: scene.assumed.clone(),
         bytes: bytes.len(),

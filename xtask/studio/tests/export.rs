@@ -191,9 +191,9 @@ fn merged_clip_has_both_regions() {
     let clip = |still: &Field, moving: &Field| codec::Clip {
         info: info(),
         bounds: [[-9.0; 3], [9.0; 3]],
-        still: still.clone(),
-        moving: moving.clone(),
-        layers: vec![codec::LayerEnd { still: still.len(), moving: moving.len() }],
+        static_field: still.clone(),
+        dynamic_field: moving.clone(),
+        layers: vec![codec::LayerEnd { static_count: still.len(), dynamic_count: moving.len() }],
         layers_announced: 1,
         time_index: codec::TimeIndex::default(),
         plate: None,

@@ -71,7 +71,7 @@ fn the_numbers_are_those_of_the_package() {
     let clip = codec::decode(&bytes, &Limits::default()).unwrap();
     let shown = inspect(folder.path());
 
-    assert_eq!((clip.still.len(), clip.moving.len()), (700, 1800));
+    assert_eq!((clip.static_field.len(), clip.dynamic_field.len()), (700, 1800));
     for (key, expected) in [
         ("format_version", Value::from("1.0")),
         ("coder", "fixed".into()),
@@ -112,7 +112,7 @@ fn the_numbers_are_those_of_the_package() {
         let t = instant["time_s"].as_f64().unwrap() / f64::from(info().duration_s);
         let alive =
             |field: &Field| (0..field.len()).filter(|&i| field.opacity_at(i, t) >= 1.0 / 255.0).count();
-        let expected = (alive(&clip.still) + alive(&clip.moving)) as u64;
+        let expected = (alive(&clip.static_field) + alive(&clip.dynamic_field)) as u64;
         let (counted, candidates) =
             (instant["alive"].as_u64().unwrap(), instant["candidates"].as_u64().unwrap());
         // Seconds pass through 32 bits, so a Gaussian at the threshold may fall to either side.

@@ -110,18 +110,18 @@ fn the_budget_keeps_what_has_most_mass() {
     assert_eq!(report["dropped"], json!({"over budget": 1000}));
     assert_eq!(clip.len(), 6000);
     let [first, second] = &clip.layers[..] else { panic!("two layers, not {:?}", clip.layers) };
-    assert_eq!((first.still, second.still), (5000, 6000));
+    assert_eq!((first.static_count, second.static_count), (5000, 6000));
     // Row i has mass in proportion to its opacity, which survives to half an 8-bit step.
     let least = |opacities: &[f32]| opacities.iter().copied().fold(1.0, f32::min);
     let most = |opacities: &[f32]| opacities.iter().copied().fold(0.0, f32::max);
-    let (top, rest) = clip.still.opacities.split_at(first.still);
+    let (top, rest) = clip.static_field.opacities.split_at(first.static_count);
     assert!(least(top) >= most(rest), "the first layer has the most important");
     assert!((least(rest) - (0.1 + 0.9 * 1000.0 / 7000.0)).abs() < 0.5 / 255.0 + 2e-4, "{}", least(rest));
 
     let (report, clip) = package("7001");
     assert_eq!((report["dropped"].clone(), clip.len()), (json!({}), 7000));
     let (_, clip) = package("1");
-    assert_eq!(clip.still.opacities, [1.0]);
+    assert_eq!(clip.static_field.opacities, [1.0]);
 
     let zero = aarc_studio(folder.path(), &["package", "field.ply", "--budget", "0", "-o", "zero.aarc"]);
     assert_eq!(zero.code, Some(2));
@@ -235,13 +235,13 @@ fn parts_can_be_removed() {
 
     let (removed, clip) = package(&[]);
     assert_eq!(removed, json!({}));
-    assert!(clip.moving.temporal.as_ref().unwrap().rotation_rates.is_some());
+    assert!(clip.dynamic_field.temporal.as_ref().unwrap().rotation_rates.is_some());
     assert_eq!((clip.sh_degree(), clip.plate.map(|plate| plate.len())), (2, Some(50)));
 
     let (removed, clip) = package(&["--drop", "angular"]);
     assert_eq!(removed, json!({"angular": 250}));
     assert_eq!(clip.len(), 400);
-    assert!(clip.moving.temporal.unwrap().rotation_rates.is_none());
+    assert!(clip.dynamic_field.temporal.unwrap().rotation_rates.is_none());
 
     let (removed, clip) = package(&["--drop", "sh", "--drop", "plate"]);
     assert_eq!(removed, json!({"plate": 50, "sh": 300}));
@@ -365,7 +365,7 @@ fn scene_json_goes_before_the_file_and_the_file_before_defaults() {
     assert_eq!(clip.up, [0.0, -1.0, 0.0]);
     let [front] = &clip.viewpoints[..] else { panic!("one viewpoint, not {:?}", clip.viewpoints) };
     let camera = front.camera(clip.up, 100, 100);
-    let centers = decode(&scene.join("clip.aarc")).still.centers;
+    let centers = decode(&scene.join("clip.aarc")).static_field.centers;
     let in_view = centers.iter().filter(|center| {
         let [x, y, z] = [0, 1, 2].map(|row| {
             let m = camera.camera_from_world[row];

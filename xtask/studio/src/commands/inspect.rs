@@ -148,8 +148,8 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         bytes: bytes.len(),
         bytes_announced: contents.sections.last().map_or(contents.head_bytes, codec::Section::end),
         gaussians: clip.len(),
-        still: clip.still.len(),
-        moving: clip.moving.len(),
+        still: clip.static_field.len(),
+        moving: clip.dynamic_field.len(),
         bytes_per_gaussian: bytes.len() as f64 / clip.len() as f64,
         duration_s: info.duration_s,
         fps: info.fps,
@@ -176,7 +176,7 @@ fn layers(contents: &Contents, complete: usize) -> Vec<Layer> {
     let layers = contents.layers.iter().enumerate();
     layers
         .map(|(layer, end)| Layer {
-            gaussians: end.still + end.moving,
+            gaussians: end.total(),
             bytes: of_layer(layer).map(codec::Section::end).max().unwrap_or(contents.head_bytes),
             complete: layer < complete,
         })
@@ -185,12 +185,15 @@ fn layers(contents: &Contents, complete: usize) -> Vec<Layer> {
 
 fn alive(clip: &Clip, t: f64) -> Alive {
     let is_alive = |field: &Field, i: usize| field.opacity_at(i, t) >= codec::ALPHA_MIN;
-    let still = (0..clip.still.len()).filter(|&i| is_alive(&clip.still, i)).count();
-    let mut counts =
-        Alive { time_s: t * f64::from(clip.info.duration_s), candidates: clip.still.len(), alive: still };
+    let still = (0..clip.static_field.len()).filter(|&i| is_alive(&clip.static_field, i)).count();
+    let mut counts = Alive {
+        time_s: t * f64::from(clip.info.duration_s),
+        candidates: clip.static_field.len(),
+        alive: still,
+    };
     for range in clip.time_index.candidates(t, clip.layers.len()) {
         counts.candidates += range.len();
-        counts.alive += range.filter(|&i| is_alive(&clip.moving, i)).count();
+        counts.alive += range.filter(|&i| is_alive(&clip.dynamic_field, i)).count();
     }
     counts
 }
@@ -223,8 +226,8 @@ impl From<&codec::Section> for Section {
 
 fn region_name(region: Region) -> &'static str {
     match region {
-        Region::Still => "still",
-        Region::Moving => "moving",
+        Region::Static => "still",
+        Region::Dynamic => "moving",
         Region::Plate => "plate",
     }
 }

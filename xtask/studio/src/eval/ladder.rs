@@ -105,7 +105,7 @@ pub fn ladder(
     let rung = |(layer, measures): (usize, &Vec<Measures>)| {
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         Rung {
-            gaussians: clip.layers[layer].still + clip.layers[layer].moving,
+            gaussians: clip.layers[layer].total(),
             bytes: prefix_bytes(&contents, layer),
             psnr_fg: (!subject.is_empty()).then(|| mean(&subject)),
             psnr_full: mean(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),

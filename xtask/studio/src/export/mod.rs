@@ -16,7 +16,7 @@ pub use spz::spz;
 
 /// Both regions of a clip as one field, the motionless Gaussians first. The plate is left out.
 pub fn merged(clip: &Clip) -> Field {
-    let (still, moving) = (&clip.still, &clip.moving);
+    let (still, moving) = (&clip.static_field, &clip.dynamic_field);
     let both = |a: &[[f32; 3]], b: &[[f32; 3]]| [a, b].concat();
     let sh_degree = clip.sh_degree();
     Field {

@@ -67,8 +67,10 @@ pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
             gpu_bytes_saved: gaussians * gpu_words * 4,
         });
     };
-    let still = Rows { gaussians: clip.still.len(), chunks: chunks_of(contents, clip, Region::Still) };
-    let moving = Rows { gaussians: clip.moving.len(), chunks: chunks_of(contents, clip, Region::Moving) };
+    let still =
+        Rows { gaussians: clip.static_field.len(), chunks: chunks_of(contents, clip, Region::Static) };
+    let moving =
+        Rows { gaussians: clip.dynamic_field.len(), chunks: chunks_of(contents, clip, Region::Dynamic) };
     let all = Rows { gaussians: clip.len(), chunks: still.chunks + moving.chunks };
     for degree in contents.sh_degree + 1..=SH_DEGREE_MAX {
         let functions = 2 * usize::from(degree) + 1;
@@ -115,5 +117,5 @@ pub(super) fn gpu_bytes(contents: &Contents, clip: &Clip) -> usize {
     let record = |degree: u8| size_of::<layout::Gaussian>() + 4 * sh_words(degree);
     let motion = Motion { order: contents.motion_order, rotates: contents.rotation_rates };
     let plate = clip.plate.as_ref().map_or(0, |plate| plate.len() * record(plate.sh_degree));
-    clip.len() * record(contents.sh_degree) + clip.moving.len() * 4 * motion.words() + plate
+    clip.len() * record(contents.sh_degree) + clip.dynamic_field.len() * 4 * motion.words() + plate
 }

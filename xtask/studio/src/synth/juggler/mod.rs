@@ -150,7 +150,8 @@ mod tests {
         field.check().unwrap();
         assert!((30_000..45_000).contains(&field.len()), "{} Gaussians", field.len());
         let temporal = field.temporal.as_ref().unwrap();
-        let still = (0..field.len()).filter(|&i| temporal.s[i].is_infinite() && temporal.is_still(i)).count();
+        let still =
+            (0..field.len()).filter(|&i| temporal.s[i].is_infinite() && temporal.is_motionless(i)).count();
         assert!(still > 4_000, "{still} never move");
         // The end of the clip looks like its start.
         let camera = info.viewpoints[0].camera(info.up, 240, 240);
