@@ -101,7 +101,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     );
     for (name, test) in HOST_TOOL_TESTS {
         let mut cargo = workspace::cargo();
-        cargo.args(["test", "--locked", "--package", "studio", "--features", "gpu,onnx", "--test"]).args(test);
+        cargo
+            .args(["test", "--locked", "--package", "studio", "--features", "gpu,onnx", "--test"])
+            .args(test);
         steps.run(name, &mut cargo);
     }
     packer(&mut steps);

@@ -8,10 +8,10 @@ use std::path::Path;
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use refine::capture::CaptureShot;
 use serde_json::{Value, json};
-use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio};
 use studio::capture::Footage;
 use studio::synth::stage::{Settings, write};
+use tempfile::{TempDir, tempdir};
+use tool::{Outcome, aarc_studio};
 
 const SIDE: u32 = 24;
 

@@ -13,11 +13,11 @@ use image::{GenericImageView, RgbImage};
 use refine::image::Image;
 use refine::reference::{Order, Scene, render};
 use serde_json::{Value, json};
+use studio::capture::Footage;
+use studio::export::field_file;
 use support::{data, info};
 use tempfile::{TempDir, tempdir};
 use tool::aarc_studio;
-use studio::capture::Footage;
-use studio::export::field_file;
 
 const SIZE: (u32, u32) = (48, 36);
 const FRAMES: usize = 3;
@@ -169,7 +169,8 @@ fn write_colmap(folder: &Path, binary: bool) {
 /// The field against its own photographs: what is left is their rounding.
 #[track_caller]
 fn assert_exact(folder: &Path, expected: &[(&str, u64)]) {
-    let splits = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json"]).json()["splits"].clone();
+    let splits =
+        aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json"]).json()["splits"].clone();
     let names: Vec<(&str, u64)> = expected.to_vec();
     for (name, images) in &names {
         assert_eq!(splits[name]["images"], *images, "{splits}");
@@ -257,8 +258,9 @@ fn held_frames_are_guessed_from_those_around() {
     let folder = folder.path();
     write_manifest(folder, |_| ());
     freeze(folder, &field, "first", 0.0);
-    let eval =
-        |subject: &str, more: &[&str]| aarc_studio(folder, &[&["eval", subject, "--capture", "."], more].concat());
+    let eval = |subject: &str, more: &[&str]| {
+        aarc_studio(folder, &[&["eval", subject, "--capture", "."], more].concat())
+    };
     let json = eval("field.ply", &["--baselines", "--json"]).json();
     let first = eval("first", &["--json"]).json();
     let [nearest, blend] = ["nearest_frame", "blended_frames"].map(|name| &json["baselines"][name]);
@@ -289,7 +291,8 @@ fn several_scenes_have_a_mean_and_a_deviation() {
     let subjects = [format!("{}/first", folders[0]), format!("{}/last", folders[1])];
     let [first, last] = [0, 1].map(|i| {
         let json =
-            aarc_studio(Path::new(folders[i]), &["eval", &subjects[i], "--capture", folders[i], "--json"]).json();
+            aarc_studio(Path::new(folders[i]), &["eval", &subjects[i], "--capture", folders[i], "--json"])
+                .json();
         json["splits"]["train"]["psnr_full"].as_f64()
     });
     // Frame 0 is exact in the one, frame 2 in the other.
@@ -324,7 +327,9 @@ fn masks_cut_the_subject_out() {
     let folder = folder.path();
     write_manifest(folder, |manifest| manifest["masks"] = "masks/{camera}/{frame}.png".into());
     assert!(
-        aarc_studio(folder, &["eval", "field.ply", "--capture", "."]).error(3).contains("this mask is missing")
+        aarc_studio(folder, &["eval", "field.ply", "--capture", "."])
+            .error(3)
+            .contains("this mask is missing")
     );
     for c in 0..3 {
         for frame in 0..FRAMES {
@@ -336,7 +341,8 @@ fn masks_cut_the_subject_out() {
             mask.save(path).unwrap();
         }
     }
-    let splits = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json"]).json()["splits"].clone();
+    let splits =
+        aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json"]).json()["splits"].clone();
     assert_eq!(splits["train"]["without_subject"], 2);
     assert!(splits["train"]["psnr_fg"].is_null(), "the subject is equal: {splits}");
     assert!(splits["train"]["psnr_full"].as_f64().unwrap() < 40.0, "what is cut off is missed: {splits}");
@@ -373,7 +379,8 @@ fn bad_captures_are_refused_with_one_line() {
     write_manifest(folder, |_| ());
     fs::write(folder.join("images/c0/00.png"), b"no image").unwrap();
     assert!(error(3).contains("images/c0/00.png"), "{}", error(3));
-    let unknown = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--held-cameras", "x"]).error(2);
+    let unknown =
+        aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--held-cameras", "x"]).error(2);
     assert!(unknown.contains("no camera \"x\""));
 }
 

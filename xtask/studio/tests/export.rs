@@ -3,9 +3,9 @@
 mod support;
 
 use codec::{ALPHA_MIN, Field};
-use support::{assert_close, assert_same_rotations, field, import_bytes, info};
 use studio::export::{field_file, frozen, merged, splatv, spz, static_ply};
 use studio::import::import;
+use support::{assert_close, assert_same_rotations, field, import_bytes, info};
 
 #[test]
 fn field_file_is_lossless() {

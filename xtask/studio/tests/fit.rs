@@ -29,7 +29,10 @@ fn a_fit_shows_what_it_has_not_seen() {
     assert_eq!(size, (96, 48));
     assert!(!folder.join("field.checkpoint").exists());
     // It is a field like any other.
-    assert_eq!(aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code, Some(0));
+    assert_eq!(
+        aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code,
+        Some(0)
+    );
 
     // Nothing to start from is a worse start, with the same number of steps.
     fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "none"]);
@@ -111,7 +114,8 @@ fn a_field_is_fitted_further() {
     // What stands still fits any clip, and stays so.
     let still = ["export", "first.ply", "--ply", "--at", "0", "-o", "still.ply"];
     assert_eq!(aarc_studio(folder, &still).code, Some(0));
-    let outcome = aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "still.ply"]);
+    let outcome =
+        aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "still.ply"]);
     assert!(
         outcome.code == Some(0) && outcome.stderr.contains("still.ply does not move"),
         "{}",

@@ -3,8 +3,8 @@
 
 mod support;
 
-use support::{Noise, data, field, import_bytes, import_error, info};
 use studio::export::{field_file, splatv, spz, static_ply};
+use support::{Noise, data, field, import_bytes, import_error, info};
 
 /// An up axis.
 const UP: [f32; 3] = [0.0, 1.0, 0.0];

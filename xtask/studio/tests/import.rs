@@ -5,8 +5,8 @@ mod support;
 use std::io::{Cursor, Write};
 
 use image::{ImageFormat, Rgba, RgbaImage};
-use support::{assert_close, assert_same_rotations, data, import_bytes, import_error};
 use studio::import::import;
+use support::{assert_close, assert_same_rotations, data, import_bytes, import_error};
 
 /// A field turned by half a turn about x, which takes y down, z forward to y up, z back.
 fn half_turn(mut field: codec::Field) -> codec::Field {

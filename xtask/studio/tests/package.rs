@@ -8,10 +8,10 @@ use std::path::Path;
 
 use codec::{ALPHA_MIN, Clip, Field, Limits};
 use serde_json::{Value, json};
+use studio::export::field_file;
 use support::{data, field, info};
 use tempfile::tempdir;
 use tool::aarc_studio;
-use studio::export::field_file;
 
 fn write_field(path: &Path, field: &Field) {
     fs::write(path, field_file(field, &info())).expect("a temporary file");
@@ -229,7 +229,8 @@ fn parts_can_be_removed() {
     write_field(&scene.join("field.ply"), &original);
     write_field(&scene.join("plate.ply"), &rising(50));
     let package = |drop: &[&str]| {
-        let report = aarc_studio(scene, &[&["package", ".", "-o", "clip.aarc", "--json"], drop].concat()).json();
+        let report =
+            aarc_studio(scene, &[&["package", ".", "-o", "clip.aarc", "--json"], drop].concat()).json();
         (report["parts_removed"].clone(), decode(&scene.join("clip.aarc")))
     };
 

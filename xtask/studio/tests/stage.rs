@@ -10,10 +10,10 @@ use codec::Camera;
 use refine::anchor::DepthMap;
 use refine::capture::{CaptureShot, Holdout, Split};
 use refine::image::Image;
-use tempfile::tempdir;
-use tool::aarc_studio;
 use studio::capture::Footage;
 use studio::synth::stage::{Settings, write};
+use tempfile::tempdir;
+use tool::aarc_studio;
 
 /// The files below a folder and what is in them.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -61,7 +61,8 @@ fn a_stage_is_a_capture_and_the_same_every_time() {
 fn what_cannot_be_made_is_said_in_one_line() {
     let folder = tempdir().unwrap();
     let folder = folder.path();
-    let error = |more: &[&str]| aarc_studio(folder, &[&["synth", "stage", "-o", "stage"], more].concat()).error(2);
+    let error =
+        |more: &[&str]| aarc_studio(folder, &[&["synth", "stage", "-o", "stage"], more].concat()).error(2);
     assert!(error(&["--cameras", "0"]).contains("0 cameras"));
     assert!(error(&["--frames", "99999"]).contains("99999 frames"));
     assert!(error(&["--size", "64x4"]).contains("64x4 pixels"));
@@ -69,7 +70,9 @@ fn what_cannot_be_made_is_said_in_one_line() {
     fs::write(folder.join("stage/mine.txt"), "kept").unwrap();
     assert!(error(&[]).contains("cannot write stage"));
     assert_eq!(files(folder).len(), 1);
-    assert!(aarc_studio(folder, &["synth", "stage", "-o", "no/stage"]).error(2).contains("cannot write no/stage"));
+    assert!(
+        aarc_studio(folder, &["synth", "stage", "-o", "no/stage"]).error(2).contains("cannot write no/stage")
+    );
 }
 
 /// A shot with its depths.

@@ -12,10 +12,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use codec::{Field, Limits};
 use serde_json::Value;
+use studio::export::field_file;
 use support::{field, info};
 use tempfile::{TempDir, tempdir};
 use tool::{Outcome, aarc_studio};
-use studio::export::field_file;
 
 const NAMES: [&str; 3] = ["walk", "run", "jump"];
 
@@ -174,7 +174,8 @@ fn what_cannot_be_is_said_before_anything_is_done() {
     fs::create_dir(folder.join("sit")).unwrap();
     fs::write(folder.join("sit/meta.json"), "{}").unwrap();
     fs::write(folder.join("sit.txt"), "sit/meta.json\n").unwrap();
-    let within = aarc_studio(folder, &["package", "--list", "sit.txt", "-o", "sit/clips", "--coder", "fixed"]);
+    let within =
+        aarc_studio(folder, &["package", "--list", "sit.txt", "-o", "sit/clips", "--coder", "fixed"]);
     assert!(within.code == Some(2) && within.stdout.contains("would lie within sit"), "{}", within.stdout);
 }
 

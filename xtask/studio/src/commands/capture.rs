@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::path::Path;
 
+use crate::capture::Footage;
+use crate::fault::Fault;
+use crate::fit::Shots;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use refine::capture;
 use refine::fit::Lpips;
-use crate::capture::Footage;
-use crate::fault::Fault;
-use crate::fit::Shots;
 
 /// Which part of a capture, and what of it is held out from fitting.
 #[derive(clap::Args, Clone, Debug)]

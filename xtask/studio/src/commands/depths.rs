@@ -33,13 +33,13 @@ pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
 
 #[cfg(feature = "onnx")]
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    use anyhow::bail;
-    use indicatif::{ProgressBar, ProgressStyle};
-    use refine::capture::{CaptureShot, Split};
     use crate::backbone::Backbone;
     use crate::capture::pfm_file;
     use crate::fault::Fault;
     use crate::output;
+    use anyhow::bail;
+    use indicatif::{ProgressBar, ProgressStyle};
+    use refine::capture::{CaptureShot, Split};
 
     let footage = args.cut.open(&args.capture)?;
     let splits = Split::assign(&footage.capture, args.cut.holdout())

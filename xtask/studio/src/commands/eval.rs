@@ -2,12 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use image::RgbImage;
-use indicatif::{ProgressBar, ProgressStyle};
-use refine::fit::Lpips;
-use refine::image::Image;
-use serde_json::{Map, Value, json};
 use crate::capture::Footage;
 use crate::eval::{
     self, Baseline, Ladder, SplitMeasures, Strips, Subject, baseline_rows, csv, free_views, judge,
@@ -16,6 +10,12 @@ use crate::eval::{
 use crate::fault::Fault;
 use crate::input::Input;
 use crate::output;
+use anyhow::bail;
+use image::RgbImage;
+use indicatif::{ProgressBar, ProgressStyle};
+use refine::fit::Lpips;
+use refine::image::Image;
+use serde_json::{Map, Value, json};
 
 use super::capture::{Cut, describe, load_lpips};
 use super::fit::name_of;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::ArgGroup;
 use crate::fault::Fault;
 use crate::input::{Input, clip_time};
 use crate::{export, output};
+use clap::ArgGroup;
 
 /// Write a clip or field in another format.
 #[derive(clap::Args)]

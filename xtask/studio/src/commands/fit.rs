@@ -4,12 +4,6 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
-use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
-use refine::anchor::Mirror;
-use refine::fit::{Backend, Cpu, DensityRule};
-use serde_json::{Value, json};
 use crate::capture::Footage;
 use crate::export::field_file;
 use crate::fault::Fault;
@@ -18,6 +12,12 @@ use crate::input::Input;
 use crate::output;
 use crate::scene::DEFAULT_FPS;
 use crate::takes::{List, Take};
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use refine::anchor::Mirror;
+use refine::fit::{Backend, Cpu, DensityRule};
+use serde_json::{Value, json};
 
 use super::capture::{Cut, describe, load_lpips, load_shots};
 use super::takes::{self, Job, Many};

@@ -6,10 +6,10 @@ mod left_out;
 
 use std::path::{Path, PathBuf};
 
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
-use serde::Serialize;
 use crate::fault::Fault;
 use crate::input::read_package;
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
 

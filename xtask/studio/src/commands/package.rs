@@ -5,11 +5,6 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::bail;
-use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
-use refine::prune::Ranking;
-use serde_json::{Value, json};
 use crate::capture::Footage;
 use crate::fault::Fault;
 use crate::fit::{self, FineTuned, FineTuning, Settings, Shots};
@@ -18,6 +13,11 @@ use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladde
 use crate::playlist;
 use crate::scene::Scene;
 use crate::takes::{List, Record, Standing, Take, key};
+use anyhow::bail;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use refine::prune::Ranking;
+use serde_json::{Value, json};
 
 use super::capture::{Cut, load_shots};
 use super::takes::{self, Job, Many};

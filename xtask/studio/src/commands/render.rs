@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use codec::Camera;
-use image::RgbImage;
-use refine::reference::{self, Order};
 use crate::fault::Fault;
 use crate::input::{Input, clip_time};
 use crate::output;
+use codec::Camera;
+use image::RgbImage;
+use refine::reference::{self, Order};
 
 /// Size of the image where nothing says another.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];

@@ -9,12 +9,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::bail;
-use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Map, Value};
 use crate::fault::Fault;
 use crate::output;
 use crate::report::{ReportFile, Subject, rd};
+use anyhow::bail;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Map, Value};
 
 use super::render::size;
 

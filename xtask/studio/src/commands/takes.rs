@@ -6,12 +6,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{anyhow, bail};
-use serde::Serialize;
-use serde_json::{Value, json};
 use crate::fault::Fault;
 use crate::output;
 use crate::takes::{List, Record, Shard, Standing, Take, key};
+use anyhow::{anyhow, bail};
+use serde::Serialize;
+use serde_json::{Value, json};
 
 /// Which takes.
 #[derive(clap::Args, Clone, Debug, Default)]

@@ -3,13 +3,13 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use crate::input::is_package;
 use crate::machine::machine;
 use crate::package::{self, package_showing};
 use crate::report::fitting;
 use crate::report::playing::{Message, Playing};
 use crate::report::{Findings, Subject, packaging};
+use anyhow::Context;
 
 use super::{bar, program};
 

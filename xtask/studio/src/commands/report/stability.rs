@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
 use crate::machine::machine;
 use crate::report::stability::{Header, Row, Stability};
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::program;
 
