@@ -11,8 +11,8 @@ use codec::{Clip, Field};
 use glam::UVec2;
 use refine::reference::Scene;
 use shaders::sh_words;
-use xtask::report::knob::{Knob, Point};
-use xtask::report::playing::{Message, Part, Playing};
+use studio::report::knob::{Knob, Point};
+use studio::report::playing::{Message, Part, Playing};
 
 fn main() -> ExitCode {
     gpu::run_in_turn(vec![
