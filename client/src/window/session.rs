@@ -27,7 +27,7 @@ use super::screen::Screen;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
 use crate::fault::Fault;
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings};
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
 use crate::progress::Progress;
 use crate::queue::{Entry, List, Queue, Terms};
 use crate::source::{self, Arrival};
@@ -51,7 +51,7 @@ pub(super) struct Start {
     pub(super) list: Option<Queue>,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// Size in pixels.
     pub(super) size: Option<UVec2>,
 }
@@ -152,7 +152,7 @@ struct Shown {
     /// Normalised clip time.
     t: f64,
     view: View,
-    settings: Settings,
+    settings: RenderSettings,
 }
 
 /// An open window.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::gpu::{Cutoff, ChannelDepth, Gpu, GpuClip, Offscreen, Renderer, RenderSettings};
 use client::source;
 use client::view::View;
 
@@ -14,7 +14,7 @@ struct Ours {
     gpu: Gpu,
     renderer: Renderer,
     image: Offscreen,
-    settings: Settings,
+    settings: RenderSettings,
 }
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
@@ -22,10 +22,10 @@ pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<B
     let clip = source::load_file(path)?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
-    let image = Offscreen::new(&gpu, view.size, 1, Depth::Eight)?;
+    let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;
     let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
-    let renderer = Renderer::new(&gpu, on_gpu, Depth::Eight.format(), 1)?;
-    let settings = Settings { cutoff, ..Settings::default() };
+    let renderer = Renderer::new(&gpu, on_gpu, ChannelDepth::Eight.format(), 1)?;
+    let settings = RenderSettings { cutoff, ..RenderSettings::default() };
     Ok(Box::new(Ours { gpu, renderer, image, settings }))
 }
 
