@@ -204,7 +204,9 @@ mod tests {
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
         let clip = open(None, None).unwrap().wait(None, |_| ()).unwrap();
-        assert!(!clip.moving.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty());
+        assert!(
+            !clip.dynamic_field.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty()
+        );
     }
 
     #[cfg(any(feature = "window", feature = "xr"))]

@@ -31,10 +31,10 @@ impl GpuClip {
     pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<GpuClip, Fault> {
         let layers = clip.layers.clone();
         let time_index = clip.time_index.clone();
-        let origin = origin(&clip.still, &clip.moving);
+        let origin = origin(&clip.static_field, &clip.dynamic_field);
         let plate = match &clip.plate {
             Some(plate) if !plate.is_empty() => {
-                let all = LayerEnd { still: plate.len(), moving: 0 };
+                let all = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
                 Some(GaussianSet::upload(
                     gpu,
                     [plate, &Field::default()],
@@ -45,7 +45,8 @@ impl GpuClip {
             }
             _ => None,
         };
-        let clip = GaussianSet::upload(gpu, [&clip.still, &clip.moving], origin, layers, time_index)?;
+        let clip =
+            GaussianSet::upload(gpu, [&clip.static_field, &clip.dynamic_field], origin, layers, time_index)?;
         Ok(GpuClip { origin, clip, plate })
     }
 

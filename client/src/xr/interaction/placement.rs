@@ -113,7 +113,7 @@ pub struct Subject {
 impl Subject {
     /// Of a clip.
     pub fn of(clip: &Clip) -> Subject {
-        let centers = visible_centers(&clip.still).chain(visible_centers(&clip.moving));
+        let centers = visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field));
         let info = &clip.info;
         Subject::from_parts(centers, info.up, info.metres_per_unit, &viewpoint::viewpoints(clip)[0])
     }

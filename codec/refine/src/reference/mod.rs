@@ -58,8 +58,8 @@ impl<'a> RenderScene<'a> {
             None => return RenderScene { parts: Vec::new(), plate: clip.plate.as_ref() },
         };
         let parts = vec![
-            FieldPrefix { field: &clip.still, rows: end.still },
-            FieldPrefix { field: &clip.moving, rows: end.moving },
+            FieldPrefix { field: &clip.static_field, rows: end.static_count },
+            FieldPrefix { field: &clip.dynamic_field, rows: end.dynamic_count },
         ];
         RenderScene { parts, plate: clip.plate.as_ref() }
     }

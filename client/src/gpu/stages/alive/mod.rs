@@ -63,7 +63,7 @@ impl Rows {
 
     /// Gaussians in the first layer, the first two, and so on.
     pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = usize> {
-        self.layers.iter().map(|end| end.still + end.moving)
+        self.layers.iter().map(|end| end.total())
     }
 
     /// Replaces `items` by the rows that, by `settings`, are to be drawn at clip time `t` in one of
@@ -92,7 +92,7 @@ impl Rows {
             items,
             seen: CullCounts::default(),
         };
-        culler.pass(&self.static_field, 0..end.still, 0);
+        culler.pass(&self.static_field, 0..end.static_count, 0);
         let first = self.static_field.len();
         for rows in self.time_index.candidates(t, layers) {
             culler.pass(&self.dynamic_field, rows, first);

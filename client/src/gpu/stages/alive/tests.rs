@@ -34,7 +34,12 @@ fn dynamic_field() -> Field {
 
 fn rows(field: &Field) -> Rows {
     let time_index = TimeIndex::of_candidates(ROWS);
-    Rows::new([&Field::default(), field], ORIGIN, vec![LayerEnd { still: 0, moving: ROWS }], time_index)
+    Rows::new(
+        [&Field::default(), field],
+        ORIGIN,
+        vec![LayerEnd { static_count: 0, dynamic_count: ROWS }],
+        time_index,
+    )
 }
 
 fn camera() -> Camera {
@@ -150,7 +155,10 @@ fn layers_are_prefixes() {
     let mut static_field = dynamic_field();
     static_field.temporal = None;
     static_field.opacities.fill(1.0);
-    let layers = vec![LayerEnd { still: 10, moving: 0 }, LayerEnd { still: ROWS, moving: 0 }];
+    let layers = vec![
+        LayerEnd { static_count: 10, dynamic_count: 0 },
+        LayerEnd { static_count: ROWS, dynamic_count: 0 },
+    ];
     let rows = Rows::new([&static_field, &Field::default()], ORIGIN, layers, TimeIndex::default());
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
