@@ -1,6 +1,6 @@
 //! [`Reader`] and [`Writer`]: little-endian numbers in and out of byte strings.
 
-use crate::{Error, error::Fault};
+use crate::{Error, error::FormatError};
 
 /// Reads numbers one after the other and never past the end.
 pub(crate) struct Reader<'a> {
@@ -24,7 +24,8 @@ impl<'a> Reader<'a> {
 
     pub(crate) fn take(&mut self, count: usize) -> Result<&'a [u8], Error> {
         let rest = &self.bytes[self.position..];
-        let taken = rest.get(..count).ok_or(Error::format(self.at(), Fault::Short { part: self.part }))?;
+        let taken =
+            rest.get(..count).ok_or(Error::format(self.at(), FormatError::Short { part: self.part }))?;
         self.position += count;
         Ok(taken)
     }
@@ -75,7 +76,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.bytes.len() - self.position {
             0 => Ok(()),
-            count => Err(Error::format(self.at(), Fault::Extra { count, part: self.part })),
+            count => Err(Error::format(self.at(), FormatError::Extra { count, part: self.part })),
         }
     }
 }
@@ -142,7 +143,7 @@ mod tests {
     fn errors_carry_the_offset_in_the_package() {
         let mut reader = Reader::new(&[1, 2, 3], 100, "part");
         assert_eq!(reader.u8(), Ok(1));
-        assert_eq!(reader.u32(), Err(Error::format(101, Fault::Short { part: "part" })));
-        assert_eq!(reader.finish(), Err(Error::format(101, Fault::Extra { count: 2, part: "part" })));
+        assert_eq!(reader.u32(), Err(Error::format(101, FormatError::Short { part: "part" })));
+        assert_eq!(reader.finish(), Err(Error::format(101, FormatError::Extra { count: 2, part: "part" })));
     }
 }

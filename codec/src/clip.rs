@@ -119,14 +119,14 @@ pub struct Clip {
     /// the rounding of the coder.
     pub bounds: [[f32; 3]; 2],
     /// Always on and motionless: no temporal columns.
-    pub still: Field,
+    pub static_field: Field,
     /// Windowed or moving.
-    pub moving: Field,
+    pub dynamic_field: Field,
     /// Where each decoded layer ends. Never empty.
     pub layers: Vec<LayerEnd>,
     /// Layers that the package announces; more than `layers` where only a prefix was decoded.
     pub layers_announced: usize,
-    /// Which rows of `moving` can be alive at a given time.
+    /// Which rows of `dynamic_field` can be alive at a given time.
     pub time_index: TimeIndex,
     /// Static background, drawn behind everything else.
     pub plate: Option<Field>,
@@ -135,16 +135,23 @@ pub struct Clip {
 /// Number of Gaussians in a layer and all layers before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LayerEnd {
-    /// Rows of [`Clip::still`].
-    pub still: usize,
-    /// Rows of [`Clip::moving`].
-    pub moving: usize,
+    /// Rows of [`Clip::static_field`].
+    pub static_count: usize,
+    /// Rows of [`Clip::dynamic_field`].
+    pub dynamic_count: usize,
+}
+
+impl LayerEnd {
+    /// Number of Gaussians, static and dynamic, without the plate.
+    pub fn total(self) -> usize {
+        self.static_count + self.dynamic_count
+    }
 }
 
 impl Clip {
     /// Number of Gaussians without the plate.
     pub fn len(&self) -> usize {
-        self.still.len() + self.moving.len()
+        self.static_field.len() + self.dynamic_field.len()
     }
 
     /// Whether the clip has no Gaussians.
@@ -154,7 +161,7 @@ impl Clip {
 
     /// Degree of the spherical harmonics, shared by both regions.
     pub fn sh_degree(&self) -> u8 {
-        self.moving.sh_degree.max(self.still.sh_degree)
+        self.dynamic_field.sh_degree.max(self.static_field.sh_degree)
     }
 }
 

@@ -13,7 +13,7 @@ use crate::{
     Clip, Coder, Error, Field, LayerEnd, Limits, Temporal, TimeIndex,
     bytes::Reader,
     context,
-    error::Fault,
+    error::FormatError,
     fixed::{self, Columns, TemporalColumns},
     header::{Contents, Planned, contents},
     limits::Budget,
@@ -46,8 +46,8 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 
     let mut budget = Budget::new(limits);
     let mut region = |region, rows| blank_field(contents.columns(region), rows, &mut budget);
-    let mut still = region(Region::Still, rows.still)?;
-    let mut moving = region(Region::Moving, rows.moving)?;
+    let mut static_field = region(Region::Static, rows.static_count)?;
+    let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
     let mut plate = region(Region::Plate, contents.plate_len)?;
     let places = match contents.coder {
         Coder::Fixed => Vec::new(),
@@ -63,12 +63,12 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
             decoder.decode(section.payload(bytes)?, section, columns, rows)
         }
     };
-    let mut rest = [&mut still, &mut moving, &mut plate].map(Rows::of);
+    let mut rest = [&mut static_field, &mut dynamic_field, &mut plate].map(Rows::of);
     let with_rows = |(planned, section): (Planned, _)| {
-        let [still, moving, plate] = &mut rest;
+        let [static_rows, dynamic_rows, plate] = &mut rest;
         let rest = match planned.region {
-            Region::Still => still,
-            Region::Moving => moving,
+            Region::Static => static_rows,
+            Region::Dynamic => dynamic_rows,
             Region::Plate => plate,
         };
         (section, contents.columns(planned.region), rest.take(planned.rows))
@@ -78,14 +78,14 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     let time_index = match contents.coder {
         Coder::Fixed => {
             let indices = sections().filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
-            read_time_index(bytes, &moving, layers, indices)?
+            read_time_index(bytes, &dynamic_field, layers, indices)?
         }
-        Coder::Context => arrange(&mut moving, layers, places),
+        Coder::Context => arrange(&mut dynamic_field, layers, places),
     };
     Ok(Clip {
         bounds: contents.bounds,
-        still,
-        moving,
+        static_field,
+        dynamic_field,
         layers: layers.to_vec(),
         layers_announced: contents.layers.len(),
         time_index,
@@ -98,7 +98,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
     let ends = contents.layer_bytes();
     match ends.partition_point(|&end| end <= available) {
-        0 => Err(Error::format(available, Fault::Cut { needed: ends[0], available })),
+        0 => Err(Error::format(available, FormatError::Cut { needed: ends[0], available })),
         complete => Ok(complete),
     }
 }
@@ -125,35 +125,35 @@ pub(crate) fn blank_field(columns: Columns, rows: usize, budget: &mut Budget) ->
     })
 }
 
-/// The layers, each as where its rows of the moving region start and end.
-fn moving_rows(layers: &[LayerEnd]) -> impl Iterator<Item = std::ops::Range<usize>> {
-    let starts = [0].into_iter().chain(layers.iter().map(|end| end.moving));
-    starts.zip(layers).map(|(start, end)| start..end.moving)
+/// The layers, each as where its rows of the dynamic region start and end.
+fn dynamic_rows(layers: &[LayerEnd]) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let starts = [0].into_iter().chain(layers.iter().map(|end| end.dynamic_count));
+    starts.zip(layers).map(|(start, end)| start..end.dynamic_count)
 }
 
-/// Most moving Gaussians of a layer.
+/// Most dynamic Gaussians of a layer.
 fn largest_layer(layers: &[LayerEnd]) -> usize {
-    moving_rows(layers).map(|rows| rows.len()).max().unwrap_or(0)
+    dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0)
 }
 
 /// Checks the stored time index of each layer against the rows.
 fn read_time_index<'a>(
     bytes: &[u8],
-    moving: &Field,
+    dynamic_field: &Field,
     layers: &[LayerEnd],
     mut indices: impl Iterator<Item = (Planned, &'a Section)>,
 ) -> Result<TimeIndex, Error> {
     let mut time_index = TimeIndex::default();
-    for rows in moving_rows(layers) {
-        // Layers without moving Gaussians have no index.
+    for rows in dynamic_rows(layers) {
+        // Layers without dynamic Gaussians have no index.
         let index = if rows.is_empty() { None } else { indices.next() };
         let Some((_, section)) = index else {
             time_index.push_layer(&[0; CELLS]);
             continue;
         };
         time_index.push_layer(&read_cells(section.payload(bytes)?, section.offset, rows.len())?);
-        if let Some(row) = time_index.first_misplaced(moving) {
-            return Err(Error::format(section.offset, Fault::TimeIndex { row }));
+        if let Some(row) = time_index.first_misplaced(dynamic_field) {
+            return Err(Error::format(section.offset, FormatError::TimeIndex { row }));
         }
     }
     Ok(time_index)
@@ -161,10 +161,10 @@ fn read_time_index<'a>(
 
 /// Puts the rows of each layer in the order of the time index. `places` has room for a number for
 /// each row of the largest.
-fn arrange(moving: &mut Field, layers: &[LayerEnd], mut places: Vec<u32>) -> TimeIndex {
+fn arrange(dynamic_field: &mut Field, layers: &[LayerEnd], mut places: Vec<u32>) -> TimeIndex {
     let mut time_index = TimeIndex::default();
-    for rows in moving_rows(layers) {
-        time_index.arrange_layer(moving, rows, &mut places);
+    for rows in dynamic_rows(layers) {
+        time_index.arrange_layer(dynamic_field, rows, &mut places);
     }
     time_index
 }
@@ -204,7 +204,7 @@ impl ChunkDecoder {
             contents.planned_sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
         let largest = chunks.map(|(_, section)| section.raw_length).max().unwrap_or(0);
         let zstd = zstd::bulk::Decompressor::new()
-            .map_err(|e| Error::format(0, Fault::Payload { reason: e.to_string() }))?;
+            .map_err(|e| Error::format(0, FormatError::Payload { reason: e.to_string() }))?;
         Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })
     }
 
@@ -219,7 +219,7 @@ impl ChunkDecoder {
         let ChunkDecoder::Fixed { zstd, raw } = self else {
             return context::decode(payload, columns, section.offset, rows);
         };
-        let damaged = |reason| Error::format(section.offset, Fault::Payload { reason });
+        let damaged = |reason| Error::format(section.offset, FormatError::Payload { reason });
         // The table was checked: this is the length of the rows, and the buffer has it.
         raw.resize(section.raw_length, 0);
         let length = zstd.decompress_to_buffer(payload, &mut raw[..]).map_err(|e| damaged(e.to_string()))?;
@@ -230,7 +230,7 @@ impl ChunkDecoder {
     }
 }
 
-/// Reads the rows per cell of a layer with `rows` Gaussians in its moving region.
+/// Reads the rows per cell of a layer with `rows` Gaussians in its dynamic region.
 fn read_cells(payload: &[u8], offset: usize, rows: usize) -> Result<[u32; CELLS], Error> {
     let mut reader = Reader::new(payload, offset, "time index");
     let mut counts = [0; CELLS];

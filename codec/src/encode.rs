@@ -2,7 +2,7 @@
 //!
 //! Rows arrive most important first and are cut into layers; in a layer, motionless Gaussians
 //! that are always on part from the others, and each group is put along a Morton curve and cut
-//! into chunks; the coder `fixed` stores moving ones by cell of the time index first. The same
+//! into chunks; the coder `fixed` stores dynamic ones by cell of the time index first. The same
 //! field gives the same bytes on any machine and any number of threads: chunks are independent, and
 //! every decision rests on arithmetic that IEEE 754 defines.
 
@@ -25,7 +25,7 @@ use crate::{
 const MAGNITUDE_MAX: f32 = 1e9;
 
 /// Opacity that a Gaussian drawn as constant may be off by: half a step of an 8-bit pixel.
-const STILL_OPACITY: f64 = 0.5 / 255.0;
+const STATIC_OPACITY: f64 = 0.5 / 255.0;
 
 /// What a package is made of.
 #[derive(Clone, Copy, Debug)]
@@ -104,8 +104,8 @@ pub fn encode_parallel(
     let payload = |planned: &Planned| {
         let layer = &layers[usize::from(planned.layer)];
         let (part, rows) = match planned.region {
-            Region::Still => (&subject, &layer.still),
-            Region::Moving => (&subject, &layer.moving),
+            Region::Static => (&subject, &layer.static_rows),
+            Region::Dynamic => (&subject, &layer.dynamic_rows),
             Region::Plate => (plate.as_ref().expect("a planned plate is there"), &plate_rows),
         };
         match planned.kind {
@@ -146,10 +146,10 @@ pub fn encode_parallel(
 /// The rows of a layer in the order in which they are cut into chunks.
 struct Layer {
     /// The always-on, motionless Gaussians.
-    still: Vec<usize>,
+    static_rows: Vec<usize>,
     /// The others.
-    moving: Vec<usize>,
-    /// Number of moving rows per cell of the time index, where that is stored.
+    dynamic_rows: Vec<usize>,
+    /// Number of dynamic rows per cell of the time index, where that is stored.
     cells: [u32; CELLS],
 }
 
@@ -195,19 +195,19 @@ impl<'a> Part<'a> {
     }
 
     /// The columns that are not zero throughout once coded.
-    fn columns_needed(&self, rows: &[usize], moving: bool) -> Columns {
+    fn columns_needed(&self, rows: &[usize], with_temporal: bool) -> Columns {
         let of_chunk = |rows: &[usize]| match self {
-            Part::Fixed(field) => fixed::columns_needed(&chunk(field, rows, moving)),
-            Part::Context(prepared) => context::columns_needed(prepared.field, rows, moving),
+            Part::Fixed(field) => fixed::columns_needed(&chunk(field, rows, with_temporal)),
+            Part::Context(prepared) => context::columns_needed(prepared.field, rows, with_temporal),
         };
         rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), union)
     }
 }
 
-/// The named rows, without temporal columns unless `moving`.
-fn chunk(field: &Field, rows: &[usize], moving: bool) -> Field {
+/// The named rows, without temporal columns unless `with_temporal`.
+fn chunk(field: &Field, rows: &[usize], with_temporal: bool) -> Field {
     let chunk = field.select(rows);
-    if moving { chunk } else { Field { temporal: None, ..chunk } }
+    if with_temporal { chunk } else { Field { temporal: None, ..chunk } }
 }
 
 /// The columns of either.
@@ -277,7 +277,7 @@ fn layer_ends(asked: &[usize], len: usize) -> Result<Vec<usize>, EncodeError> {
     Ok(ends)
 }
 
-/// The field with opacities and windows as they will be decoded: which Gaussians are still and
+/// The field with opacities and windows as they will be decoded: which Gaussians are static and
 /// where the others lie in the time index is decided on these.
 fn with_coded_windows(field: &Field) -> Field {
     let mut coded = field.clone();
@@ -299,19 +299,20 @@ fn with_coded_windows(field: &Field) -> Field {
 fn split(field: &Field, ends: &[usize], bounds: [[f32; 3]; 2], coder: Coder) -> Vec<Layer> {
     let mut start = 0;
     let layer = |&end: &usize| {
-        let (mut still, mut moving): (Vec<_>, Vec<_>) = (start..end).partition(|&i| is_still(field, i));
+        let (mut static_rows, mut dynamic_rows): (Vec<_>, Vec<_>) =
+            (start..end).partition(|&i| is_static(field, i));
         start = end;
-        sort_by_place(&mut still, bounds, |i| (0, field.centers[i]));
+        sort_by_place(&mut static_rows, bounds, |i| (0, field.centers[i]));
         let mut cells = [0; CELLS];
         match coder {
             Coder::Fixed => {
-                sort_by_place(&mut moving, bounds, |i| (cell_of(field, i), field.centers[i]));
-                moving.iter().for_each(|&i| cells[cell_of(field, i)] += 1);
+                sort_by_place(&mut dynamic_rows, bounds, |i| (cell_of(field, i), field.centers[i]));
+                dynamic_rows.iter().for_each(|&i| cells[cell_of(field, i)] += 1);
             }
             // The decoder sorts by cell.
-            Coder::Context => sort_by_place(&mut moving, bounds, |i| (0, middle_of_life(field, i))),
+            Coder::Context => sort_by_place(&mut dynamic_rows, bounds, |i| (0, middle_of_life(field, i))),
         }
-        Layer { still, moving, cells }
+        Layer { static_rows, dynamic_rows, cells }
     };
     ends.iter().map(layer).collect()
 }
@@ -327,14 +328,14 @@ fn describe(
     plate_rows: &[usize],
 ) -> Contents {
     let columns = layers.iter().fold(Columns::default(), |all, layer| {
-        let still = subject.columns_needed(&layer.still, false);
-        union(all, union(still, subject.columns_needed(&layer.moving, true)))
+        let columns = subject.columns_needed(&layer.static_rows, false);
+        union(all, union(columns, subject.columns_needed(&layer.dynamic_rows, true)))
     });
     let temporal = columns.temporal.unwrap_or_default();
     let mut end = LayerEnd::default();
     let layer_end = |layer: &Layer| {
-        end.still += layer.still.len();
-        end.moving += layer.moving.len();
+        end.static_count += layer.static_rows.len();
+        end.dynamic_count += layer.dynamic_rows.len();
         end
     };
     Contents {
@@ -354,8 +355,8 @@ fn describe(
 }
 
 /// Whether Gaussian `i` looks the same all through the clip: it neither moves nor turns, and its
-/// opacity falls by no more than [`STILL_OPACITY`].
-pub(crate) fn is_still(field: &Field, i: usize) -> bool {
+/// opacity falls by no more than [`STATIC_OPACITY`].
+pub(crate) fn is_static(field: &Field, i: usize) -> bool {
     let Some(temporal) = &field.temporal else {
         return true;
     };
@@ -363,7 +364,7 @@ pub(crate) fn is_still(field: &Field, i: usize) -> bool {
     let reach = f64::from(temporal.tau[i]).abs().max((1.0 - f64::from(temporal.tau[i])).abs());
     let z = reach / f64::from(temporal.s[i]);
     // o (1 - exp(-x)) <= o x: an upper bound without a transcendental function.
-    temporal.is_still(i) && f64::from(field.opacities[i]) * 0.5 * z * z <= STILL_OPACITY
+    temporal.is_motionless(i) && f64::from(field.opacities[i]) * 0.5 * z * z <= STATIC_OPACITY
 }
 
 /// Where Gaussian `i` is in the middle of the time that it is alive.

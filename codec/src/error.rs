@@ -6,12 +6,12 @@ use crate::header::VERSION_MAJOR;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The bytes are no package, or a damaged one.
-    #[error("{fault}, at byte {offset}")]
+    #[error("{error}, at byte {offset}")]
     Format {
         /// Offset of the first byte that is wrong, from the start of the package.
         offset: usize,
         /// What is wrong there.
-        fault: Fault,
+        error: FormatError,
     },
     /// The package is of a format version that this decoder does not read.
     #[error(
@@ -40,7 +40,7 @@ pub enum Error {
 /// What is wrong with the bytes of a package.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum FormatError {
     /// The first bytes are not the magic number.
     #[error("not an .aarc package")]
     Magic,
@@ -105,7 +105,7 @@ pub enum Fault {
         reason: String,
     },
     /// The stored time index contradicts the rows it describes.
-    #[error("time index puts row {row} of the moving region in the wrong cell")]
+    #[error("time index puts row {row} of the dynamic region in the wrong cell")]
     TimeIndex {
         /// The row.
         row: usize,
@@ -113,12 +113,12 @@ pub enum Fault {
 }
 
 impl Error {
-    pub(crate) fn format(offset: usize, fault: Fault) -> Error {
-        Error::Format { offset, fault }
+    pub(crate) fn format(offset: usize, error: FormatError) -> Error {
+        Error::Format { offset, error }
     }
 
     pub(crate) fn value(offset: usize, field: &'static str, value: impl std::fmt::Debug) -> Error {
-        Error::Format { offset, fault: Fault::Value { field, value: format!("{value:?}") } }
+        Error::Format { offset, error: FormatError::Value { field, value: format!("{value:?}") } }
     }
 }
 

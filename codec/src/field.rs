@@ -308,7 +308,7 @@ impl Temporal {
     }
 
     /// Whether Gaussian `i` neither moves nor turns.
-    pub fn is_still(&self, i: usize) -> bool {
+    pub fn is_motionless(&self, i: usize) -> bool {
         self.motion_of(i).iter().all(|v| *v == [0.0; 3])
             && self.rotation_rates.as_ref().is_none_or(|rates| rates[i] == [0.0; 4])
     }
@@ -484,7 +484,7 @@ mod tests {
             assert_eq!((a.tau[row], a.s[row]), (b.tau[source], b.s[source]));
             assert_eq!(a.motion_of(row), b.motion_of(source));
             assert_eq!(a.rotation_rates.as_ref().unwrap()[row], b.rotation_rates.as_ref().unwrap()[source]);
-            assert_eq!(a.is_still(row), b.is_still(source));
+            assert_eq!(a.is_motionless(row), b.is_motionless(source));
         }
         assert!(field.select(&[]).is_empty());
     }
@@ -492,12 +492,12 @@ mod tests {
     #[test]
     fn stillness_is_the_absence_of_motion_and_turning() {
         let mut temporal = field().temporal.unwrap();
-        assert!(!temporal.is_still(0) && !temporal.is_still(1));
+        assert!(!temporal.is_motionless(0) && !temporal.is_motionless(1));
         temporal.motion.fill([0.0; 3]);
-        assert!(!temporal.is_still(0), "it turns");
-        assert!(temporal.is_still(1));
+        assert!(!temporal.is_motionless(0), "it turns");
+        assert!(temporal.is_motionless(1));
         temporal.rotation_rates = None;
-        assert!(temporal.is_still(0));
+        assert!(temporal.is_motionless(0));
     }
 
     /// Checks that `change` makes the field invalid with a message that names `what`.

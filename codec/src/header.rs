@@ -8,7 +8,7 @@
 use crate::{
     ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Viewpoint,
     bytes::Reader,
-    error::Fault,
+    error::FormatError,
     fixed::{self, Columns},
     limits::Budget,
     section::{ENTRY_BYTES, Region, Section, SectionKind},
@@ -86,9 +86,9 @@ pub struct Contents {
     pub coder: Coder,
     /// Degree of the spherical harmonics of both regions.
     pub sh_degree: u8,
-    /// Highest power of time in the moving region.
+    /// Highest power of time in the dynamic region.
     pub motion_order: u8,
-    /// Whether the moving region has rotation rates.
+    /// Whether the dynamic region has rotation rates.
     pub rotation_rates: bool,
     /// Where each layer ends. Never empty.
     pub layers: Vec<LayerEnd>,
@@ -115,25 +115,25 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
     let computed = crc32fast::hash(body);
     let stored = Reader::new(stored, body.len(), "head").u32()?;
     if stored != computed {
-        return Err(Error::format(body.len(), Fault::Crc { part: "head", stored, computed }));
+        return Err(Error::format(body.len(), FormatError::Crc { part: "head", stored, computed }));
     }
     let contents = parse(body, limits)?;
     contents.check_table()?;
     let end = contents.package_bytes();
     if bytes.len() > end {
-        let fault = Fault::Extra { count: bytes.len() - end, part: "the last section" };
-        return Err(Error::format(end, fault));
+        let error = FormatError::Extra { count: bytes.len() - end, part: "the last section" };
+        return Err(Error::format(end, error));
     }
     Ok(contents)
 }
 
 /// Checks magic, version and length of the head and returns the head with its checksum.
 fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
-    let cut = |needed| Error::format(bytes.len(), Fault::Cut { needed, available: bytes.len() });
+    let cut = |needed| Error::format(bytes.len(), FormatError::Cut { needed, available: bytes.len() });
     if !bytes.starts_with(&MAGIC) {
         // A prefix of the magic is a package cut short, anything else is something else.
         let is_cut = !bytes.is_empty() && MAGIC.starts_with(bytes);
-        return Err(if is_cut { cut(PREFIX_BYTES) } else { Error::format(0, Fault::Magic) });
+        return Err(if is_cut { cut(PREFIX_BYTES) } else { Error::format(0, FormatError::Magic) });
     }
     let prefix = bytes.get(..PREFIX_BYTES).ok_or(cut(PREFIX_BYTES))?;
     let major = u16::from_le_bytes([prefix[4], prefix[5]]);
@@ -191,13 +191,13 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
     let mut end = LayerEnd::default();
     for _ in 0..layer_count {
         let at = reader.at();
-        let (still, moving) = (reader.u32()? as usize, reader.u32()? as usize);
-        if still == 0 && moving == 0 {
+        let (static_count, dynamic_count) = (reader.u32()? as usize, reader.u32()? as usize);
+        if static_count == 0 && dynamic_count == 0 {
             return Err(Error::value(at, "size of a layer", 0));
         }
-        end.still = end.still.saturating_add(still);
-        end.moving = end.moving.saturating_add(moving);
-        let needed = end.still.saturating_add(end.moving).saturating_add(plate_len);
+        end.static_count = end.static_count.saturating_add(static_count);
+        end.dynamic_count = end.dynamic_count.saturating_add(dynamic_count);
+        let needed = end.static_count.saturating_add(end.dynamic_count).saturating_add(plate_len);
         // The row numbers of the time index are 32-bit numbers.
         let limit = limits.max_gaussians.min(u32::MAX as usize);
         if needed > limit {
@@ -217,7 +217,7 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
     }
     info.check().map_err(|(field, value)| {
         let at = if field.contains("viewpoint") { viewpoints_at } else { PREFIX_BYTES };
-        Error::format(at, Fault::Value { field, value })
+        Error::format(at, FormatError::Value { field, value })
     })?;
 
     let table_bytes = body.len() - reader.at();
@@ -225,7 +225,7 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
         let expected = format!("{section_count} entries of {ENTRY_BYTES} bytes");
         return Err(Error::format(
             reader.at(),
-            Fault::Sections { expected, found: format!("{table_bytes} bytes") },
+            FormatError::Sections { expected, found: format!("{table_bytes} bytes") },
         ));
     }
     let mut sections = Budget::new(limits).vec(section_count)?;
@@ -279,9 +279,9 @@ impl Contents {
     /// Columns of the Gaussians of a region.
     pub(crate) fn columns(&self, region: Region) -> Columns {
         match region {
-            Region::Still => Columns { sh_degree: self.sh_degree, temporal: None },
+            Region::Static => Columns { sh_degree: self.sh_degree, temporal: None },
             Region::Plate => Columns { sh_degree: self.plate_sh_degree, temporal: None },
-            Region::Moving => Columns {
+            Region::Dynamic => Columns {
                 sh_degree: self.sh_degree,
                 temporal: Some(fixed::TemporalColumns {
                     motion_order: self.motion_order,
@@ -292,24 +292,24 @@ impl Contents {
     }
 
     /// The sections that the counts ask for, in the only order they may come in: by layer, and in
-    /// a layer the plate (first layer only), the still chunks, the time index (coder `fixed` only),
-    /// the moving chunks.
+    /// a layer the plate (first layer only), the static chunks, the time index (coder `fixed` only),
+    /// the dynamic chunks.
     pub(crate) fn plan(&self) -> impl Iterator<Item = Planned> + '_ {
         self.layers.iter().enumerate().flat_map(|(layer, end)| {
             let start = if layer == 0 { LayerEnd::default() } else { self.layers[layer - 1] };
             let layer = layer as u8;
-            let moving = end.moving - start.moving;
+            let dynamic = end.dynamic_count - start.dynamic_count;
             let index = Planned {
                 kind: SectionKind::TimeIndex,
                 layer,
-                region: Region::Moving,
+                region: Region::Dynamic,
                 chunk: 0,
-                rows: moving,
+                rows: dynamic,
             };
             chunks(layer, Region::Plate, if layer == 0 { self.plate_len } else { 0 })
-                .chain(chunks(layer, Region::Still, end.still - start.still))
-                .chain((moving > 0 && self.coder == Coder::Fixed).then_some(index))
-                .chain(chunks(layer, Region::Moving, moving))
+                .chain(chunks(layer, Region::Static, end.static_count - start.static_count))
+                .chain((dynamic > 0 && self.coder == Coder::Fixed).then_some(index))
+                .chain(chunks(layer, Region::Dynamic, dynamic))
         })
     }
 
@@ -325,17 +325,18 @@ impl Contents {
         let table_at = self.head_bytes - 4 - self.sections.len() * ENTRY_BYTES;
         for (i, section) in self.sections.iter().enumerate() {
             let at = table_at + i * ENTRY_BYTES;
-            let fault =
-                |expected: String, found: String| Error::format(at, Fault::Sections { expected, found });
+            let error = |expected: String, found: String| {
+                Error::format(at, FormatError::Sections { expected, found })
+            };
             if section.offset != offset {
-                return Err(fault(format!("offset {offset}"), format!("offset {}", section.offset)));
+                return Err(error(format!("offset {offset}"), format!("offset {}", section.offset)));
             }
             offset = section.end();
             if matches!(section.kind, SectionKind::Unknown(_)) {
                 continue;
             }
             let planned =
-                plan.next().ok_or_else(|| fault("no further section".into(), format!("{section:?}")))?;
+                plan.next().ok_or_else(|| error("no further section".into(), format!("{section:?}")))?;
             let found = Planned {
                 kind: section.kind,
                 layer: section.layer,
@@ -344,24 +345,24 @@ impl Contents {
                 rows: planned.rows,
             };
             if found != planned || !section.critical {
-                return Err(fault(format!("critical {planned:?}"), format!("{section:?}")));
+                return Err(error(format!("critical {planned:?}"), format!("{section:?}")));
             }
             let raw_length = match (planned.kind, self.coder) {
                 (SectionKind::TimeIndex, _) | (_, Coder::Context) => section.length,
                 (_, Coder::Fixed) => fixed::raw_bytes(self.columns(planned.region), planned.rows),
             };
             if section.raw_length != raw_length {
-                return Err(fault(format!("raw length {raw_length}"), format!("{}", section.raw_length)));
+                return Err(error(format!("raw length {raw_length}"), format!("{}", section.raw_length)));
             }
         }
         match plan.next() {
             None => Ok(()),
             Some(planned) => {
-                let fault = Fault::Sections {
+                let error = FormatError::Sections {
                     expected: format!("{planned:?}"),
                     found: "the end of the table".into(),
                 };
-                Err(Error::format(self.head_bytes - 4, fault))
+                Err(Error::format(self.head_bytes - 4, error))
             }
         }
     }
@@ -396,8 +397,8 @@ impl Contents {
         w.u32(u32_of(self.sections.len())?);
         let mut start = LayerEnd::default();
         for end in &self.layers {
-            w.u32(u32_of(end.still - start.still)?);
-            w.u32(u32_of(end.moving - start.moving)?);
+            w.u32(u32_of(end.static_count - start.static_count)?);
+            w.u32(u32_of(end.dynamic_count - start.dynamic_count)?);
             start = *end;
         }
         for viewpoint in &self.info.viewpoints {

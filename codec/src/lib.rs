@@ -33,7 +33,7 @@
 //!
 //! let clip = decode(&package, &Limits::default())?;
 //! assert_eq!(clip.info, info);
-//! assert_eq!((clip.still.len(), clip.moving.len()), (2, 0));
+//! assert_eq!((clip.static_field.len(), clip.dynamic_field.len()), (2, 0));
 //! assert_eq!(clip.layers.len(), 2);
 //!
 //! // The first layer plays without the second.
@@ -72,7 +72,7 @@ pub use decode::{decode, decode_parallel};
 pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
-pub use error::{Error, Fault};
+pub use error::{Error, FormatError};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
 pub use header::{Coder, Contents, VERSION_MAJOR, VERSION_MINOR, contents};
 pub use limits::Limits;

@@ -3,7 +3,7 @@
 
 use crate::{
     Coder, Error, Limits,
-    context::{self, Part, Tally},
+    context::{self, BitStats, Part},
     decode::{blank_field, complete_layers},
     header::contents,
     limits::Budget,
@@ -51,7 +51,7 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
     if contents.coder == Coder::Fixed {
         return Ok(Vec::new());
     }
-    let mut tally = Tally::default();
+    let mut tally = BitStats::default();
     for (planned, section) in contents.planned_sections() {
         if usize::from(planned.layer) == complete {
             break;

@@ -1,7 +1,7 @@
 //! [`Precision`]: how exactly the coder `context` keeps a field, and where it may be less exact.
 
 use crate::context::{Prepared, columns_needed};
-use crate::encode::is_still;
+use crate::encode::is_static;
 use crate::{ALPHA_MIN, EncodeError, Field, sh_coefficients};
 
 /// How exact a package is. The coder `fixed` has one precision and takes no notice.
@@ -82,7 +82,7 @@ impl Precision {
     ) -> Prepared<'a> {
         // Columns that say nothing change nothing.
         let rows: Vec<usize> = (0..field.len()).collect();
-        let columns = columns_needed(field, &rows, !rows.iter().all(|&i| is_still(field, i)));
+        let columns = columns_needed(field, &rows, !rows.iter().all(|&i| is_static(field, i)));
         let motion = columns.temporal.map_or(0, |temporal| 2 + 3 * usize::from(temporal.motion_order));
         let numbers = field.len() * (10 + motion + 3 * sh_coefficients(columns.sh_degree));
         let error = libm::pow(10.0, -0.05 * self.psnr.clamp(0.0, 160.0));

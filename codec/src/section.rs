@@ -1,6 +1,6 @@
 //! [`Section`]: one entry of the section table, 24 bytes, and the checksum of what it points to.
 
-use crate::{Error, bytes::Reader, error::Fault};
+use crate::{Error, bytes::Reader, error::FormatError};
 
 /// Bytes of one entry of the section table. Format.
 pub(crate) const ENTRY_BYTES: usize = 24;
@@ -43,9 +43,9 @@ pub enum SectionKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Region {
     /// Always on and motionless.
-    Still,
+    Static,
     /// Windowed or moving.
-    Moving,
+    Dynamic,
     /// Static background.
     Plate,
 }
@@ -88,15 +88,15 @@ impl Section {
         if let SectionKind::Unknown(kind) = kind
             && critical
         {
-            return Err(Error::format(at, Fault::UnknownSection { kind }));
+            return Err(Error::format(at, FormatError::UnknownSection { kind }));
         }
         if flags > 1 {
             return Err(Error::value(at + 1, "section flags", flags));
         }
         let layer = reader.u8()?;
         let region = match reader.u8()? {
-            0 => Region::Still,
-            1 => Region::Moving,
+            0 => Region::Static,
+            1 => Region::Dynamic,
             2 => Region::Plate,
             other => return Err(Error::value(at + 3, "section region", other)),
         };
@@ -120,8 +120,8 @@ impl Section {
         writer.u8(u8::from(self.critical));
         writer.u8(self.layer);
         writer.u8(match self.region {
-            Region::Still => 0,
-            Region::Moving => 1,
+            Region::Static => 0,
+            Region::Dynamic => 1,
             Region::Plate => 2,
         });
         writer.u32(self.chunk);
@@ -144,12 +144,12 @@ impl Section {
     pub(crate) fn payload<'a>(&self, package: &'a [u8]) -> Result<&'a [u8], Error> {
         let bytes = package.get(self.offset..self.end()).ok_or(Error::format(
             package.len(),
-            Fault::Cut { needed: self.end(), available: package.len() },
+            FormatError::Cut { needed: self.end(), available: package.len() },
         ))?;
         let computed = crc32fast::hash(bytes);
         if computed != self.crc {
-            let fault = Fault::Crc { part: self.kind.name(), stored: self.crc, computed };
-            return Err(Error::format(self.offset, fault));
+            let error = FormatError::Crc { part: self.kind.name(), stored: self.crc, computed };
+            return Err(Error::format(self.offset, error));
         }
         Ok(bytes)
     }

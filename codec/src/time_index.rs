@@ -1,6 +1,6 @@
 //! [`TimeIndex`]: which Gaussians can be alive at an instant, without testing them all.
 //!
-//! The rows of a layer's moving region are ordered by the length of their alive interval, then by
+//! The rows of a layer's dynamic region are ordered by the length of their alive interval, then by
 //! its start. A *cell* is a run of rows of one length class and one start bin. Class `k` holds
 //! lengths in `(2^-(k+1), 2^-k]` of the clip (the last class all shorter ones too), so the rows
 //! of class `k` alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per class. At most
@@ -27,7 +27,7 @@ const EDGE: f64 = 1e-6;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TimeIndex {
     /// Per layer, the first row of each cell in class-major order, and the end of the last:
-    /// `CELLS + 1` rising row numbers of the moving region.
+    /// `CELLS + 1` rising row numbers of the dynamic region.
     layers: Vec<Vec<u32>>,
 }
 
@@ -99,12 +99,12 @@ impl TimeIndex {
         self.layers.push(starts);
     }
 
-    /// Orders the rows of one more layer of the moving region by cell, rows of a cell as they come,
+    /// Orders the rows of one more layer of the dynamic region by cell, rows of a cell as they come,
     /// and indexes them. `places` has room for one number per row.
-    pub(crate) fn arrange_layer(&mut self, moving: &mut Field, rows: Range<usize>, places: &mut Vec<u32>) {
+    pub(crate) fn arrange_layer(&mut self, field: &mut Field, rows: Range<usize>, places: &mut Vec<u32>) {
         let mut counts = [0; CELLS];
         places.clear();
-        places.extend(rows.clone().map(|row| cell_of(moving, row) as u32));
+        places.extend(rows.clone().map(|row| cell_of(field, row) as u32));
         places.iter().for_each(|&cell| counts[cell as usize] += 1);
         let mut next = [0; CELLS];
         for cell in 1..CELLS {
@@ -120,7 +120,7 @@ impl TimeIndex {
         for i in 0..places.len() {
             while places[i] as usize != i {
                 let place = places[i] as usize;
-                moving.swap_rows(rows.start + i, rows.start + place);
+                field.swap_rows(rows.start + i, rows.start + place);
                 places.swap(i, place);
             }
         }
@@ -128,14 +128,14 @@ impl TimeIndex {
     }
 
     /// The first row of the last layer pushed that does not belong in its cell.
-    pub(crate) fn first_misplaced(&self, moving: &Field) -> Option<usize> {
+    pub(crate) fn first_misplaced(&self, field: &Field) -> Option<usize> {
         let starts = self.layers.last()?;
         (0..CELLS).find_map(|cell| {
-            (starts[cell] as usize..starts[cell + 1] as usize).find(|&row| !fits_cell(moving, row, cell))
+            (starts[cell] as usize..starts[cell + 1] as usize).find(|&row| !fits_cell(field, row, cell))
         })
     }
 
-    /// Ranges of rows of the moving region that can be alive at clip time `t`, in the first
+    /// Ranges of rows of the dynamic region that can be alive at clip time `t`, in the first
     /// `layers` layers. Every row alive at `t` is in one of them; ranges are disjoint and rise.
     pub fn candidates(&self, t: f64, layers: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         let t = t.clamp(0.0, 1.0);

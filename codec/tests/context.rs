@@ -28,7 +28,7 @@ fn package(field: &Field, plate: Option<&Field>, options: &EncodeOptions) -> Vec
 
 fn clip_of(bytes: &[u8]) -> Clip {
     let clip = decode(bytes, &Limits::default()).unwrap();
-    for decoded in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+    for decoded in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
         decoded.check().unwrap();
     }
     clip
@@ -115,17 +115,17 @@ fn every_combination_of_columns_round_trips() {
                 let source = field(shape, 1);
                 let clip = clip(&source, None, &fine(&source, &[]));
                 assert_eq!(clip.len(), 250, "{shape:?}");
-                assert_eq!(clip.still.len(), if some_still { 62 } else { 0 }, "{shape:?}");
+                assert_eq!(clip.static_field.len(), if some_still { 62 } else { 0 }, "{shape:?}");
                 assert_eq!(clip.sh_degree(), sh_degree, "{shape:?}");
-                assert_eq!(clip.moving.motion_order(), motion_order, "{shape:?}");
-                let temporal = clip.moving.temporal.as_ref().unwrap();
+                assert_eq!(clip.dynamic_field.motion_order(), motion_order, "{shape:?}");
+                let temporal = clip.dynamic_field.temporal.as_ref().unwrap();
                 assert_eq!(temporal.rotation_rates.is_some(), rotation_rates, "{shape:?}");
                 let mut worst = Worst::default();
-                worst.compare(&clip.still, &source);
-                worst.compare(&clip.moving, &source);
+                worst.compare(&clip.static_field, &source);
+                worst.compare(&clip.dynamic_field, &source);
                 worst.check(1e-3);
                 let rows = |field: &Field| (0..field.len()).map(|i| source_row(field, i)).collect::<Vec<_>>();
-                let mut rows = [rows(&clip.still), rows(&clip.moving)].concat();
+                let mut rows = [rows(&clip.static_field), rows(&clip.dynamic_field)].concat();
                 rows.sort_unstable();
                 assert!(rows.into_iter().eq(0..250), "{shape:?}: every row once");
             }
@@ -142,8 +142,8 @@ fn errors_shrink_with_the_precision() {
         options.precision.psnr = psnr;
         let clip = clip(&source, None, &options);
         let mut worst = Worst::default();
-        worst.compare(&clip.still, &source);
-        worst.compare(&clip.moving, &source);
+        worst.compare(&clip.static_field, &source);
+        worst.compare(&clip.dynamic_field, &source);
         worst
     };
     let (coarse, fine) = (worst(35.0), worst(59.0));
@@ -172,11 +172,11 @@ fn sensitive_gaussians_are_coded_more_finely() {
     for i in 0..250 {
         // The nearest centre tells the row.
         let distance = |row: &usize| {
-            let (a, b) = (clip.still.centers[i], source.centers[*row]);
+            let (a, b) = (clip.static_field.centers[i], source.centers[*row]);
             (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>()
         };
         let row = (0..250).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
-        let off = (0..3).map(|k| (clip.still.sh[i][k] - source.sh[row][k]).abs()).fold(0.0, f32::max);
+        let off = (0..3).map(|k| (clip.static_field.sh[i][k] - source.sh[row][k]).abs()).fold(0.0, f32::max);
         error[usize::from(row >= 125)] += off;
     }
     assert!(error[1] > 20.0 * error[0], "{error:?}");
@@ -218,11 +218,12 @@ fn layers_hold_the_most_important_rows_first() {
     assert_eq!(clip.layers.len(), 4);
     let mut start = codec::LayerEnd::default();
     for (end, last_row) in clip.layers.iter().zip([10, 60, 100, 200]) {
-        let rows = (start.still..end.still).map(|i| source_row(&clip.still, i));
-        let mut rows: Vec<_> =
-            rows.chain((start.moving..end.moving).map(|i| source_row(&clip.moving, i))).collect();
+        let rows = (start.static_count..end.static_count).map(|i| source_row(&clip.static_field, i));
+        let mut rows: Vec<_> = rows
+            .chain((start.dynamic_count..end.dynamic_count).map(|i| source_row(&clip.dynamic_field, i)))
+            .collect();
         rows.sort_unstable();
-        assert!(rows.into_iter().eq(start.still + start.moving..last_row));
+        assert!(rows.into_iter().eq(start.total()..last_row));
         start = *end;
     }
 }
@@ -236,8 +237,8 @@ fn the_time_index_finds_what_is_alive() {
         let t = f64::from(step) / 40.0;
         let ranges: Vec<_> = clip.time_index.candidates(t, 2).collect();
         candidates += ranges.iter().map(|range| range.len()).sum::<usize>();
-        for row in 0..clip.moving.len() {
-            let alive = clip.moving.opacity_at(row, t) >= 1.0 / 255.0;
+        for row in 0..clip.dynamic_field.len() {
+            let alive = clip.dynamic_field.opacity_at(row, t) >= 1.0 / 255.0;
             assert!(!alive || ranges.iter().any(|range| range.contains(&row)), "row {row} at {t}");
         }
     }
@@ -294,7 +295,7 @@ fn what_turns_about_a_far_centre_keeps_turning() {
     }
     let clip = clip(&source, None, &fine(&source, &[]));
     let mut worst = Worst::default();
-    worst.compare(&clip.moving, &source);
+    worst.compare(&clip.dynamic_field, &source);
     worst.check(1e-3);
 }
 
@@ -309,7 +310,7 @@ fn gaussians_that_are_never_alive_stay_so() {
     source.opacities[60] = 0.0;
     source.opacities[61] = 0.0038;
     let clip = clip(&source, None, &options(50.7, &[]));
-    let dead = (0..100).filter(|&i| clip.moving.alive_interval(i).is_none()).count();
+    let dead = (0..100).filter(|&i| clip.dynamic_field.alive_interval(i).is_none()).count();
     assert!(dead >= 52, "{dead}");
 }
 
@@ -367,10 +368,10 @@ fn every_prefix_fails_or_plays_its_complete_layers() {
         }
         let clip = result.unwrap();
         assert_eq!((clip.layers.len(), clip.layers_announced), (1, 2));
-        let rows: Vec<usize> = (0..clip.layers[0].moving).collect();
-        assert_eq!(clip.moving, whole.moving.select(&rows));
-        let rows: Vec<usize> = (0..clip.layers[0].still).collect();
-        assert_eq!(clip.still, whole.still.select(&rows));
+        let rows: Vec<usize> = (0..clip.layers[0].dynamic_count).collect();
+        assert_eq!(clip.dynamic_field, whole.dynamic_field.select(&rows));
+        let rows: Vec<usize> = (0..clip.layers[0].static_count).collect();
+        assert_eq!(clip.static_field, whole.static_field.select(&rows));
     }
 }
 
@@ -459,7 +460,7 @@ fn mutations_with_true_checksums_never_break_the_decoder() {
             }
             Ok(clip) => {
                 accepted += 1;
-                for field in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+                for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
                     field.check().unwrap();
                 }
             }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use codec::{Clip, EncodeOptions, Error, Fault, Limits, Source, contents, decode, encode};
+use codec::{Clip, EncodeOptions, Error, FormatError, Limits, Source, contents, decode, encode};
 use common::{Parts, Rng, Shape, field, info, put_u32, static_field, u32_at};
 
 /// A package with every kind of section: plate, two layers of both regions, all columns.
@@ -175,7 +175,7 @@ fn a_table_that_lies_is_refused() {
         (1, 0, "critical Planned"),
         (1, 3, "bad section flags: 3"),
         (2, 1, "layer: 0"),
-        (3, 0, "region: Moving"),
+        (3, 0, "region: Dynamic"),
         (3, 3, "bad section region: 3"),
         (4, 1, "chunk: 0"),
     ] {
@@ -354,7 +354,7 @@ fn a_time_index_that_lies_is_refused() {
     refused(&with(&|index| index.push(0)), "1 extra bytes after time index", offset + 448);
     refused(&with(&|index| index.truncate(447)), "time index is too short", offset + 447);
     refused(&with(&|index| index[447] = 0x80), "time index is too short", offset + 448);
-    assert!(matches!(error(&move_row(447)), Error::Format { fault: Fault::TimeIndex { .. }, .. }));
+    assert!(matches!(error(&move_row(447)), Error::Format { error: FormatError::TimeIndex { .. }, .. }));
 }
 
 /// Changes that pass every checksum reach the innermost checks. What still decodes must be a
@@ -391,14 +391,14 @@ fn mutations_with_true_checksums_never_break_the_decoder() {
             }
             Ok(clip) => {
                 accepted += 1;
-                for field in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+                for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
                     field.check().unwrap();
                     for i in 0..field.len() {
                         assert!(field.position_at(i, 0.3).iter().all(|x| x.is_finite()));
                         assert!((0.0..=1.0).contains(&field.opacity_at(i, 0.3)));
                     }
                 }
-                assert_eq!(clip.layers.last().unwrap().moving, clip.moving.len());
+                assert_eq!(clip.layers.last().unwrap().dynamic_count, clip.dynamic_field.len());
             }
         }
     }

@@ -128,8 +128,14 @@ impl Subject {
             let clip = decoded.unwrap_or_else(|error| panic!("{length} bytes: {error}"));
             let end = self.clip.layers[whole - 1];
             assert_eq!((&clip.layers[..], &clip.plate), (&self.clip.layers[..whole], &self.clip.plate));
-            assert_eq!(clip.still, self.clip.still.select(&(0..end.still).collect::<Vec<_>>()));
-            assert_eq!(clip.moving, self.clip.moving.select(&(0..end.moving).collect::<Vec<_>>()));
+            assert_eq!(
+                clip.static_field,
+                self.clip.static_field.select(&(0..end.static_count).collect::<Vec<_>>())
+            );
+            assert_eq!(
+                clip.dynamic_field,
+                self.clip.dynamic_field.select(&(0..end.dynamic_count).collect::<Vec<_>>())
+            );
         }
     }
 

@@ -75,7 +75,8 @@ fn the_encoder_writes_the_same_bytes_on_every_machine() {
 /// Everything in a clip, numbers as the bits of their `f32`.
 fn listing(clip: &Clip) -> String {
     let mut out = String::new();
-    let Clip { info, bounds, still, moving, layers, layers_announced, time_index, plate } = clip;
+    let Clip { info, bounds, static_field, dynamic_field, layers, layers_announced, time_index, plate } =
+        clip;
     writeln!(out, "{info:?}").unwrap();
     writeln!(out, "bounds {bounds:?}").unwrap();
     writeln!(out, "layers {layers:?} of {layers_announced}").unwrap();
@@ -83,8 +84,8 @@ fn listing(clip: &Clip) -> String {
         let ranges: Vec<_> = time_index.candidates(t, layers.len()).collect();
         writeln!(out, "candidates at {t}: {ranges:?}").unwrap();
     }
-    list(&mut out, "still", still);
-    list(&mut out, "moving", moving);
+    list(&mut out, "static", static_field);
+    list(&mut out, "dynamic", dynamic_field);
     list(&mut out, "plate", plate.as_ref().unwrap());
     out
 }

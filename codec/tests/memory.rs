@@ -48,8 +48,9 @@ fn memory_is_bounded() {
             let threads = NonZero::new(threads).unwrap();
             let (clip, peak): (Clip, _) =
                 peak_of(|| decode_parallel(&package, &Limits::default(), threads).unwrap());
-            let decoded =
-                bytes_of(&clip.still) + bytes_of(&clip.moving) + bytes_of(clip.plate.as_ref().unwrap());
+            let decoded = bytes_of(&clip.static_field)
+                + bytes_of(&clip.dynamic_field)
+                + bytes_of(clip.plate.as_ref().unwrap());
             let ratio = peak as f64 / decoded as f64;
             println!(
                 "{coder:?}, SH {sh_degree}, {threads} threads: {decoded} bytes decoded, peak {ratio:.3}"

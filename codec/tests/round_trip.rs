@@ -14,7 +14,7 @@ fn package(field: &Field, plate: Option<&Field>, layers: &[usize]) -> Vec<u8> {
 
 fn clip(field: &Field, plate: Option<&Field>, layers: &[usize]) -> Clip {
     let clip = decode(&package(field, plate, layers), &Limits::default()).unwrap();
-    for decoded in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+    for decoded in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
         decoded.check().unwrap();
     }
     clip
@@ -96,19 +96,22 @@ fn every_combination_of_columns_round_trips() {
                 let source = field(shape, 1);
                 let clip = clip(&source, None, &[]);
                 assert_eq!(clip.len(), 250, "{shape:?}");
-                assert_eq!(clip.still.len(), if some_still { 62 } else { 0 }, "{shape:?}");
+                assert_eq!(clip.static_field.len(), if some_still { 62 } else { 0 }, "{shape:?}");
                 assert_eq!(clip.sh_degree(), sh_degree, "{shape:?}");
-                assert_eq!((clip.still.sh_degree, clip.moving.sh_degree), (sh_degree, sh_degree));
-                assert_eq!(clip.moving.motion_order(), motion_order, "{shape:?}");
-                let temporal = clip.moving.temporal.as_ref().unwrap();
+                assert_eq!(
+                    (clip.static_field.sh_degree, clip.dynamic_field.sh_degree),
+                    (sh_degree, sh_degree)
+                );
+                assert_eq!(clip.dynamic_field.motion_order(), motion_order, "{shape:?}");
+                let temporal = clip.dynamic_field.temporal.as_ref().unwrap();
                 assert_eq!(temporal.rotation_rates.is_some(), rotation_rates, "{shape:?}");
-                assert!(clip.still.temporal.is_none() && clip.plate.is_none());
-                check_static_columns(&clip.still, &source);
-                check_static_columns(&clip.moving, &source);
-                check_temporal_columns(&clip.moving, &source);
-                let mut rows: Vec<usize> = (0..clip.still.len())
-                    .map(|i| source_row(&clip.still, i))
-                    .chain((0..clip.moving.len()).map(|i| source_row(&clip.moving, i)))
+                assert!(clip.static_field.temporal.is_none() && clip.plate.is_none());
+                check_static_columns(&clip.static_field, &source);
+                check_static_columns(&clip.dynamic_field, &source);
+                check_temporal_columns(&clip.dynamic_field, &source);
+                let mut rows: Vec<usize> = (0..clip.static_field.len())
+                    .map(|i| source_row(&clip.static_field, i))
+                    .chain((0..clip.dynamic_field.len()).map(|i| source_row(&clip.dynamic_field, i)))
                     .collect();
                 rows.sort_unstable();
                 assert!(rows.into_iter().eq(0..250), "{shape:?}: every row once");
@@ -145,12 +148,13 @@ fn layers_hold_the_most_important_rows_first() {
     assert_eq!(clip.layers.len(), 4);
     let mut start = codec::LayerEnd::default();
     for (end, last_row) in clip.layers.iter().zip([10, 60, 100, 200]) {
-        assert_eq!(end.still + end.moving, last_row);
-        let rows = (start.still..end.still).map(|i| source_row(&clip.still, i));
-        let mut rows: Vec<_> =
-            rows.chain((start.moving..end.moving).map(|i| source_row(&clip.moving, i))).collect();
+        assert_eq!(end.total(), last_row);
+        let rows = (start.static_count..end.static_count).map(|i| source_row(&clip.static_field, i));
+        let mut rows: Vec<_> = rows
+            .chain((start.dynamic_count..end.dynamic_count).map(|i| source_row(&clip.dynamic_field, i)))
+            .collect();
         rows.sort_unstable();
-        assert!(rows.into_iter().eq(start.still + start.moving..last_row));
+        assert!(rows.into_iter().eq(start.total()..last_row));
         start = *end;
     }
 }
@@ -168,9 +172,9 @@ fn layers_at_or_above_the_size_collapse() {
 fn a_field_of_several_chunks_comes_back_in_full() {
     let source = field(Shape::full(3 * 4096 + 5), 7);
     let clip = clip(&source, None, &[4097]);
-    assert_eq!((clip.still.len(), clip.moving.len()), (3073, 9220));
+    assert_eq!((clip.static_field.len(), clip.dynamic_field.len()), (3073, 9220));
     let sum = |centers: &[[f32; 3]]| centers.iter().flatten().map(|x| f64::from(*x)).sum::<f64>();
-    let error = sum(&clip.still.centers) + sum(&clip.moving.centers) - sum(&source.centers);
+    let error = sum(&clip.static_field.centers) + sum(&clip.dynamic_field.centers) - sum(&source.centers);
     assert!(error.abs() < 0.5, "centres are off by {error} in sum");
 }
 
@@ -196,9 +200,9 @@ fn columns_of_zeros_are_left_out() {
 fn a_static_field_has_no_moving_region() {
     let source = static_field(100, 1, 9);
     let clip = clip(&source, None, &[40]);
-    assert_eq!((clip.still.len(), clip.moving.len()), (100, 0));
-    check_static_columns(&clip.still, &source);
-    assert!(clip.moving.temporal.is_some());
+    assert_eq!((clip.static_field.len(), clip.dynamic_field.len()), (100, 0));
+    check_static_columns(&clip.static_field, &source);
+    assert!(clip.dynamic_field.temporal.is_some());
     assert_eq!(clip.time_index.candidates(0.5, 2).count(), 0);
 }
 
@@ -212,7 +216,7 @@ fn a_window_that_hardly_dims_is_still() {
     temporal.tau = vec![0.0, 0.0];
     temporal.s = vec![16.1, 15.8];
     let clip = clip(&source, None, &[]);
-    assert_eq!((clip.still.len(), clip.moving.len()), (1, 1));
+    assert_eq!((clip.static_field.len(), clip.dynamic_field.len()), (1, 1));
     let worst = source.opacities[0] as f64 - source.opacity_at(0, 1.0);
     assert!(worst <= 0.5 / 255.0, "drawn as constant it is off by {worst}");
 }
@@ -228,10 +232,11 @@ fn what_moves_or_turns_at_all_is_not_still() {
     rates.fill([0.0; 4]);
     rates[8][2] = 1e-3;
     let clip = clip(&source, None, &[]);
-    let mut moving: Vec<usize> = (0..clip.moving.len()).map(|i| source_row(&clip.moving, i)).collect();
+    let mut moving: Vec<usize> =
+        (0..clip.dynamic_field.len()).map(|i| source_row(&clip.dynamic_field, i)).collect();
     moving.sort_unstable();
     assert_eq!(moving, [8, 9]);
-    check_static_columns(&clip.still, &source);
+    check_static_columns(&clip.static_field, &source);
 }
 
 #[test]
@@ -243,8 +248,8 @@ fn one_gaussian() {
         let source = field(shape, 10);
         let clip = clip(&source, None, &[1, 2]);
         assert_eq!(clip.len(), 1);
-        assert_eq!(clip.moving.centers, source.centers, "the origin of its chunk");
-        check_static_columns(&clip.moving, &source);
+        assert_eq!(clip.dynamic_field.centers, source.centers, "the origin of its chunk");
+        check_static_columns(&clip.dynamic_field, &source);
     }
 }
 
@@ -254,7 +259,7 @@ fn all_at_one_point() {
     source.centers.fill([1.5, -2.25, 1e-3]);
     source.log_scales.fill([-3.0; 3]);
     let clip = clip(&source, None, &[]);
-    for decoded in [&clip.still, &clip.moving] {
+    for decoded in [&clip.static_field, &clip.dynamic_field] {
         assert!(decoded.centers.iter().all(|c| *c == [1.5, -2.25, 1e-3]));
         assert!(decoded.log_scales.iter().all(|s| *s == [-3.0; 3]));
     }
@@ -271,8 +276,8 @@ fn gaussians_that_are_never_alive_are_kept_and_never_candidates_for_drawing() {
     }
     source.opacities[60] = 0.0;
     let clip = clip(&source, None, &[]);
-    assert_eq!(clip.moving.len(), 100);
-    let dead = (0..100).filter(|&i| clip.moving.alive_interval(i).is_none()).count();
+    assert_eq!(clip.dynamic_field.len(), 100);
+    let dead = (0..100).filter(|&i| clip.dynamic_field.alive_interval(i).is_none()).count();
     assert_eq!(dead, 51);
 }
 
@@ -311,7 +316,7 @@ fn an_outlier_costs_precision_in_its_own_chunk_only() {
         let nearest = source.centers.iter().map(|s| (0..3).map(|k| (s[k] - c[k]).abs()).fold(0.0, f32::max));
         nearest.fold(f32::INFINITY, f32::min)
     };
-    let worst = clip.still.centers[..4096].iter().step_by(16).map(distance).fold(0.0, f32::max);
+    let worst = clip.static_field.centers[..4096].iter().step_by(16).map(distance).fold(0.0, f32::max);
     assert!(worst <= 6.0 / 4096.0, "a centre of the first chunk is off by {worst}");
 }
 
@@ -340,12 +345,12 @@ fn contents_tell_what_decoding_finds() {
         described,
         [
             (Gaussians, 0, Plate, 0),
-            (Gaussians, 0, Still, 0),
-            (TimeIndex, 0, Moving, 0),
-            (Gaussians, 0, Moving, 0),
-            (Gaussians, 1, Still, 0),
-            (TimeIndex, 1, Moving, 0),
-            (Gaussians, 1, Moving, 0),
+            (Gaussians, 0, Static, 0),
+            (TimeIndex, 0, Dynamic, 0),
+            (Gaussians, 0, Dynamic, 0),
+            (Gaussians, 1, Static, 0),
+            (TimeIndex, 1, Dynamic, 0),
+            (Gaussians, 1, Dynamic, 0),
         ]
     );
     assert_eq!(contents.sections.last().unwrap().end(), bytes.len());
@@ -355,10 +360,10 @@ fn contents_tell_what_decoding_finds() {
 fn every_alive_row_is_a_candidate() {
     let clip = clip(&field(Shape::full(6000), 19), None, &[1500, 3000]);
     for layers in 0..=3 {
-        let rows = if layers == 0 { 0 } else { clip.layers[layers - 1].moving };
+        let rows = if layers == 0 { 0 } else { clip.layers[layers - 1].dynamic_count };
         for step in 0..=200 {
             let t = f64::from(step) / 200.0;
-            let mut is_candidate = vec![false; clip.moving.len()];
+            let mut is_candidate = vec![false; clip.dynamic_field.len()];
             let mut end = 0;
             for range in clip.time_index.candidates(t, layers) {
                 assert!(range.start >= end, "ranges rise and are disjoint");
@@ -366,7 +371,7 @@ fn every_alive_row_is_a_candidate() {
                 is_candidate[range].fill(true);
             }
             assert!(end <= rows, "no row of a layer not asked for");
-            for i in (0..rows).filter(|&i| clip.moving.opacity_at(i, t) >= codec::ALPHA_MIN) {
+            for i in (0..rows).filter(|&i| clip.dynamic_field.opacity_at(i, t) >= codec::ALPHA_MIN) {
                 assert!(is_candidate[i], "row {i} is alive at {t}");
             }
         }

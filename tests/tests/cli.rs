@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use ::xtask::export::field_file;
+use ::studio::export::field_file;
 use aarc_tests::gpu::{self, Passes, device};
 use aarc_tests::programs::{Outcome, client, run, xtask};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};

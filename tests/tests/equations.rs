@@ -71,7 +71,7 @@ fn gaussian(deviations: [f32; 3], temporal: Temporal) -> Field {
 /// package rounds its numbers.
 fn one(field: &Field) -> Result<Clip, String> {
     let clip = decoded(field);
-    if (clip.still.len(), clip.moving.len()) == (0, 1) {
+    if (clip.static_field.len(), clip.dynamic_field.len()) == (0, 1) {
         Ok(clip)
     } else {
         Err("it is not one moving Gaussian".into())
@@ -134,7 +134,7 @@ fn trajectory(gpu: &Gpu, order: u8) -> Result<(), String> {
     let clip = one(&gaussian([0.12; 3], temporal))?;
     let mut path = Vec::new();
     at_all_times(gpu, &clip, |t, image| {
-        let [x, y, _] = clip.moving.position_at(0, t);
+        let [x, y, _] = clip.dynamic_field.position_at(0, t);
         let middle = 0.5 * f64::from(SIZE);
         let found = centroid(image);
         path.push(found);
@@ -153,10 +153,10 @@ fn temporal_opacity(gpu: &Gpu) -> Result<(), String> {
         let clip = one(&gaussian([0.3; 3], temporal))?;
         let mut seen = 0;
         at_all_times(gpu, &clip, |t, image| {
-            let expected = clip.moving.opacity_at(0, t);
+            let expected = clip.dynamic_field.opacity_at(0, t);
             // The pixel whose centre is nearest to the Gaussian's, and its distance in deviations.
-            let [x, y, _] = clip.moving.position_at(0, t).map(|x| 0.5 * f64::from(SIZE) + SCALE * x);
-            let deviation = SCALE * f64::from(clip.moving.log_scales[0][0].exp());
+            let [x, y, _] = clip.dynamic_field.position_at(0, t).map(|x| 0.5 * f64::from(SIZE) + SCALE * x);
+            let deviation = SCALE * f64::from(clip.dynamic_field.log_scales[0][0].exp());
             let square = (x.floor() + 0.5 - x).powi(2) + (y.floor() + 0.5 - y).powi(2);
             let falloff = (-0.5 * square / (deviation * deviation + 0.3)).exp();
             let alpha = image.pixel(x as u32, y as u32)[3] / falloff;
@@ -185,7 +185,7 @@ fn rotation(gpu: &Gpu) -> Result<(), String> {
         rotation_rates: Some(vec![[0.2, 0.0, 0.0, 0.9]]),
     };
     let clip = one(&gaussian([0.4, 0.08, 0.08], temporal))?;
-    if clip.moving.temporal.as_ref().is_none_or(|temporal| temporal.rotation_rates.is_none()) {
+    if clip.dynamic_field.temporal.as_ref().is_none_or(|temporal| temporal.rotation_rates.is_none()) {
         return Err("the package lost the rotation".into());
     }
     let mut angles = Vec::new();
@@ -196,7 +196,7 @@ fn rotation(gpu: &Gpu) -> Result<(), String> {
             [x * x, x * y, y * y]
         });
         let found = 0.5 * (2.0 * xy).atan2(xx - yy);
-        let [w, _, _, z] = clip.moving.rotation_at(0, t);
+        let [w, _, _, z] = clip.dynamic_field.rotation_at(0, t);
         let expected = 2.0 * z.atan2(w);
         // The needle looks the same from both ends.
         let apart = (found - expected).rem_euclid(std::f64::consts::PI);

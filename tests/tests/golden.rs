@@ -10,7 +10,7 @@ use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check_golden};
 use client::gpu::{Depth, Gpu, GpuClip, Settings};
 use codec::{Coder, EncodeOptions, Limits, Precision, Source};
-use xtask::synth::juggler;
+use studio::synth::juggler;
 
 /// PSNR in dB to code the scene with: the pictures show the renderer, not the coder.
 const EXACT_DB: f64 = 80.0;

@@ -39,11 +39,11 @@ fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
     for (motion_order, turning) in [(0, false), (1, false), (2, false), (3, false), (3, true)] {
         let recipe = Recipe { motion: Motion::Mixed, motion_order, turning, ..BARE };
         let clip = decoded_with(&recipe.field(), None, &[]);
-        if clip.moving.len() != COUNT / 2 {
-            return Err(format!("{} of {COUNT} Gaussians move", clip.moving.len()));
+        if clip.dynamic_field.len() != COUNT / 2 {
+            return Err(format!("{} of {COUNT} Gaussians move", clip.dynamic_field.len()));
         }
         let words = shaders::Motion { order: motion_order, rotates: turning }.words();
-        let bytes = least + clip.moving.len() * WORD * words;
+        let bytes = least + clip.dynamic_field.len() * WORD * words;
         expect(gpu, &format!("motion of order {motion_order}, turning: {turning}"), &clip, bytes, 1)?;
     }
     let plate = Recipe { sh_degree: 1, ..BARE }.field();
@@ -83,8 +83,13 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
         }
     }
     let clip = codec::decode(&package(Coder::Context, &wide)?, &Limits::default())?;
-    if (clip.still.len(), clip.still.sh_degree, clip.moving.len()) != (COUNT, 0, 0) {
-        return Err(format!("{} of SH degree {} stand still", clip.still.len(), clip.still.sh_degree).into());
+    if (clip.static_field.len(), clip.static_field.sh_degree, clip.dynamic_field.len()) != (COUNT, 0, 0) {
+        return Err(format!(
+            "{} of SH degree {} stand still",
+            clip.static_field.len(),
+            clip.static_field.sh_degree
+        )
+        .into());
     }
     Ok(())
 }

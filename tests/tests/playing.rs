@@ -11,8 +11,8 @@ use codec::{Clip, Field};
 use glam::UVec2;
 use refine::reference::Scene;
 use shaders::sh_words;
-use xtask::report::knob::{Knob, Point};
-use xtask::report::playing::{Message, Part, Playing};
+use studio::report::knob::{Knob, Point};
+use studio::report::playing::{Message, Part, Playing};
 
 fn main() -> ExitCode {
     gpu::run_in_turn(vec![
@@ -100,7 +100,7 @@ fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
 
 fn parts_left_out(gpu: &'static Gpu) -> Result<(), String> {
     let (clip, playing) = played(gpu, &RECIPE.field())?;
-    let (still, moving) = (clip.still.len(), clip.moving.len());
+    let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
     let words = |order, rotates| shaders::Motion { order, rotates }.words();
     for (name, bytes) in [
         ("SH of degree 2", COUNT * 4 * (sh_words(2) - sh_words(1))),
@@ -129,7 +129,7 @@ fn parts_left_out(gpu: &'static Gpu) -> Result<(), String> {
 fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
     let field = Recipe { sh_degree: 0, motion: Motion::Still, ..RECIPE }.field();
     let (clip, playing) = played(gpu, &field)?;
-    expect("there is nothing to move", clip.moving.is_empty())?;
+    expect("there is nothing to move", clip.dynamic_field.is_empty())?;
     let absent = ["SH degree", "motion order", "rotation over time"];
     expect("no knobs of what is not there", absent.iter().all(|name| knob(&playing, name).is_err()))?;
     let words = shaders::Motion { order: 0, rotates: false }.words();

@@ -15,7 +15,7 @@ use refine::image::Image;
 use refine::prune::Ranking;
 use refine::reference::{Order, Scene, render};
 use safetensors::SafeTensors;
-use xtask::package::{self, package};
+use studio::package::{self, package};
 
 fn main() -> ExitCode {
     gpu::run(vec![
@@ -71,10 +71,10 @@ fn unpackaged(field: Field) -> Clip {
     Clip {
         info: aarc_tests::scene::info(),
         bounds: field.bounds(),
-        layers: vec![LayerEnd { still: field.len(), moving: 0 }],
+        layers: vec![LayerEnd { static_count: field.len(), dynamic_count: 0 }],
         layers_announced: 1,
-        still: field,
-        moving: Field::default(),
+        static_field: field,
+        dynamic_field: Field::default(),
         time_index: TimeIndex::default(),
         plate: None,
     }
@@ -98,7 +98,7 @@ fn normalized(q: [f32; 4]) -> [f32; 4] {
 /// A real field at five times, from the viewpoint that its cameras suggest: the same picture as the
 /// reference's, and a different one each time, since the cook's arm moves.
 fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
-    let scene = xtask::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
+    let scene = studio::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
     let settings = package::Settings {
         budget: Some(40_000),
         rank: Some(Ranking::Mass),

@@ -190,7 +190,7 @@ fn demo_clip() -> Result<Clip, String> {
 
 /// Gaussians in the first layer, the first two, and so on.
 fn layer_ends(clip: &Clip) -> Vec<usize> {
-    clip.layers.iter().map(|end| end.still + end.moving).collect()
+    clip.layers.iter().map(|end| end.total()).collect()
 }
 
 /// Draws the demo for both eyes of a headset at a quarter of its resolution, from two metres. How
@@ -261,7 +261,7 @@ fn parallax(headset: Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
     let seen = play(&headset, Some(&clip), 10, Level::Exact)?;
-    let field = decoded(&signpost()).still;
+    let field = decoded(&signpost()).static_field;
     let spot = field.centers.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1])).ok_or("no spot")?;
     let mut places = Vec::new();
     for (camera, _, picture) in &seen.eyes {

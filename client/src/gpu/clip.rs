@@ -31,15 +31,15 @@ impl GpuClip {
     pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<GpuClip, Fault> {
         let layers = clip.layers.clone();
         let time_index = clip.time_index.clone();
-        let middle = middle(&clip.still, &clip.moving);
+        let middle = middle(&clip.static_field, &clip.dynamic_field);
         let plate = match &clip.plate {
             Some(plate) if !plate.is_empty() => {
-                let all = LayerEnd { still: plate.len(), moving: 0 };
+                let all = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
                 Some(Part::upload(gpu, [plate, &Field::default()], middle, vec![all], TimeIndex::default())?)
             }
             _ => None,
         };
-        let clip = Part::upload(gpu, [&clip.still, &clip.moving], middle, layers, time_index)?;
+        let clip = Part::upload(gpu, [&clip.static_field, &clip.dynamic_field], middle, layers, time_index)?;
         Ok(GpuClip { middle, clip, plate })
     }
 

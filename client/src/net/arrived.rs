@@ -1,7 +1,7 @@
 //! [`Arrived`]: the bytes of a package that are here, and how much of it they are enough for; or those
 //! of another file, which says nothing of itself.
 
-use codec::{Error, Fault, Limits, contents};
+use codec::{Error, FormatError, Limits, contents};
 
 /// The beginning of a file.
 #[derive(Debug)]
@@ -43,10 +43,10 @@ impl Arrived {
         self.bytes.extend_from_slice(bytes);
         if self.is_package && self.ends.is_none() {
             let contents = match contents(&self.bytes, &self.limits) {
-                Err(Error::Format { fault: Fault::Cut { needed, .. }, .. }) => {
+                Err(Error::Format { error: FormatError::Cut { needed, .. }, .. }) => {
                     return self.is_allowed(needed);
                 }
-                Err(Error::Format { fault: Fault::Extra { .. }, offset }) => {
+                Err(Error::Format { error: FormatError::Extra { .. }, offset }) => {
                     contents(&self.bytes[..offset], &self.limits)?
                 }
                 contents => contents?,

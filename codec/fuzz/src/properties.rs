@@ -44,12 +44,12 @@ pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
 }
 
 fn check_clip(clip: &Clip, head: &Contents, available: usize) {
-    for field in [&clip.still, &clip.moving].into_iter().chain(&clip.plate) {
+    for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
         field.check().expect("decoded fields are valid");
     }
-    assert_eq!((clip.still.sh_degree, clip.moving.sh_degree), (head.sh_degree, head.sh_degree));
-    assert_eq!(clip.still.temporal, None);
-    let temporal = clip.moving.temporal.as_ref().expect("the moving region has temporal columns");
+    assert_eq!((clip.static_field.sh_degree, clip.dynamic_field.sh_degree), (head.sh_degree, head.sh_degree));
+    assert_eq!(clip.static_field.temporal, None);
+    let temporal = clip.dynamic_field.temporal.as_ref().expect("the dynamic region has temporal columns");
     assert_eq!(temporal.motion_order, head.motion_order);
     assert_eq!(temporal.rotation_rates.is_some(), head.rotation_rates);
     let plate = clip.plate.as_ref().map_or((0, None), |plate| (plate.len(), plate.temporal.as_ref()));
@@ -57,7 +57,7 @@ fn check_clip(clip: &Clip, head: &Contents, available: usize) {
 
     assert_eq!(clip.layers, head.layers[..clip.layers.len()]);
     assert_eq!(clip.layers_announced, head.layers.len());
-    let last = LayerEnd { still: clip.still.len(), moving: clip.moving.len() };
+    let last = LayerEnd { static_count: clip.static_field.len(), dynamic_count: clip.dynamic_field.len() };
     assert_eq!(clip.layers.last(), Some(&last));
     if head.sections.last().is_none_or(|section| section.end() <= available) {
         assert_eq!(clip.layers.len(), head.layers.len(), "a whole package has all its layers");
@@ -68,9 +68,9 @@ fn check_clip(clip: &Clip, head: &Contents, available: usize) {
         let t = f64::from(step) / 8.0;
         let candidates: Vec<Range<usize>> = clip.time_index.candidates(t, clip.layers.len()).collect();
         assert!(candidates.is_sorted_by(|a, b| a.end <= b.start), "{candidates:?}");
-        for i in 0..clip.moving.len() {
-            assert!(clip.moving.position_at(i, t).iter().all(|x| x.is_finite()));
-            if clip.moving.opacity_at(i, t) >= ALPHA_MIN {
+        for i in 0..clip.dynamic_field.len() {
+            assert!(clip.dynamic_field.position_at(i, t).iter().all(|x| x.is_finite()));
+            if clip.dynamic_field.opacity_at(i, t) >= ALPHA_MIN {
                 assert!(candidates.iter().any(|range| range.contains(&i)), "row {i} is alive at {t}");
             }
         }
@@ -213,8 +213,9 @@ pub fn check_round_trip(bytes: &[u8]) {
         for (k, end) in clip.layers.iter().enumerate() {
             let first = if k == 0 { 0 } else { layers[k - 1] };
             let past = layers.get(k).copied().unwrap_or(field.len());
-            let still = clip.still.select(&(start.still..end.still).collect::<Vec<_>>());
-            let moving = clip.moving.select(&(start.moving..end.moving).collect::<Vec<_>>());
+            let still = clip.static_field.select(&(start.static_count..end.static_count).collect::<Vec<_>>());
+            let moving =
+                clip.dynamic_field.select(&(start.dynamic_count..end.dynamic_count).collect::<Vec<_>>());
             check_rows(coder, &field.select(&(first..past).collect::<Vec<_>>()), &[&still, &moving]);
             start = *end;
         }
@@ -245,7 +246,7 @@ fn check_steps(source: &Source) {
     // The step opens a chunk; few Gaussians make one chunk a region, and all have the same.
     let step = chunks.map(|chunk| f32::from_le_bytes([chunk[0], chunk[1], chunk[2], chunk[3]]));
     let step = f64::from(step.fold(0.0, f32::max));
-    let parts = [&clip.still, &clip.moving];
+    let parts = [&clip.static_field, &clip.dynamic_field];
     let color_max = CODES * (1.45 * step).min(0.5) / SH_C0;
     for i in 0..field.len() {
         if field.sh_of(i).as_flattened().iter().any(|x| f64::from(x.abs()) > color_max) {
@@ -399,7 +400,7 @@ impl Bounds {
                 let opacity = f64::from(source.opacities[i]) * (-0.5 * z * z).exp();
                 (opacity - f64::from(decoded.opacities[j])).abs() <= 1.0 / 255.0 + 1e-5
             };
-            return expected.is_still(i) && [0.0, 0.5, 1.0].into_iter().all(is_constant);
+            return expected.is_motionless(i) && [0.0, 0.5, 1.0].into_iter().all(is_constant);
         };
         let half = |x: f32| f64::from(x.abs()) * 2f64.powi(-11) + 2f64.powi(-24);
         let power = |temporal: &Temporal, row: usize, k: usize| {

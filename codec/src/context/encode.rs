@@ -5,7 +5,7 @@ use super::{
     Chunk, FOOTPRINT, STEP, grid,
     math::{half_octaves, ln, round},
     range::Encoder,
-    row::{self, CLASS_BITS, CONTRAST_BITS, LOG_EXTENT_MAX, RowCoder, Wanted},
+    row::{self, CLASS_BITS, CONTRAST_BITS, LOG_EXTENT_MAX, RowCoder, Target},
     trajectory::{self, Span},
 };
 use crate::{
@@ -36,14 +36,14 @@ pub(crate) struct Prepared<'a> {
     pub(crate) footprint: f32,
 }
 
-/// The columns of some rows that are not zero throughout, temporal ones only where `moving`.
-pub(crate) fn columns_needed(field: &Field, rows: &[usize], moving: bool) -> Columns {
+/// The columns of some rows that are not zero throughout, temporal ones only `with_temporal`.
+pub(crate) fn columns_needed(field: &Field, rows: &[usize], with_temporal: bool) -> Columns {
     let is_zero = |v: &[f32; 3]| *v == [0.0; 3];
     let has_degree = |degree: &u8| {
         *degree <= field.sh_degree
             && rows.iter().any(|&i| !field.sh_of(i)[sh_coefficients(degree - 1)..].iter().all(is_zero))
     };
-    let temporal = field.temporal.as_ref().filter(|_| moving && !rows.is_empty()).map(|temporal| {
+    let temporal = field.temporal.as_ref().filter(|_| with_temporal && !rows.is_empty()).map(|temporal| {
         let has_order = |order: &u8| {
             *order <= temporal.motion_order
                 && rows.iter().any(|&i| !is_zero(&temporal.motion_of(i)[usize::from(order - 1)]))
@@ -73,11 +73,11 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Vec
         (wanted.class, wanted.contrast) = (class, contrast);
         wanted
     };
-    let wanted: Vec<Wanted> = rows.iter().map(prepare).collect();
+    let wanted: Vec<Target> = rows.iter().map(prepare).collect();
     let mut chunk = Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0 };
     lay_grid(&mut chunk, &wanted);
 
-    let mut order: Vec<(u64, &Wanted)> =
+    let mut order: Vec<(u64, &Target)> =
         wanted.iter().map(|wanted| (cell_of(&chunk, wanted.trajectory[0]), wanted)).collect();
     // Rows of one cell keep the order they come in.
     order.sort_by_key(|(cell, _)| *cell);
@@ -122,7 +122,7 @@ fn octaves(halves: i32) -> f64 {
 }
 
 /// Row `i` in the coordinates that are coded, for a geometry step of `step`.
-fn wanted<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Wanted<'a> {
+fn wanted<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
     let multiple = |number: f64, step: f64| round(number / step) * step;
 
     let opacity = f64::from(field.opacities[i]);
@@ -184,7 +184,7 @@ fn wanted<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Wanted
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|e| super::rotation::turn(rotation, e));
     let mut axes = [0, 1, 2];
     axes.sort_by(|&a, &b| field.log_scales[i][b].total_cmp(&field.log_scales[i][a]));
-    Wanted {
+    Target {
         class: 0,
         contrast: 0,
         window,
@@ -198,7 +198,7 @@ fn wanted<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Wanted
 
 /// Chooses the grid of a chunk: a cube around its Gaussians, its cells about as large as the
 /// position step of a middling one.
-fn lay_grid(chunk: &mut Chunk, wanted: &[Wanted]) {
+fn lay_grid(chunk: &mut Chunk, wanted: &[Target]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for w in wanted {

@@ -3,7 +3,7 @@
 //! Cells are numbered along a Morton curve and the count of every half, quarter, ... of the curve
 //! is coded in turn, so that the order of the Gaussians, which means nothing, takes no bits.
 
-use super::{model::Tree, range::Symbols, watch::Part};
+use super::{model::BitTree, range::Symbols, watch::Part};
 
 /// Most bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;
@@ -16,8 +16,8 @@ const UPPER_BITS: u32 = 5;
 
 /// Codes the Morton numbers of the cells of a chunk in rising order, `3 * axis_bits` bits each.
 pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
-    let mut small: Vec<Tree> = (0..SMALL).map(|n| Tree::new(bits_of(n))).collect();
-    let mut large: Vec<Tree> = (0..=usize::BITS).map(|_| Tree::new(UPPER_BITS)).collect();
+    let mut small: Vec<BitTree> = (0..SMALL).map(|n| BitTree::new(bits_of(n))).collect();
+    let mut large: Vec<BitTree> = (0..=usize::BITS).map(|_| BitTree::new(UPPER_BITS)).collect();
     symbols.begin(Part::Cells, 0);
     // Each of a cell, if their order mattered.
     cells.iter().for_each(|_| symbols.choice(f64::from(axis_bits).exp2().powi(3)));

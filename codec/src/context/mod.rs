@@ -24,12 +24,12 @@ mod watch;
 #[cfg(feature = "encode")]
 pub(crate) use encode::{Prepared, columns_needed, encode};
 #[cfg(feature = "encode")]
-pub(crate) use watch::{Part, Tally};
+pub(crate) use watch::{BitStats, Part};
 
-use crate::{Error, bytes::Reader, error::Fault, fixed::Columns, rows::Rows};
+use crate::{Error, bytes::Reader, error::FormatError, fixed::Columns, rows::Rows};
 use range::Decoder;
 use row::RowCoder;
-use watch::Watch;
+use watch::BitObserver;
 
 /// Memory that decoding takes besides the clip: the cells of a chunk and the models of all
 /// columns.
@@ -107,13 +107,13 @@ pub(crate) fn decode_watched(
     columns: Columns,
     offset: usize,
     mut out: Rows,
-    watch: impl Watch,
+    watch: impl BitObserver,
 ) -> Result<(), Error> {
     let mut reader = Reader::new(payload, offset, "chunk of Gaussians");
     let chunk = Chunk::read(&mut reader)?;
     let symbols_at = reader.at();
     let mut decoder = Decoder::new(reader.rest(), watch);
-    let short = || Error::format(offset + payload.len(), Fault::Short { part: "chunk of Gaussians" });
+    let short = || Error::format(offset + payload.len(), FormatError::Short { part: "chunk of Gaussians" });
 
     let mut cells = vec![0; out.centers.len()];
     grid::code(&mut decoder, u32::from(chunk.axis_bits), &mut cells);
@@ -132,7 +132,7 @@ pub(crate) fn decode_watched(
         0 => Ok(()),
         count => {
             let at = offset + payload.len() - count;
-            Err(Error::format(at, Fault::Extra { count, part: "chunk of Gaussians" }))
+            Err(Error::format(at, FormatError::Extra { count, part: "chunk of Gaussians" }))
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What is expected of a symbol: [`Bit`], [`Tree`], [`Integer`] and [`Quantity`].
+//! What is expected of a symbol: [`Bit`], [`BitTree`], [`Integer`] and [`Quantity`].
 //!
 //! A quantity knows how large its last numbers were, in its own unit, and so how large the next
 //! code should be whatever its step. That expectation, in half octaves, is the context of the
@@ -99,13 +99,13 @@ const RECIPROCAL_BITS: u32 = 24;
 
 /// Numbers of `BITS` bits from the top bit down, each bit with the bits above as context.
 #[derive(Clone, Debug)]
-pub(super) struct Tree {
+pub(super) struct BitTree {
     nodes: Vec<Bit>,
 }
 
-impl Tree {
-    pub(super) fn new(bits: u32) -> Tree {
-        Tree { nodes: vec![Bit::default(); 1 << bits] }
+impl BitTree {
+    pub(super) fn new(bits: u32) -> BitTree {
+        BitTree { nodes: vec![Bit::default(); 1 << bits] }
     }
 
     pub(super) fn code<S: Symbols>(&mut self, symbols: &mut S, value: u32) -> u32 {

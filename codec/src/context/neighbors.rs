@@ -8,7 +8,7 @@ const NEAREST: usize = 3;
 
 /// What is remembered of a Gaussian.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Past {
+pub(super) struct History {
     pub(super) cell: [u32; 3],
     /// Logarithm of the largest scale, and the differences of the next ones to it.
     pub(super) scales: [f64; 3],
@@ -21,7 +21,7 @@ pub(super) struct Past {
 #[derive(Default)]
 pub(super) struct Neighbors {
     /// The last [`WINDOW`] Gaussians, in a ring.
-    last: Vec<Past>,
+    last: Vec<History>,
     /// Where in the ring the next one goes.
     next: usize,
     /// Places in the ring, nearest first.
@@ -52,12 +52,12 @@ impl Neighbors {
     }
 
     /// The nearest one.
-    pub(super) fn nearest(&self) -> Option<&Past> {
+    pub(super) fn nearest(&self) -> Option<&History> {
         (self.found > 0).then(|| &self.last[self.nearest[0]])
     }
 
     /// Mean of a number over the nearest ones; `default` where there are none.
-    pub(super) fn mean(&self, default: f64, number: impl Fn(&Past) -> f64) -> f64 {
+    pub(super) fn mean(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
         if self.found == 0 {
             return default;
         }
@@ -65,7 +65,7 @@ impl Neighbors {
         sum / self.found as f64
     }
 
-    pub(super) fn push(&mut self, past: Past) {
+    pub(super) fn push(&mut self, past: History) {
         if self.last.len() < WINDOW {
             self.last.push(past);
         } else {
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(neighbors.mean(7.0, |_| 1.0), 7.0);
         for i in 0..100u32 {
             neighbors.find([i, 0, 0]);
-            neighbors.push(Past { cell: [i, 0, 0], color: [f64::from(i); 3], ..Past::default() });
+            neighbors.push(History { cell: [i, 0, 0], color: [f64::from(i); 3], ..History::default() });
         }
         neighbors.find([80, 0, 0]);
         assert_eq!(neighbors.nearest().unwrap().cell[0], 80);

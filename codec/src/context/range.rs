@@ -6,7 +6,7 @@
 
 use super::{
     model::Bit,
-    watch::{Part, Watch},
+    watch::{BitObserver, Part},
 };
 
 /// Below this the range is widened by a byte.
@@ -36,7 +36,7 @@ pub(super) trait Symbols {
         coded
     }
 
-    /// Tells whoever watches what the next symbols are for; see [`Watch`].
+    /// Tells whoever watches what the next symbols are for; see [`BitObserver`].
     fn begin(&mut self, _: Part, _component: usize) {}
 
     /// Tells of a number that the last symbols made, and of its distance from the prediction.
@@ -46,7 +46,7 @@ pub(super) trait Symbols {
     fn choice(&mut self, _count: f64) {}
 }
 
-/// Reads symbols. Past its end it reads zeros; [`Decoder::overrun`] then reports it.
+/// Reads symbols. History its end it reads zeros; [`Decoder::overrun`] then reports it.
 pub(super) struct Decoder<'a, W = ()> {
     watch: W,
     bytes: &'a [u8],
@@ -57,7 +57,7 @@ pub(super) struct Decoder<'a, W = ()> {
     code: u32,
 }
 
-impl<'a, W: Watch> Decoder<'a, W> {
+impl<'a, W: BitObserver> Decoder<'a, W> {
     pub(super) fn new(bytes: &'a [u8], watch: W) -> Decoder<'a, W> {
         let mut decoder = Decoder { watch, bytes, taken: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
@@ -89,7 +89,7 @@ impl<'a, W: Watch> Decoder<'a, W> {
     }
 }
 
-impl<W: Watch> Symbols for Decoder<'_, W> {
+impl<W: BitObserver> Symbols for Decoder<'_, W> {
     const ENCODES: bool = false;
 
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {

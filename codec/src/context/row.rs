@@ -4,8 +4,8 @@
 use super::{
     Chunk,
     math::{exp, half_octaves, ln, round},
-    model::{Coding, Quantity, Tree},
-    neighbors::{Neighbors, Past},
+    model::{BitTree, Coding, Quantity},
+    neighbors::{History, Neighbors},
     range::Symbols,
     rotation::{self, Shape},
     trajectory::{self, Span},
@@ -48,7 +48,7 @@ pub(super) const CONTRAST_BITS: u32 = 4;
 
 /// What the encoder wants coded.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted<'a> {
+pub(super) struct Target<'a> {
     /// Half octaves that the colour's step is above the finest of the chunk.
     pub(super) class: u32,
     /// Half octaves that the geometry's step is above the colour's.
@@ -86,11 +86,11 @@ pub(super) struct Row {
 pub(super) struct RowCoder<'a> {
     chunk: &'a Chunk,
     columns: Columns,
-    classes: Vec<Tree>,
-    contrasts: Vec<Tree>,
+    classes: Vec<BitTree>,
+    contrasts: Vec<BitTree>,
     opacity: Quantity,
     scales: [Quantity; 3],
-    directions: Vec<Tree>,
+    directions: Vec<BitTree>,
     width: Quantity,
     center: Quantity,
     motion: Vec<Quantity>,
@@ -111,11 +111,11 @@ impl<'a> RowCoder<'a> {
         RowCoder {
             chunk,
             columns,
-            classes: vec![Tree::new(CLASS_BITS); 1 << CLASS_BITS],
-            contrasts: vec![Tree::new(CONTRAST_BITS); 1 << (CLASS_BITS - 2 + CONTRAST_BITS - 2)],
+            classes: vec![BitTree::new(CLASS_BITS); 1 << CLASS_BITS],
+            contrasts: vec![BitTree::new(CONTRAST_BITS); 1 << (CLASS_BITS - 2 + CONTRAST_BITS - 2)],
             opacity: quantity.clone(),
             scales: std::array::from_fn(|_| quantity.clone()),
-            directions: (0..2 * (DIRECTION_LEVELS + 1)).map(|i| Tree::new(2 * (i / 2))).collect(),
+            directions: (0..2 * (DIRECTION_LEVELS + 1)).map(|i| BitTree::new(2 * (i / 2))).collect(),
             width: quantity.clone(),
             center: quantity.clone(),
             motion: vec![quantity.clone(); 3 * usize::from(temporal.motion_order)],
@@ -135,10 +135,10 @@ impl<'a> RowCoder<'a> {
         &mut self,
         symbols: &mut S,
         cell: [u32; 3],
-        wanted: Option<&Wanted>,
+        wanted: Option<&Target>,
     ) -> Option<&Row> {
         self.neighbors.find(cell);
-        let mut past = Past { cell, ..Past::default() };
+        let mut past = History { cell, ..History::default() };
         let (color_step, step) = self.code_classes(symbols, wanted);
         self.code_window(symbols, step, wanted);
         let (sigma, shape) = self.code_shape(symbols, step, wanted, &mut past)?;
@@ -149,7 +149,7 @@ impl<'a> RowCoder<'a> {
     }
 
     /// The steps of colour and geometry.
-    fn code_classes<S: Symbols>(&mut self, symbols: &mut S, wanted: Option<&Wanted>) -> (f64, f64) {
+    fn code_classes<S: Symbols>(&mut self, symbols: &mut S, wanted: Option<&Target>) -> (f64, f64) {
         symbols.begin(Part::Classes, 0);
         let class = self.classes[self.last_class as usize].code(symbols, wanted.map_or(0, |w| w.class));
         symbols.number(class as i32, class as i32);
@@ -163,7 +163,7 @@ impl<'a> RowCoder<'a> {
     }
 
     /// Opacity and window.
-    fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, wanted: Option<&Wanted>) {
+    fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, wanted: Option<&Target>) {
         let [opacity, width, center] = wanted.map_or([0.0; 3], |w| w.window);
         // Zero stands for opaque and, of widths, for always on: nothing else is as frequent.
         let unit = opacity_step(step);
@@ -192,8 +192,8 @@ impl<'a> RowCoder<'a> {
         &mut self,
         symbols: &mut S,
         step: f64,
-        wanted: Option<&Wanted>,
-        past: &mut Past,
+        wanted: Option<&Target>,
+        past: &mut History,
     ) -> Option<([f64; 3], Shape)> {
         let footprint = f64::from(self.chunk.footprint);
         let base = ln(footprint);
@@ -268,7 +268,7 @@ impl<'a> RowCoder<'a> {
         shape: Shape,
         step: f64,
         cell: [u32; 3],
-        wanted: Option<&Wanted>,
+        wanted: Option<&Target>,
     ) {
         let unit = (step * size_of(extents)).min(POSITION_STEP_MAX);
         let cell_size = f64::from(self.chunk.cell_size);
@@ -314,7 +314,7 @@ impl<'a> RowCoder<'a> {
     }
 
     /// The rate of the quaternion, in the Gaussian's own axes.
-    fn code_spin<S: Symbols>(&mut self, symbols: &mut S, shape: &Shape, reach: f64, wanted: Option<&Wanted>) {
+    fn code_spin<S: Symbols>(&mut self, symbols: &mut S, shape: &Shape, reach: f64, wanted: Option<&Target>) {
         let q = self.row.rotation.map(f64::from);
         // Root mean square of the time from tau, as over an even span on both sides.
         let time = 0.577 * reach.max(1e-3);
@@ -340,8 +340,8 @@ impl<'a> RowCoder<'a> {
         &mut self,
         symbols: &mut S,
         step: f64,
-        wanted: Option<&Wanted>,
-        past: &mut Past,
+        wanted: Option<&Target>,
+        past: &mut History,
     ) {
         let number = |k: usize| wanted.map_or([0.0; 3], |w| w.sh[k].map(f64::from));
         let color = luma_chroma(number(0).map(|x| x * SH_C0));
@@ -432,12 +432,12 @@ fn size_of(extents: [f64; 3]) -> f64 {
 
 /// Step of the position, but for the rounding of the scales.
 #[cfg(feature = "encode")]
-pub(super) fn position_step(chunk: &Chunk, wanted: &Wanted) -> f64 {
+pub(super) fn position_step(chunk: &Chunk, wanted: &Target) -> f64 {
     let step = f64::from(chunk.step) * half_octaves(wanted.class) * half_octaves(wanted.contrast);
     step * size_of(wanted.log_scales.map(|x| exp(log_extent(x, f64::from(chunk.footprint)))))
 }
 
-/// The rate of a quaternion as in [`Wanted::spin`].
+/// The rate of a quaternion as in [`Target::spin`].
 #[cfg(feature = "encode")]
 pub(super) fn spin(q: [f64; 4], rate: [f64; 4]) -> [f64; 4] {
     let [scalar, rest @ ..] = product([q[0], -q[1], -q[2], -q[3]], rate);

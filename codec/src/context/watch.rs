@@ -1,4 +1,4 @@
-//! Where the bits of a chunk go: [`Watch`], which a decoder tells, and [`Tally`], which counts.
+//! Where the bits of a chunk go: [`BitObserver`], which a decoder tells, and [`BitStats`], which counts.
 
 #[cfg(feature = "encode")]
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ pub(crate) enum Part {
 }
 
 /// Who is told of the symbols that a decoder reads. `()` does not listen.
-pub(crate) trait Watch {
+pub(crate) trait BitObserver {
     /// The next symbols are for a component of a part.
     fn begin(&mut self, _: Part, _component: usize) {}
 
@@ -38,7 +38,7 @@ pub(crate) trait Watch {
     fn choice(&mut self, _count: f64) {}
 }
 
-impl Watch for () {}
+impl BitObserver for () {}
 
 /// How often each number came.
 #[cfg(feature = "encode")]
@@ -78,7 +78,7 @@ struct Component {
 /// Counts bits.
 #[cfg(feature = "encode")]
 #[derive(Debug, Default)]
-pub(crate) struct Tally {
+pub(crate) struct BitStats {
     components: HashMap<(Part, usize), Component>,
     current: Option<(Part, usize)>,
 }
@@ -96,7 +96,7 @@ pub(crate) struct PartBits {
 }
 
 #[cfg(feature = "encode")]
-impl Tally {
+impl BitStats {
     /// Bits of a part; nothing where it does not occur.
     pub(crate) fn bits(&self, part: Part) -> Option<PartBits> {
         let mut components: Vec<_> = self.components.iter().filter(|(key, _)| key.0 == part).collect();
@@ -118,7 +118,7 @@ impl Tally {
 }
 
 #[cfg(feature = "encode")]
-impl Watch for &mut Tally {
+impl BitObserver for &mut BitStats {
     fn begin(&mut self, part: Part, component: usize) {
         self.current = Some((part, component));
     }

@@ -8,7 +8,7 @@ use anyhow::Context;
 use refine::image::Image;
 use refine::prune::Shot;
 use refine::reference::{Order, Scene, render, render_held};
-use xtask::report::knob::{Knob, Point, Spread, Stage};
+use studio::report::knob::{Knob, Point, Spread, Stage};
 
 use super::errors::Expected;
 use super::measure::Sample;
@@ -74,7 +74,7 @@ pub(super) fn knob(
     Ok((knob.mark_front(), longest.context("an order is held")?))
 }
 
-fn held_point(frames: usize, base: &Measured, errors: xtask::report::knob::Errors) -> Point {
+fn held_point(frames: usize, base: &Measured, errors: studio::report::knob::Errors) -> Point {
     let share = 1.0 / frames as f64;
     let of = |value: fn(&Sample) -> f64| Spread::of(base.samples.iter().map(value).map(|ms| ms * share));
     let saved = |sample: &Sample| (1.0 - share) * (sample.alive_ms + sample.sort_ms);

@@ -18,7 +18,7 @@ use refine::image::Image;
 use refine::prune::Shot;
 use shaders::CORNERS;
 use shaders::layout::Ranges;
-use xtask::report::knob::Errors;
+use studio::report::knob::Errors;
 
 use super::errors::Expected;
 use super::reduce;

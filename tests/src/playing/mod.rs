@@ -23,8 +23,8 @@ use glam::UVec2;
 use image::{ImageFormat, RgbImage};
 use refine::image::Image;
 use refine::reference::{self, Order, render};
-use xtask::report::knob::{Knob, Point, Spread, Stage};
-use xtask::report::playing::{Message, Picture, Setup};
+use studio::report::knob::{Knob, Point, Spread, Stage};
+use studio::report::playing::{Message, Picture, Setup};
 
 use errors::Expected;
 use measure::{Bench, ROUNDS, Sample, Variant};

@@ -2,7 +2,7 @@
 //! needs it.
 
 use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
-use xtask::export::merged;
+use studio::export::merged;
 
 /// The clip with columns for view-dependent colour up to `degree`, of zeros.
 pub(super) fn with_sh_degree(clip: &Clip, degree: u8) -> Clip {
@@ -14,13 +14,17 @@ pub(super) fn with_sh_degree(clip: &Clip, degree: u8) -> Clip {
         }
         Field { sh, sh_degree: degree, ..field.clone() }
     };
-    Clip { still: widen(&clip.still), moving: widen(&clip.moving), ..clip.clone() }
+    Clip {
+        static_field: widen(&clip.static_field),
+        dynamic_field: widen(&clip.dynamic_field),
+        ..clip.clone()
+    }
 }
 
 /// The clip with columns for powers of time up to `order`, of zeros.
 pub(super) fn with_motion_order(clip: &Clip, order: u8) -> Clip {
     let mut padded = clip.clone();
-    if let Some(temporal) = &mut padded.moving.temporal {
+    if let Some(temporal) = &mut padded.dynamic_field.temporal {
         let motion = (0..temporal.tau.len()).flat_map(|i| {
             let mut row = temporal.motion_of(i).to_vec();
             row.resize(usize::from(order), [0.0; 3]);
@@ -35,8 +39,8 @@ pub(super) fn with_motion_order(clip: &Clip, order: u8) -> Clip {
 /// The clip with columns for rotation over time, of zeros.
 pub(super) fn with_rotation(clip: &Clip) -> Clip {
     let mut padded = clip.clone();
-    let rows = padded.moving.len();
-    if let Some(temporal) = &mut padded.moving.temporal {
+    let rows = padded.dynamic_field.len();
+    if let Some(temporal) = &mut padded.dynamic_field.temporal {
         temporal.rotation_rates = Some(vec![[0.0; 4]; rows]);
     }
     padded
@@ -58,19 +62,19 @@ pub(super) fn all_moving(clip: &Clip) -> Clip {
     let moving = with_temporal(merged(clip));
     let rows = moving.len();
     Clip {
-        still: Field { sh_degree: clip.still.sh_degree, ..Field::default() },
-        layers: vec![LayerEnd { still: 0, moving: rows }],
+        static_field: Field { sh_degree: clip.static_field.sh_degree, ..Field::default() },
+        layers: vec![LayerEnd { static_count: 0, dynamic_count: rows }],
         time_index: TimeIndex::of_candidates(rows),
-        moving,
+        dynamic_field: moving,
         ..clip.clone()
     }
 }
 
 /// The clip without a time index: all that moves is asked at every instant.
 pub(super) fn without_index(clip: &Clip) -> Clip {
-    let (still, moving) = (clip.still.len(), clip.moving.len());
+    let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
     Clip {
-        layers: vec![LayerEnd { still, moving }],
+        layers: vec![LayerEnd { static_count: still, dynamic_count: moving }],
         time_index: TimeIndex::of_candidates(moving),
         ..clip.clone()
     }
@@ -78,7 +82,7 @@ pub(super) fn without_index(clip: &Clip) -> Clip {
 
 /// The clip with a plate of one Gaussian, one of its own, that cannot be seen.
 pub(super) fn with_plate(clip: &Clip) -> Clip {
-    let from = if clip.still.is_empty() { &clip.moving } else { &clip.still };
+    let from = if clip.static_field.is_empty() { &clip.dynamic_field } else { &clip.static_field };
     let plate = Field { temporal: None, ..from.select(&[0]) };
     Clip { plate: Some(Field { opacities: vec![0.0], ..plate }), ..clip.clone() }
 }
@@ -107,12 +111,12 @@ mod tests {
             with_plate(&clip),
         ];
         for (i, padded) in padded.iter().enumerate() {
-            for field in [&padded.still, &padded.moving] {
+            for field in [&padded.static_field, &padded.dynamic_field] {
                 field.check().unwrap();
             }
             let off = picture(padded).max_difference(&expected);
             assert!(off < 1e-6, "{i}: {off}");
         }
-        assert_eq!((padded[0].sh_degree(), padded[1].moving.motion_order()), (3, 3));
+        assert_eq!((padded[0].sh_degree(), padded[1].dynamic_field.motion_order()), (3, 3));
     }
 }

@@ -10,9 +10,9 @@ use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
 use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
 use shaders::{Features, Motion, Purpose, compose};
-use xtask::export::merged;
-use xtask::package::LAYERS;
-use xtask::report::playing::{Part, Taken};
+use studio::export::merged;
+use studio::package::LAYERS;
+use studio::report::playing::{Part, Taken};
 
 use super::Measured;
 use super::measure::{Content, Eyes, Variant};
@@ -130,7 +130,7 @@ fn sh(clip: &Clip, parts: &mut Vec<Switched>) {
     };
     let of_clip = clip.sh_degree();
     if of_clip > 0 {
-        let count = depends(&clip.still) + depends(&clip.moving);
+        let count = depends(&clip.static_field) + depends(&clip.dynamic_field);
         let needs = format!("{count} of {} Gaussians look different from other sides", clip.len());
         parts.push(needed(format!("SH up to degree {of_clip}"), needs));
     }
@@ -149,12 +149,12 @@ fn sh(clip: &Clip, parts: &mut Vec<Switched>) {
 
 /// The clip with a moving region, whatever there is in it.
 fn able_to_move(clip: &Clip) -> Clip {
-    if clip.moving.is_empty() { pad::all_moving(clip) } else { clip.clone() }
+    if clip.dynamic_field.is_empty() { pad::all_moving(clip) } else { clip.clone() }
 }
 
 fn motion(clip: &Clip, parts: &mut Vec<Switched>) {
-    let moving = clip.moving.len();
-    let order = if moving > 0 { clip.moving.motion_order() } else { 0 };
+    let moving = clip.dynamic_field.len();
+    let order = if moving > 0 { clip.dynamic_field.motion_order() } else { 0 };
     if order > 0 {
         let needs = format!("{moving} of {} Gaussians move or fade", clip.len());
         parts.push(needed(format!("motion up to power {order}"), needs));
@@ -178,7 +178,7 @@ fn motion(clip: &Clip, parts: &mut Vec<Switched>) {
 }
 
 fn rotation(clip: &Clip, parts: &mut Vec<Switched>) {
-    let rates = clip.moving.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
+    let rates = clip.dynamic_field.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
     if let Some(rates) = rates {
         let count = rates.iter().filter(|rate| **rate != [0.0; 4]).count();
         let needs = format!("{count} of {} Gaussians turn", clip.len());
@@ -199,7 +199,7 @@ fn rotation(clip: &Clip, parts: &mut Vec<Switched>) {
 
 /// Windows and motion of the Gaussians that are always there and never move.
 fn still(clip: &Clip) -> Switched {
-    let (still, name) = (clip.still.len(), "temporal columns of still Gaussians".to_owned());
+    let (still, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
     if still == 0 {
         return needed(name, "every Gaussian moves or fades".into());
     }
@@ -222,7 +222,7 @@ fn still(clip: &Clip) -> Switched {
 
 fn index(clip: &Clip) -> Switched {
     let name = "Gaussians of other times".to_owned();
-    if clip.moving.is_empty() {
+    if clip.dynamic_field.is_empty() {
         return needed(name, "all are always alive; there is no time index".into());
     }
     let tested = counts(clip)["rows_tested"];
@@ -287,7 +287,7 @@ fn sort_width(clip: &Clip) -> Switched {
     let [x, y, z, w] = camera[2];
     let (mut passes, mut differ) = (0.0, 0u32);
     for t in instants() {
-        let keys = [&clip.still, &clip.moving].into_iter().flat_map(|field| {
+        let keys = [&clip.static_field, &clip.dynamic_field].into_iter().flat_map(|field| {
             let alive = (0..field.len()).filter(move |&i| field.opacity_at(i, t) >= codec::ALPHA_MIN);
             alive.map(move |i| field.position_at(i, t))
         });
@@ -313,7 +313,7 @@ fn sort_width(clip: &Clip) -> Switched {
 
 /// What drawing a clip takes that is known without drawing it.
 fn counts(clip: &Clip) -> BTreeMap<String, f64> {
-    let temporal = clip.moving.temporal.as_ref().filter(|_| !clip.moving.is_empty());
+    let temporal = clip.dynamic_field.temporal.as_ref().filter(|_| !clip.dynamic_field.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
     let features = Features { sh_degree: clip.sh_degree(), motion };
@@ -321,7 +321,7 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     let bindings = shader.matches("@binding(").count();
     let tested = |t: f64| {
         let candidates = clip.time_index.candidates(t, clip.layers.len()).map(|rows| rows.len());
-        clip.still.len() + candidates.sum::<usize>()
+        clip.static_field.len() + candidates.sum::<usize>()
     };
     let rows_tested = instants().map(tested).sum::<usize>() as f64 / instants().len() as f64;
     [
@@ -335,11 +335,11 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
 
 /// The Gaussians of the clip, the most important first as far as its layers tell.
 fn ordered(clip: &Clip) -> Field {
-    let still = clip.still.len();
+    let still = clip.static_field.len();
     let (mut rows, mut start) = (Vec::new(), codec::LayerEnd::default());
     for end in &clip.layers {
-        rows.extend(start.still..end.still);
-        rows.extend((start.moving..end.moving).map(|row| still + row));
+        rows.extend(start.static_count..end.static_count);
+        rows.extend((start.dynamic_count..end.dynamic_count).map(|row| still + row));
         start = *end;
     }
     merged(clip).select(&rows)
@@ -347,7 +347,7 @@ fn ordered(clip: &Clip) -> Field {
 
 /// Where the layers of the clip end.
 fn layers(clip: &Clip) -> Vec<usize> {
-    clip.layers.iter().map(|end| end.still + end.moving).collect()
+    clip.layers.iter().map(|end| end.total()).collect()
 }
 
 fn packable(clip: &Clip, field: Field) -> Packable {

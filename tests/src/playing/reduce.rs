@@ -9,20 +9,20 @@ pub(super) fn to_sh_degree(clip: &Clip, degree: u8) -> Clip {
         let sh = (0..field.len()).flat_map(|i| field.sh_of(i)[..kept].iter().copied()).collect();
         Field { sh, sh_degree: degree.min(field.sh_degree), ..field.clone() }
     };
-    Clip { still: cut(&clip.still), moving: cut(&clip.moving), ..clip.clone() }
+    Clip { static_field: cut(&clip.static_field), dynamic_field: cut(&clip.dynamic_field), ..clip.clone() }
 }
 
 /// The clip with powers of time up to `order`: of each trajectory the Taylor expansion about the
 /// middle of the Gaussian's life, where it is seen most.
 pub(super) fn to_motion_order(clip: &Clip, order: u8) -> Clip {
     let mut reduced = clip.clone();
-    let moving = &mut reduced.moving;
-    let Some(temporal) = &clip.moving.temporal else { return reduced };
+    let moving = &mut reduced.dynamic_field;
+    let Some(temporal) = &clip.dynamic_field.temporal else { return reduced };
     let order = order.min(temporal.motion_order);
     let mut motion = Vec::with_capacity(moving.len() * usize::from(order));
     for i in 0..moving.len() {
         let tau = f64::from(temporal.tau[i]);
-        let middle = clip.moving.alive_interval(i).map_or(tau, |(start, end)| 0.5 * (start + end));
+        let middle = clip.dynamic_field.alive_interval(i).map_or(tau, |(start, end)| 0.5 * (start + end));
         for axis in 0..3 {
             let mut powers = [f64::from(moving.centers[i][axis]), 0.0, 0.0, 0.0];
             for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
@@ -50,10 +50,10 @@ fn shifted([a, b, c, d]: [f64; 4], by: f64) -> [f64; 4] {
 /// The clip without rotation over time; each Gaussian is turned as in the middle of its life.
 pub(super) fn without_rotation(clip: &Clip) -> Clip {
     let mut reduced = clip.clone();
-    let moving = &mut reduced.moving;
+    let moving = &mut reduced.dynamic_field;
     for i in 0..moving.len() {
-        if let Some((start, end)) = clip.moving.alive_interval(i) {
-            moving.rotations[i] = clip.moving.rotation_at(i, 0.5 * (start + end)).map(|x| x as f32);
+        if let Some((start, end)) = clip.dynamic_field.alive_interval(i) {
+            moving.rotations[i] = clip.dynamic_field.rotation_at(i, 0.5 * (start + end)).map(|x| x as f32);
         }
     }
     if let Some(temporal) = &mut moving.temporal {
@@ -68,12 +68,12 @@ pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
         let rows: Vec<usize> = (0..field.len()).filter(|&i| field.opacity_at(i, t) >= least).collect();
         field.select(&rows)
     };
-    let (still, moving) = (alive(&clip.still), alive(&clip.moving));
+    let (still, moving) = (alive(&clip.static_field), alive(&clip.dynamic_field));
     Clip {
-        layers: vec![LayerEnd { still: still.len(), moving: moving.len() }],
+        layers: vec![LayerEnd { static_count: still.len(), dynamic_count: moving.len() }],
         time_index: TimeIndex::of_candidates(moving.len()),
-        still,
-        moving,
+        static_field: still,
+        dynamic_field: moving,
         ..clip.clone()
     }
 }
@@ -98,13 +98,13 @@ mod tests {
         let clip = clip();
         let whole = to_motion_order(&clip, 3);
         let reduced = to_motion_order(&clip, 1);
-        assert_eq!(reduced.moving.motion_order(), 1);
-        reduced.moving.check().unwrap();
+        assert_eq!(reduced.dynamic_field.motion_order(), 1);
+        reduced.dynamic_field.check().unwrap();
         let mut off = 0.0f64;
-        for i in 0..clip.moving.len() {
-            let Some((start, end)) = clip.moving.alive_interval(i) else { continue };
+        for i in 0..clip.dynamic_field.len() {
+            let Some((start, end)) = clip.dynamic_field.alive_interval(i) else { continue };
             let middle = 0.5 * (start + end);
-            let place = |clip: &Clip, t| clip.moving.position_at(i, t);
+            let place = |clip: &Clip, t| clip.dynamic_field.position_at(i, t);
             assert!(distance(place(&reduced, middle), place(&clip, middle)) < 1e-5, "{i}");
             assert!(distance(place(&whole, end), place(&clip, end)) < 1e-4, "{i}");
             off = off.max(distance(place(&reduced, end), place(&clip, end)));
@@ -116,12 +116,13 @@ mod tests {
     fn what_is_cut_is_gone_and_the_rest_stays() {
         let clip = clip();
         let flat = to_sh_degree(&clip, 0);
-        flat.moving.check().unwrap();
-        assert_eq!((flat.sh_degree(), flat.moving.sh_of(3)), (0, &clip.moving.sh_of(3)[..1]));
-        assert!(without_rotation(&clip).moving.temporal.unwrap().rotation_rates.is_none());
+        flat.dynamic_field.check().unwrap();
+        assert_eq!((flat.sh_degree(), flat.dynamic_field.sh_of(3)), (0, &clip.dynamic_field.sh_of(3)[..1]));
+        assert!(without_rotation(&clip).dynamic_field.temporal.unwrap().rotation_rates.is_none());
         let alive = to_alive(&clip, 0.5, 0.3);
-        let expected = (0..clip.moving.len()).filter(|&i| clip.moving.opacity_at(i, 0.5) >= 0.3).count();
-        assert_eq!(alive.moving.len(), expected);
-        assert!(expected < clip.moving.len());
+        let expected =
+            (0..clip.dynamic_field.len()).filter(|&i| clip.dynamic_field.opacity_at(i, 0.5) >= 0.3).count();
+        assert_eq!(alive.dynamic_field.len(), expected);
+        assert!(expected < clip.dynamic_field.len());
     }
 }

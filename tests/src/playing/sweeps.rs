@@ -92,10 +92,10 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
         "motion order",
         "Highest power of time in trajectories; lower ones are expansions about the middle of a Gaussian's \
          life.",
-        clip.moving.motion_order(),
+        clip.dynamic_field.motion_order(),
         |order| to_motion_order(clip, order),
     ));
-    if clip.moving.temporal.as_ref().is_some_and(|temporal| temporal.rotation_rates.is_some()) {
+    if clip.dynamic_field.temporal.as_ref().is_some_and(|temporal| temporal.rotation_rates.is_some()) {
         let content = Content::Other(Box::new(without_rotation(clip)));
         sweeps.push(Sweep {
             name: "rotation over time",
@@ -144,7 +144,7 @@ fn content(name: &'static str, about: &'static str, most: u8, reduced: impl Fn(u
 
 /// Gaussians of the clip in the first layer, the first two, and so on.
 fn layer_ends(clip: &Clip) -> Vec<usize> {
-    clip.layers.iter().map(|end| end.still + end.moving).collect()
+    clip.layers.iter().map(|end| end.total()).collect()
 }
 
 fn layers(clip: &Clip) -> Sweep {

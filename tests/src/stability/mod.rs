@@ -159,13 +159,13 @@ fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
     let (still, moving) =
         if field.temporal.is_some() { (Field::default(), field) } else { (field, Field::default()) };
-    let end = LayerEnd { still: still.len(), moving: moving.len() };
+    let end = LayerEnd { static_count: still.len(), dynamic_count: moving.len() };
     Clip {
         info: ClipInfo { viewpoints: Vec::new(), ..info() },
         bounds,
         time_index: TimeIndex::of_candidates(moving.len()),
-        still,
-        moving,
+        static_field: still,
+        dynamic_field: moving,
         layers: vec![end],
         layers_announced: 1,
         plate: None,
@@ -174,7 +174,7 @@ fn exact(field: Field) -> Clip {
 
 /// The field that [`exact`] made a clip of.
 fn field_of(clip: &Clip) -> &Field {
-    if clip.moving.is_empty() { &clip.still } else { &clip.moving }
+    if clip.dynamic_field.is_empty() { &clip.static_field } else { &clip.dynamic_field }
 }
 
 /// Size of the pictures in pixels, unless a case has its own.

@@ -8,7 +8,7 @@ use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
 use refine::reference::{self, Order, render};
-use xtask::report::stability::Row;
+use studio::report::stability::Row;
 
 use super::{Case, Coding, Measure, Scene, Shot, field_of};
 use crate::gpu::Drawing;

@@ -14,11 +14,11 @@ use codec::{Camera, Clip, Limits, Viewpoint};
 use image::{RgbImage, imageops};
 use refine::reference::{self, Order, Radius, coverage};
 use serde_json::json;
-use xtask::fault::Fault;
-use xtask::output;
-use xtask::package::{self, package};
-use xtask::scene::Scene;
-use xtask::synth::juggler;
+use studio::fault::Fault;
+use studio::output;
+use studio::package::{self, package};
+use studio::scene::Scene;
+use studio::synth::juggler;
 use xtask::workspace;
 
 use crate::setup::{self, Need};

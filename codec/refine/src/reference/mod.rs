@@ -58,8 +58,8 @@ impl<'a> Scene<'a> {
             None => return Scene { parts: Vec::new(), plate: clip.plate.as_ref() },
         };
         let parts = vec![
-            Part { field: &clip.still, rows: end.still },
-            Part { field: &clip.moving, rows: end.moving },
+            Part { field: &clip.static_field, rows: end.static_count },
+            Part { field: &clip.dynamic_field, rows: end.dynamic_count },
         ];
         Scene { parts, plate: clip.plate.as_ref() }
     }

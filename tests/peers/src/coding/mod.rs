@@ -16,7 +16,7 @@ use refine::code::{CodeError, Coded, code};
 use refine::prune::{Pictures, Shot, instants, shots, steps_aside};
 use refine::reference::Scene;
 use serde::Serialize;
-use xtask::export;
+use studio::export;
 
 use crate::material::Material;
 use crate::spread::{Spread, in_turn};

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::Command;
 
 use codec::Field;
-use xtask::export;
-use xtask::fault::Fault;
-use xtask::import::import;
+use studio::export;
+use studio::fault::Fault;
+use studio::import::import;
 
 use super::Theirs;
 use crate::player::web_folder;

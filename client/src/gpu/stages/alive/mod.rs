@@ -62,7 +62,7 @@ impl Rows {
 
     /// Gaussians in the first layer, the first two, and so on.
     pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = usize> {
-        self.layers.iter().map(|end| end.still + end.moving)
+        self.layers.iter().map(|end| end.total())
     }
 
     /// Replaces `items` by the rows that, by `settings`, are to be drawn at clip time `t` in one of
@@ -91,7 +91,7 @@ impl Rows {
             items,
             seen: Seen::default(),
         };
-        sieve.pass(&self.still, 0..end.still, 0);
+        sieve.pass(&self.still, 0..end.static_count, 0);
         let first = self.still.len();
         for rows in self.time_index.candidates(t, layers) {
             sieve.pass(&self.moving, rows, first);

@@ -34,7 +34,12 @@ fn moving() -> Field {
 
 fn rows(field: &Field) -> Rows {
     let time_index = TimeIndex::of_candidates(ROWS);
-    Rows::new([&Field::default(), field], MIDDLE, vec![LayerEnd { still: 0, moving: ROWS }], time_index)
+    Rows::new(
+        [&Field::default(), field],
+        MIDDLE,
+        vec![LayerEnd { static_count: 0, dynamic_count: ROWS }],
+        time_index,
+    )
 }
 
 fn camera() -> Camera {
@@ -149,7 +154,10 @@ fn layers_are_prefixes() {
     let mut still = moving();
     still.temporal = None;
     still.opacities.fill(1.0);
-    let layers = vec![LayerEnd { still: 10, moving: 0 }, LayerEnd { still: ROWS, moving: 0 }];
+    let layers = vec![
+        LayerEnd { static_count: 10, dynamic_count: 0 },
+        LayerEnd { static_count: ROWS, dynamic_count: 0 },
+    ];
     let rows = Rows::new([&still, &Field::default()], MIDDLE, layers, TimeIndex::default());
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
