@@ -48,7 +48,8 @@ struct Modules(Vec<Module>);
 impl Modules {
     /// Reads a module's file; `folder` holds the files of its children.
     fn read_file(&mut self, module: usize, folder: &Path) {
-        let text = fs::read_to_string(&self.0[module].file).unwrap();
+        let file = &self.0[module].file;
+        let text = fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         let tokens = tokens::without_tests(&tokens::tokens(&text));
         self.read_items(module, &tokens, folder);
     }
@@ -82,7 +83,7 @@ impl Modules {
                 "mod" => {
                     let name = next.to_owned();
                     let file = match other_path.take() {
-                        Some(path) => folder.join(path),
+                        Some(path) => self.0[module].file.with_file_name(path),
                         None => Some(folder.join(format!("{name}.rs")))
                             .filter(|file| file.is_file())
                             .unwrap_or_else(|| folder.join(&name).join("mod.rs")),
@@ -127,7 +128,8 @@ impl Modules {
                     while from < inner.len() {
                         let mut end = from;
                         while end < inner.len() && inner[end].text != "," {
-                            end = if inner[end].text == "{" { tokens::group_end(inner, end) } else { end + 1 };
+                            end =
+                                if inner[end].text == "{" { tokens::group_end(inner, end) } else { end + 1 };
                         }
                         self.read_import(module, &inner[from..end], &path, is_export);
                         from = end + 1;
@@ -284,7 +286,16 @@ fn defined(item: &[Token<'_>]) -> Option<String> {
     let keyword = item.iter().position(|token| {
         matches!(
             token.text,
-            "struct" | "enum" | "union" | "trait" | "type" | "fn" | "static" | "const" | "macro_rules" | "impl"
+            "struct"
+                | "enum"
+                | "union"
+                | "trait"
+                | "type"
+                | "fn"
+                | "static"
+                | "const"
+                | "macro_rules"
+                | "impl"
         )
     })?;
     let words = item[keyword..].iter().filter(|token| token.kind == Kind::Word).map(|token| token.text);
@@ -292,7 +303,9 @@ fn defined(item: &[Token<'_>]) -> Option<String> {
     let first = words.next()?;
     match first {
         "impl" => None,
-        "struct" | "enum" | "union" | "trait" | "type" | "fn" | "macro_rules" => words.next().map(str::to_owned),
+        "struct" | "enum" | "union" | "trait" | "type" | "fn" | "macro_rules" => {
+            words.next().map(str::to_owned)
+        }
         "static" => words.find(|word| *word != "mut").map(str::to_owned),
         // What stood behind `const`.
         name => Some(name.to_owned()),
@@ -344,7 +357,9 @@ pub fn roots(src: &Path) -> Vec<PathBuf> {
     let mut roots: Vec<PathBuf> =
         ["lib.rs", "main.rs"].map(|name| src.join(name)).into_iter().filter(|file| file.is_file()).collect();
     let programs = fs::read_dir(src.join("bin")).into_iter().flatten();
-    roots.extend(programs.map(|entry| entry.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "rs")));
+    roots.extend(
+        programs.map(|entry| entry.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "rs")),
+    );
     roots.sort();
     roots
 }
