@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ::xtask::export::field_file;
+use ::studio::export::field_file;
 use aarc_tests::programs::{Outcome, run, xtask};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use refine::capture::CaptureShot;
-use xtask::capture::Footage;
+use studio::capture::Footage;
 
 use crate::files::{Desk, check_refusal};
 use crate::parts;

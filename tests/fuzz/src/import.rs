@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use xtask::import::import;
+use studio::import::import;
 
 use crate::files::{Desk, check_refusal};
 use crate::parts;

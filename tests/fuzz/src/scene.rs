@@ -4,8 +4,8 @@
 use std::sync::OnceLock;
 
 use codec::{Camera, EncodeOptions, Source, encode};
-use xtask::export::field_file;
-use xtask::scene::Scene;
+use studio::export::field_file;
+use studio::scene::Scene;
 
 use crate::files::{Desk, check_refusal};
 use crate::parts;

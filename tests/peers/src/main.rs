@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use xtask::export;
-use xtask::fault::Fault;
-use xtask::machine::machine;
+use studio::export;
+use program::Fault;
+use studio::machine::machine;
 
 use material::Material;
 use player::{Kind, WebGl, web_folder};

@@ -5,9 +5,9 @@ use std::path::Path;
 use codec::{Clip, ClipInfo, Field, Limits, Viewpoint};
 use indicatif::ProgressBar;
 use refine::prune::{Ranking, by_importance, contributions_to};
-use xtask::input::{Input, read_package};
-use xtask::package::QUALITY_DB;
-use xtask::report::Subject;
+use studio::input::{Input, read_package};
+use studio::package::QUALITY_DB;
+use studio::report::Subject;
 
 use crate::coding::{Judge, shots_of};
 

@@ -14,10 +14,10 @@ use aarc_tests::playing::measure;
 use anyhow::Context;
 use codec::Limits;
 use glam::UVec2;
-use xtask::fault::Fault;
-use xtask::input::read_package;
-use xtask::report::Subject;
-use xtask::report::playing::Message;
+use program::Fault;
+use studio::input::read_package;
+use studio::report::Subject;
+use studio::report::playing::Message;
 
 fn main() -> ExitCode {
     ending::code(run())

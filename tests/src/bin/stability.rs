@@ -15,8 +15,8 @@ use aarc_tests::gpu::{Passes, device};
 use aarc_tests::stability::{Case, Meter, along, cases, run};
 use client::gpu::Gpu;
 use peak_alloc::PeakAlloc;
-use xtask::report::Subject;
-use xtask::report::stability::{Header, Row};
+use studio::report::Subject;
+use studio::report::stability::{Header, Row};
 
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;

@@ -4,7 +4,7 @@ use codec::Camera;
 use glam::{DMat3, DVec2, DVec3};
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
-use xtask::report::knob::Errors;
+use studio::report::knob::Errors;
 
 /// Width and height in pixels of the tiles of which the worst is told.
 const TILE: u32 = 32;

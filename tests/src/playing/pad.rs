@@ -2,7 +2,7 @@
 //! needs it.
 
 use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
-use xtask::export::merged;
+use studio::export::merged;
 
 /// The clip with columns for view-dependent colour up to `degree`, of zeros.
 pub(super) fn with_sh_degree(clip: &Clip, degree: u8) -> Clip {

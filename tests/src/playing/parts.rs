@@ -10,9 +10,9 @@ use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
 use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
 use shaders::{Features, Motion, Purpose, compose};
-use xtask::export::merged;
-use xtask::package::LAYERS;
-use xtask::report::playing::{Part, Taken};
+use studio::export::merged;
+use studio::package::LAYERS;
+use studio::report::playing::{Part, Taken};
 
 use super::Measured;
 use super::measure::{Content, Eyes, Variant};

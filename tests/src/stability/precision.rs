@@ -2,7 +2,7 @@
 //! instant, and scenes of the user's own.
 
 use codec::{Camera, Clip, Viewpoint};
-use xtask::report::Subject;
+use studio::report::Subject;
 
 use super::rows::{Row, crowd, field};
 use super::{Case, Coding, Measure, Scene, Shot, at, case, exact};

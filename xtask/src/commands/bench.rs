@@ -11,13 +11,13 @@ use std::process::Stdio;
 use anyhow::{Context, bail};
 use codec::{Clip, Limits};
 use refine::prune::Ranking;
-use refine::reference::{Radius, Scene as Drawing, coverage};
+use refine::reference::{Radius, RenderScene as Drawing, coverage};
 use serde::Deserialize;
 use serde_json::Value;
-use xtask::machine::machine;
-use xtask::package::{Package, Settings, package};
-use xtask::scene::Scene;
-use xtask::synth::juggler;
+use studio::machine::machine;
+use studio::package::{Package, Settings, package};
+use studio::scene::Scene;
+use studio::synth::juggler;
 use xtask::workspace;
 
 /// The real clip, relative to the root of the repository.

@@ -39,19 +39,19 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("the player in neither", &["--package", "client", "--no-default-features"]),
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
-    ("the host tool", &["--package", "xtask"]),
+    ("the host tool", &["--package", "studio"]),
     (
         "the host tool with all it can",
         &[
             "--package",
-            "xtask",
+            "studio",
             "--package",
             "refine",
             "--package",
             "shaders",
             "--all-targets",
             "--features",
-            "xtask/gpu,xtask/onnx,shaders/fit",
+            "studio/gpu,studio/onnx,shaders/fit",
         ],
     ),
     ("camera files", &["--package", "codec", "--features", "serde"]),
@@ -101,7 +101,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     );
     for (name, test) in HOST_TOOL_TESTS {
         let mut cargo = workspace::cargo();
-        cargo.args(["test", "--locked", "--package", "xtask", "--features", "gpu,onnx", "--test"]).args(test);
+        cargo
+            .args(["test", "--locked", "--package", "studio", "--features", "gpu,onnx", "--test"])
+            .args(test);
         steps.run(name, &mut cargo);
     }
     packer(&mut steps);

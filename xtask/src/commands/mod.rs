@@ -2,18 +2,6 @@
 
 pub(crate) mod apk;
 pub(crate) mod bench;
-pub(crate) mod capture;
 pub(crate) mod ci;
 pub(crate) mod demo;
-pub(crate) mod depths;
-pub(crate) mod eval;
-pub(crate) mod export;
-pub(crate) mod fit;
-pub(crate) mod inspect;
-pub(crate) mod package;
-pub(crate) mod render;
-pub(crate) mod report;
-pub(crate) mod serve;
-pub(crate) mod synth;
-pub(crate) mod takes;
 pub(crate) mod test;

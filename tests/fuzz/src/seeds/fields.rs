@@ -4,7 +4,7 @@ use std::io::{Cursor, Read, Write};
 
 use codec::Field;
 use image::{ImageFormat, Rgba, RgbaImage};
-use xtask::export::{field_file, splatv, spz, static_ply};
+use studio::export::{field_file, splatv, spz, static_ply};
 
 use super::{Seed, field, info, seed};
 use crate::import::{FILE, SOG_IMAGE, SOG_META, SPLAT};

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::Command;
 
 use codec::Field;
-use xtask::export;
-use xtask::fault::Fault;
-use xtask::import::import;
+use studio::export;
+use program::Fault;
+use studio::import::import;
 
 use super::Theirs;
 use crate::player::web_folder;

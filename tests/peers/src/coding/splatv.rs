@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use codec::{ClipInfo, Field};
-use xtask::export;
-use xtask::import::import;
+use studio::export;
+use studio::import::import;
 
 use super::Theirs;
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use anyhow::Context;
 use codec::Field;
 use flate2::read::GzDecoder;
-use xtask::export;
-use xtask::import::import;
+use studio::export;
+use studio::import::import;
 
 use super::Theirs;
 

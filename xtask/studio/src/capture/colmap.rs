@@ -1,0 +1,244 @@
+//! Captures as COLMAP has them: a sparse model, binary or text, in `sparse/0`, `sparse` or the
+//! folder itself, photographs in `images`, and perhaps masks in `masks`. The scene is static: each
+//! photograph is a camera of its own.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat};
+use program::Fault;
+use refine::capture::Lens;
+
+use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+
+/// Folders that a model can be in.
+const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
+
+/// Where the model in `folder` is.
+pub(super) fn model(folder: &Path) -> Option<PathBuf> {
+    let is_model =
+        |path: &PathBuf| ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file());
+    MODELS.iter().map(|name| folder.join(name)).find(is_model)
+}
+
+/// Size, focal lengths and principal point, lens.
+type Intrinsics = ((u32, u32), [f64; 4], Lens);
+
+/// A photograph of a model.
+struct Pose {
+    camera: u32,
+    /// w, x, y, z.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+    name: String,
+}
+
+pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<Footage> {
+    let (cameras, poses) = match model.join("cameras.bin").is_file() {
+        true => {
+            let (cameras, images) = (model.join("cameras.bin"), model.join("images.bin"));
+            (cameras_bin(&cameras)?, images_bin(&images)?)
+        }
+        false => {
+            let (cameras, images) = (model.join("cameras.txt"), model.join("images.txt"));
+            (cameras_txt(&cameras)?, images_txt(&images)?)
+        }
+    };
+    let masks = Some(folder.join("masks")).filter(|path| path.is_dir());
+    let mut builder = Builder::default();
+    for pose in poses {
+        let path = folder.join("images").join(&pose.name);
+        if !path.is_file() {
+            return Err(bad(&path, "this photograph is missing").into());
+        }
+        let Some((size, k, lens)) = cameras.get(&pose.camera) else {
+            return Err(bad(model, format!("{}: there is no camera {}", pose.name, pose.camera)).into());
+        };
+        let [w, x, y, z] = pose.rotation;
+        let turn = DQuat::from_xyzw(x, y, z, w).normalize();
+        let rotation = DMat3::from_quat(turn).transpose().to_cols_array_2d();
+        // Photographs may have been made smaller since.
+        let actual = size_of(&path)?;
+        let scale = [f64::from(actual.0) / f64::from(size.0), f64::from(actual.1) / f64::from(size.1)];
+        let k = [k[0] * scale[0], k[1] * scale[1], k[2] * scale[0], k[3] * scale[1]];
+        let camera = pinhole(actual, k, rigid(rotation, pose.translation));
+        let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
+        let mask = match &masks {
+            // COLMAP adds an ending to the whole name.
+            Some(masks) => {
+                let mask = find_image(&masks.join(&pose.name)).or_else(|| find_image(&masks.join(&name)));
+                Some(mask.ok_or_else(|| bad(&masks.join(&name), "this mask is missing"))?)
+            }
+            None => None,
+        };
+        let index = builder.camera(&name, camera, *lens, false);
+        builder.shot(index, 0, Files { name, image: path, mask });
+    }
+    Ok(builder.footage(vec![0.0]))
+}
+
+/// The camera models that are supported, by number and name, with their number of parameters.
+const CAMERA_MODELS: [(i32, &str, usize); 5] = [
+    (0, "SIMPLE_PINHOLE", 3),
+    (1, "PINHOLE", 4),
+    (2, "SIMPLE_RADIAL", 4),
+    (3, "RADIAL", 5),
+    (4, "OPENCV", 8),
+];
+
+fn intrinsics(model: &str, size: (u64, u64), p: &[f64]) -> Result<Intrinsics, String> {
+    let side = |x: u64| u32::try_from(x).ok().filter(|x| *x > 0).ok_or("an image size is out of range");
+    let size = (side(size.0)?, side(size.1)?);
+    let (k, lens): ([f64; 4], &[f64]) = match (model, p) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], &[]),
+        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], &[]),
+        ("SIMPLE_RADIAL", &[f, cx, cy, _]) | ("RADIAL", &[f, cx, cy, _, _]) => ([f, f, cx, cy], &p[3..]),
+        ("OPENCV", &[fx, fy, cx, cy, _, _, _, _]) => ([fx, fy, cx, cy], &p[4..]),
+        _ => {
+            let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
+            return Err(format!("camera model {model} with {} parameters: supported are {known}", p.len()));
+        }
+    };
+    Ok((size, k, Lens::from_opencv(lens)?))
+}
+
+/// Reads numbers from the front of a file.
+struct Reader<'a> {
+    path: &'a Path,
+    rest: &'a [u8],
+}
+
+impl<'a> Reader<'a> {
+    fn bytes(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+        let (bytes, rest) =
+            self.rest.split_at_checked(count).ok_or_else(|| bad(self.path, "the file is cut off"))?;
+        self.rest = rest;
+        Ok(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+        Ok(self.bytes(N)?.try_into().expect("so many bytes"))
+    }
+
+    fn u64(&mut self) -> Result<u64, Fault> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    fn u32(&mut self) -> Result<u32, Fault> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    fn f64(&mut self) -> Result<f64, Fault> {
+        Ok(f64::from_le_bytes(self.array()?))
+    }
+
+    fn text(&mut self) -> Result<String, Fault> {
+        let end = self.rest.iter().position(|byte| *byte == 0);
+        let end = end.ok_or_else(|| bad(self.path, "a name does not end"))?;
+        let text = String::from_utf8_lossy(self.bytes(end)?).into_owned();
+        self.bytes(1)?;
+        Ok(text)
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Fault> {
+    std::fs::read(path).map_err(|error| bad(path, error))
+}
+
+fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
+    let bytes = read(path)?;
+    let mut reader = Reader { path, rest: &bytes };
+    let mut cameras = BTreeMap::new();
+    for _ in 0..reader.u64()? {
+        let (id, number) = (reader.u32()?, reader.u32()? as i32);
+        let size = (reader.u64()?, reader.u64()?);
+        let known = CAMERA_MODELS.iter().find(|(known, _, _)| *known == number);
+        let (_, model, count) = known.ok_or_else(|| {
+            let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
+            bad(path, format!("camera {id} has model number {number}: supported are {known}"))
+        })?;
+        let parameters = (0..*count).map(|_| reader.f64()).collect::<Result<Vec<_>, _>>()?;
+        let intrinsics = intrinsics(model, size, &parameters);
+        cameras.insert(id, intrinsics.map_err(|what| bad(path, format!("camera {id}: {what}")))?);
+    }
+    Ok(cameras)
+}
+
+fn images_bin(path: &Path) -> Result<Vec<Pose>, Fault> {
+    let bytes = read(path)?;
+    let mut reader = Reader { path, rest: &bytes };
+    let mut poses = Vec::new();
+    for _ in 0..reader.u64()? {
+        reader.u32()?;
+        let rotation = [reader.f64()?, reader.f64()?, reader.f64()?, reader.f64()?];
+        let translation = [reader.f64()?, reader.f64()?, reader.f64()?];
+        let (camera, name) = (reader.u32()?, reader.text()?);
+        let points = usize::try_from(reader.u64()?).ok().and_then(|count| count.checked_mul(24));
+        reader.bytes(points.ok_or_else(|| bad(path, "the file is cut off"))?)?;
+        poses.push(Pose { camera, rotation, translation, name });
+    }
+    Ok(poses)
+}
+
+/// Lines that are no comments, with their numbers from 1.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.starts_with('#'))
+}
+
+fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
+    let text = read_text(path)?;
+    let mut cameras = BTreeMap::new();
+    for (number, line) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let at = |what: String| bad(path, format!("line {number}: {what}"));
+        let [id, model, width, height, parameters @ ..] = words.as_slice() else {
+            return Err(at("not a camera".into()));
+        };
+        let parameters: Option<Vec<f64>> = parameters.iter().map(|word| word.parse().ok()).collect();
+        let (Ok(id), Ok(width), Ok(height), Some(parameters)) =
+            (id.parse(), width.parse(), height.parse(), parameters)
+        else {
+            return Err(at("not a camera".into()));
+        };
+        cameras.insert(id, intrinsics(model, (width, height), &parameters).map_err(at)?);
+    }
+    Ok(cameras)
+}
+
+fn images_txt(path: &Path) -> Result<Vec<Pose>, Fault> {
+    let text = read_text(path)?;
+    let mut poses = Vec::new();
+    // Every other line lists points, and may be empty.
+    for (number, line) in lines(&text).step_by(2).filter(|(_, line)| !line.trim().is_empty()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let parsed = || -> Option<Pose> {
+            let numbers: Vec<f64> =
+                words.get(1..8)?.iter().map(|word| word.parse().ok()).collect::<Option<_>>()?;
+            let [w, x, y, z, t0, t1, t2] = numbers[..] else { return None };
+            let (camera, name) = (words.get(8)?.parse().ok()?, words.get(9..)?.join(" "));
+            let pose = Pose { camera, rotation: [w, x, y, z], translation: [t0, t1, t2], name };
+            Some(pose).filter(|pose| !pose.name.is_empty())
+        };
+        poses.push(parsed().ok_or_else(|| bad(path, format!("line {number}: not an image")))?);
+    }
+    Ok(poses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_of_cameras() {
+        let of = |model, p: &[f64]| intrinsics(model, (64, 48), p).map(|(_, k, lens)| (k, lens));
+        assert_eq!(of("SIMPLE_PINHOLE", &[50.0, 32.0, 24.0]).unwrap().0, [50.0, 50.0, 32.0, 24.0]);
+        assert_eq!(
+            of("RADIAL", &[50.0, 32.0, 24.0, 0.1, 0.2]).unwrap().1,
+            Lens { k1: 0.1, k2: 0.2, ..Lens::default() }
+        );
+        let opencv = of("OPENCV", &[50.0, 51.0, 32.0, 24.0, 0.1, 0.2, 0.3, 0.4]).unwrap();
+        assert_eq!(opencv, ([50.0, 51.0, 32.0, 24.0], Lens { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 }));
+        assert!(of("FISHEYE", &[1.0]).unwrap_err().contains("FISHEYE"));
+        assert!(of("PINHOLE", &[1.0]).is_err());
+    }
+}

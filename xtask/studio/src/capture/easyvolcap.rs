@@ -1,0 +1,205 @@
+//! Captures as EasyVolcap has them: `intri.yml`, `extri.yml`, `images/CAMERA/FRAME.png` and perhaps
+//! `masks/CAMERA/FRAME.png`.
+//!
+//! The two files are YAML as OpenCV's FileStorage writes it, which generic readers refuse; of it
+//! this reads lists, numbers and matrices at the top level.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+use program::Fault;
+use refine::capture::{Lens, even_times};
+
+use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+
+/// File of the intrinsics, by which the layout is known.
+pub(super) const INTRINSICS: &str = "intri.yml";
+const EXTRINSICS: &str = "extri.yml";
+
+/// Names that the folder of masks goes by.
+const MASKS: [&str; 2] = ["masks", "mask"];
+
+pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
+    let storage = |name: &str| {
+        let path = folder.join(name);
+        let text = read_text(&path)?;
+        Ok::<_, Fault>((parse(&text), path))
+    };
+    let (intrinsics, intrinsics_path) = storage(INTRINSICS)?;
+    let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
+    let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
+    if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+        return Err(bad(&intrinsics_path, format!("camera {name} is there twice")).into());
+    }
+    let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
+
+    let mut builder = Builder::default();
+    let mut found: Vec<(usize, String, Files)> = Vec::new();
+    for name in &names {
+        let images = folder.join("images").join(name);
+        let mut frames = frames(&images)?;
+        frames.sort();
+        let Some(first) = frames.first() else { continue };
+        let first = find_image(&images.join(first)).expect("just listed");
+        let number =
+            |key: &str| intrinsics.get(&format!("{key}_{name}")).and_then(|v| numbers(v).first().copied());
+        let size = match (number("W"), number("H")) {
+            (Some(width), Some(height)) => (width as u32, height as u32),
+            _ => size_of(&first)?,
+        };
+        let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
+            let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
+            let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
+            data.ok_or_else(|| bad(path, format!("{}_{name} is missing or too short", keys[0])))
+        };
+        let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
+        let d = matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 0).unwrap_or_default();
+        let lens = Lens::from_opencv(&d).map_err(|what| bad(&intrinsics_path, format!("{name}: {what}")))?;
+        let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
+        let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {
+            Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
+            Err(_) => rodrigues(&matrix(&extrinsics, &extrinsics_path, &["R"], 3)?),
+        };
+        let camera = pinhole(size, [k[0], k[4], k[2], k[5]], rigid(rotation, [t[0], t[1], t[2]]));
+        let index = builder.camera(name, camera, lens, false);
+        for frame in frames {
+            let name = format!("{name}/{frame}");
+            let image = find_image(&folder.join("images").join(&name)).expect("just listed");
+            let mask = match &masks {
+                Some(masks) => {
+                    let mask = masks.join(&name);
+                    Some(find_image(&mask).ok_or_else(|| bad(&mask, "this mask is missing"))?)
+                }
+                None => None,
+            };
+            found.push((index, frame, Files { name, image, mask }));
+        }
+    }
+    let frames: BTreeSet<String> = found.iter().map(|(_, frame, _)| frame.clone()).collect();
+    let frames = in_order(frames);
+    let numbered: BTreeMap<&String, usize> = frames.iter().enumerate().map(|(i, frame)| (frame, i)).collect();
+    for (camera, frame, files) in found {
+        builder.shot(camera, numbered[&frame], files);
+    }
+    Ok(builder.footage(even_times(numbered.len())))
+}
+
+/// Names in the order of their numbers where all are numbers, whether or not with leading zeros.
+fn in_order(names: BTreeSet<String>) -> Vec<String> {
+    let mut names: Vec<String> = names.into_iter().collect();
+    if names.iter().all(|name| name.parse::<u64>().is_ok()) {
+        names.sort_by_key(|name| name.parse::<u64>().expect("a number"));
+    }
+    names
+}
+
+/// Names of the images in a folder, without their endings; none where it is missing.
+fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut frames = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|error| bad(folder, error))? {
+        let path = entry.map_err(|error| bad(folder, error))?.path();
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
+        // As it is looked for afterwards.
+        frames.extend(stem.filter(|stem| find_image(&folder.join(stem)).is_some()));
+    }
+    Ok(frames)
+}
+
+/// What each name at the top level of a file stands for, unread.
+type Storage = BTreeMap<String, String>;
+
+fn parse(text: &str) -> Storage {
+    let mut storage = Storage::new();
+    let mut key = None;
+    for line in text.lines().filter(|line| !line.starts_with(['%', '#']) && line.trim() != "---") {
+        let top = (!line.starts_with([' ', '\t', '-'])).then(|| line.split_once(':')).flatten();
+        if let Some((name, rest)) = top {
+            let name = name.trim().trim_matches('"').to_owned();
+            storage.insert(name.clone(), rest.to_owned());
+            key = Some(name);
+        } else if let Some(value) = key.as_ref().and_then(|key| storage.get_mut(key)) {
+            value.push('\n');
+            value.push_str(line);
+        }
+    }
+    storage
+}
+
+/// Names of the cameras.
+fn names(storage: &Storage) -> Option<Vec<String>> {
+    let text = storage.get("names")?;
+    let items = text.split(['\n', ',', '[', ']']);
+    let names = items.map(|item| item.trim().trim_start_matches('-').trim().trim_matches('"').to_owned());
+    Some(names.filter(|name| !name.is_empty()).collect())
+}
+
+/// The numbers of a matrix or a single number.
+fn numbers(value: &str) -> Vec<f64> {
+    let list = match value.split_once("data:") {
+        Some((_, data)) => data.trim().trim_start_matches('[').split(']').next().unwrap_or_default(),
+        None => value,
+    };
+    let parsed: Option<Vec<f64>> = list
+        .split([',', '\n'])
+        .map(str::trim)
+        .filter(|item| !item.is_empty())
+        .map(|item| item.parse().ok())
+        .collect();
+    parsed.unwrap_or_default()
+}
+
+/// The rotation of a vector along the axis and as long as the angle.
+fn rodrigues(vector: &[f64]) -> [[f64; 3]; 3] {
+    let vector = DVec3::new(vector[0], vector[1], vector[2]);
+    DMat3::from_quat(glam::DQuat::from_scaled_axis(vector)).transpose().to_cols_array_2d()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "%YAML:1.0\n---\nnames:\n   - \"00\"\n   - \"b\"\nK_00: !!opencv-matrix\n   rows: 3\n   \
+                        cols: 3\n   dt: d\n   data: [ 390., 0., 256., 0.,\n       3.9e2, 187.5, 0., 0., 1. ]\nH_00: 375\n";
+
+    #[test]
+    fn lists_numbers_and_matrices_are_read() {
+        let storage = parse(TEXT);
+        assert_eq!(names(&storage).unwrap(), ["00", "b"]);
+        assert_eq!(numbers(&storage["K_00"]), [390.0, 0.0, 256.0, 0.0, 390.0, 187.5, 0.0, 0.0, 1.0]);
+        assert_eq!(numbers(&storage["H_00"]), [375.0]);
+        assert!(numbers("data: [ 1, x ]").is_empty());
+        assert_eq!(names(&parse("names: [ \"a\", c ]")).unwrap(), ["a", "c"]);
+    }
+
+    #[test]
+    fn photographs_are_found_whatever_their_endings() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["1.png", "2.PNG", "3.25.jpeg", "4.WebP", "notes.txt", "5"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let mut found = frames(folder.path()).unwrap();
+        found.sort();
+        assert_eq!(found, ["1", "2", "3.25"]);
+        assert!(found.iter().all(|name| find_image(&folder.path().join(name)).is_some()));
+    }
+
+    #[test]
+    fn frames_are_in_the_order_of_their_numbers() {
+        let order = |names: &[&str]| in_order(names.iter().map(|name| name.to_string()).collect());
+        assert_eq!(order(&["10", "9", "0008"]), ["0008", "9", "10"]);
+        assert_eq!(order(&["b10", "b9", "7"]), ["7", "b10", "b9"]);
+    }
+
+    #[test]
+    fn a_quarter_turn_about_z() {
+        let r = rodrigues(&[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+        let expected = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        for (row, expected) in r.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((row - expected).abs() < 1e-12);
+        }
+    }
+}

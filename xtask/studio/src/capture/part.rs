@@ -1,0 +1,156 @@
+//! A part of a capture: some of its frames, in fewer pixels.
+
+use std::ops::Range;
+
+use codec::Camera;
+use program::Fault;
+
+use super::Footage;
+
+impl Footage {
+    /// Keeps the cameras with these names.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] where the capture has no such camera.
+    pub fn keep_cameras(&mut self, names: &[String]) -> Result<(), Fault> {
+        let cameras = &mut self.capture.cameras;
+        if let Some(name) = names.iter().find(|name| cameras.iter().all(|camera| camera.name != **name)) {
+            return Err(Fault::Usage(format!("the capture has no camera \"{name}\"")));
+        }
+        let kept: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
+        let mut keep = kept.iter();
+        cameras.retain(|_| *keep.next().expect("one for each camera"));
+        let mut keep = kept.iter();
+        self.taken_by.retain(|_| *keep.next().expect("one for each camera"));
+        let files = std::mem::take(&mut self.files).into_iter().filter(|(shot, _)| kept[shot.camera]);
+        self.files = files
+            .map(|(mut shot, files)| {
+                shot.camera = kept[..shot.camera].iter().filter(|kept| **kept).count();
+                (shot, files)
+            })
+            .collect();
+        self.capture.shots = self.files.keys().copied().collect();
+        Ok(())
+    }
+
+    /// Keeps the frames in `frames`, of which the first becomes the start of the clip and the last
+    /// its end.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] where the capture does not have them all.
+    pub fn keep_frames(&mut self, frames: Range<usize>) -> Result<(), Fault> {
+        let capture = &mut self.capture;
+        if frames.is_empty() || frames.end > capture.times.len() {
+            let (Range { start, end }, has) = (frames, capture.times.len());
+            return Err(Fault::Usage(format!("frames {start}..{end}: the capture has 0..{has}")));
+        }
+        let files = std::mem::take(&mut self.files).into_iter();
+        self.files = files
+            .filter(|(shot, _)| frames.contains(&shot.frame))
+            .map(|(mut shot, files)| {
+                shot.frame -= frames.start;
+                (shot, files)
+            })
+            .collect();
+        capture.shots = self.files.keys().copied().collect();
+        let times = capture.times[frames].to_vec();
+        let (first, last) = (times[0], times[times.len() - 1]);
+        // One frame lasts: it is the whole of its clip.
+        let duration = if last > first { last - first } else { 1.0 };
+        capture.times = times.iter().map(|t| (t - first) / duration).collect();
+        // Of some captures every camera took one photograph.
+        let used: Vec<String> = (0..capture.cameras.len())
+            .filter(|camera| capture.shots.iter().any(|shot| shot.camera == *camera))
+            .map(|camera| capture.cameras[camera].name.clone())
+            .collect();
+        self.keep_cameras(&used)
+    }
+
+    /// Shrinks all photographs to `width` x `height` pixels; their cameras see what they saw.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] where a camera has fewer pixels.
+    pub fn shrink(&mut self, width: u32, height: u32) -> Result<(), Fault> {
+        for camera in &mut self.capture.cameras {
+            let Camera { width: was_width, height: was_height, .. } = camera.camera;
+            if width == 0 || height == 0 || width > was_width || height > was_height {
+                let (name, was) = (&camera.name, format!("{was_width}x{was_height}"));
+                return Err(Fault::Usage(format!("{width}x{height} pixels: camera {name} has {was}")));
+            }
+            camera.camera = scaled(&camera.camera, width, height);
+        }
+        Ok(())
+    }
+}
+
+/// The camera with its image in so many pixels, which need not stay square.
+fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
+    let mut scaled = Camera { width, height, ..camera.clone() };
+    let factors = [f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height)];
+    for (row, factor) in scaled.k.iter_mut().zip(factors) {
+        row.iter_mut().for_each(|k| *k *= factor);
+    }
+    scaled
+}
+
+#[cfg(test)]
+mod tests {
+    use refine::capture::{Capture, CaptureShot, Lens};
+
+    use super::super::{Builder, Files};
+    use super::*;
+
+    /// Two cameras of 40x30 pixels and five frames.
+    fn footage() -> Footage {
+        let mut builder = Builder::default();
+        for name in ["a", "b"] {
+            let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 40, 30);
+            let index = builder.camera(name, camera, Lens::default(), false);
+            for frame in 0..5 {
+                let files = Files { name: format!("{name}/{frame}"), image: Default::default(), mask: None };
+                builder.shot(index, frame, files);
+            }
+        }
+        builder.footage(refine::capture::even_times(5))
+    }
+
+    #[test]
+    fn frames_are_cut_out_and_fill_the_clip() {
+        let mut footage = footage();
+        footage.keep_frames(1..4).unwrap();
+        let Capture { times, shots, .. } = &footage.capture;
+        assert_eq!(times, &[0.0, 0.5, 1.0]);
+        assert_eq!(shots.len(), 6);
+        assert_eq!(footage.name(CaptureShot { frame: 2, camera: 1 }), "b/3");
+        footage.keep_frames(1..2).unwrap();
+        assert_eq!(footage.capture.times, [0.0]);
+        for wrong in [0..2, 1..1] {
+            assert!(matches!(footage.keep_frames(wrong), Err(Fault::Usage(_))));
+        }
+    }
+
+    #[test]
+    fn cameras_are_picked_by_name() {
+        let mut footage = footage();
+        footage.keep_cameras(&["b".into()]).unwrap();
+        assert_eq!(footage.capture.cameras.len(), 1);
+        assert_eq!(footage.name(CaptureShot { frame: 4, camera: 0 }), "b/4");
+        assert_eq!(footage.capture.shots.len(), 5);
+        assert!(matches!(footage.keep_cameras(&["a".into()]), Err(Fault::Usage(_))));
+    }
+
+    #[test]
+    fn a_smaller_camera_sees_the_same() {
+        let mut footage = footage();
+        let before = footage.capture.cameras[0].camera.clone();
+        footage.shrink(20, 10).unwrap();
+        let after = &footage.capture.cameras[0].camera;
+        assert_eq!((after.width, after.height), (20, 10));
+        for i in 0..2 {
+            let factor = [0.5, 1.0 / 3.0][i];
+            assert!((after.k[i][i] - before.k[i][i] * factor).abs() < 1e-12);
+            assert!((after.k[i][2] - before.k[i][2] * factor).abs() < 1e-12);
+        }
+        assert!(matches!(footage.shrink(21, 10), Err(Fault::Usage(_))));
+    }
+}

@@ -1,0 +1,130 @@
+//! What commands that look at a capture are told of it.
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::capture::Footage;
+use crate::fit::Shots;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use program::Fault;
+use refine::capture;
+use refine::fit::Lpips;
+
+/// Which part of a capture, and what of it is held out from fitting.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct Cut {
+    /// Frames to look at: from A, without B; all by default
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    frames: Option<Range<usize>>,
+    /// Pixels to shrink the photographs to; as they are by default
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+    /// Frames that are held out from fitting
+    #[arg(long, value_enum, default_value = "odd")]
+    holdout: Holdout,
+    /// Cameras that are held out from fitting, by name, besides those that the capture says
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    held_cameras: Vec<String>,
+    /// Cameras to look at, by name; all by default
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    cameras: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Holdout {
+    /// Every other frame, from the second
+    Odd,
+    /// None
+    None,
+}
+
+impl Cut {
+    /// Opens a capture and cuts the part out.
+    pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<Footage> {
+        let mut footage = Footage::open(folder)?;
+        if !self.cameras.is_empty() {
+            footage.keep_cameras(&self.cameras)?;
+        }
+        if let Some(frames) = &self.frames {
+            footage.keep_frames(frames.clone())?;
+        }
+        if let Some((width, height)) = self.size {
+            footage.shrink(width, height)?;
+        }
+        for name in &self.held_cameras {
+            let found = footage.capture.cameras.iter_mut().find(|camera| camera.name == *name);
+            let missing = || Fault::Usage(format!("--held-cameras: the capture has no camera \"{name}\""));
+            found.ok_or_else(missing)?.held = true;
+        }
+        Ok(footage)
+    }
+
+    /// Whether it is all of a capture, held out as usual.
+    pub(crate) fn is_usual(&self) -> bool {
+        self.frames.is_none()
+            && self.size.is_none()
+            && self.holdout() == capture::Holdout::default()
+            && self.held_cameras.is_empty()
+            && self.cameras.is_empty()
+    }
+
+    /// The frames that are held out.
+    pub(crate) fn holdout(&self) -> capture::Holdout {
+        match self.holdout {
+            Holdout::Odd => capture::Holdout::Odd,
+            Holdout::None => capture::Holdout::None,
+        }
+    }
+
+    /// Their name on the command line.
+    pub(crate) fn holdout_name(&self) -> &'static str {
+        match self.holdout {
+            Holdout::Odd => "odd",
+            Holdout::None => "none",
+        }
+    }
+}
+
+/// Cameras, frames and photographs of each split, in one line.
+pub(crate) fn describe(footage: &Footage, holdout: capture::Holdout) -> Result<String, Fault> {
+    let cameras = &footage.capture.cameras;
+    let splits =
+        capture::Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
+    let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
+    let [train, interp_b, recon, interp_a] = capture::Split::ALL.map(count);
+    Ok(format!(
+        "{} cameras, {} of them held; {} frames; {train} photographs to fit to; held: {interp_b} of other \
+         frames, {recon} of other cameras, {interp_a} of both",
+        cameras.len(),
+        cameras.iter().filter(|camera| camera.held).count(),
+        footage.capture.times.len(),
+    ))
+}
+
+/// Reads the photographs that a fit looks at.
+pub(crate) fn load_shots(footage: &Footage, holdout: capture::Holdout) -> anyhow::Result<Shots> {
+    let style = ProgressStyle::with_template("{spinner} {pos} photographs")?;
+    let bar = ProgressBar::new_spinner().with_style(style);
+    let shots = Shots::load(footage, holdout, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(shots)
+}
+
+/// The network of LPIPS, where its weights are given.
+pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
+    let Some(path) = weights else { return Ok(None) };
+    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
+    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+}
+
+fn frames(text: &str) -> Result<Range<usize>, String> {
+    let parts = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    parts.filter(|range: &Range<usize>| !range.is_empty()).ok_or_else(|| "frames as 0..9".into())
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    parts.filter(|(w, h)| *w > 0 && *h > 0).ok_or_else(|| "width and height as 512x375".into())
+}

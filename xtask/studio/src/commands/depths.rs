@@ -1,0 +1,69 @@
+//! `cargo xtask depths`: a network tells how far the pixels of photographs are.
+
+use std::path::PathBuf;
+
+use super::capture::Cut;
+
+/// Make depth maps of a capture's photographs by a network, for `fit --depths`.
+///
+/// Takes a build with --features onnx.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
+    capture: PathBuf,
+    /// Folder of the network: backbone.json and the files of its stages, *.onnx (format:
+    /// xtask/CAPTURE.md). ONNX Runtime is looked for by the system, or where ORT_DYLIB_PATH says
+    #[arg(long, value_name = "DIR")]
+    backbone: PathBuf,
+    /// Folder to write the maps to, one PFM file for each photograph that is fitted to
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    cut: Cut,
+}
+
+#[cfg(not(feature = "onnx"))]
+pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
+    anyhow::bail!(program::Fault::Usage(
+        "depths: this build runs no networks; \
+         run `cargo run --release --package xtask --features onnx -- depths ...`"
+            .into(),
+    ))
+}
+
+#[cfg(feature = "onnx")]
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    use crate::backbone::Backbone;
+    use crate::capture::pfm_file;
+    use anyhow::bail;
+    use indicatif::{ProgressBar, ProgressStyle};
+    use program::{Fault, output};
+    use refine::capture::{CaptureShot, Split};
+
+    let footage = args.cut.open(&args.capture)?;
+    let splits = Split::assign(&footage.capture, args.cut.holdout())
+        .map_err(|error| Fault::Data(error.to_string()))?;
+    let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
+    let mut shots: Vec<CaptureShot> = train.map(|(shot, _)| shot).collect();
+    shots.sort();
+    let mut backbone = Backbone::open(&args.backbone)?;
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left")?;
+    let bar = ProgressBar::new(shots.len() as u64).with_style(style);
+    let mut size = (0, 0);
+    for shots in shots.chunk_by(|a, b| a.frame == b.frame) {
+        let maps = backbone.depths(shots.iter().map(|shot| footage.as_taken(*shot)))?;
+        for (shot, map) in shots.iter().zip(&maps) {
+            let path = args.out.join(format!("{}.pfm", footage.name(*shot)));
+            let folder = path.parent().expect("it is a file");
+            if let Err(error) = std::fs::create_dir_all(folder) {
+                bail!(Fault::Usage(format!("cannot make {}: {error}", folder.display())));
+            }
+            output::write(&path, &pfm_file(map))?;
+            size = (map.width, map.height);
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    println!("{} depth maps of {}x{} in {}", shots.len(), size.0, size.1, args.out.display());
+    Ok(())
+}

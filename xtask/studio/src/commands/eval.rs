@@ -1,0 +1,234 @@
+//! `cargo xtask eval`: a field, a package or pictures against the photographs of a capture.
+
+use std::path::{Path, PathBuf};
+
+use crate::capture::Footage;
+use crate::eval::{
+    self, Baseline, Ladder, SplitMeasures, Strips, Subject, baseline_rows, csv, free_views, judge,
+    judge_baselines, ladder, means, over_scenes, quarter_frames, scenes_table, swiftest, table,
+};
+use crate::input::Input;
+use anyhow::bail;
+use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
+use refine::fit::Lpips;
+use refine::image::Image;
+use serde_json::{Map, Value, json};
+
+use super::capture::{Cut, describe, load_lpips};
+use super::fit::name_of;
+
+/// Compare a field, a package or a folder of pictures with the photographs of a capture.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Package, fitted field, or folder of pictures named as the photographs are; several are of
+    /// several scenes, of which the means are then averaged
+    #[arg(required = true, value_name = "SUBJECT")]
+    subjects: Vec<PathBuf>,
+    /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md); once for each
+    /// SUBJECT, in their order
+    #[arg(long = "capture", required = true, value_name = "CAPTURE")]
+    captures: Vec<PathBuf>,
+    #[command(flatten)]
+    cut: Cut,
+    /// Measure held frames, too, as the nearest frame that is fitted to shows them, and a blend of the
+    /// two around them; SUBJECT is a field or package
+    #[arg(long)]
+    baselines: bool,
+    /// Weights of LPIPS (AlexNet or VGG16) as safetensors; without them it is not measured
+    #[arg(long, value_name = "FILE")]
+    lpips_weights: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Folder to write eval.md, eval.csv, eval.json and pictures to: beside the photographs; of a field or
+    /// package also between frames and from other places; of a package also its first layers. Of
+    /// several scenes one folder each, named as its capture
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let Args { subjects, captures, .. } = args;
+    if subjects.len() != captures.len() {
+        let (subjects, captures) = (subjects.len(), captures.len());
+        bail!(Fault::Usage(format!("{subjects} SUBJECTs and {captures} --capture: each takes its own")));
+    }
+    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
+        let scene = Scene { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
+        let evaluated = scene.evaluate()?;
+        match args.json {
+            true => println!("{:#}", evaluated.json),
+            false => print!("{}\n\n{}", evaluated.about, evaluated.table),
+        }
+    } else {
+        let names: Vec<String> = captures.iter().map(|capture| name_of(capture)).collect();
+        if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+            bail!(Fault::Usage(format!("two captures are called {name}, and scenes are called as these")));
+        }
+        let (mut scenes, mut means) = (Map::new(), Vec::new());
+        for ((subject, capture), name) in subjects.iter().zip(captures).zip(&names) {
+            let out = args.out.as_ref().map(|out| out.join(name));
+            let evaluated = Scene { subject, capture, out, args, lpips: lpips.as_ref() }.evaluate()?;
+            if !args.json {
+                print!("{name}: {}\n\n{}\n", evaluated.about, evaluated.table);
+            }
+            scenes.insert(name.clone(), evaluated.json);
+            means.push(evaluated.means);
+        }
+        let rows = over_scenes(&means);
+        let splits = rows.iter().map(|row| Ok((row.split.to_owned(), serde_json::to_value(row)?)));
+        let json = json!({"scenes": scenes, "splits": splits.collect::<anyhow::Result<Map<_, _>>>()?});
+        let table = format!("Over {} scenes:\n\n{}", names.len(), scenes_table(&rows));
+        if let Some(out) = &args.out {
+            output::write(&out.join("eval.json"), format!("{json:#}\n").as_bytes())?;
+            output::write(&out.join("eval.md"), table.as_bytes())?;
+        }
+        match args.json {
+            true => println!("{json:#}"),
+            false => print!("{table}"),
+        }
+    }
+    if !args.json {
+        println!("\ntrain: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held");
+        match &lpips {
+            Some(lpips) => println!("LPIPS by {}", lpips.net()),
+            None => println!("LPIPS is not measured: it takes --lpips-weights."),
+        }
+    }
+    Ok(())
+}
+
+/// A scene to evaluate.
+struct Scene<'a> {
+    subject: &'a Path,
+    capture: &'a Path,
+    /// Folder for tables and pictures.
+    out: Option<PathBuf>,
+    args: &'a Args,
+    lpips: Option<&'a Lpips<f32>>,
+}
+
+/// What came of a scene.
+struct Evaluated {
+    /// Its cameras, frames and photographs.
+    about: String,
+    means: Vec<SplitMeasures>,
+    table: String,
+    json: Value,
+}
+
+impl Scene<'_> {
+    fn evaluate(self) -> anyhow::Result<Evaluated> {
+        let Scene { subject: path, capture, out, args, lpips } = self;
+        let footage = args.cut.open(capture)?;
+        let subject = Subject::load(path, &footage)?;
+        let holdout = args.cut.holdout();
+        let about = describe(&footage, holdout)?;
+        let compared = match (&subject, args.baselines) {
+            (Subject::Drawn(input), true) => Some(input),
+            (Subject::Pictures(_), true) => bail!(Fault::Usage(format!(
+                "--baselines draw a field or package between frames; {} holds pictures",
+                path.display()
+            ))),
+            (_, false) => None,
+        };
+        if let Some(out) = &out {
+            std::fs::create_dir_all(out)
+                .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
+        }
+        if footage.missing() > 0 {
+            eprintln!("note: {} photographs are missing that others have the like of", footage.missing());
+        }
+        let style =
+            ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
+        let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
+        let mut strips = Strips::new(&subject, &footage, holdout)?;
+        let judged = judge(&subject, &footage, holdout, lpips, |look| {
+            if let (Some(look), Some(_)) = (look, &out) {
+                strips.look(look);
+            }
+            progress.inc(1);
+        })?;
+        progress.finish_and_clear();
+
+        let missing = footage.capture.shots.len() - judged.len();
+        if missing > 0 {
+            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.shots.len());
+        }
+        let means = means(&judged);
+        let held = footage.capture.cameras.iter().filter(|camera| camera.held);
+        let held: Vec<&str> = held.map(|camera| camera.name.as_str()).collect();
+        let mut json = json!({
+            "subject": path, "capture": capture, "held_cameras": held,
+            "holdout": args.cut.holdout_name(),
+            "splits": by_split(&means)?,
+        });
+        let mut table = table(&means);
+        if let Some(input) = compared {
+            let held = judged.iter().filter(|one| one.split.holds_frame()).count();
+            progress.reset();
+            progress.set_length(held as u64);
+            let guesses = judge_baselines(input, &footage, holdout, lpips, || progress.inc(1))?;
+            progress.finish_and_clear();
+            let mut baselines = Map::new();
+            for (baseline, judged) in Baseline::ALL.into_iter().zip(&guesses) {
+                let means = eval::means(judged);
+                table += &baseline_rows(baseline, &means);
+                baselines.insert(baseline.name().into(), by_split(&means)?.into());
+            }
+            json["baselines"] = baselines.into();
+        }
+        if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
+            && let Some(ladder) = more_pictures(out, input, path, args, &footage)?
+        {
+            table += &ladder.table();
+            json["ladder"] = serde_json::to_value(&ladder)?;
+        }
+        if let Some(out) = &out {
+            output::write(&out.join("eval.json"), format!("{json:#}\n").as_bytes())?;
+            output::write(&out.join("eval.md"), table.as_bytes())?;
+            output::write(&out.join("eval.csv"), csv(&judged, &footage).as_bytes())?;
+            for strip in strips.into_strips() {
+                let name = footage.name(strip.shot).replace(['/', '\\'], "_");
+                write_picture(&out.join(format!("{}_{name}.png", strip.split.name())), &strip.image)?;
+            }
+        }
+        Ok(Evaluated { about, means, table, json })
+    }
+}
+
+/// The rows by the names of their splits.
+fn by_split(means: &[SplitMeasures]) -> anyhow::Result<Map<String, Value>> {
+    means.iter().map(|row| Ok((row.split.to_owned(), serde_json::to_value(row)?))).collect()
+}
+
+/// What only a field or a package can show: other times, other places, other budgets.
+fn more_pictures(
+    out: &Path,
+    input: &Input,
+    path: &Path,
+    args: &Args,
+    footage: &Footage,
+) -> anyhow::Result<Option<Ladder>> {
+    let holdout = args.cut.holdout();
+    let interval = swiftest(footage, holdout)?;
+    if let Some(interval) = &interval {
+        write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, footage, interval)?)?;
+    }
+    let t = interval.map_or(0.0, |interval| interval.middle(footage));
+    if let Some(views) = free_views(input, footage, t) {
+        write_picture(&out.join("free_views.png"), &views)?;
+    }
+    let Input::Package(clip) = input else { return Ok(None) };
+    let ladder = ladder(clip, path, footage, holdout)?;
+    if let Some(ladder) = &ladder {
+        write_picture(&out.join("ladder.png"), &ladder.picture)?;
+    }
+    Ok(ladder)
+}
+
+fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
+    output::write_png(path, &image.to_rgb8(), (image.width, image.height))
+}

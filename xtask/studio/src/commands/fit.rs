@@ -1,0 +1,407 @@
+//! `cargo xtask fit`: the photographs of a capture become a field.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use crate::capture::Footage;
+use crate::export::field_file;
+use crate::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
+use crate::input::Input;
+use crate::scene::DEFAULT_FPS;
+use crate::takes::{List, Take};
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
+use refine::anchor::Mirror;
+use refine::fit::{Backend, Cpu, DensityRule};
+use serde_json::{Value, json};
+
+use super::capture::{Cut, describe, load_lpips, load_shots};
+use super::takes::{self, Job, Many};
+
+/// Fit a field to the photographs of a capture.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Args {
+    /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
+    #[arg(required_unless_present = "list", conflicts_with = "list")]
+    capture: Option<PathBuf>,
+    /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. Beside it go
+    /// the table and the picture of the fit (.fit.csv, .fit.png) and, until it is done, a
+    /// .checkpoint, from which the same command goes on
+    #[arg(short, long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    many: Many,
+    /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    steps: Option<u64>,
+    #[command(flatten)]
+    cut: Cut,
+    /// Where the first Gaussians come from
+    #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
+    anchor: Anchor,
+    /// Cameras whose pixels the anchor puts Gaussians at, by name, as the paper's frontal ones; all by
+    /// default
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    anchor_cameras: Vec<String>,
+    /// Whether the side that they do not see is mirrored from the one they see: auto does so in clips of
+    /// at most nine frames where they stand on one side
+    #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
+    mirror: MirrorWhen,
+    /// Folder of depth maps, named as the photographs are, instead: 16-bit PNG in thousandths of a
+    /// unit, PFM or NPY
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
+    depths: Option<PathBuf>,
+    /// How depth maps come to the scale of the cameras
+    #[arg(long, value_enum, default_value_t = Scale::Auto, requires = "depths")]
+    depth_scale: Scale,
+    /// Fitted field or package to go on from instead
+    #[arg(long, value_name = "FIELD",
+          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
+    from: Option<PathBuf>,
+    /// Fewest Gaussians that pruning leaves, and about as many to start with; by default 12000 for
+    /// each frame that is fitted to, at most 200000, and fewer for photographs below 512x375
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    gaussians: Option<u32>,
+    /// Prune as if there were no fewest
+    #[arg(long)]
+    no_floor: bool,
+    /// How Gaussians are made and removed
+    #[arg(long, value_enum, default_value_t = Rule::Floor)]
+    rule: Rule,
+    /// Degree of view-dependent colour; that of FIELD with --from
+    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE, conflicts_with = "from",
+          value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: u8,
+    /// Weights of LPIPS (AlexNet or VGG16), safetensors; without them that part of the loss is left out
+    #[arg(long, value_name = "FILE")]
+    lpips_weights: Option<PathBuf>,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Engine::Cpu)]
+    backend: Engine,
+    /// Captured frames per second
+    #[arg(long, default_value_t = DEFAULT_FPS, value_parser = positive)]
+    fps: f32,
+    /// Seconds between checkpoints
+    #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f32(),
+          value_parser = positive)]
+    checkpoint_every: f32,
+    /// Seed of all chance
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Anchor {
+    /// The visual hull of the masks, refined where the photographs agree
+    Sweep,
+    /// The visual hull of the masks
+    Hull,
+    /// None: Gaussians anywhere
+    None,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MirrorWhen {
+    Auto,
+    On,
+    Off,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Scale {
+    /// By the hull where there are masks, else by the rig
+    Auto,
+    /// One factor for all: their median is the distance of the cameras, as in the paper
+    Rig,
+    /// A factor and an offset for each, found on the visual hull
+    Hull,
+    /// They are in units of the capture
+    Metric,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Rule {
+    /// Split, clone and prune, but never below --gaussians (the paper)
+    Floor,
+    /// Move what has died to where it is needed; their number stays
+    Relocate,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Engine {
+    /// All cores; the same result for any number of them, bit by bit
+    Cpu,
+    /// The graphics device; results differ from the CPU's in their last digits. Takes a build with
+    /// --features gpu
+    Gpu,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
+    number.ok_or_else(|| "a number from 0.001 to 1000000".into())
+}
+
+/// Fits a capture as `fit` does where nothing is said.
+pub(super) fn by_default(
+    footage: &Footage,
+    shots: &Shots,
+    settings: &Settings,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let runtime =
+        Runtime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
+    fit_to(out, settings, footage, shots, runtime, DEFAULT_FPS).map(drop)
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match (&args.many.list, &args.out) {
+        (Some(list), Some(folder)) => run_many(args, list, folder),
+        _ => run_one(args),
+    }
+}
+
+fn run_one(args: &Args) -> anyhow::Result<()> {
+    let began = Instant::now();
+    let usual = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
+    let out = args.out.clone().unwrap_or_else(usual);
+    let done = make(args, &out)?;
+    report(args, &done, &out, began)
+}
+
+/// Fits a field to each capture of a list.
+fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
+    let job = Job {
+        command: "fit",
+        ending: "ply",
+        options: format!("{:?}", args.options()),
+        inputs: args.lpips_weights.iter().map(PathBuf::as_path).collect(),
+        forget: fit::forget_checkpoint,
+        json: args.json,
+    };
+    takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+        make(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
+    })
+}
+
+impl Args {
+    fn capture(&self) -> &Path {
+        self.capture.as_deref().expect("there is a capture where there is no list")
+    }
+
+    /// What decides what becomes of any capture.
+    fn options(&self) -> Args {
+        Args {
+            capture: None,
+            out: None,
+            many: Many::default(),
+            // Its contents count, see the inputs.
+            lpips_weights: None,
+            checkpoint_every: 0.0,
+            json: false,
+            ..self.clone()
+        }
+    }
+}
+
+/// Fits and writes a field.
+fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
+    output::check(out)?;
+    if out.extension() != Some(OsStr::new("ply")) {
+        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
+    }
+    let footage = args.cut.open(args.capture())?;
+    let holdout = args.cut.holdout();
+    let splits = describe(&footage, holdout)?;
+    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let settings = settings(args, &footage)?;
+    fit::check_checkpoint(&settings, out)?;
+    let shots = load_shots(&footage, holdout)?;
+    let mut backend = open(args.backend)?;
+    let runtime = Runtime {
+        backend: &mut *backend,
+        lpips: lpips.as_ref(),
+        checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
+    };
+    let fitted = fit_to(out, &settings, &footage, &shots, runtime, args.fps)?;
+    Ok(Done { settings, fitted, splits })
+}
+
+/// A fit that is done.
+struct Done {
+    settings: Settings,
+    fitted: Fitted,
+    splits: String,
+}
+
+/// Fits and writes the field file `out`.
+fn fit_to(
+    out: &Path,
+    settings: &Settings,
+    footage: &Footage,
+    shots: &Shots,
+    runtime: Runtime,
+    fps: f32,
+) -> anyhow::Result<Fitted> {
+    let bar = ProgressBar::new(settings.steps)
+        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
+    bar.println(describe(footage, settings.holdout)?);
+    let fitted = fit::fit(settings, footage, shots, runtime, out, &mut |progress| show(&bar, progress))?;
+    bar.finish_and_clear();
+    output::write(out, &field_file(&fitted.field, &fit::info(footage, fps)))?;
+    fit::forget_checkpoint(out)?;
+    Ok(fitted)
+}
+
+/// What draws.
+fn open(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
+    match engine {
+        Engine::Cpu => Ok(Box::new(Cpu::default())),
+        Engine::Gpu => open_gpu(),
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    match refine::fit::gpu::Gpu::open() {
+        Ok(gpu) => Ok(Box::new(gpu)),
+        Err(error) => Err(Fault::Device(error.to_string())),
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
+    Err(Fault::Usage(
+        "--backend gpu: this build has no back end for graphics devices; \
+         run `cargo run --release --package xtask --features gpu -- fit ...`"
+            .into(),
+    ))
+}
+
+fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
+    let usual = Settings::usual(footage, args.cut.holdout())?;
+    let gaussians = args.gaussians.map_or(usual.gaussians, |n| n as usize);
+    let start = match (&args.depths, &args.from) {
+        (Some(folder), _) => Start::Depths(
+            folder.to_string_lossy().into_owned(),
+            match args.depth_scale {
+                Scale::Auto => DepthScale::Auto,
+                Scale::Rig => DepthScale::Rig,
+                Scale::Hull => DepthScale::Hull,
+                Scale::Metric => DepthScale::Metric,
+            },
+        ),
+        (_, Some(path)) => {
+            let input = Input::load(path)?;
+            let frames = input.frames();
+            fit::check_frames(path, &input.into_field().0, frames, footage)?;
+            Start::Field(path.to_string_lossy().into_owned(), checksum(path)?)
+        }
+        _ => match args.anchor {
+            Anchor::Sweep => Start::Sweep,
+            Anchor::Hull => Start::Hull,
+            Anchor::None => Start::Scatter,
+        },
+    };
+    let lpips = match &args.lpips_weights {
+        Some(weights) => Some(format!("{}, {:08x}", weights.display(), checksum(weights)?)),
+        None => None,
+    };
+    Ok(Settings {
+        lpips,
+        steps: args.steps.unwrap_or(usual.steps),
+        start,
+        anchor_cameras: args.anchor_cameras.clone(),
+        mirror: match args.mirror {
+            MirrorWhen::Auto => Mirror::Auto,
+            MirrorWhen::On => Mirror::On,
+            MirrorWhen::Off => Mirror::Off,
+        },
+        gaussians,
+        floor: if args.no_floor { 0 } else { gaussians },
+        rule: match args.rule {
+            Rule::Floor => DensityRule::Floor,
+            Rule::Relocate => DensityRule::Relocate,
+        },
+        sh_degree: args.sh_degree,
+        seed: args.seed,
+        ..usual
+    })
+}
+
+fn checksum(path: &Path) -> Result<u32, Fault> {
+    let bytes = std::fs::read(path);
+    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) {
+    bar.set_position(progress.step);
+    let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
+    bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
+}
+
+impl Done {
+    fn last(&self) -> anyhow::Result<&log::Entry> {
+        self.fitted.entries.last().context("a fit has at least one step")
+    }
+
+    fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
+        let Done { settings, fitted, splits } = self;
+        let last = self.last()?;
+        Ok(json!({
+            "out": out, "steps": settings.steps, "resumed_at": fitted.resumed_at,
+            "gaussians_at_start": fitted.started_with, "gaussians": fitted.field.len(),
+            "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
+            "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
+            "lpips": settings.lpips, "backend": fitted.backend,
+            "peak_device_bytes": fitted.peak_device_bytes,
+        }))
+    }
+}
+
+fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Result<()> {
+    if args.json {
+        println!("{:#}", done.to_json(out)?);
+        return Ok(());
+    }
+    let Done { settings, fitted, splits } = done;
+    let (last, ms_per_step) = (done.last()?, fitted.ms_per_step);
+    println!("{splits}");
+    match &settings.lpips {
+        Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),
+        None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
+    }
+    println!("Gaussians        {} at the start, {} at the end", fitted.started_with, fitted.field.len());
+    if let Some(psnr) = last.held_psnr_db {
+        println!("held             {psnr:.2} dB, the subject in a few photographs; `eval` measures all");
+    }
+    if fitted.non_finite > 0 {
+        println!("left out         {} gradients that were not finite", fitted.non_finite);
+    }
+    if fitted.resumed_at > 0 {
+        println!("resumed          at step {}", fitted.resumed_at);
+    }
+    println!("steps            {}, {ms_per_step:.1} ms each by {}", settings.steps, fitted.backend);
+    if let Some(bytes) = fitted.peak_device_bytes {
+        println!("peak device memory {:.1} MB", bytes as f64 * 1e-6);
+    }
+    println!(
+        "{}, {}, {}, written in {:.1} s",
+        out.display(),
+        log::table_path(out).display(),
+        log::preview_path(out).display(),
+        began.elapsed().as_secs_f64()
+    );
+    Ok(())
+}
+
+/// The name of a folder, also where it is written as `.` or `..`.
+pub(super) fn name_of(folder: &Path) -> String {
+    let absolute = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    absolute.file_name().map_or_else(|| "field".into(), |name| name.to_string_lossy().into_owned())
+}

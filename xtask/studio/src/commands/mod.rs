@@ -1,0 +1,14 @@
+//! One module per subcommand: its arguments and what it does.
+
+pub(crate) mod capture;
+pub(crate) mod depths;
+pub(crate) mod eval;
+pub(crate) mod export;
+pub(crate) mod fit;
+pub(crate) mod inspect;
+pub(crate) mod package;
+pub(crate) mod render;
+pub(crate) mod report;
+pub(crate) mod serve;
+pub(crate) mod synth;
+pub(crate) mod takes;

@@ -1,0 +1,453 @@
+//! `cargo xtask package`: a fitted field, or a capture, becomes a package.
+
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::capture::Footage;
+use crate::fit::{self, FineTuned, FineTuning, Settings, Shots};
+use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
+use crate::playlist;
+use crate::scene::Scene;
+use crate::takes::{List, Record, Standing, Take, key};
+use anyhow::bail;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
+use refine::prune::Ranking;
+use serde_json::{Value, json};
+
+use super::capture::{Cut, load_shots};
+use super::takes::{self, Job, Many};
+
+/// Most that a part of a package may be worse than a package of its size, in dB.
+const LADDER_LOSS_DB: f64 = 0.5;
+
+/// Fidelity below which fitting colours anew is worth a hint, in dB: what is left out shows.
+const REFIT_BELOW_DB: f64 = 40.0;
+
+/// What `--help` says of scenes, at its end.
+const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key optional, in the axes and units of the field:
+  {"duration_s": 1.32, "fps": 25, "up": [0, -1, 0], "metres_per_unit": 1, "viewpoints": [
+    {"name": "front", "position": [0, 0, -3], "target": [0, 0, 0], "fov_y_deg": 50}]}"#;
+
+/// Who made a field that lies beside a package, in its record.
+const FIELD_OF_PACKAGE: &str = "package: field";
+
+/// Make a package from a fitted field, or from a capture that it fits one to first.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = SCENE_HELP)]
+pub struct Args {
+    /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a capture,
+    /// to which a field is fitted first, beside the package, as `fit` does by default
+    #[arg(required_unless_present = "list", conflicts_with = "list")]
+    scene: Option<PathBuf>,
+    /// Package to write; SCENE's name with .aarc in the current folder by default
+    #[arg(short, long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    many: Many,
+    /// Most Gaussians to keep; all that can be seen by default
+    #[arg(long, value_name = "N")]
+    budget: Option<NonZeroUsize>,
+    /// What decides which Gaussians a budget keeps: auto tries all rankings, with and without the
+    /// topology floor, and takes the one whose package looks most like the whole field
+    #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = rank)]
+    rank: Rank,
+    /// Let the ranking alone decide, though limbs break off
+    #[arg(long)]
+    no_floor: bool,
+    /// Fit the colours of what a budget keeps to pictures of the whole field
+    #[arg(long, requires = "budget")]
+    refit: bool,
+    /// Move what is kept, for N steps, until it looks like the photographs of the capture that the
+    /// field was fitted to
+    #[arg(long, value_name = "N", conflicts_with_all = ["refit", "ladder"],
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    refine: Option<u64>,
+    /// Folder of that capture; SCENE itself by default
+    #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
+    capture: Option<PathBuf>,
+    /// How the Gaussians are coded
+    #[arg(long, value_enum, default_value_t = Coder::Context)]
+    coder: Coder,
+    /// PSNR that the coder context is to reach, in dB, against the field before coding: 20 to 100
+    #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
+    quality: f64,
+    /// Remove a part; may be given several times
+    #[arg(long, value_enum, value_name = "PART")]
+    drop: Vec<Part>,
+    /// Refuse a field of which a row needs a repair or has to be left out
+    #[arg(long)]
+    strict: bool,
+    /// Then check that each first part of the package is as good as a package of its size
+    #[arg(long)]
+    ladder: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
+    cut: Cut,
+}
+
+/// A ranking, or none in particular.
+#[derive(Clone, Copy, Debug)]
+struct Rank(Option<Ranking>);
+
+fn rank(text: &str) -> Result<Rank, String> {
+    let named = Ranking::ALL.into_iter().find(|ranking| ranking.name() == text);
+    match (text, named) {
+        ("auto", _) => Ok(Rank(None)),
+        (_, Some(ranking)) => Ok(Rank(Some(ranking))),
+        _ => Err(format!("choose auto, {}", Ranking::ALL.map(Ranking::name).join(", "))),
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Coder {
+    /// As coarsely as nobody sees, and an adaptive range coder
+    Context,
+    /// FP16 and INT8 attributes, motion at 10 bits, zstd
+    Fixed,
+}
+
+fn quality(text: &str) -> Result<f64, String> {
+    let db = text.parse().ok().filter(|db| (20.0..=100.0).contains(db));
+    db.ok_or_else(|| "a number of dB from 20 to 100".into())
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match (&args.many.list, &args.out) {
+        (Some(list), Some(folder)) => run_many(args, list, folder),
+        _ => run_one(args),
+    }
+}
+
+fn run_one(args: &Args) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let made = make(args)?;
+    if args.json {
+        println!("{:#}", made.to_json()?);
+    } else {
+        println!("{}", made.scene);
+        print_report(&made.report);
+        print_ladder(made.rungs.as_deref().unwrap_or_default());
+        println!("{}, written in {:.1} s", made.out.display(), start.elapsed().as_secs_f64());
+    }
+    made.check_ladder()
+}
+
+/// Makes a package of each take of a list, and a playlist of all.
+fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
+    let list = List::read(list)?;
+    let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
+    takes::make_folder(folder)?;
+    let job = Job {
+        command: "package",
+        ending: "aarc",
+        options: format!("{:?}", args.options()),
+        inputs: Vec::new(),
+        forget: |_| Ok(()),
+        json: args.json,
+    };
+    // All shards write the same one: which of them ends last does not matter.
+    output::write(&folder.join(playlist::FILE), &playlist)?;
+    takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+        let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
+        made.check_ladder()?;
+        made.to_json()
+    })
+}
+
+/// A package that was written.
+struct Made {
+    /// The scene and its format.
+    scene: String,
+    out: PathBuf,
+    report: Report,
+    rungs: Option<Vec<Rung>>,
+}
+
+impl Made {
+    fn to_json(&self) -> anyhow::Result<Value> {
+        let mut object = serde_json::to_value(&self.report)?;
+        object["out"] = json!(self.out);
+        if let Some(rungs) = &self.rungs {
+            object["ladder"] = json!(rungs);
+        }
+        Ok(object)
+    }
+
+    /// Whether all first parts are as good as they should be.
+    fn check_ladder(&self) -> anyhow::Result<()> {
+        let mut failed = self.rungs.iter().flatten().filter(|rung| rung.loss_db > LADDER_LOSS_DB);
+        match failed.next() {
+            None => Ok(()),
+            Some(Rung { gaussians, loss_db, .. }) => bail!(
+                "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
+                 {LADDER_LOSS_DB} dB are allowed"
+            ),
+        }
+    }
+}
+
+impl Args {
+    fn scene(&self) -> &Path {
+        self.scene.as_deref().expect("there is a scene where there is no list")
+    }
+
+    /// What decides what becomes of any scene.
+    fn options(&self) -> Args {
+        Args { scene: None, out: None, many: Many::default(), json: false, ..self.clone() }
+    }
+}
+
+/// Makes and writes a package.
+fn make(args: &Args) -> anyhow::Result<Made> {
+    if let Some(out) = &args.out {
+        output::check(out)?;
+    }
+    let captured = Captured::open(args)?;
+    let scene = match &captured {
+        Some(captured) if captured.is_scene => Scene::load_with(args.scene(), &captured.fit(args)?)?,
+        _ => Scene::load(args.scene())?,
+    };
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
+    output::check(&out)?;
+    let settings = package::Settings {
+        budget: args.budget.map(NonZeroUsize::get),
+        rank: args.rank.0,
+        no_floor: args.no_floor,
+        refit: args.refit,
+        coding: match args.coder {
+            Coder::Context => Coding::Context { quality_db: args.quality },
+            Coder::Fixed => Coding::Fixed,
+        },
+        drop: args.drop.clone(),
+        strict: args.strict,
+    };
+    // Drawn on a terminal's standard error only.
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}{msg}")?;
+    let progress = ProgressBar::new(1).with_style(style);
+    let shots = match (&captured, args.refine) {
+        (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
+        _ => None,
+    };
+    let fine_tuning = shots.as_ref().zip(args.refine).map(|(shots, steps)| FineTuning { shots, steps });
+    let package = package_showing(&scene, &settings, fine_tuning.as_ref(), &progress)?;
+    progress.finish_and_clear();
+    output::write(&out, &package.bytes)?;
+    let rungs = match args.ladder {
+        true => Some(ladder(&scene, &settings, &package, &progress)?),
+        false => None,
+    };
+    Ok(Made {
+        scene: format!("{}: {}", scene.name, scene.subject.format),
+        out,
+        report: package.report,
+        rungs,
+    })
+}
+
+/// The capture that a package is made from, or made to look like.
+struct Captured {
+    footage: Footage,
+    /// Whether the scene has no field, so that one is fitted first.
+    is_scene: bool,
+}
+
+impl Captured {
+    /// Opens the capture that the arguments ask for, if they do.
+    fn open(args: &Args) -> anyhow::Result<Option<Captured>> {
+        let is_scene = Scene::is_capture(args.scene());
+        let folder = match (&args.capture, args.refine) {
+            (Some(_), _) if is_scene => {
+                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene().display())))
+            }
+            (Some(folder), _) => folder.as_path(),
+            (None, Some(_)) if !args.scene().is_dir() => bail!(Fault::Usage(
+                "--refine takes the photographs that the field was fitted to: name their folder with --capture"
+                    .into()
+            )),
+            (None, None) if !is_scene => {
+                if !args.cut.is_usual() {
+                    bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
+                }
+                return Ok(None);
+            }
+            (None, _) => args.scene(),
+        };
+        let footage = args.cut.open(folder)?;
+        // Of a list, records say what may be gone on with and what may be replaced.
+        if is_scene && args.many.list.is_none() {
+            let field = field_path(args);
+            if field.exists() {
+                bail!(is_there(&field));
+            }
+            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field)?;
+        }
+        Ok(Some(Captured { footage, is_scene }))
+    }
+
+    /// Fits it, to a field file beside the package; of a list, unless that is done.
+    fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
+        let out = field_path(args);
+        let settings = Settings::usual(&self.footage, args.cut.holdout())?;
+        if args.many.list.is_none() {
+            self.fit_to(&out, &settings, args)?;
+            return Ok(out);
+        }
+        let key = key(FIELD_OF_PACKAGE, &format!("{settings:?}"), &[args.scene()])?;
+        match Record::standing(&out, FIELD_OF_PACKAGE, &key) {
+            Standing::Done => return Ok(out),
+            Standing::Begun => {}
+            Standing::Stale => fit::forget_checkpoint(&out)?,
+            Standing::Unknown if out.exists() => bail!(is_there(&out)),
+            Standing::Unknown => {}
+        }
+        Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
+        self.fit_to(&out, &settings, args)?;
+        Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
+        Ok(out)
+    }
+
+    fn fit_to(&self, out: &Path, settings: &Settings, args: &Args) -> anyhow::Result<()> {
+        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        super::fit::by_default(&self.footage, &shots, settings, out)
+    }
+
+    /// The photographs that `scene` is to look like.
+    fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
+        fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
+        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| shot.photograph.is_masked()) {
+            bail!(Fault::Usage(
+                "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
+                    .into()
+            ));
+        }
+        Ok(shots)
+    }
+}
+
+/// Where the field of a capture goes.
+fn field_path(args: &Args) -> PathBuf {
+    match &args.out {
+        Some(out) => out.with_extension("ply"),
+        None => PathBuf::from(format!("{}.ply", super::fit::name_of(args.scene()))),
+    }
+}
+
+fn is_there(field: &Path) -> Fault {
+    let field = field.display();
+    Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
+}
+
+fn print_report(report: &Report) {
+    print_counts("Gaussians", &report.subject);
+    if let Some(plate) = &report.plate {
+        print_counts("plate", plate);
+    }
+    print_reasons("parts removed", &report.parts_removed);
+    if !report.assumed.is_empty() {
+        println!("{:16} {}; scene.json can say otherwise", "assumed", report.assumed.join(", "));
+    }
+    let layers: Vec<String> = report.layers.iter().map(usize::to_string).collect();
+    println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.ranking);
+    print_choice(report);
+    print_refined(report);
+    let mbps = report.bytes as f64 * 8e-6 / f64::from(report.duration_s);
+    let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
+    println!(
+        "{:16} {}, {per_gaussian:.1} per Gaussian, {mbps:.1} Mbps over {} s",
+        "bytes", report.bytes, report.duration_s
+    );
+    println!(
+        "{:16} {:.1} dB against the field before coding, by coder {}",
+        "self PSNR", report.self_psnr_db, report.coder
+    );
+}
+
+/// How good the first layers are beside packages of their size.
+fn print_ladder(rungs: &[Rung]) {
+    if !rungs.is_empty() {
+        println!("{:16} {:>9} {:>8} {:>13} {:>8} {:>8}", "ladder", "bytes", "dB", "own bytes", "dB", "loss");
+    }
+    for rung in rungs {
+        println!(
+            "{:16} {:>9} {:>8.2} {:>13} {:>8.2} {:>8.2}",
+            format!("  {}", rung.gaussians),
+            rung.prefix_bytes,
+            rung.prefix_psnr_db,
+            rung.own_bytes,
+            rung.own_psnr_db,
+            rung.loss_db
+        );
+    }
+}
+
+/// What was tried for the budget, and what it cost.
+fn print_choice(report: &Report) {
+    let Some(psnr) = report.whole_psnr_db else { return };
+    println!(
+        "{:22} {:>8} {:>7} {:>10} {:>7} {:>9}",
+        "tried", "dB", "recall", "precision", "drift", "restored"
+    );
+    for tried in &report.tried {
+        let topology = tried.topology;
+        let mark = if tried.chosen { '*' } else { ' ' };
+        println!(
+            "{mark} {:20} {:>8.2} {:>7.3} {:>10.3} {:>7.4} {:>9}",
+            format!("{}{}", tried.ranking, if tried.floor { " + floor" } else { "" }),
+            tried.psnr_db,
+            topology.recall,
+            topology.precision,
+            topology.saddle_drift,
+            tried.restored
+        );
+    }
+    if let Some(why) = &report.why {
+        println!("{:16} {why}", "chosen");
+    }
+    match report.refit_gain_db {
+        Some(gain) => {
+            println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
+        }
+        None if psnr < REFIT_BELOW_DB && report.refined.is_none() => {
+            println!("{:16} not asked for; --refit helps where so much is left out", "colour refit");
+        }
+        None => {}
+    }
+    let led_away = if report.refined.is_some() { ", from which refining leads away" } else { "" };
+    println!("{:16} {psnr:.2} dB against the whole field{led_away}", "fidelity");
+}
+
+/// What moving towards the photographs did.
+fn print_refined(report: &Report) {
+    let Some(FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
+    else {
+        return;
+    };
+    print!("{:16} {steps} steps towards {photographs} photographs", "refined");
+    if let (Some(before), Some(after)) = (held_before_db, held_after_db) {
+        print!("; the subject in a few held ones {before:.2} dB before, {after:.2} dB after");
+    }
+    println!();
+    if non_finite > 0 {
+        println!("{:16} {non_finite} gradients that were not finite", "left out");
+    }
+}
+
+fn print_counts(what: &str, counts: &Counts) {
+    println!("{what:16} {} in, {} out", counts.gaussians_in, counts.gaussians_out);
+    print_reasons("  dropped", &counts.dropped);
+    print_reasons("  repaired", &counts.repaired);
+}
+
+fn print_reasons(what: &str, reasons: &BTreeMap<&str, usize>) {
+    if !reasons.is_empty() {
+        let reasons: Vec<String> = reasons.iter().map(|(reason, rows)| format!("{rows} {reason}")).collect();
+        println!("{what:16} {}", reasons.join(", "));
+    }
+}

@@ -1,0 +1,162 @@
+//! `cargo xtask report`: what playing, packaging and fitting a clip costs and keeps, what the
+//! packages of fields do at every budget, and how stable the renderer is, measured.
+
+mod page;
+mod program;
+mod stability;
+
+use crate::report::{ReportFile, Subject, rd};
+use ::program::{Fault, output};
+use anyhow::bail;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Map, Value};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::render::size;
+
+/// Most pixels of a picture that is measured: some 60 of them, of 32 bytes a pixel, are held at once,
+/// which makes a gigabyte.
+const PIXELS_MAX: u64 = 1 << 19;
+
+/// Measure a clip, and write a page of error against run time and of what it does without.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A package, a fitted field file or a folder holding one; several with --rd or --stability
+    #[arg(value_name = "CLIP|FIELD", required_unless_present = "stability")]
+    fields: Vec<PathBuf>,
+    /// Instead, rate and distortion: what each budget costs and keeps, by several ways to choose the
+    /// Gaussians
+    #[arg(long, requires = "fields")]
+    rd: bool,
+    /// Instead, stability: how far the GPU's pictures of stiff and extreme fields, and of these, are
+    /// from the reference's
+    #[arg(long)]
+    stability: bool,
+    /// Size of the pictures that are measured
+    #[arg(long, value_name = "WxH", default_value = "512x384", value_parser = size,
+          conflicts_with_all = ["rd", "stability"])]
+    size: [u32; 2],
+    /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
+    #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability"])]
+    fit_log: Vec<PathBuf>,
+    /// Folder for the files of the report
+    #[arg(short, long, value_name = "DIR", default_value = "report")]
+    out: PathBuf,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What the report is made of.
+#[derive(Default)]
+struct Report {
+    files: Vec<ReportFile>,
+    /// For the terminal.
+    text: String,
+    json: Map<String, Value>,
+    /// Cases of the stability suite that fail, and their number.
+    failed: Option<(usize, usize)>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let start = Instant::now();
+    check_folder(&args.out)?;
+    let mut report = Report::default();
+    if args.rd || args.stability {
+        let subjects =
+            args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        if args.rd {
+            report.add_rd(&subjects)?;
+        }
+        if args.stability {
+            report.add_stability(&args.fields)?;
+        }
+    } else {
+        report.add_page(args)?;
+    }
+    write(&args.out, &report.files)?;
+    if args.json {
+        println!("{:#}", Value::Object(report.json));
+    } else {
+        print!("{}", report.text);
+        let names: Vec<&str> = report.files.iter().map(|file| file.name.as_str()).collect();
+        let (out, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
+        println!("\n{out}: {}, written in {seconds:.1} s", names.join(", "));
+    }
+    match report.failed {
+        Some((failed, cases)) if failed > 0 => bail!("{failed} of {cases} cases fail"),
+        _ => Ok(()),
+    }
+}
+
+impl Report {
+    fn add_page(&mut self, args: &Args) -> anyhow::Result<()> {
+        let [path] = args.fields.as_slice() else {
+            let what = "a page is of one clip or field: name one, or choose --rd or --stability";
+            return Err(Fault::Usage(what.into()).into());
+        };
+        let [width, height] = args.size;
+        if u64::from(width) * u64::from(height) > PIXELS_MAX {
+            let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
+            return Err(Fault::Usage(what).into());
+        }
+        let findings = page::measure(path, args.size, &args.fit_log)?;
+        self.text += &findings.table();
+        self.files.extend(findings.files()?);
+        self.json.extend(findings.to_json()?);
+        Ok(())
+    }
+
+    fn add_rd(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
+        let bar = bar("")?;
+        bar.set_length(subjects.iter().map(rd::work).sum());
+        let mut measured = Vec::new();
+        for subject in subjects {
+            bar.set_prefix(subject.scene.name.clone());
+            measured.push(rd::measure(subject, &bar)?);
+        }
+        bar.finish_and_clear();
+        let files = rd::files(&measured)?;
+        self.text += &files[0].text;
+        self.files.extend(files);
+        self.json.insert("rd".into(), serde_json::to_value(measured)?);
+        Ok(())
+    }
+
+    fn add_stability(&mut self, fields: &[PathBuf]) -> anyhow::Result<()> {
+        let measured = stability::run(fields)?;
+        self.text += &measured.table();
+        self.files.extend(crate::report::stability::files(&measured)?);
+        self.failed = Some((measured.failures(), measured.stability.len()));
+        if let Value::Object(json) = serde_json::to_value(measured)? {
+            self.json.extend(json);
+        }
+        Ok(())
+    }
+}
+
+/// Progress, drawn on a terminal's standard error only.
+fn bar(prefix: &'static str) -> anyhow::Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
+    Ok(ProgressBar::new(1).with_style(style).with_prefix(prefix))
+}
+
+/// Checks, before any work is done, that the folder is there or can be made.
+fn check_folder(folder: &Path) -> Result<(), Fault> {
+    match folder.metadata() {
+        Ok(found) if found.is_dir() => Ok(()),
+        Ok(_) => Err(Fault::Usage(format!("{} is a file, name a folder for the report", folder.display()))),
+        Err(_) => output::check(folder),
+    }
+}
+
+/// Writes the files, each whole or not at all, to the folder, which is made if it is missing.
+fn write(folder: &Path, files: &[ReportFile]) -> Result<(), Fault> {
+    if !folder.is_dir() {
+        let fault = |error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display()));
+        fs::create_dir(folder).map_err(fault)?;
+    }
+    files.iter().try_for_each(|file| output::write(&folder.join(&file.name), file.text.as_bytes()))
+}

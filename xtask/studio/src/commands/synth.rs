@@ -1,0 +1,87 @@
+//! `cargo xtask synth`: procedural data, made of formulas.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::export;
+use crate::synth::{juggler, limbs, stage};
+use clap::Subcommand;
+use codec::{ClipInfo, Field};
+use indicatif::{ProgressBar, ProgressStyle};
+use program::output;
+
+use super::render::size;
+
+/// Make a procedural scene.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    scene: Scene,
+}
+
+#[derive(Subcommand)]
+enum Scene {
+    /// The demo scene: a juggler in a circus ring, 3 seconds that loop, as a field file
+    Clip {
+        /// File to write (.ply)
+        #[arg(short, long, value_name = "PATH")]
+        out: PathBuf,
+    },
+    /// A figure whose thin limbs a ranking cuts off and the topology floor keeps, as a field file
+    Limbs {
+        /// File to write (.ply)
+        #[arg(short, long, value_name = "PATH")]
+        out: PathBuf,
+    },
+    /// A capture by a ray tracer: a figure that strikes, seen from a ring of cameras, with masks and depths
+    Stage {
+        /// Folder to make
+        #[arg(short, long, value_name = "DIR")]
+        out: PathBuf,
+        /// Number of cameras; one in eight is held out
+        #[arg(long, value_name = "N", default_value_t = 8)]
+        cameras: usize,
+        /// Number of frames
+        #[arg(long, value_name = "N", default_value_t = 9)]
+        frames: usize,
+        /// Size of the pictures
+        #[arg(long, value_name = "WxH", default_value = "64x64", value_parser = size)]
+        size: [u32; 2],
+    },
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.scene {
+        Scene::Clip { out } => write_field(out, juggler::clip),
+        Scene::Limbs { out } => write_field(out, limbs::figure),
+        Scene::Stage { out, cameras, frames, size } => {
+            write_stage(out, &stage::Settings { cameras: *cameras, frames: *frames, size: *size })
+        }
+    }
+}
+
+fn write_field(out: &Path, scene: fn() -> (Field, ClipInfo)) -> anyhow::Result<()> {
+    output::check(out)?;
+    let (field, info) = scene();
+    let bytes = export::field_file(&field, &info);
+    output::write(out, &bytes)?;
+    println!("{}: {} Gaussians, {} bytes", out.display(), field.len(), bytes.len());
+    Ok(())
+}
+
+fn write_stage(out: &Path, settings: &stage::Settings) -> anyhow::Result<()> {
+    settings.check()?;
+    let start = Instant::now();
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures, {eta} left")?;
+    let progress = ProgressBar::new(settings.pictures() as u64).with_style(style);
+    stage::write(out, settings, || progress.inc(1))?;
+    progress.finish_and_clear();
+    let stage::Settings { cameras, frames, size: [width, height] } = settings;
+    let held = (0..*cameras).filter(|camera| stage::is_held(*camera)).count();
+    let seconds = start.elapsed().as_secs_f64();
+    println!(
+        "{}: {cameras} cameras, {held} of them held; {frames} frames of {width}x{height}; in {seconds:.1} s",
+        out.display()
+    );
+    Ok(())
+}

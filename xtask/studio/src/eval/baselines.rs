@@ -1,0 +1,116 @@
+//! [`judge_baselines`]: what held frames look like to who knows only the frames around them.
+//!
+//! A field that moves has to show more in a held frame than it shows in the nearest frame that it was
+//! fitted to, and more than the pictures of the two such frames around it, faded from one to the
+//! other.
+
+use codec::Camera;
+use program::Fault;
+use refine::capture::{Holdout, Split};
+use refine::fit::Lpips;
+use refine::image::Image;
+use refine::metrics::Measures;
+use refine::reference::{self, Order};
+
+use super::{Judged, photo_for, splits};
+use crate::capture::Footage;
+use crate::input::Input;
+
+/// A guess at a held frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Baseline {
+    /// What is drawn at the nearest frame that is fitted to, the earlier of two.
+    Nearest,
+    /// What is drawn at the two around it, blended by time.
+    Blend,
+}
+
+impl Baseline {
+    /// All of them.
+    pub const ALL: [Baseline; 2] = [Baseline::Nearest, Baseline::Blend];
+
+    /// Key in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Baseline::Nearest => "nearest_frame",
+            Baseline::Blend => "blended_frames",
+        }
+    }
+}
+
+/// Compares both guesses, in the order of [`Baseline::ALL`], with all photographs of held frames.
+/// `on_shot` is called for each of these. Nothing where no frame is held.
+///
+/// # Errors
+/// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
+pub fn judge_baselines(
+    input: &Input,
+    footage: &Footage,
+    holdout: Holdout,
+    lpips: Option<&Lpips<f32>>,
+    mut on_shot: impl FnMut(),
+) -> Result<[Vec<Judged>; 2], Fault> {
+    let splits = splits(footage, holdout)?;
+    let fitted = splits.iter().filter(|(_, split)| *split == Split::Train);
+    let mut times: Vec<f64> = fitted.map(|(shot, _)| footage.capture.times[shot.frame]).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let mut judged = [Vec::new(), Vec::new()];
+    for (shot, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
+        let photo = photo_for(footage, shot, lpips)?;
+        let camera = &footage.capture.cameras[shot.camera].camera;
+        let guesses = guesses(input, camera, &around(&times, footage.capture.times[shot.frame]));
+        for (judged, guess) in judged.iter_mut().zip(guesses) {
+            judged.push(Judged { shot, split, measures: Measures::of(&guess, &photo, lpips) });
+        }
+        on_shot();
+    }
+    Ok(judged)
+}
+
+/// An instant and how much of it is shown.
+type Weighted = (f64, f64);
+
+/// The last of `times`, which rise, up to `t` and the first after it, by how near they are; twice the
+/// same beyond either end.
+fn around(times: &[f64], t: f64) -> [Weighted; 2] {
+    let after = times.partition_point(|time| *time <= t);
+    match (after.checked_sub(1).map(|i| times[i]), times.get(after)) {
+        (Some(before), Some(after)) => {
+            let part = (t - before) / (after - before);
+            [(before, 1.0 - part), (*after, part)]
+        }
+        (Some(end), None) => [(end, 1.0), (end, 0.0)],
+        (None, Some(end)) => [(*end, 1.0), (*end, 0.0)],
+        (None, None) => unreachable!("there is something to fit to"),
+    }
+}
+
+fn guesses(input: &Input, camera: &Camera, around: &[Weighted; 2]) -> [Image; 2] {
+    let [(before, weight), (after, rest)] = *around;
+    let draw = |t| reference::render(&input.to_reference(), camera, t, Order::Depth);
+    let first = draw(before);
+    if rest == 0.0 {
+        return [first.clone(), first];
+    }
+    let second = draw(after);
+    let mut blend = Image::new(first.width, first.height);
+    for (pixel, (a, b)) in blend.pixels.iter_mut().zip(first.pixels.iter().zip(&second.pixels)) {
+        *pixel = std::array::from_fn(|c| weight * a[c] + rest * b[c]);
+    }
+    [if weight >= rest { first } else { second }, blend]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_between_its_neighbours() {
+        let times = [0.0, 0.5, 1.0];
+        assert_eq!(around(&times, 0.125), [(0.0, 0.75), (0.5, 0.25)]);
+        assert_eq!(around(&times, 0.5), [(0.5, 1.0), (1.0, 0.0)]);
+        assert_eq!(around(&times[1..], 0.2), [(0.5, 1.0), (0.5, 0.0)]);
+        assert_eq!(around(&times[..2], 0.9), [(0.5, 1.0), (0.5, 0.0)]);
+    }
+}

@@ -1,0 +1,84 @@
+//! [`Checkpoint`]: a fit that was interrupted, so that it goes on as if it had not been.
+
+use std::path::{Path, PathBuf};
+
+use program::{Fault, output};
+use refine::fit::Fit;
+use serde::{Deserialize, Serialize};
+
+use super::log::{Density, Entry, beside};
+use super::{Settings, crc};
+
+/// First bytes of a checkpoint; the last one is the version of its contents.
+const MAGIC: [u8; 8] = *b"aarcfit\x02";
+
+/// A fit, and what was asked for.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Checkpoint {
+    pub(super) settings: Settings,
+    pub(super) fit: Fit,
+    /// Seconds that it took so far.
+    pub(super) seconds: f64,
+    /// Its table so far.
+    pub(super) entries: Vec<Entry>,
+    /// What the next line of the table will say.
+    pub(super) tally: Tally,
+}
+
+/// Sums over the steps since the last line of the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tally {
+    pub(super) loss: f64,
+    pub(super) drawn: usize,
+    pub(super) density: Density,
+    pub(super) steps: u32,
+}
+
+/// Where the checkpoint of a field lies: beside it.
+pub(super) fn path_for(field: &Path) -> PathBuf {
+    beside(field, "checkpoint")
+}
+
+impl Checkpoint {
+    /// The checkpoint at `path`, `None` if there is none.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] where it cannot be read, [`Fault::Usage`] where it is of a fit with other
+    /// `settings`.
+    pub(super) fn load(path: &Path, settings: &Settings) -> Result<Option<Checkpoint>, Fault> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bad = |what: String| {
+            Fault::Data(format!("{}: {what}; remove it to start from the beginning", path.display()))
+        };
+        let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
+        let body = bytes.strip_prefix(&MAGIC).ok_or_else(|| bad("no checkpoint of this version".into()))?;
+        let damaged = || bad("the checkpoint is damaged".into());
+        let (checksum, body) = body.split_first_chunk().ok_or_else(damaged)?;
+        if u32::from_le_bytes(*checksum) != crc(body) {
+            return Err(damaged());
+        }
+        let checkpoint: Checkpoint = postcard::from_bytes(body).map_err(|_| damaged())?;
+        if !checkpoint.fit.is_consistent() || checkpoint.fit.is_done() {
+            return Err(damaged());
+        }
+        match checkpoint.settings == *settings {
+            true => Ok(Some(checkpoint)),
+            false => Err(Fault::Usage(format!(
+                "{} is of a fit with other options: repeat them, remove it, or name another --out",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Writes it to `path`, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that names the path.
+    pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
+        let body = postcard::to_stdvec(self)?;
+        let bytes = [&MAGIC[..], &crc(&body).to_le_bytes(), &body].concat();
+        Ok(output::write(path, &bytes)?)
+    }
+}

@@ -1,0 +1,187 @@
+//! [`Input`]: what a command is given to look at, a package or a scene.
+
+use std::fmt::Display;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
+use program::Fault;
+use refine::reference;
+
+use crate::export;
+use crate::scene::{Scene, frames_of};
+
+/// First bytes of a package.
+const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
+
+/// Longest package there can be: offsets in it have 32 bits.
+const PACKAGE_BYTES_MAX: u64 = u32::MAX as u64;
+
+/// A package, or a scene that one can be made from.
+#[derive(Debug)]
+pub enum Input {
+    /// A decoded package.
+    Package(Box<Clip>),
+    /// A fitted field, perhaps with a background.
+    Scene(Box<Scene>),
+}
+
+impl Input {
+    /// Reads a package, a fitted field file or a folder holding one; says on stderr what was
+    /// repaired.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file and what is wrong with it.
+    pub fn load(path: &Path) -> anyhow::Result<Input> {
+        if is_package(path) {
+            let clip = codec::decode(&read_package(path)?, &Limits::default());
+            return Ok(Input::Package(Box::new(clip.map_err(|error| bad(path, &error))?)));
+        }
+        let scene = Scene::load(path)?;
+        for imported in std::iter::once(&scene.subject).chain(&scene.plate) {
+            if !imported.repairs.is_empty() {
+                eprintln!("note: {}", imported.repairs);
+            }
+        }
+        Ok(Input::Scene(Box::new(scene)))
+    }
+
+    /// Duration, axes, viewpoints.
+    pub fn info(&self) -> &ClipInfo {
+        match self {
+            Input::Package(clip) => &clip.info,
+            Input::Scene(scene) => &scene.info,
+        }
+    }
+
+    /// Number of captured frames, as far as it is known; a package always says.
+    pub fn frames(&self) -> Option<usize> {
+        match self {
+            Input::Package(clip) => Some(frames_of(&clip.info)),
+            Input::Scene(scene) => scene.frames(),
+        }
+    }
+
+    /// Whether there is a background plate.
+    pub fn has_plate(&self) -> bool {
+        match self {
+            Input::Package(clip) => clip.plate.is_some(),
+            Input::Scene(scene) => scene.plate.is_some(),
+        }
+    }
+
+    /// What the reference renderer draws of it.
+    pub fn to_reference(&self) -> reference::RenderScene<'_> {
+        match self {
+            Input::Package(clip) => (&**clip).into(),
+            Input::Scene(scene) => {
+                let subject = reference::RenderScene::from(&scene.subject.field);
+                match &scene.plate {
+                    Some(plate) => subject.with_plate(&plate.field),
+                    None => subject,
+                }
+            }
+        }
+    }
+
+    /// All Gaussians but the background's as one field, and the metadata.
+    pub fn into_field(self) -> (Field, ClipInfo) {
+        match self {
+            Input::Package(clip) => (export::merged(&clip), clip.info),
+            Input::Scene(scene) => (scene.subject.field, scene.info),
+        }
+    }
+
+    /// The viewpoint with this name, or else this number; the first one where none is asked for.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that lists the viewpoints there are.
+    pub fn viewpoint(&self, name: Option<&str>) -> Result<Viewpoint, Fault> {
+        let mut viewpoints = self.info().viewpoints.clone();
+        if let (Input::Package(clip), true) = (self, viewpoints.is_empty()) {
+            viewpoints.push(Viewpoint::framing(clip.bounds, clip.info.up));
+        }
+        let name = name.unwrap_or("0");
+        let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
+        match named.or_else(|| name.parse().ok()).filter(|&index| index < viewpoints.len()) {
+            Some(index) => Ok(viewpoints.swap_remove(index)),
+            None => {
+                let known = viewpoints.iter().enumerate().map(|(i, v)| format!("{i} \"{}\"", v.name));
+                let known = known.collect::<Vec<_>>().join(", ");
+                Err(Fault::Usage(format!("there is no viewpoint \"{name}\": there are {known}")))
+            }
+        }
+    }
+}
+
+/// Seconds as clip time. Times are often rounded in text: half a captured frame beyond the end is
+/// still the end.
+///
+/// # Errors
+/// [`Fault::Usage`] that names `option` where the clip does not run at that time.
+pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fault> {
+    let duration = f64::from(info.duration_s);
+    let slack = if info.fps > 0.0 { 0.5 / f64::from(info.fps) } else { 0.0 };
+    if !(0.0..=duration + slack).contains(&seconds) {
+        return Err(Fault::Usage(format!("{option} {seconds}: the clip runs from 0 to {duration} s")));
+    }
+    Ok((seconds / duration).min(1.0))
+}
+
+/// The bytes of a package, not yet looked at.
+///
+/// # Errors
+/// [`Fault::Data`] if the file cannot be read or is larger than a package can be.
+pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
+    let metadata = fs::metadata(path).map_err(|error| bad(path, &error))?;
+    if !metadata.is_file() {
+        return Err(bad(path, &"not a file"));
+    }
+    if metadata.len() > PACKAGE_BYTES_MAX {
+        return Err(bad(path, &"larger than a package can be (4 GiB)"));
+    }
+    fs::read(path).map_err(|error| bad(path, &error))
+}
+
+/// Bytes of a package up to the end of its layer with this number, from 0.
+pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
+    let sections = contents.sections.iter().filter(|section| {
+        usize::from(section.layer) <= layer && !matches!(section.kind, SectionKind::Unknown(_))
+    });
+    sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
+}
+
+/// Whether a file begins as packages do.
+pub fn is_package(path: &Path) -> bool {
+    let mut magic = [0; 4];
+    // Opening a pipe would wait for its other end.
+    path.is_file()
+        && File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
+        && magic == PACKAGE_MAGIC
+}
+
+fn bad(path: &Path, what: &dyn Display) -> Fault {
+    Fault::Data(format!("{}: {what}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_run_from_the_start_to_half_a_frame_after_the_end() {
+        let info = ClipInfo {
+            duration_s: 2.0,
+            fps: 25.0,
+            up: [0.0, 1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints: Vec::new(),
+        };
+        assert_eq!(clip_time("--at", 0.5, &info).unwrap(), 0.25);
+        assert_eq!(clip_time("--at", 2.019, &info).unwrap(), 1.0);
+        for seconds in [-0.01, 2.03, f64::NAN, f64::INFINITY] {
+            assert_eq!(clip_time("--at", seconds, &info).unwrap_err().exit_code(), 2, "{seconds}");
+        }
+    }
+}

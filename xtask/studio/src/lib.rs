@@ -1,0 +1,20 @@
+//! The host tool as a library: importers and exporters, fitting, packaging, reports, procedural data,
+//! and the commands of `aarc-studio`.
+
+#[cfg(feature = "onnx")]
+pub mod backbone;
+pub mod capture;
+pub mod cli;
+mod commands;
+pub mod eval;
+pub mod export;
+pub mod fit;
+pub mod import;
+pub mod input;
+pub mod machine;
+pub mod package;
+pub mod playlist;
+pub mod report;
+pub mod scene;
+pub mod synth;
+pub mod takes;

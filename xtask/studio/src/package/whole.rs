@@ -1,0 +1,348 @@
+//! [`Whole`]: a field of which nothing has been left out yet, and how parts of it compare.
+//!
+//! Rankings look at pictures from other places than those that judge them.
+
+use codec::{Camera, Clip, Field};
+use indicatif::ProgressBar;
+use refine::prune::{
+    Floor, FloorSettings, Kept, Measure, Pictures, PosedView, ROUNDS, Ranking, Selection, by_importance,
+    contributions_to, dome, instants, posed_views, select, steps_aside,
+};
+use refine::reference::{self, Contribution};
+
+use super::Settings;
+use super::coding::draft;
+use crate::scene::Scene;
+
+/// Size in pixels of the pictures that rank and judge.
+const SIZE: (u32, u32) = (256, 192);
+
+/// About how many pictures rank, and how many judge, where all are taken at the same instants.
+const PICTURES: usize = 20;
+
+/// Most instants at which pictures are taken.
+const INSTANTS: usize = 4;
+
+/// Most viewpoints from which pictures are taken with all their steps aside.
+const VIEWPOINTS: usize = 2;
+
+/// Viewpoints from which pictures are taken with one step aside each, where so many are suggested: those
+/// of a capture, whose cameras may stand all around. As many as a dome has.
+const AROUND: usize = 8;
+
+/// How many pictures rank and judge what moves and is looked at from all around.
+const AROUND_PICTURES: usize = 24;
+
+/// Pictures that a package is compared in with what was coded. Errors of trajectories are largest at
+/// both ends of a clip, so that each picture has an instant of its own.
+const COMPARED: usize = 8;
+
+/// Step through the cameras from one picture to the next where each has an instant of its own; shares
+/// no factor with their number, 5, 8 or 10.
+const CAMERA_STEP: usize = 3;
+
+/// Size in pixels of the pictures that tell what an error of coding looks like.
+pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
+
+/// Instants at which the topology is held.
+pub(crate) const FLOOR_INSTANTS: usize = 4;
+
+/// Where pictures are taken from: steps aside in degrees, or turn of the dome in parts of the angle
+/// from camera to camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Places {
+    pub(crate) aside: f64,
+    pub(crate) turn: f64,
+}
+
+/// For rankings.
+pub(crate) const RANKING_PLACES: Places = Places { aside: 10.0, turn: 0.0 };
+
+/// For judging between them.
+pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, turn: 0.5 };
+
+/// Shares in the progress of what takes time: one picture, one verification of the floor at one
+/// instant, one coding and decoding.
+pub(crate) const PICTURE_WORK: u64 = 2;
+const VERIFY_WORK: u64 = 2;
+pub(crate) const CODE_WORK: u64 = 8;
+
+/// What parts of a field are held against.
+pub(crate) struct Whole<'a> {
+    scene: &'a Scene,
+    field: &'a Field,
+    plate: Option<&'a Field>,
+    settings: &'a Settings,
+    progress: &'a ProgressBar,
+    /// What rows contribute to pictures; empty where no ranking asks.
+    seen: Vec<Contribution>,
+    judge: Pictures,
+    floor: Floor,
+}
+
+/// The rankings to try.
+pub(crate) fn rankings(settings: &Settings) -> Vec<Ranking> {
+    settings.rank.map_or(Ranking::ALL.to_vec(), |ranking| vec![ranking])
+}
+
+fn looks_at_pictures(settings: &Settings) -> bool {
+    rankings(settings).into_iter().any(Ranking::looks_at_pictures)
+}
+
+impl<'a> Whole<'a> {
+    /// Looks at a field. `progress` advances by [`Whole::look_work`].
+    pub(crate) fn look(
+        scene: &'a Scene,
+        field: &'a Field,
+        plate: Option<&'a Field>,
+        settings: &'a Settings,
+        progress: &'a ProgressBar,
+    ) -> anyhow::Result<Whole<'a>> {
+        let pictured = || progress.inc(PICTURE_WORK);
+        progress.set_message("ranking");
+        let seen = match looks_at_pictures(settings) {
+            true => contributions_to(&ranking_shots(scene, field), field, pictured),
+            false => Vec::new(),
+        };
+        progress.set_message("pictures of the whole");
+        let judge = Pictures::take(&scene_of(field, plate), judging_shots(scene, field), pictured);
+        progress.set_message("topology of the whole");
+        let floor = floor(field, Measure::default())?;
+        progress.inc(verify_work(field));
+        Ok(Whole { scene, field, plate, settings, progress, seen, judge, floor })
+    }
+
+    /// How far the progress advances in [`Whole::look`].
+    pub(crate) fn look_work(scene: &Scene, field: &Field, settings: &Settings) -> u64 {
+        let ranking = if looks_at_pictures(settings) { ranking_shots(scene, field).len() } else { 0 };
+        let pictures = ranking + judging_shots(scene, field).len();
+        PICTURE_WORK * pictures as u64 + verify_work(field)
+    }
+
+    /// How far the progress advances in [`Whole::select`].
+    pub(crate) fn select_work(scene: &Scene, field: &Field, settings: &Settings) -> u64 {
+        let judged = judge_work(scene, field);
+        let ranking = match settings.no_floor {
+            true => verify_work(field) + judged,
+            false => enforce_work(field) + 2 * judged,
+        };
+        ranking * rankings(settings).len() as u64
+    }
+
+    /// The rows by a ranking, most important first.
+    ///
+    /// # Panics
+    /// If the ranking looks at pictures and the settings name another ranking.
+    pub(crate) fn order(&self, ranking: Ranking) -> Vec<usize> {
+        by_importance(&ranking.scores(self.field, &self.seen))
+    }
+
+    /// Of what the rankings keep of the field, alone and with the floor, the `budget` rows that look
+    /// most like the whole once coded.
+    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection> {
+        let prune = |ranking: Ranking| {
+            self.progress.set_message(ranking.name());
+            let order = self.order(ranking);
+            match self.settings.no_floor {
+                true => {
+                    self.progress.inc(verify_work(self.field));
+                    vec![self.floor.leave(&order, budget)]
+                }
+                false => {
+                    let choices = showing_rounds(self.field, self.progress, |on_verified| {
+                        self.floor.choices(&order, budget, on_verified)
+                    });
+                    if choices.len() == 1 {
+                        self.progress.inc(judge_work(self.scene, self.field));
+                    }
+                    choices
+                }
+            }
+        };
+        let judge = |rows: &[usize]| self.draft_psnr(&self.field.select(rows));
+        let selection = select(&rankings(self.settings), prune, judge)?;
+        Ok(selection.expect("there is a ranking"))
+    }
+
+    /// PSNR of a draft of `part` in the judging pictures.
+    pub(crate) fn draft_psnr(&self, part: &Field) -> anyhow::Result<f64> {
+        let clip = draft(self.scene, part, self.plate, self.settings.coding)?;
+        self.progress.inc(CODE_WORK);
+        Ok(self.psnr(&clip))
+    }
+
+    /// PSNR of a clip in the judging pictures.
+    pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
+        self.judge.psnr(&reference::RenderScene::from(clip), || self.progress.inc(PICTURE_WORK))
+    }
+}
+
+/// The topology of a field as packages preserve it.
+pub(crate) fn floor(field: &Field, measure: Measure) -> anyhow::Result<Floor> {
+    let instants = instants(field, FLOOR_INSTANTS);
+    Ok(Floor::new(field, FloorSettings { instants, measure, ..FloorSettings::default() })?)
+}
+
+/// What the floor keeps. `progress` advances by [`enforce_work`].
+pub(crate) fn enforce(
+    floor: &Floor,
+    field: &Field,
+    order: &[usize],
+    budget: usize,
+    progress: &ProgressBar,
+) -> Kept {
+    showing_rounds(field, progress, |on_verified| floor.enforce(order, budget, on_verified))
+}
+
+/// Calls `enforce` with what it is to call after each round of the floor. `progress` advances by
+/// [`enforce_work`].
+fn showing_rounds<T>(
+    field: &Field,
+    progress: &ProgressBar,
+    enforce: impl FnOnce(&mut dyn FnMut()) -> T,
+) -> T {
+    let mut left = enforce_work(field);
+    let kept = enforce(&mut || {
+        progress.inc(verify_work(field));
+        left -= verify_work(field);
+    });
+    // Rounds that were not needed.
+    progress.inc(left);
+    kept
+}
+
+/// How far the progress advances in [`enforce`].
+pub(crate) fn enforce_work(field: &Field) -> u64 {
+    (1 + ROUNDS as u64) * verify_work(field)
+}
+
+/// Work of judging one candidate.
+fn judge_work(scene: &Scene, field: &Field) -> u64 {
+    CODE_WORK + PICTURE_WORK * judging_shots(scene, field).len() as u64
+}
+
+/// Work of one verification.
+pub(crate) fn verify_work(field: &Field) -> u64 {
+    VERIFY_WORK * instants(field, FLOOR_INSTANTS).len() as u64
+}
+
+pub(crate) fn ranking_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    shots_of(scene, field, RANKING_PLACES, SIZE)
+}
+
+pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    shots_of(scene, field, JUDGING_PLACES, SIZE)
+}
+
+/// Pictures to compare a package in with the field that was coded.
+pub(crate) fn compared_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    paired(&cameras(scene, field, JUDGING_PLACES, CODED_SIZE), &instants(field, COMPARED), COMPARED)
+}
+
+/// So many pictures, each from the next place and at the next instant.
+fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<PosedView> {
+    let shot = |i: usize| PosedView {
+        camera: cameras[i * CAMERA_STEP % cameras.len()].clone(),
+        t: instants[i % instants.len()],
+    };
+    (0..count).map(shot).collect()
+}
+
+/// From where and when to look at a field: what moves is looked at from all around at an instant of its
+/// own from each place, as Gaussians that live for a few frames are missed between few instants.
+pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<PosedView> {
+    let cameras = cameras(scene, field, places, size);
+    if cameras.len() == AROUND && field.temporal.is_some() {
+        return paired(&cameras, &instants(field, AROUND_PICTURES), AROUND_PICTURES);
+    }
+    let count = (PICTURES / cameras.len()).clamp(2, INSTANTS);
+    posed_views(&cameras, &instants(field, count))
+}
+
+/// Where to look at a field from: the viewpoints that somebody suggested and steps aside of them, a
+/// step aside of each where there are many, or else a dome. Never empty.
+fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Camera> {
+    let up = scene.info.up;
+    let viewpoints = &scene.info.viewpoints;
+    if scene.assumed.contains(&"viewpoints") || viewpoints.is_empty() {
+        return dome(field, &instants(field, INSTANTS), up, places.turn, size);
+    }
+    let steps_aside = |viewpoint| steps_aside(viewpoint, up, places.aside.to_radians(), size);
+    match viewpoints.len() {
+        ..AROUND => viewpoints.iter().take(VIEWPOINTS).flat_map(steps_aside).collect(),
+        many => (0..AROUND).map(|i| steps_aside(&viewpoints[i * many / AROUND]).swap_remove(1)).collect(),
+    }
+}
+
+pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::RenderScene<'a> {
+    let scene = reference::RenderScene::from(field);
+    plate.map_or(scene.clone(), |plate| scene.with_plate(plate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use codec::{ClipInfo, Viewpoint};
+
+    /// A Gaussian in the middle of a ring of viewpoints.
+    fn ring(count: usize) -> Scene {
+        let field = Field {
+            centers: vec![[0.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[-1.0; 3]],
+            opacities: vec![1.0],
+            sh_degree: 0,
+            sh: vec![[0.0; 3]],
+            temporal: None,
+        };
+        let viewpoint = |i: usize| {
+            let (sin, cos) = (std::f32::consts::TAU * i as f32 / count as f32).sin_cos();
+            let position = [3.0 * sin, 1.0, 3.0 * cos];
+            Viewpoint { name: i.to_string(), position, target: [0.0; 3], fov_y: 0.8 }
+        };
+        let viewpoints = (0..count).map(viewpoint).collect();
+        let info =
+            ClipInfo { duration_s: 1.0, fps: 30.0, up: [0.0, 1.0, 0.0], metres_per_unit: 1.0, viewpoints };
+        Scene::made("ring", field, info)
+    }
+
+    fn positions(scene: &Scene, places: Places) -> Vec<[f64; 3]> {
+        cameras(scene, &scene.subject.field, places, SIZE).iter().map(Camera::position).collect()
+    }
+
+    #[test]
+    fn a_ring_is_looked_at_from_all_around() {
+        let scene = ring(16);
+        let [ranking, judging] = [RANKING_PLACES, JUDGING_PLACES].map(|places| positions(&scene, places));
+        assert_eq!((ranking.len(), judging.len()), (AROUND, AROUND));
+        for places in [&ranking, &judging] {
+            let middle = [0, 1, 2].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / 8.0);
+            assert!(middle[0].abs() < 1e-5 && middle[2].abs() < 1e-5, "{middle:?}");
+        }
+        assert!(ranking.iter().all(|place| !judging.contains(place)), "other places judge");
+    }
+
+    #[test]
+    fn what_moves_is_looked_at_at_many_instants() {
+        let mut scene = ring(16);
+        assert_eq!(ranking_shots(&scene, &scene.subject.field).len(), AROUND, "it stands still");
+        let (tau, s) = (vec![0.5], vec![0.1]);
+        scene.subject.field.temporal = Some(codec::Temporal { tau, s, ..Default::default() });
+        let shots = ranking_shots(&scene, &scene.subject.field);
+        assert_eq!(shots.len(), AROUND_PICTURES);
+        assert!(shots.windows(2).all(|pair| pair[0].t < pair[1].t));
+        // Any eight in a row see it from all sides.
+        for eight in shots.windows(AROUND) {
+            let x = eight.iter().map(|shot| shot.camera.position()[0]).sum::<f64>();
+            assert!(x.abs() < 1e-4, "{x}");
+        }
+    }
+
+    #[test]
+    fn of_a_few_viewpoints_the_first_count() {
+        let places = positions(&ring(4), RANKING_PLACES);
+        assert_eq!(places.len(), 5 * VIEWPOINTS);
+        // The first two stand at +z and +x.
+        assert!(places.iter().all(|[x, _, z]| x + z > 1.5), "{places:?}");
+    }
+}

@@ -1,0 +1,159 @@
+//! What fits of fields cost and came to, from the tables that `fit` leaves beside fields.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use program::Fault;
+
+use super::knob::{Errors, Knob, Point, Spread, Stage};
+use crate::fit::log::{Entry, parse, table_path};
+
+/// Longest table that is read: a line for each of a million steps.
+const BYTES_MAX: u64 = 100 << 20;
+
+/// What file names of tables end with.
+const ENDING: &str = ".fit.csv";
+
+/// A fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitLog {
+    /// The name of its field.
+    pub name: String,
+    /// Its table.
+    pub entries: Vec<Entry>,
+}
+
+/// The tables that lie beside a field, or in a folder that holds one.
+///
+/// # Errors
+/// [`Fault::Data`] if the folder cannot be read.
+pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
+    if !input.is_dir() {
+        return Ok(Some(table_path(input)).filter(|path| path.is_file()).into_iter().collect());
+    }
+    let fault = |error: std::io::Error| Fault::Data(format!("{}: {error}", input.display()));
+    let mut found = Vec::new();
+    for entry in input.read_dir().map_err(fault)? {
+        let path = entry.map_err(fault)?.path();
+        found.extend(Some(path).filter(|path| path.to_string_lossy().ends_with(ENDING)));
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// The fits whose tables are `named`; where none is, those whose tables [`find`] finds beside `input`.
+/// Of these, what is no table of a fit is left out, which is said on standard error.
+///
+/// # Errors
+/// [`Fault::Data`] if a table that was named cannot be read.
+pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
+    if !named.is_empty() {
+        return named.iter().map(|path| load(path)).collect();
+    }
+    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: left out: {fault}")).ok();
+    Ok(find(input)?.into_iter().filter_map(usable).collect())
+}
+
+/// Reads a table.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file and what is wrong with it.
+pub fn load(path: &Path) -> Result<FitLog, Fault> {
+    let fault = |what: String| Fault::Data(format!("{}: {what}", path.display()));
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|error| fault(error.to_string()))?;
+    file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(|error| fault(error.to_string()))?;
+    if bytes.len() as u64 > BYTES_MAX {
+        return Err(fault(format!("too long for the table of a fit, which has at most {BYTES_MAX} bytes")));
+    }
+    let text = String::from_utf8(bytes).map_err(|error| fault(error.to_string()))?;
+    let entries = parse(&text).map_err(fault)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(FitLog { name: name.strip_suffix(ENDING).unwrap_or(&name).to_owned(), entries })
+}
+
+/// How far the fits were at each line of their tables, as far as photographs were held.
+pub fn knob(logs: &[FitLog]) -> Option<Knob> {
+    let point = |log: &FitLog, entry: &Entry| {
+        let psnr_db = entry.held_psnr_db?;
+        let counts = [
+            ("steps", entry.step as f64),
+            ("gaussians", entry.gaussians as f64),
+            ("gaussians_in_a_picture", entry.drawn as f64),
+        ];
+        Some(Point {
+            value: format!("{} at step {}", log.name, entry.step),
+            default: false,
+            on_front: false,
+            cost: Spread::exactly(entry.seconds),
+            errors: Errors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..Errors::default() },
+            run_time_ms: Some(Spread::exactly(1e3 * entry.seconds)),
+            stages_ms: BTreeMap::new(),
+            counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
+        })
+    };
+    let points: Vec<Point> =
+        logs.iter().flat_map(|log| log.entries.iter().filter_map(move |entry| point(log, entry))).collect();
+    (!points.is_empty()).then(|| {
+        Knob {
+            stage: Stage::Fitting,
+            name: "fit".into(),
+            about: "Held photographs while fits went on: PSNR of the subject.".into(),
+            cost: "s".into(),
+            points,
+        }
+        .mark_front()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::log::{Density, csv};
+
+    fn entry(step: u64, held_psnr_db: Option<f64>) -> Entry {
+        Entry {
+            step,
+            seconds: 0.01 * step as f64,
+            loss: 0.1,
+            held_psnr_db,
+            gaussians: 800,
+            drawn: 300,
+            density: Density::default(),
+            backend: "cpu".into(),
+        }
+    }
+
+    #[test]
+    fn tables_are_found_beside_fields_and_in_their_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let field = folder.path().join("a.ply");
+        std::fs::write(&field, "").unwrap();
+        assert_eq!(find(&field).unwrap(), Vec::<PathBuf>::new());
+        let table = folder.path().join("a.fit.csv");
+        std::fs::write(&table, csv(&[entry(100, Some(20.0)), entry(200, Some(22.0))])).unwrap();
+        assert_eq!(find(&field).unwrap(), std::slice::from_ref(&table));
+        assert_eq!(find(folder.path()).unwrap(), std::slice::from_ref(&table));
+
+        let log = load(&table).unwrap();
+        assert_eq!((log.name.as_str(), log.entries.len()), ("a", 2));
+        let knob = knob(&[log]).unwrap();
+        assert_eq!(knob.points[1].value, "a at step 200");
+        assert!(knob.points.iter().all(|point| point.on_front));
+        std::fs::write(&table, "nonsense").unwrap();
+        let error = load(&table).unwrap_err();
+        assert!(error.exit_code() == 3 && error.to_string().contains("a.fit.csv"), "{error}");
+        assert_eq!(load_all(folder.path(), &[]).unwrap(), [], "it lies there, and nobody named it");
+        assert!(load_all(folder.path(), std::slice::from_ref(&table)).is_err());
+        // A file of holes: no disk is taken.
+        File::create(&table).unwrap().set_len(BYTES_MAX + 1).unwrap();
+        assert!(load(&table).unwrap_err().to_string().contains("too long"));
+    }
+
+    #[test]
+    fn a_fit_that_held_nothing_has_no_points() {
+        assert_eq!(knob(&[FitLog { name: "a".into(), entries: vec![entry(100, None)] }]), None);
+    }
+}

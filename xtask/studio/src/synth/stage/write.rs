@@ -1,0 +1,92 @@
+//! The stage as a folder with this project's manifest, see `xtask/CAPTURE.md`.
+
+use std::io::{Cursor, Error};
+use std::path::Path;
+use std::{fs, io};
+
+use codec::Camera;
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use program::Fault;
+use rayon::prelude::*;
+use refine::capture::even_times;
+use serde_json::json;
+
+use super::figure::{Part, figure};
+use super::trace::picture;
+use super::{Settings, is_held, rig};
+
+/// Where a picture lies in each of the folders `images`, `masks` and `depths`.
+const PATTERN: &str = "{camera}/{frame:06}.png";
+
+/// Makes the capture in `folder`, which must be new or empty: all of it or nothing. `on_picture` is
+/// called for each picture, from any thread.
+///
+/// # Errors
+/// [`Fault::Usage`] where the settings are out of range or `folder` cannot be written.
+pub fn write(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -> Result<(), Fault> {
+    settings.check()?;
+    let fault = |error: Error| Fault::Usage(format!("cannot write {}: {error}", folder.display()));
+    if folder.exists() {
+        let is_empty = || Ok(fs::read_dir(folder)?.next().is_none());
+        if !folder.is_dir() || !is_empty().map_err(fault)? {
+            return Err(fault(io::ErrorKind::AlreadyExists.into()));
+        }
+    }
+    let beside = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    let temporary = tempfile::Builder::new().prefix(".writing-").tempdir_in(beside).map_err(fault)?;
+    let whole = temporary.path().join("capture");
+    fill(&whole, settings, on_picture).map_err(fault)?;
+    if folder.exists() {
+        fs::remove_dir(folder).map_err(fault)?;
+    }
+    fs::rename(&whole, folder).map_err(fault)
+}
+
+fn fill(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -> io::Result<()> {
+    let cameras = rig(settings);
+    for kind in ["images", "masks", "depths"] {
+        (0..cameras.len()).try_for_each(|camera| fs::create_dir_all(folder.join(kind).join(name(camera))))?;
+    }
+    let figures: Vec<Vec<Part>> = even_times(settings.frames).into_iter().map(figure).collect();
+    (0..settings.pictures()).into_par_iter().try_for_each(|shot| {
+        let (camera, frame) = (shot % cameras.len(), shot / cameras.len());
+        let picture = picture(&figures[frame], &cameras[camera]);
+        let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
+        let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
+        png("images", picture.colors.as_flattened(), ExtendedColorType::Rgb8)?;
+        png("masks", &picture.mask, ExtendedColorType::L8)?;
+        // As the encoder takes them: in the machine's order.
+        png("depths", bytemuck::cast_slice(&picture.depths), ExtendedColorType::L16)?;
+        on_picture();
+        Ok::<_, Error>(())
+    })?;
+    fs::write(folder.join("capture.json"), manifest(settings, &cameras))
+}
+
+fn save(path: &Path, camera: &Camera, bytes: &[u8], color: ExtendedColorType) -> io::Result<()> {
+    let mut png = Cursor::new(Vec::new());
+    let encoded = PngEncoder::new(&mut png).write_image(bytes, camera.width, camera.height, color);
+    encoded.map_err(Error::other)?;
+    fs::write(path, png.get_ref())
+}
+
+fn manifest(settings: &Settings, cameras: &[Camera]) -> String {
+    let camera = |(number, camera): (usize, &Camera)| {
+        json!({
+            "id": name(number), "w": camera.width, "h": camera.height, "K": camera.k,
+            "w2c": camera.camera_from_world, "held": is_held(number),
+        })
+    };
+    let manifest = json!({
+        "frames": settings.frames,
+        "images": format!("images/{PATTERN}"),
+        "masks": format!("masks/{PATTERN}"),
+        "cameras": cameras.iter().enumerate().map(camera).collect::<Vec<_>>(),
+    });
+    format!("{manifest:#}\n")
+}
+
+/// Name of the camera with this number.
+fn name(camera: usize) -> String {
+    format!("{camera:02}")
+}

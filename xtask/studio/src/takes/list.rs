@@ -1,0 +1,182 @@
+//! [`List`]: a text file that names takes, and [`Shard`], the part of it that is one machine's.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use program::Fault;
+
+use crate::scene::name_of;
+
+/// Most takes of a list: as many as a playlist may hold.
+pub const TAKES_MAX: usize = 10_000;
+
+/// Most bytes of a list.
+const LIST_BYTES: u64 = 4 << 20;
+
+/// One of many scenes or captures.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Take {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What its output is called, without an ending. No two takes of a list share one.
+    pub name: String,
+}
+
+/// The takes of a list, in its order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct List {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// At least one.
+    pub takes: Vec<Take>,
+}
+
+impl List {
+    /// Reads a list: a path in each line, relative to the folder of the list; empty lines and lines
+    /// that begin with `#` count for nothing.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the list and the line: unreadable, too long, empty, or two takes
+    /// whose outputs would have the same name.
+    pub fn read(path: &Path) -> Result<List, Fault> {
+        let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
+        let mut text = String::new();
+        let file = File::open(path).map_err(|error| bad(error.to_string()))?;
+        file.take(LIST_BYTES + 1).read_to_string(&mut text).map_err(|error| bad(error.to_string()))?;
+        if text.len() as u64 > LIST_BYTES {
+            return Err(bad(format!("longer than {} MiB, the most that is read", LIST_BYTES >> 20)));
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut lines_by_name = BTreeMap::new();
+        let mut takes = Vec::new();
+        for (i, line) in text.lines().enumerate() {
+            let line = line.trim();
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            let take = folder.join(line);
+            let name = name_of(&take);
+            if let Some(first) = lines_by_name.insert(name.clone(), i + 1) {
+                let second = i + 1;
+                return Err(bad(format!(
+                    "lines {first} and {second} would both become \"{name}\": rename one of them"
+                )));
+            }
+            takes.push(Take { path: take, name });
+        }
+        match takes.len() {
+            0 => Err(bad("names no take: write the path of one in each line".into())),
+            count if count > TAKES_MAX => Err(bad(format!("{count} takes; at most {TAKES_MAX} are taken"))),
+            _ => Ok(List { path: path.into(), takes }),
+        }
+    }
+
+    /// The takes that are a shard's.
+    pub fn of(&self, shard: Shard) -> impl Iterator<Item = &Take> {
+        self.takes.iter().skip(shard.index).step_by(shard.count)
+    }
+}
+
+/// One of several equal parts: takes are dealt out one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    index: usize,
+    count: usize,
+}
+
+impl Shard {
+    /// Everything.
+    pub const ALL: Shard = Shard { index: 0, count: 1 };
+
+    /// As part of the name of a file.
+    pub fn file_name(&self) -> String {
+        format!("{}-of-{}", self.index, self.count)
+    }
+}
+
+impl std::fmt::Display for Shard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}/{}", self.index, self.count)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    /// From `I/N`, counted from 0, as Slurm and Kubernetes do.
+    fn from_str(text: &str) -> Result<Shard, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((index, count)) if index < count && count <= TAKES_MAX => Ok(Shard { index, count }),
+            _ => Err(format!("I/N, from 0/N to N-1/N, N being at most {TAKES_MAX}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<List, Fault> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("takes.txt");
+        std::fs::write(&path, text).unwrap();
+        let mut list = List::read(&path)?;
+        for take in &mut list.takes {
+            take.path = take.path.strip_prefix(folder.path()).unwrap_or(&take.path).to_owned();
+        }
+        Ok(list)
+    }
+
+    fn take(path: &str, name: &str) -> Take {
+        Take { path: path.into(), name: name.into() }
+    }
+
+    #[test]
+    fn lines_are_paths_from_the_folder_of_the_list() {
+        let text = "# a day's work\n\n walk.v2 \r\nfields/run.v2.ply\n/elsewhere/jump.spz\nwalk.2026-11-01\nsit/meta.json\n";
+        let list = read(text).unwrap();
+        let expected = [
+            take("walk.v2", "walk.v2"),
+            take("fields/run.v2.ply", "run.v2"),
+            take("/elsewhere/jump.spz", "jump"),
+            // Whether it is there or not.
+            take("walk.2026-11-01", "walk.2026-11-01"),
+            take("sit/meta.json", "sit"),
+        ];
+        assert_eq!(list.takes, expected);
+    }
+
+    #[test]
+    fn bad_lists_are_refused() {
+        let error = |text: &str| read(text).unwrap_err().to_string();
+        assert!(error("# nothing\n").contains("names no take"));
+        let twice = error("a/run.ply\n\nb/run.spz\n");
+        assert!(twice.contains("lines 1 and 3") && twice.contains("\"run\""), "{twice}");
+        let many: String = (0..=TAKES_MAX).map(|i| format!("{i}\n")).collect();
+        assert!(error(&many).contains("at most 10000"));
+        assert!(error(&"x".repeat(LIST_BYTES as usize + 1)).contains("longer than 4 MiB"));
+        assert!(List::read(Path::new("nowhere.txt")).unwrap_err().to_string().contains("nowhere.txt"));
+    }
+
+    #[test]
+    fn shards_share_all_takes_out() {
+        let list =
+            List { path: "takes.txt".into(), takes: (0..7).map(|i| take("x", &i.to_string())).collect() };
+        let names = |shard: &str| -> Vec<&str> {
+            list.of(shard.parse().unwrap()).map(|take| take.name.as_str()).collect()
+        };
+        assert_eq!(
+            (names("0/3"), names("1/3"), names("2/3")),
+            (vec!["0", "3", "6"], vec!["1", "4"], vec!["2", "5"])
+        );
+        assert_eq!(names("0/1").len(), 7);
+        assert!(names("8/9").is_empty(), "more shards than takes");
+        for text in ["", "1", "1/", "/2", "2/2", "-1/2", "0/0", "1/2/3", "0/10001"] {
+            assert!(text.parse::<Shard>().is_err(), "{text}");
+        }
+    }
+}

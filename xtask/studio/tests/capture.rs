@@ -1,0 +1,233 @@
+//! Captures with faults: a sensible result, or one line that says what to mend.
+
+mod tool;
+
+use std::fs;
+use std::path::Path;
+
+use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
+use refine::capture::CaptureShot;
+use serde_json::{Value, json};
+use studio::capture::Footage;
+use studio::synth::stage::{Settings, write};
+use tempfile::{TempDir, tempdir};
+use tool::{Outcome, aarc_studio};
+
+const SIDE: u32 = 24;
+
+/// Four cameras, of which the last is held, three frames, and a field that is not of them.
+struct Studio(TempDir);
+
+impl Studio {
+    fn new() -> Studio {
+        let folder = tempdir().unwrap();
+        let settings = Settings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
+        write(&folder.path().join("capture"), &settings, || ()).unwrap();
+        assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
+        Studio(folder)
+    }
+
+    fn folder(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// Changes the manifest of the stage as it was made.
+    fn manifest(&self, change: impl Fn(&mut Value)) {
+        let path = self.folder().join("capture/capture.json");
+        let original = self.folder().join("original.json");
+        if !original.exists() {
+            fs::copy(&path, &original).unwrap();
+        }
+        let mut manifest: Value = serde_json::from_slice(&fs::read(original).unwrap()).unwrap();
+        change(&mut manifest);
+        fs::write(path, manifest.to_string()).unwrap();
+    }
+
+    fn file(&self, kind: &str, camera: usize, frame: usize) -> std::path::PathBuf {
+        self.folder().join(format!("capture/{kind}/{camera:02}/{frame:06}.png"))
+    }
+
+    /// All pictures of a kind.
+    fn files(&self, kind: &'static str) -> impl Iterator<Item = std::path::PathBuf> {
+        (0..12).map(move |shot| self.file(kind, shot % 4, shot / 4))
+    }
+
+    fn eval(&self) -> Outcome {
+        aarc_studio(self.folder(), &["eval", "field.ply", "--capture", "capture", "--json"])
+    }
+
+    fn splits(&self) -> Value {
+        self.eval().json()["splits"].clone()
+    }
+
+    fn footage(&self) -> Footage {
+        Footage::open(&self.folder().join("capture")).unwrap()
+    }
+}
+
+fn images(splits: &Value) -> Vec<Option<u64>> {
+    ["train", "interp_b", "recon", "interp_a"].map(|split| splits[split]["images"].as_u64()).to_vec()
+}
+
+#[test]
+fn little_is_enough() {
+    let studio = Studio::new();
+    assert_eq!(images(&studio.splits()), [Some(6), Some(3), Some(2), Some(1)]);
+    studio.manifest(|manifest| manifest["cameras"].as_array_mut().unwrap().truncate(1));
+    assert_eq!(images(&studio.splits()), [Some(2), Some(1), None, None]);
+    studio.manifest(|manifest| manifest["frames"] = 1.into());
+    assert_eq!(images(&studio.splits()), [Some(3), None, Some(1), None]);
+    studio.manifest(|manifest| {
+        manifest["frames"] = 1.into();
+        manifest["cameras"].as_array_mut().unwrap().truncate(1);
+    });
+    assert_eq!(images(&studio.splits()), [Some(1), None, None, None]);
+    // Pictures of it as well: there is neither an interval nor a place between.
+    let args = ["eval", "field.ply", "--capture", "capture", "-o", "out"];
+    let outcome = aarc_studio(studio.folder(), &args);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(!studio.folder().join("out/quarter_frames.png").exists());
+}
+
+#[test]
+fn nothing_to_see_is_a_result() {
+    let studio = Studio::new();
+    for path in studio.files("images") {
+        RgbImage::new(SIDE, SIDE).save(path).unwrap();
+    }
+    let black = studio.splits();
+    assert_eq!(images(&black), [Some(6), Some(3), Some(2), Some(1)]);
+    assert!(black["train"]["psnr_fg"].is_number(), "{black}");
+    for path in studio.files("masks") {
+        GrayImage::new(SIDE, SIDE).save(path).unwrap();
+    }
+    let empty = studio.splits();
+    assert!(empty["train"]["psnr_fg"].is_null() && empty["train"]["psnr_full"].is_number(), "{empty}");
+    assert_eq!(empty["train"]["without_subject"], 6);
+}
+
+#[test]
+fn sixteen_bits_and_eight_are_the_same() {
+    let studio = Studio::new();
+    let before = studio.splits();
+    for camera in [0, 3] {
+        let path = studio.file("images", camera, 1);
+        DynamicImage::ImageRgb16(image::open(&path).unwrap().to_rgb16()).save(path).unwrap();
+        let path = studio.file("masks", camera, 1);
+        DynamicImage::ImageLuma16(image::open(&path).unwrap().to_luma16()).save(path).unwrap();
+    }
+    assert_eq!(studio.splits(), before);
+}
+
+#[test]
+fn missing_photographs_are_noted_and_missing_masks_refused() {
+    let studio = Studio::new();
+    fs::remove_file(studio.file("images", 1, 2)).unwrap();
+    fs::remove_file(studio.file("images", 2, 2)).unwrap();
+    fs::remove_file(studio.file("images", 2, 1)).unwrap();
+    let outcome = studio.eval();
+    assert!(outcome.stderr.contains("3 photographs are missing"), "{}", outcome.stderr);
+    assert_eq!(images(&outcome.json()["splits"]), [Some(4), Some(2), Some(2), Some(1)]);
+    fs::remove_file(studio.file("masks", 0, 1)).unwrap();
+    let error = studio.eval().error(3);
+    assert!(error.contains("masks/00/000001.png: this mask is missing"), "{error}");
+}
+
+#[test]
+fn pictures_that_do_not_fit_are_named() {
+    let studio = Studio::new();
+    let path = studio.file("masks", 0, 0);
+    GrayImage::new(SIDE, 7).save(&path).unwrap();
+    let error = studio.eval().error(3);
+    assert!(error.contains("masks/00/000000.png: 24x7 pixels where its photograph has 24x24"), "{error}");
+    let path = studio.file("images", 0, 0);
+    RgbImage::new(7, SIDE).save(&path).unwrap();
+    let error = studio.eval().error(3);
+    assert!(error.contains("images/00/000000.png: 7x24 pixels where its camera has 24x24"), "{error}");
+    let whole = fs::read(studio.file("images", 1, 0)).unwrap();
+    for end in [0, 20, 60, whole.len() / 2] {
+        fs::write(&path, &whole[..end]).unwrap();
+        assert!(studio.eval().error(3).contains("images/00/000000.png"), "{end}");
+    }
+}
+
+#[test]
+fn a_manifest_with_faults_is_refused() {
+    let studio = Studio::new();
+    let refused = |what: &str, change: &dyn Fn(&mut Value)| {
+        studio.manifest(change);
+        let error = studio.eval().error(3);
+        assert!(error.contains("capture") && error.contains(what), "'{what}' expected: {error}");
+    };
+    refused("unknown field `colour`", &|m| m["colour"] = true.into());
+    refused("unknown field `lens`", &|m| m["cameras"][1]["lens"] = 1.into());
+    refused("camera 01 is there twice", &|m| m["cameras"][0]["id"] = "01".into());
+    refused("0 frames", &|m| m["frames"] = 0.into());
+    refused("1000000000000 frames", &|m| m["frames"] = 1_000_000_000_000u64.into());
+    refused("first_frame", &|m| m["first_frame"] = u64::MAX.into());
+    refused("invalid value", &|m| m["frames"] = (-3).into());
+    refused("has no {frame}", &|m| m["images"] = "images/{camera}/000000.png".into());
+    refused("has no {camera}", &|m| m["images"] = "images/00/{frame:06}.png".into());
+    refused("not one photograph", &|m| m["cameras"] = json!([]));
+    refused("image size 4000000000x3", &|m| {
+        m["cameras"][0]["w"] = 4_000_000_000u32.into();
+        m["cameras"][0]["h"] = 3.into();
+    });
+    refused("image size 0x24", &|m| m["cameras"][0]["w"] = 0.into());
+    refused("skew of 0.5", &|m| m["cameras"][0]["K"][0][1] = 0.5.into());
+    refused("must be a rotation", &|m| m["cameras"][2]["w2c"][0] = json!([0, 0, 0, 0]));
+    refused("coefficients", &|m| m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0, 0.1]));
+}
+
+#[test]
+fn photographs_before_black_are_not_cut_out_twice() {
+    let studio = Studio::new();
+    let shot = CaptureShot { camera: 0, frame: 0 };
+    let saved = image::open(studio.file("images", 0, 0)).unwrap().to_rgb8();
+    let mask = image::open(studio.file("masks", 0, 0)).unwrap().to_luma8();
+    let photo = |studio: &Studio| studio.footage().photo(shot).unwrap().image;
+    let of = |byte: u8| f64::from(byte) / 255.0;
+    for (i, pixel) in photo(&studio).pixels.iter().enumerate() {
+        let (x, y) = (i as u32 % SIDE, i as u32 / SIDE);
+        let [r, g, b] = saved.get_pixel(x, y).0.map(of);
+        assert_eq!(*pixel, [r, g, b, of(mask.get_pixel(x, y).0[0])]);
+    }
+    // In front of anything else, the mask cuts it out.
+    let mut white = saved.clone();
+    white.pixels_mut().for_each(|pixel| pixel.0 = [255; 3]);
+    white.save(studio.file("images", 0, 0)).unwrap();
+    for (pixel, mask) in photo(&studio).pixels.iter().zip(mask.pixels()) {
+        assert_eq!(*pixel, [of(mask.0[0]); 4]);
+    }
+}
+
+#[test]
+fn depths_are_found_by_the_names_of_photographs() {
+    let studio = Studio::new();
+    let footage = studio.footage();
+    let folder = studio.folder().join("network");
+    fs::create_dir_all(folder.join("00")).unwrap();
+    let at = |frame| footage.depth(&folder, CaptureShot { camera: 0, frame });
+    assert_eq!(at(0).unwrap(), None);
+    let depths = ImageBuffer::from_fn(3, 2, |x, y| Luma([(1000 * y + x) as u16]));
+    depths.save(folder.join("00/000000.png")).unwrap();
+    let values = [2.5f32, f32::NAN];
+    let pfm = [b"Pf\n2 1\n-1\n", &values.map(f32::to_le_bytes).concat()[..]].concat();
+    fs::write(folder.join("00/000001.pfm"), pfm).unwrap();
+    let mut head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }".to_owned();
+    head += &" ".repeat(117 - head.len());
+    let npy = [b"\x93NUMPY\x01\x00\x76\x00", head.as_bytes(), b"\n", &values.map(f32::to_le_bytes).concat()]
+        .concat();
+    fs::write(folder.join("00/000002.npy"), npy).unwrap();
+    let map = |frame| at(frame).unwrap().expect("a map");
+    assert_eq!((map(0).width, map(0).height), (3, 2));
+    let expected = [0.0, 0.001, 0.002, 1.0, 1.001, 1.002];
+    assert!(map(0).depths.iter().zip(expected).all(|(a, e): (&f32, f32)| (a - e).abs() < 1e-6));
+    for frame in [1, 2] {
+        let map = map(frame);
+        assert_eq!((map.width, map.height, map.depths[0], map.depths[1].is_nan()), (2, 1, 2.5, true));
+    }
+    GrayImage::new(3, 2).save(folder.join("00/000000.png")).unwrap();
+    let error = at(0).unwrap_err();
+    assert!(error.exit_code() == 3 && error.to_string().contains("16-bit grey"), "{error}");
+}

@@ -1,0 +1,227 @@
+//! `cargo xtask fit` and what it takes a capture to: on a stage that a ray tracer made.
+
+mod small_stage;
+mod tool;
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use small_stage::{fit, measured, stage};
+use tempfile::tempdir;
+use tool::aarc_studio;
+
+#[test]
+fn a_fit_shows_what_it_has_not_seen() {
+    let folder = stage();
+    let folder = folder.path();
+    let json = fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "hull"]);
+    assert_eq!((json["steps"].as_u64(), json["non_finite"].as_u64()), (Some(800), Some(0)));
+    assert!(json["gaussians"].as_u64() > json["gaussians_at_start"].as_u64(), "{json}");
+    let (held_frames, both_held) = (measured(folder, "interp_b"), measured(folder, "interp_a"));
+    println!("held frames {held_frames:.2} dB, held cameras in held frames {both_held:.2} dB");
+    assert!(held_frames > 18.0 && both_held > 15.0, "{held_frames} {both_held}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let size = image::image_dimensions(folder.join("field.fit.png")).unwrap();
+    assert_eq!(size, (96, 48));
+    assert!(!folder.join("field.checkpoint").exists());
+    // It is a field like any other.
+    assert_eq!(
+        aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code,
+        Some(0)
+    );
+
+    // Nothing to start from is a worse start, with the same number of steps.
+    fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "none"]);
+    let scattered = measured(folder, "interp_b");
+    assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
+}
+
+#[test]
+fn a_killed_fit_ends_as_it_would_have() {
+    let folder = stage();
+    let folder = folder.path();
+    let args =
+        ["fit", "stage", "-o", "field.ply", "--steps", "2000", "--gaussians", "600", "--sh-degree", "0"];
+    let json = [&args[..], &["--json"]].concat();
+    aarc_studio(folder, &json).json();
+    let whole = fs::read(folder.join("field.ply")).unwrap();
+    for left in ["field.ply", "field.fit.csv"] {
+        fs::remove_file(folder.join(left)).unwrap();
+    }
+
+    let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder)
+        .args(args)
+        // Checkpoints are minutes apart otherwise.
+        .args(["--checkpoint-every", "0.05"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    // Beyond the first changes of the number of Gaussians.
+    let steps_done = || {
+        let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap_or_default();
+        table.lines().last().and_then(|line| line.split(',').next()?.parse::<u64>().ok()).unwrap_or(0)
+    };
+    while steps_done() < 700 {
+        assert!(start.elapsed() < Duration::from_secs(240), "at step {}", steps_done());
+        thread::sleep(Duration::from_millis(5));
+    }
+    thread::sleep(Duration::from_millis(100));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!folder.join("field.ply").exists(), "nothing half-written");
+
+    // Another fit does not go on from it.
+    let other = [&args[..], &["--seed", "1"]].concat();
+    let error = aarc_studio(folder, &other).error(2);
+    assert!(error.contains("field.checkpoint is of a fit with other options"), "{error}");
+    let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder)
+        .args(&json)
+        .env("RAYON_NUM_THREADS", "1")
+        .output()
+        .unwrap();
+    let resumed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(resumed["resumed_at"].as_u64().unwrap() >= 600, "{resumed}");
+    assert!(fs::read(folder.join("field.ply")).unwrap() == whole, "the same field on one thread, bit by bit");
+
+    fs::write(folder.join("field.checkpoint"), b"aarcfit\x02 and then nonsense").unwrap();
+    assert!(aarc_studio(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
+}
+
+#[test]
+fn a_field_is_fitted_further() {
+    let folder = stage();
+    let folder = folder.path();
+    fit(folder, &["--steps", "100", "--gaussians", "600"]);
+    let before = measured(folder, "train");
+    fs::rename(folder.join("field.ply"), folder.join("first.ply")).unwrap();
+    let more =
+        ["fit", "stage", "-o", "field.ply", "--steps", "200", "--gaussians", "600", "--from", "first.ply"];
+    assert_eq!(aarc_studio(folder, &more).code, Some(0));
+    let after = measured(folder, "train");
+    assert!(after > before + 0.5, "{before} before, {after} after");
+
+    let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
+    let error = aarc_studio(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
+    assert!(error.contains("first.ply is of 5 frames") && error.contains("the capture of 3"), "{error}");
+    // What stands still fits any clip, and stays so.
+    let still = ["export", "first.ply", "--ply", "--at", "0", "-o", "still.ply"];
+    assert_eq!(aarc_studio(folder, &still).code, Some(0));
+    let outcome =
+        aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "still.ply"]);
+    assert!(
+        outcome.code == Some(0) && outcome.stderr.contains("still.ply does not move"),
+        "{}",
+        outcome.stderr
+    );
+}
+
+/// What pruning breaks, the photographs mend, also in frames that are held.
+#[test]
+fn a_pruned_field_is_refined() {
+    let folder = stage();
+    let folder = folder.path();
+    fit(folder, &["--steps", "500", "--gaussians", "1500", "--anchor", "hull"]);
+    let package = |scene: &str, more: &[&str]| {
+        let args = ["package", scene, "--budget", "500", "--rank", "mass", "--no-floor", "--json"];
+        aarc_studio(folder, &[&args, more].concat())
+    };
+    let held = |clip: &str| {
+        let json = aarc_studio(folder, &["eval", clip, "--capture", "stage", "--json"]).json();
+        json["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
+    };
+    let json = package("field.ply", &["-o", "pruned.aarc"]).json();
+    assert!(json["refined"].is_null(), "{json}");
+    let refine = ["-o", "refined.aarc", "--refine", "400", "--capture", "stage"];
+    let json = package("field.ply", &refine).json();
+    assert_eq!((&json["gaussians_out"], &json["refined"]["steps"]), (&500.into(), &400.into()));
+    let (before, after) = (held("pruned.aarc"), held("refined.aarc"));
+    println!("held frames {before:.2} dB pruned, {after:.2} dB refined");
+    assert!(after > before + 1.0, "{before} pruned, {after} refined");
+    let number = |key: &str| json["refined"][key].as_f64().unwrap();
+    assert!(number("held_after_db") > number("held_before_db") + 1.0, "{json}");
+    let layers = |clip: &str| aarc_studio(folder, &["inspect", clip, "--json"]).json()["layers"].clone();
+    assert_eq!(layers("refined.aarc")[0]["gaussians"], layers("pruned.aarc")[0]["gaussians"]);
+
+    // A folder that holds field and capture needs no --capture, and gives the same package.
+    fs::copy(folder.join("field.ply"), folder.join("stage/field.ply")).unwrap();
+    let own = package("stage", &["-o", "own.aarc", "--refine", "400"]);
+    assert_eq!(own.code, Some(0), "{}", own.stderr);
+    assert!(fs::read(folder.join("own.aarc")).unwrap() == fs::read(folder.join("refined.aarc")).unwrap());
+    fs::remove_file(folder.join("stage/field.ply")).unwrap();
+
+    let error = |code, scene: &str, more: &[&str]| package(scene, more).error(code);
+    let refine = ["--refine", "9", "--capture", "stage"];
+    assert!(error(2, "field.ply", &["--refine", "9"]).contains("name their folder with --capture"));
+    assert!(error(2, "stage", &refine).contains("stage is a capture itself"));
+    assert!(error(2, "field.ply", &["--size", "24x24"]).contains("that takes --refine"));
+    let other = [&refine[..], &["--frames", "0..3"]].concat();
+    assert!(error(2, "field.ply", &other).contains("field.ply is of 5 frames"));
+    fs::create_dir(folder.join("scene")).unwrap();
+    fs::copy(folder.join("field.ply"), folder.join("scene/field.ply")).unwrap();
+    assert!(error(3, "scene", &["--refine", "9"]).contains("scene: no capture"));
+}
+
+#[test]
+fn a_capture_becomes_a_package() {
+    let folder = tempdir().unwrap();
+    let folder = folder.path();
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "4", "--frames", "1", "--size", "16x16"];
+    assert_eq!(aarc_studio(folder, &stage).code, Some(0));
+    fs::write(folder.join("stage/scene.json"), r#"{"metres_per_unit": 2.5}"#).unwrap();
+    let json = aarc_studio(folder, &["package", "stage", "--json"]).json();
+    assert!(!json["assumed"].as_array().unwrap().iter().any(|key| key == "metres_per_unit"), "{json}");
+    assert!(aarc_studio(folder, &["package", "stage"]).error(2).contains("stage.ply is there already"));
+    let json = aarc_studio(folder, &["inspect", "stage.aarc", "--json"]).json();
+    assert_eq!(json["motion_order"], 0, "one frame does not move");
+}
+
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_build_without_the_graphics_device_says_so() {
+    let folder = stage();
+    let error = aarc_studio(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
+    assert!(error.contains("--features gpu"), "{error}");
+}
+
+#[cfg(not(feature = "onnx"))]
+#[test]
+fn a_build_without_networks_says_so() {
+    let folder = stage();
+    let error = aarc_studio(folder.path(), &["depths", "stage", "--backbone", "net", "-o", "maps"]).error(2);
+    assert!(error.contains("--features onnx"), "{error}");
+}
+
+#[test]
+fn what_cannot_be_fitted_is_said_in_one_line() {
+    let folder = stage();
+    let folder = folder.path();
+    let error = |code, more: &[&str]| aarc_studio(folder, &[&["fit", "stage"], more].concat()).error(code);
+    assert!(error(2, &["-o", "field.aarc"]).contains("ends in .ply"));
+    assert!(error(2, &["--anchor-cameras", "99"]).contains("no camera \"99\""));
+    assert!(error(3, &["--mirror", "on"]).contains("mirrored only behind cameras on one side"));
+    assert!(error(2, &["--frames", "3..9"]).contains("the capture has 0..5"));
+    assert!(error(2, &["--size", "64x64"]).contains("camera 00 has 48x48"));
+    assert!(error(2, &["--cameras", "nobody"]).contains("no camera \"nobody\""));
+    assert!(error(2, &["-o", "no/field.ply"]).contains("no folder no"));
+    assert!(
+        error(3, &["--frames", "1..2", "--held-cameras", "00,01,02,04,05,06,07"]).contains("none is left")
+    );
+    assert!(error(3, &["--cameras", "00"]).contains("visual hull takes two cameras or more"));
+    assert!(error(3, &["--depths", "nowhere"]).contains("no anchor: no depth map"));
+    assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
+    assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");
+    // Before photographs are read.
+    fs::write(folder.join("stage/images/00/000000.png"), b"no photograph").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
+    fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("field.checkpoint: no checkpoint of this version"));
+}

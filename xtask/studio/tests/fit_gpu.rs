@@ -1,0 +1,95 @@
+//! `cargo xtask fit --backend gpu`, on a stage that a ray tracer made. Without a graphics device these
+//! tests are ignored, but for that of what is said then.
+
+mod small_stage;
+mod tool;
+
+use std::fs;
+use std::process::{Command, ExitCode, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use refine::fit::gpu::Gpu;
+use small_stage::{fit, measured, stage};
+
+fn main() -> ExitCode {
+    let said = || {
+        without_a_device();
+        Ok(())
+    };
+    let trials = vec![
+        with_device("a device fits as the CPU does", fits_as_the_cpu),
+        with_device("the CPU goes on where a device was", goes_on_elsewhere),
+        Trial::test("without a device a fit ends with 5", said),
+    ];
+    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+}
+
+fn with_device(name: &str, test: fn()) -> Trial {
+    Trial::ignorable_test(name, move || match Gpu::open() {
+        Ok(_) => {
+            test();
+            Ok::<_, Failed>(Completion::Completed)
+        }
+        Err(error) => Ok(Completion::ignored_with(error.to_string())),
+    })
+}
+
+fn fits_as_the_cpu() {
+    let folder = stage();
+    let folder = folder.path();
+    let args = ["--steps", "300", "--gaussians", "800", "--anchor", "hull"];
+    fit(folder, &args);
+    let by_cpu = measured(folder, "train");
+    let json = fit(folder, &[&args[..], &["--backend", "gpu"]].concat());
+    let backend = json["backend"].as_str().unwrap();
+    assert!(backend.starts_with("gpu, "), "{backend}");
+    assert!(json["peak_device_bytes"].as_u64() > Some(100_000), "{json}");
+    let by_device = measured(folder, "train");
+    println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by {backend}");
+    assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
+}
+
+fn goes_on_elsewhere() {
+    let folder = stage();
+    let folder = folder.path();
+    let args = ["--steps", "1000", "--gaussians", "400", "--anchor", "hull"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder)
+        .args(["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--backend", "gpu"])
+        .args(args)
+        .args(["--checkpoint-every", "0.05"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !folder.join("field.checkpoint").exists() && child.try_wait().unwrap().is_none() {
+        assert!(start.elapsed() < Duration::from_secs(240), "no checkpoint");
+        thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let json = fit(folder, &args);
+    assert_eq!(json["backend"], "cpu");
+    assert!(json["resumed_at"].as_u64() > Some(0), "{json}");
+    let psnr = measured(folder, "train");
+    assert!(psnr > 18.0, "{psnr} dB");
+}
+
+fn without_a_device() {
+    let folder = stage();
+    let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder.path())
+        .args(["fit", "stage", "--backend", "gpu"])
+        .env("VK_DRIVER_FILES", "none.json")
+        .env("VK_ICD_FILENAMES", "none.json")
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{error}");
+    assert!(error.starts_with("error: no graphics device was found"), "{error}");
+}

@@ -1,0 +1,74 @@
+//! `cargo xtask report`: what is measured, what is written, and what is refused.
+
+mod tool;
+
+use std::fs;
+
+use serde_json::Value;
+use tempfile::tempdir;
+use tool::aarc_studio;
+
+/// The number `key` of the row `row`.
+fn number(points: &[Value], row: &str, key: &str) -> f64 {
+    let point = points.iter().find(|point| point["row"] == row).unwrap_or_else(|| panic!("no row {row}"));
+    point[key].as_f64().unwrap_or_else(|| panic!("no {key} in {point}"))
+}
+
+#[test]
+fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
+    let folder = tempdir().unwrap();
+    assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
+    let report = aarc_studio(folder.path(), &["report", "limbs.ply", "--rd", "-o", "out", "--json"]).json();
+    let field = &report["rd"][0];
+    assert_eq!((&field["field"], &field["features"]), (&"limbs".into(), &7.into()));
+    let points = field["points"].as_array().expect("points");
+    assert_eq!(points.len(), 5, "one budget of the ladder is smaller than the field");
+
+    assert!(number(points, "mass", "recall") < 0.6);
+    assert_eq!(number(points, "mass + floor", "recall"), 1.0);
+    assert!(number(points, "mass + floor", "psnr_db") > number(points, "mass", "psnr_db"));
+    assert_eq!(number(points, "ours", "recall"), 1.0);
+    for row in ["LightGaussian", "RadSplat", "mass", "mass + floor"] {
+        assert_eq!(number(points, row, "budget"), 5000.0);
+        // Selection sees other pictures than those that are reported, and those here are few.
+        assert!(number(points, "ours", "psnr_db") > number(points, row, "psnr_db") - 0.2, "{row}");
+        let (bytes, mbps) = (number(points, row, "bytes"), number(points, row, "mbps"));
+        assert!((mbps - bytes * 8e-6).abs() < 1e-9, "the clip is one second long");
+    }
+    let rates = field["rates"].as_array().expect("rates");
+    let targets: Vec<f64> = rates.iter().map(|rate| rate["target_db"].as_f64().unwrap()).collect();
+    assert_eq!(targets, [40.0, 45.0, 50.0, 55.0]);
+    for rate in rates {
+        let size = |key: &str| rate["simpler"][key].as_f64().unwrap_or_else(|| panic!("no {key} in {rate}"));
+        let bytes = rate["bytes"].as_f64().unwrap();
+        assert!(rate["self_psnr_db"].as_f64() >= rate["target_db"].as_f64(), "{rate}");
+        // There is little to predict of so regular a field.
+        assert!(size("order_0") > size("ordered") && size("predicted") > bytes, "{rate}");
+        assert!(size("alike") > bytes || rate["target_db"].as_f64() < Some(50.0), "{rate}");
+    }
+    let mut names: Vec<String> = fs::read_dir(folder.path().join("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["rd.csv", "rd.md", "rd.svg"]);
+}
+
+#[test]
+fn bad_requests_are_refused_before_work_is_done() {
+    let folder = tempdir().unwrap();
+    let run = |args: &[&str]| aarc_studio(folder.path(), args);
+    assert!(run(&["report", "none.ply", "--rd"]).error(3).contains("none.ply"));
+    assert!(!folder.path().join("report").exists());
+    fs::write(folder.path().join("bad.ply"), "ply\n").unwrap();
+    assert!(run(&["report", "bad.ply", "--rd"]).error(3).contains("bad.ply"));
+    assert!(run(&["report", "bad.ply", "--rd", "-o", "no/folder"]).error(2).contains("no/folder"));
+    assert!(run(&["report", "bad.ply", "--rd", "-o", "bad.ply"]).error(2).contains("bad.ply"));
+    assert!(run(&["report", "bad.ply", "-o", "no/folder"]).error(2).contains("no/folder"));
+    assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
+    assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("one clip or field"));
+    assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
+    assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
+    assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
+    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "no size of --rd");
+}
