@@ -63,12 +63,19 @@ pub fn multiview_trial(
     })
 }
 
-/// Runs the tests of a file as the standard harness would.
+/// Runs tests as the standard harness does.
 pub fn run(trials: Vec<Trial>) -> ExitCode {
     run_with(Arguments::from_args(), trials)
 }
 
-/// The same, one after the other.
+/// Runs the tests of several files. Each is listed, and can be filtered, by the name of its file.
+pub fn run_files<const N: usize>(files: [(&str, Vec<Trial>); N]) -> ExitCode {
+    let trials =
+        files.into_iter().flat_map(|(file, trials)| trials.into_iter().map(move |t| t.with_kind(file)));
+    run(trials.collect())
+}
+
+/// Runs tests one after the other.
 pub fn run_in_turn(trials: Vec<Trial>) -> ExitCode {
     run_with(Arguments { test_threads: Some(1), ..Arguments::from_args() }, trials)
 }

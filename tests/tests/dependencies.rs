@@ -30,6 +30,10 @@ fn main() -> ExitCode {
         Trial::ignorable_test("licences are allowed and sources known", || Ok(licences())),
         passes("every direct dependency is explained", every_direct_dependency_is_explained),
         passes("licences are understood", licences_are_understood),
+        passes("the player does not depend on the maker", the_player_does_not_depend_on_the_maker),
+        passes("the player does not compile the encoder", the_player_does_not_compile_the_encoder),
+        passes("on Android the player compiles what it runs", on_android_the_player_compiles_what_it_runs),
+        passes("a bare player has no window and no network", a_bare_player_has_no_window_and_no_network),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests).exit_code()
 }
@@ -146,5 +150,64 @@ fn licences_are_understood() {
     assert_eq!(licences_of(exception, &allowed), Some(BTreeSet::from([exception.to_owned()])));
     for licence in ["", "GPL-3.0-only", "MIT AND GPL-3.0-only", "Apache-2.0", "proprietary"] {
         assert_eq!(licences_of(licence, &allowed), None, "{licence}");
+    }
+}
+
+/// The dependencies of the player, alone, as `cargo tree` prints them.
+fn tree(arguments: &[&str]) -> String {
+    let output = workspace::cargo()
+        .args(["tree", "--locked", "--package", "client", "--prefix", "none"])
+        .args(arguments)
+        .output()
+        .expect("cargo runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo tree {arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+const FEATURE_SETS: [&[&str]; 3] = [&[], &["--no-default-features"], &["--all-features"]];
+
+/// Whether the tree has a package of this name.
+fn depends_on(tree: &str, package: &str) -> bool {
+    tree.lines().any(|line| line.split(' ').next() == Some(package))
+}
+
+fn the_player_does_not_depend_on_the_maker() {
+    for features in FEATURE_SETS {
+        let tree = tree(&[&["--edges", "normal,build"], features].concat());
+        assert!(depends_on(&tree, "codec"), "the tree was not understood:\n{tree}");
+        for package in ["refine", "studio", "xtask", "aarc-tests", "rayon"] {
+            assert!(!depends_on(&tree, package), "client {features:?} depends on {package}");
+        }
+    }
+}
+
+fn the_player_does_not_compile_the_encoder() {
+    for features in FEATURE_SETS {
+        let tree = tree(&[&["--edges", "normal", "--format", "{p} features:{f};"], features].concat());
+        let codec = tree.lines().find(|line| line.starts_with("codec ")).expect("client decodes");
+        let enabled = codec.split("features:").nth(1).expect("the format names features");
+        assert!(enabled.contains("serde"), "the tree was not understood: {codec}");
+        assert!(!enabled.contains("encode"), "client {features:?} turns the encoder on: {codec}");
+    }
+}
+
+fn on_android_the_player_compiles_what_it_runs() {
+    let features = ["--no-default-features", "--features", "net,xr", "--target", "aarch64-linux-android"];
+    let tree = tree(&[&["--edges", "normal"][..], &features].concat());
+    for package in ["android-activity", "android_logger", "egui", "ureq"] {
+        assert!(depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+    for package in ["winit", "egui-winit", "env_logger"] {
+        assert!(!depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+}
+
+fn a_bare_player_has_no_window_and_no_network() {
+    let with = tree(&["--edges", "normal"]);
+    let without = tree(&["--edges", "normal", "--no-default-features"]);
+    for package in ["winit", "egui", "ureq"] {
+        assert!(depends_on(&with, package), "the default player depends on {package}");
+        assert!(!depends_on(&without, package), "the bare player depends on {package}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -12,13 +12,15 @@ use aarc_tests::programs::{Outcome, client, run};
 use aarc_tests::scene::{Motion, Recipe, ball, lasting, packaged};
 use aarc_tests::server::Server;
 use client::gpu::Gpu;
+use libtest_mimic::Trial;
 use tempfile::TempDir;
 
 const USAGE: i32 = 2;
 const DATA: i32 = 3;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         gpu::trial(
             "the last picture of a clip is followed by the first of the next",
             Passes::Shared,
@@ -27,7 +29,7 @@ fn main() -> ExitCode {
         gpu::trial("from an address, and again without the network", Passes::Shared, addresses),
         gpu::trial("what is wrong is one sentence and an exit code", Passes::Shared, faults),
         display::trial("in a window nothing comes between two clips, over and over", window),
-    ])
+    ]
 }
 
 /// A folder with clips and a playlist in which players run.

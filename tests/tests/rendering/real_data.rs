@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::data;
@@ -11,18 +10,20 @@ use aarc_tests::gpu::{self, Drawing};
 use aarc_tests::image::{Tolerance, check, pixels_beyond};
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, LayerEnd, Limits, TimeIndex};
+use libtest_mimic::Trial;
 use refine::image::Image;
 use refine::prune::Ranking;
 use refine::reference::{Order, RenderScene, render};
 use safetensors::SafeTensors;
 use studio::package::{self, package};
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         data::trial("gsplat, tiny case", "raster-reference/brush/tiny_case.safetensors", gsplat),
         data::trial("gsplat, basic case", "raster-reference/brush/basic_case.safetensors", gsplat),
         data::trial("spinach, 40,000 Gaussians", "spacetime-spinach/spinach_4.splatv", spinach),
-    ])
+    ]
 }
 
 /// The GPU's records are rounded (16-bit scales and colours), gsplat's are not.

@@ -1,7 +1,6 @@
 //! A frame costs the same the thousandth time as the first: nothing that drawing allocates stays,
 //! and what a clip takes on the GPU is settled when it is uploaded.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
@@ -9,20 +8,17 @@ use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with, stereo_pair
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use glam::UVec2;
-use peak_alloc::PeakAlloc;
+use libtest_mimic::Trial;
 
-#[global_allocator]
-static HEAP: PeakAlloc = PeakAlloc;
+use crate::HEAP;
 
 const WARM_UP: u32 = 60;
 
 const FRAMES: u32 = 300;
 
-fn main() -> ExitCode {
-    // One test: others at the same time would allocate from the heap that is measured.
-    gpu::run(vec![gpu::trial("one eye, then two", Passes::Shared, |gpu| {
-        steady(gpu, 1).and_then(|()| steady(gpu, 2))
-    })])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("one eye, then two", Passes::Shared, |gpu| steady(gpu, 1).and_then(|()| steady(gpu, 2)))]
 }
 
 fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {

@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -18,12 +18,13 @@ const RIGHT: u32 = 0xff53;
 const P: u32 = 'p' as u32;
 const U: u32 = 'u' as u32;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         trial("a clip plays, stops, steps and is photographed", plays),
         trial("a clip that is not one opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
-    ])
+    ]
 }
 
 /// Writes a clip that moves all the time.

@@ -5,13 +5,13 @@
 //! One Gaussian is drawn at many instants. Where it is comes from the centroid of alpha, how opaque
 //! it is from alpha in the middle, and how it is turned from alpha's second moments.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, Temporal};
+use libtest_mimic::Trial;
 use refine::image::Image;
 
 const SIZE: u32 = 256;
@@ -21,7 +21,8 @@ const SCALE: f64 = 60.0;
 
 const DISTANCE: f64 = 50.0;
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = Vec::new();
     for order in 0..=3u8 {
         trials.push(gpu::trial(format!("trajectory of order {order}"), Passes::Shared, move |gpu| {
@@ -30,7 +31,7 @@ fn main() -> ExitCode {
     }
     trials.push(gpu::trial("temporal opacity", Passes::Shared, temporal_opacity));
     trials.push(gpu::trial("rotation", Passes::Shared, rotation));
-    gpu::run(trials)
+    trials
 }
 
 /// Instants over the clip, its ends among them.

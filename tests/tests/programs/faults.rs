@@ -4,7 +4,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use aarc_tests::display::{Display, Screenshot};
@@ -18,8 +18,9 @@ use tempfile::TempDir;
 const USAGE: i32 = 2;
 const DEVICE: i32 = 5;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         ignorable("a full disk keeps no clip and the clip plays", Some(small_disk), full_cache),
         ignorable("a full disk is one sentence", Some(small_disk), full_output),
         ignorable("too little memory for the graphics device is one sentence", None, little_memory),
@@ -29,7 +30,7 @@ fn main() -> ExitCode {
             None,
             lost_window,
         ),
-    ])
+    ]
 }
 
 /// A test that needs a graphics device, and what `needs` does not find wanting.

@@ -2,23 +2,23 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::ExitCode;
 
-use ::studio::export::field_file;
 use aarc_tests::programs::{Outcome, run, xtask};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use libtest_mimic::{Completion, Failed, Trial};
 use serde_json::Value;
+use studio::export::field_file;
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let array = Trial::ignorable_test("a job array does all takes but the one that fails", || {
         match Cluster::start() {
             Some(cluster) => job_array(&cluster).map(|()| Completion::Completed).map_err(Failed::from),
             None => Ok(Completion::ignored_with(MISSING)),
         }
     });
-    libtest_mimic::run(&Arguments::from_args(), vec![array]).exit_code()
+    vec![array]
 }
 
 const TAKES: [&str; 5] = ["walk", "run", "jump", "turn", "bow"];

@@ -6,9 +6,8 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::Command;
 
-use ::studio::export::field_file;
 use aarc_tests::gpu::{self, Passes, device};
 use aarc_tests::programs::{Outcome, client, run, xtask};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
@@ -18,6 +17,7 @@ use image::RgbImage;
 use libtest_mimic::{Completion, Failed, Trial};
 use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
+use studio::export::field_file;
 use tempfile::TempDir;
 
 const USAGE: i32 = 2;
@@ -25,11 +25,12 @@ const DATA: i32 = 3;
 const NETWORK: i32 = 4;
 const DEVICE: i32 = 5;
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let plain = |name: &str, test: fn() -> Result<(), String>| {
         Trial::test(name, move || test().map_err(Failed::from))
     };
-    gpu::run(vec![
+    vec![
         gpu::trial("from a field to pictures", Passes::Shared, field_to_pictures),
         gpu::trial("the demo scene", Passes::Shared, demo_scene),
         gpu::trial("a camera file gives the reference's picture", Passes::Shared, camera_file),
@@ -40,7 +41,7 @@ fn main() -> ExitCode {
         plain("bad input to inspect", bad_input_to_inspect),
         plain("bad input to render and export", bad_input_to_render_and_export),
         plain("without a graphics device", without_a_device),
-    ])
+    ]
 }
 
 /// A temporary folder in which programs run, with a clip and a field in it.

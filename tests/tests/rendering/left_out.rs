@@ -2,7 +2,6 @@
 //! takes is exactly what its columns need.
 
 use std::mem::size_of;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
@@ -13,11 +12,12 @@ use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         gpu::trial("GPU memory and pipelines", Passes::Shared, memory_and_pipelines),
         Trial::test("columns that say nothing", columns_that_say_nothing),
-    ])
+    ]
 }
 
 const COUNT: usize = 100;

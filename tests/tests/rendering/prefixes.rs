@@ -1,16 +1,16 @@
 //! A package that was cut off plays as a smaller layer, or fails with one clear error: whatever
 //! part of the file is there, and all the way to the picture.
 
-use std::process::ExitCode;
-
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
 use client::gpu::{ChannelDepth, Gpu, RenderSettings};
 use codec::Limits;
+use libtest_mimic::Trial;
 use refine::image::Image;
 
-fn main() -> ExitCode {
-    gpu::run(vec![gpu::trial("prefixes of a package", Passes::Shared, prefixes)])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("prefixes of a package", Passes::Shared, prefixes)]
 }
 
 fn prefixes(gpu: &Gpu) -> Result<(), String> {

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::Command;
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
@@ -24,8 +24,9 @@ const NETWORK: i32 = 4;
 
 const ETAG: &str = "\"one\"";
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         gpu::trial(
             "an address gives the picture of the file, also without the network",
             Passes::Shared,
@@ -34,7 +35,7 @@ fn main() -> ExitCode {
         gpu::trial("a secure connection needs a certificate that is trusted", Passes::Shared, secure),
         Trial::test("faults are one sentence and an exit code", || faults().map_err(Failed::from)),
         display::trial("a window plays the first layer before the rest is sent", window),
-    ])
+    ]
 }
 
 /// A folder that players keep clips in and write pictures to.

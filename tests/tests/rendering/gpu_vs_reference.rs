@@ -5,7 +5,6 @@
 //! one pass and in two), places to look from. Both renderers get the same decoded clip; the target
 //! has 16-bit floats, so that what differs is the renderer and not the rounding of its target.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
@@ -23,7 +22,8 @@ const SIZE: (u32, u32) = (160, 120);
 
 const PLACES: [Place; 4] = [Place::Whole, Place::Near, Place::Far, Place::Edge];
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = Vec::new();
     for sh_degree in 0..=3 {
         trials.extend(eyes_trials(Recipe { sh_degree, motion: Motion::Still, ..RECIPE }));
@@ -46,7 +46,7 @@ fn main() -> ExitCode {
         gpu::trial("off-centre principal point", Passes::Shared, off_centre),
         gpu::trial("8-bit target", Passes::Shared, eight_bits),
     ]);
-    gpu::run(trials)
+    trials
 }
 
 const RECIPE: Recipe =

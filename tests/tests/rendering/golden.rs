@@ -3,13 +3,13 @@
 //! The pictures were looked at when they were made. `UPDATE_GOLDEN=1 cargo test --test golden`
 //! makes them anew, and fails once, so that they are looked at again.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check_golden};
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Coder, EncodeOptions, Limits, Precision, Source};
+use libtest_mimic::Trial;
 use studio::synth::juggler;
 
 /// PSNR in dB to code the scene with: the pictures show the renderer, not the coder.
@@ -18,8 +18,9 @@ const EXACT_DB: f64 = 80.0;
 /// Drivers round 8-bit blending differently, and platforms the sines of the scene.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 400, psnr: 42.0 };
 
-fn main() -> ExitCode {
-    gpu::run(vec![gpu::trial("the demo scene", Passes::Shared, demo_scene)])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("the demo scene", Passes::Shared, demo_scene)]
 }
 
 fn demo_scene(gpu: &Gpu) -> Result<(), String> {
