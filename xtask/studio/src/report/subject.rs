@@ -6,7 +6,6 @@ use std::path::Path;
 use codec::Field;
 use refine::reference;
 
-use crate::export;
 use crate::fault::Fault;
 use crate::input::Input;
 use crate::package::visible;
@@ -38,7 +37,7 @@ impl Subject {
                 let made = |field| Scene::made(&name, field, clip.info.clone());
                 let plate = clip.plate.clone().map(|plate| made(plate).subject);
                 let assumed = if clip.info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
-                Scene { plate, assumed, ..made(export::merged(&clip)) }
+                Scene { plate, assumed, ..made(clip.merged()) }
             }
         };
         let (field, _) = visible(&scene.subject);
