@@ -10,7 +10,7 @@ use codec::{Clip, Field};
 use glam::UVec2;
 use measure::parameter::{Parameter, ParameterValue};
 use measure::playing::{self, ClipFeature, Playing};
-use refine::reference::Scene;
+use refine::reference::RenderScene;
 use shaders::sh_words;
 use studio::package::LAYERS;
 
@@ -32,7 +32,7 @@ fn measured(gpu: &'static Gpu, field: &Field) -> Result<(Clip, Playing), String>
     let clip = decoded_with(field, None, &[100]);
     let mut steps = 0;
     let mut on_step = |_: &str, _| steps += 1;
-    let whole = Scene::from(field);
+    let whole = RenderScene::from(field);
     let playing = playing::measure(gpu, &clip, &whole, UVec2::new(96, 72), &LAYERS, &mut on_step)
         .map_err(|error| format!("{error:#}"))?;
     expect("steps are as announced", playing.setup.steps == steps)?;

@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use client::fault::Fault;
-use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, Renderer, RenderSettings};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;
@@ -42,8 +42,8 @@ pub fn draw(
     clip: &Clip,
     cameras: &[Camera],
     t: f64,
-    settings: &Settings,
-    depth: Depth,
+    settings: &RenderSettings,
+    depth: ChannelDepth,
 ) -> Result<Vec<Image>, Fault> {
     let clip = Arc::new(GpuClip::upload(gpu, clip)?);
     Drawing::new(gpu, clip, cameras, depth)?.frame(t, settings)
@@ -66,7 +66,7 @@ impl<'a> Drawing<'a> {
         gpu: &'a Gpu,
         clip: Arc<GpuClip>,
         cameras: &[Camera],
-        depth: Depth,
+        depth: ChannelDepth,
     ) -> Result<Drawing<'a>, Fault> {
         let size = UVec2::new(cameras[0].width, cameras[0].height);
         Ok(Drawing {
@@ -86,7 +86,7 @@ impl<'a> Drawing<'a> {
     ///
     /// # Errors
     /// What the renderer reports.
-    pub fn frame(&mut self, t: f64, settings: &Settings) -> Result<Vec<Image>, Fault> {
+    pub fn frame(&mut self, t: f64, settings: &RenderSettings) -> Result<Vec<Image>, Fault> {
         self.target.render(self.gpu, &mut self.renderer, t, &self.views, settings)?;
         Ok(self.target.read(self.gpu)?.iter().map(image).collect())
     }

@@ -150,7 +150,7 @@ impl Pictures {
         let viewpoint =
             viewpoints.first().cloned().unwrap_or_else(|| Viewpoint::framing(clip.bounds, clip.info.up));
         let camera = |(width, height)| viewpoint.camera(clip.info.up, width, height);
-        let scene = reference::Scene::from(clip);
+        let scene = reference::RenderScene::from(clip);
         let draw = |camera: &Camera, time: f64| {
             let image = reference::render(&scene, camera, time / duration, Order::Depth);
             RgbImage::from_raw(image.width, image.height, image.to_rgb8()).expect("three bytes per pixel")

@@ -6,8 +6,8 @@
 
 use anyhow::Context;
 use refine::image::Image;
-use refine::prune::Shot;
-use refine::reference::{Order, Scene, render, render_held};
+use refine::prune::PosedView;
+use refine::reference::{Order, RenderScene, render, render_held};
 use crate::parameter::{ImageErrors, Parameter, ParameterValue, Quartiles, FlowStage};
 
 use super::errors::Expected;
@@ -25,14 +25,14 @@ pub(super) fn pictures(views: &ViewSet) -> usize {
 /// Measures the parameter against the player as it is, `base`, of a clip of so many seconds. `on_picture`
 /// is called for each of [`pictures`]. With it comes a picture of an order held longest.
 pub(super) fn parameter(
-    whole: &Scene,
+    whole: &RenderScene,
     views: &ViewSet,
     duration_s: f64,
     expected: &Expected,
     base: &MeasuredVariant,
     on_picture: &mut dyn FnMut(),
 ) -> anyhow::Result<(Parameter, Image)> {
-    let mut take = |shot: &Shot, made: &Shot| {
+    let mut take = |shot: &PosedView, made: &PosedView| {
         on_picture();
         match shot == made {
             true => render(whole, &shot.camera, shot.t, Order::Depth),

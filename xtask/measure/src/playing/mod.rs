@@ -21,12 +21,12 @@ use std::{iter, ptr};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use client::gpu::{Depth, Gpu, Offscreen};
+use client::gpu::{ChannelDepth, Gpu, Offscreen};
 use codec::Clip;
 use glam::UVec2;
 use image::{ImageFormat, RgbImage};
 use refine::image::Image;
-use refine::prune::Shot;
+use refine::prune::PosedView;
 use refine::reference::{self, Order, render};
 
 use crate::parameter::{FlowStage, Parameter};
@@ -47,13 +47,13 @@ use views::{ViewSet, view_set};
 pub fn measure(
     gpu: &'static Gpu,
     clip: &Clip,
-    whole: &reference::Scene,
+    whole: &reference::RenderScene,
     size: UVec2,
     layers: &[usize],
     on_step: &mut dyn FnMut(&str, u64),
 ) -> anyhow::Result<Playing> {
     // Fails where the device cannot draw this size, before the reference takes minutes.
-    Offscreen::new(gpu, size, 2, Depth::Sixteen)?;
+    Offscreen::new(gpu, size, 2, ChannelDepth::Sixteen)?;
     let views = view_set(clip, size);
     let sweeps = sweeps(clip, size);
     let toggles = features(clip, gpu, layers);
@@ -116,9 +116,9 @@ pub fn measure(
 }
 
 /// The reference's pictures of the whole field.
-fn expected(whole: &reference::Scene, views: &ViewSet, on_step: &mut dyn FnMut(&str)) -> Expected {
-    let mut render_all = |views: &[Shot], order| {
-        let mut render_one = |view: &Shot| {
+fn expected(whole: &reference::RenderScene, views: &ViewSet, on_step: &mut dyn FnMut(&str)) -> Expected {
+    let mut render_all = |views: &[PosedView], order| {
+        let mut render_one = |view: &PosedView| {
             on_step("reference");
             render(whole, &view.camera, view.t, order)
         };

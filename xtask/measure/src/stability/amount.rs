@@ -4,7 +4,7 @@ use client::gpu::SortOrder;
 use codec::{ALPHA_MIN, Camera, Field};
 
 use super::gaussians::{Gaussian, crowd, field, still_crowd};
-use refine::prune::Shot as PosedView;
+use refine::prune::PosedView;
 
 use super::case::{StabilityCase, DeviationKind, StabilityScene, at, case, look};
 

@@ -2,7 +2,7 @@
 
 use client::gpu::SortOrder;
 use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
-use refine::prune::Shot as PosedView;
+use refine::prune::PosedView;
 
 use crate::scene::info;
 

@@ -4,7 +4,7 @@
 use codec::{Camera, Clip, ClipInfo, Field, Viewpoint};
 
 use super::gaussians::{Gaussian, crowd, field};
-use refine::prune::Shot as PosedView;
+use refine::prune::PosedView;
 
 use super::case::{StabilityCase, PackageExpectation, DeviationKind, StabilityScene, at, case, exact};
 use crate::scene::{Motion, Recipe};

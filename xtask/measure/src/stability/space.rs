@@ -4,7 +4,7 @@
 use codec::Field;
 
 use super::gaussians::{Gaussian, crowd, field, normalized, still_crowd};
-use refine::prune::Shot as PosedView;
+use refine::prune::PosedView;
 
 use super::case::{StabilityCase, DISTANCE, StabilityScene, at, case, look};
 
