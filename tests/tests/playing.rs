@@ -61,7 +61,9 @@ fn saved(feature: &ClipFeature, count: &str) -> Result<f64, String> {
 fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
     let (_, playing) = measured(gpu, &RECIPE.field())?;
     for parameter in &playing.parameters {
-        let [default, others @ ..] = parameter.points.as_slice() else { return Err("a parameter of no values".into()) };
+        let [default, others @ ..] = parameter.points.as_slice() else {
+            return Err("a parameter of no values".into());
+        };
         let (finest, name) = (default.psnr_db(), &parameter.name);
         expect(&format!("{name}: {finest} dB by default"), default.default && finest > 40.0)?;
         let coarsest = others.last().ok_or("a parameter of one value")?;
@@ -79,7 +81,8 @@ fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
         ("motion order", "gpu_bytes"),
         ("rotation over time", "gpu_bytes"),
     ] {
-        let counts: Vec<f64> = parameter(&playing, name)?.points.iter().map(|point| point.counts[count]).collect();
+        let counts: Vec<f64> =
+            parameter(&playing, name)?.points.iter().map(|point| point.counts[count]).collect();
         let falls = counts.is_sorted_by(|a, b| a >= b) && counts[0] > counts[counts.len() - 1];
         expect(&format!("{name}: {count} {counts:?}"), falls)?;
     }
@@ -87,7 +90,10 @@ fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
     let flicker = |point: &ParameterValue| point.errors.flicker.unwrap_or(f64::NAN);
     let (depth, radial) = (flicker(&sort.points[0]), flicker(&sort.points[1]));
     expect(&format!("depth flickers by {depth}, radial by {radial}"), radial < depth)?;
-    expect("the reference, the player and each parameter's end", playing.pictures.len() == 2 + playing.parameters.len())
+    expect(
+        "the reference, the player and each parameter's end",
+        playing.pictures.len() == 2 + playing.parameters.len(),
+    )
 }
 
 fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
@@ -123,7 +129,10 @@ fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
     let (clip, playing) = measured(gpu, &field)?;
     expect("there is nothing to move", clip.dynamic_field.is_empty())?;
     let absent = ["SH degree", "motion order", "rotation over time"];
-    expect("no parameters of what is not there", absent.iter().all(|name| parameter(&playing, name).is_err()))?;
+    expect(
+        "no parameters of what is not there",
+        absent.iter().all(|name| parameter(&playing, name).is_err()),
+    )?;
     let words = shaders::Motion { order: 0, rotates: false }.words();
     let windows = feature(&playing, "temporal columns of still Gaussians")?;
     expect("windows are left out", saved(windows, "gpu_bytes")? == (COUNT * 4 * words) as f64)?;

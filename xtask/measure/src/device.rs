@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use client::fault::Fault;
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, Renderer, RenderSettings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;

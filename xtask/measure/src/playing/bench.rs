@@ -7,8 +7,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::parameter::ImageErrors;
 use client::fault::Fault;
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Renderer, RenderSettings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
 use glam::UVec2;
@@ -18,7 +19,6 @@ use refine::image::Image;
 use refine::prune::PosedView;
 use shaders::CORNERS;
 use shaders::layout::Ranges;
-use crate::parameter::ImageErrors;
 
 use super::errors::Expected;
 use super::measured::{FrameTiming, Inspection};
@@ -145,7 +145,8 @@ impl<'a> Bench<'a> {
                 *counts.entry(name.to_owned()).or_default() += count / self.views.pictures.len() as f64;
             }
         }
-        let mut inspection = Inspection { errors: ImageErrors::default(), counts, images: Vec::new(), turn: Vec::new() };
+        let mut inspection =
+            Inspection { errors: ImageErrors::default(), counts, images: Vec::new(), turn: Vec::new() };
         if variant.eyes == EyeMode::One {
             for shot in &self.views.turn {
                 let mut own = match variant.content {
@@ -264,7 +265,11 @@ impl DrawSetup {
         Ok(Image { width: full.x, height: full.y, pixels })
     }
 
-    fn counts(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<[(&'static str, f64); 9], Fault> {
+    fn counts(
+        &mut self,
+        shot: &PosedView,
+        settings: &RenderSettings,
+    ) -> Result<[(&'static str, f64); 9], Fault> {
         let views = self.views(shot);
         let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
         let coverage = self.renderer.count(self.gpu, shot.t, &views, settings)?;

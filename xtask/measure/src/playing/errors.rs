@@ -1,10 +1,10 @@
 //! How far pictures are from those of the reference.
 
+use crate::parameter::ImageErrors;
 use codec::Camera;
 use glam::{DMat3, DVec2, DVec3};
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
-use crate::parameter::ImageErrors;
 
 /// Width and height in pixels of the tiles of which the worst is told.
 const TILE: u32 = 32;

@@ -6,14 +6,14 @@
 
 use std::collections::BTreeMap;
 
+use super::result::{ClipFeature, ResourceUse};
 use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
 use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
 use shaders::{Features, Motion, Purpose, compose};
-use super::result::{ClipFeature, ResourceUse};
 
+use super::bench::{EyeMode, Variant, VariantContent};
 use super::measured::MeasuredVariant;
-use super::bench::{VariantContent, EyeMode, Variant};
 use super::pad;
 use super::views::instants;
 
@@ -135,7 +135,8 @@ fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     for degree in of_clip + 1..=SH_DEGREE_MAX {
         let needs = format!("no: nothing varies with the view beyond degree {of_clip}");
         let with = pad::with_sh_degree(clip, degree);
-        let mut feature = left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
+        let mut feature =
+            left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
         feature.package = Some(Box::new(move |clip| {
             let mut field = ordered(&pad::with_sh_degree(clip, degree));
             field.sh[sh_coefficients(degree) - 1] = [0.2; 3];

@@ -4,11 +4,11 @@
 //! `player + (reference in the held order - reference)`. What it saves is the part of the stages
 //! `alive` and `sort` that a frame then has no share in.
 
+use crate::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use anyhow::Context;
 use refine::image::Image;
 use refine::prune::PosedView;
 use refine::reference::{Order, RenderScene, render, render_held};
-use crate::parameter::{ImageErrors, Parameter, ParameterValue, Quartiles, FlowStage};
 
 use super::errors::Expected;
 use super::measured::{FrameTiming, MeasuredVariant};
@@ -75,7 +75,8 @@ pub(super) fn parameter(
 
 fn held_point(frames: usize, base: &MeasuredVariant, errors: ImageErrors) -> ParameterValue {
     let share = 1.0 / frames as f64;
-    let of = |value: fn(&FrameTiming) -> f64| Quartiles::of(base.timings.iter().map(value).map(|ms| ms * share));
+    let of =
+        |value: fn(&FrameTiming) -> f64| Quartiles::of(base.timings.iter().map(value).map(|ms| ms * share));
     let saved = |sample: &FrameTiming| (1.0 - share) * (sample.alive_ms + sample.sort_ms);
     let frame_ms = Quartiles::of(base.timings.iter().map(|sample| sample.frame_ms - saved(sample)));
     let mut point = base.to_value(&frames.to_string(), false);

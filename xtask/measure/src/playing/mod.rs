@@ -68,7 +68,8 @@ pub fn measure(
     let mut on_step = |name: &str| on_step(name, steps);
 
     let expected = expected(whole, &views, &mut on_step);
-    let mut measured = draw(Bench::new(gpu, clip, size, &views), &variants, &sweeps, &expected, &mut on_step)?;
+    let mut measured =
+        draw(Bench::new(gpu, clip, size, &views), &variants, &sweeps, &expected, &mut on_step)?;
     let base = measured.next().expect("the player as it is");
     let mut playing = Playing {
         setup: PlayingSetup {
@@ -98,7 +99,8 @@ pub fn measure(
     for sweep in sweeps {
         let results: Vec<Option<MeasuredVariant>> =
             sweep.values.iter().map(|value| value.variant.as_ref().and_then(|_| measured.next())).collect();
-        let coarsest = results.last().and_then(Option::as_ref).and_then(|last| last.inspection.images.first());
+        let coarsest =
+            results.last().and_then(Option::as_ref).and_then(|last| last.inspection.images.first());
         if let (Some(image), Some(value)) = (coarsest, sweep.values.last()) {
             playing.pictures.push(picture(&format!("{}: {}", sweep.name, value.label), image)?);
         }

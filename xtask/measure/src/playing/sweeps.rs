@@ -4,7 +4,7 @@ use client::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 use codec::Clip;
 use glam::UVec2;
 
-use super::bench::{VariantContent, Variant};
+use super::bench::{Variant, VariantContent};
 use super::reduce::{to_motion_order, to_sh_degree, without_rotation};
 
 /// A parameter to sweep.

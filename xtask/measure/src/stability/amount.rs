@@ -6,7 +6,7 @@ use codec::{ALPHA_MIN, Camera, Field};
 use super::gaussians::{Gaussian, crowd, field, still_crowd};
 use refine::prune::PosedView;
 
-use super::case::{StabilityCase, DeviationKind, StabilityScene, at, case, look};
+use super::case::{DeviationKind, StabilityCase, StabilityScene, at, case, look};
 
 const GROUP: &str = "extreme amounts";
 
@@ -63,16 +63,18 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 "all at one distance, a turning head",
                 3.0,
                 "sorted by distance from the eye, which does not feel that the head turns",
-                || StabilityScene { sort: SortOrder::Radial, ..StabilityScene::new(one_distance(), turning_head()) },
+                || StabilityScene {
+                    sort: SortOrder::Radial,
+                    ..StabilityScene::new(one_distance(), turning_head())
+                },
             )
         },
         case(GROUP, "alpha 0", 0.1, "below 1/255: not drawn", || StabilityScene {
             blank: true,
             ..StabilityScene::new(with_alpha(0.0), at(&[0.5]))
         }),
-        case(GROUP, "alpha 1/255", 1.5, "drawn where alpha reaches 1/255, rounded to f16", || StabilityScene {
-            blank: true,
-            ..StabilityScene::new(with_alpha(ALPHA_MIN as f32), at(&[0.5]))
+        case(GROUP, "alpha 1/255", 1.5, "drawn where alpha reaches 1/255, rounded to f16", || {
+            StabilityScene { blank: true, ..StabilityScene::new(with_alpha(ALPHA_MIN as f32), at(&[0.5])) }
         }),
         case(GROUP, "alpha 1", 2.0, "cut to 0.999", || StabilityScene::new(with_alpha(1.0), at(&[0.5]))),
     ]);
@@ -84,7 +86,8 @@ fn many(count: usize) -> Field {
     let mut rows = crowd(count);
     for (i, row) in rows.iter_mut().enumerate() {
         let (tau, s) = (0.5, 0.01);
-        *row = Gaussian { opacity: 0.1 + 0.3 * (i % 7) as f32 / 6.0, tau, s, ..*row }.sized([0.004, 0.002, 0.006]);
+        *row = Gaussian { opacity: 0.1 + 0.3 * (i % 7) as f32 / 6.0, tau, s, ..*row }
+            .sized([0.004, 0.002, 0.006]);
     }
     field(&rows)
 }

@@ -6,7 +6,7 @@ use codec::{Camera, Clip, ClipInfo, Field, Viewpoint};
 use super::gaussians::{Gaussian, crowd, field};
 use refine::prune::PosedView;
 
-use super::case::{StabilityCase, PackageExpectation, DeviationKind, StabilityScene, at, case, exact};
+use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, at, case, exact};
 use crate::scene::{Motion, Recipe};
 use client::gpu::SortOrder;
 
@@ -69,7 +69,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 // Where it is at tau = -20, 20.5 before the middle of the clip.
                 let motion = [[4.0, -2.0, 0.0], [0.0; 3], [0.0; 3]];
                 let center = [-82.0, 41.0, 0.0];
-                let row = Gaussian { center, motion, s: 12.0, tau: -20.0, ..Gaussian::default() }.sized([0.2; 3]);
+                let row =
+                    Gaussian { center, motion, s: 12.0, tau: -20.0, ..Gaussian::default() }.sized([0.2; 3]);
                 let mut shots = at(&instants());
                 shots.iter_mut().for_each(|shot| shot.camera = wide());
                 StabilityScene::new(field(&[row]), shots).untried("rounding the centre moves it out of sight")
@@ -104,7 +105,9 @@ pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) 
     let shots: Vec<PosedView> = viewpoints
         .iter()
         .map(|viewpoint| viewpoint.camera(info.up, 320, 240))
-        .flat_map(|camera| instants().into_iter().step_by(4).map(move |t| PosedView { camera: camera.clone(), t }))
+        .flat_map(|camera| {
+            instants().into_iter().step_by(4).map(move |t| PosedView { camera: camera.clone(), t })
+        })
         .collect();
     StabilityCase {
         measure: DeviationKind::Mean,

@@ -3,16 +3,16 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::result::CaseResult;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
 use refine::reference::{self, Order, render};
-use super::result::CaseResult;
 
 use refine::prune::PosedView;
 
-use super::case::{StabilityCase, PackageExpectation, DeviationKind, StabilityScene, field_of};
+use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, field_of};
 use crate::device::Drawing;
 use crate::scene::info;
 

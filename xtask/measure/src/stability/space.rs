@@ -6,7 +6,7 @@ use codec::Field;
 use super::gaussians::{Gaussian, crowd, field, normalized, still_crowd};
 use refine::prune::PosedView;
 
-use super::case::{StabilityCase, DISTANCE, StabilityScene, at, case, look};
+use super::case::{DISTANCE, StabilityCase, StabilityScene, at, case, look};
 
 const GROUP: &str = "stiff in space";
 
@@ -36,10 +36,13 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             "cut to e^20 and e^-20 when packed",
             || {
                 let rows = |limit: f32| {
-                    let scaled = |x: f32| Gaussian { log_scales: [x.clamp(-limit, limit); 3], ..Gaussian::default() };
+                    let scaled =
+                        |x: f32| Gaussian { log_scales: [x.clamp(-limit, limit); 3], ..Gaussian::default() };
                     [vec![scaled(3e38), scaled(1e3), scaled(-3e38)], still_crowd(20)].concat()
                 };
-                StabilityScene::new(field(&rows(f32::MAX)), at(&T)).meant(field(&rows(20.0))).refused("log_scales")
+                StabilityScene::new(field(&rows(f32::MAX)), at(&T))
+                    .meant(field(&rows(20.0)))
+                    .refused("log_scales")
             },
         ),
         case(
@@ -159,7 +162,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             },
         ),
         case(GROUP, "smaller than a pixel", 2.5, "0.3 px^2 of blur: it never falls between pixels", || {
-            let rows: Vec<Gaussian> = crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
+            let rows: Vec<Gaussian> =
+                crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
             StabilityScene::new(field(&rows), at(&[0.3, 0.6]))
         }),
         case(

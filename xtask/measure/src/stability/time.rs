@@ -1,8 +1,8 @@
 //! Stiff in time: windows from a millionth to a million of the clip, centres outside it, movements
 //! that overflow or cancel.
 
-use super::gaussians::{Gaussian, crowd, field};
 use super::case::{StabilityCase, StabilityScene, at, case};
+use super::gaussians::{Gaussian, crowd, field};
 
 const GROUP: &str = "stiff in time";
 
@@ -24,7 +24,12 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             2.0,
             "time in two f32; records about an instant in the window, 1/s in f16 with a unit of its own",
             || {
-                let row = |(i, s)| Gaussian { center: place(i), tau: 0.5 + 0.013 * i as f32, s, ..Gaussian::default() };
+                let row = |(i, s)| Gaussian {
+                    center: place(i),
+                    tau: 0.5 + 0.013 * i as f32,
+                    s,
+                    ..Gaussian::default()
+                };
                 let rows: Vec<Gaussian> =
                     widths().enumerate().map(|(i, s)| row((i, s)).sized([0.12; 3])).collect();
                 let around = |row: &Gaussian| {
@@ -41,7 +46,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             2.0,
             "narrower than 5e-7 of the clip: shown at its instant and gone beside it, not faded",
             || {
-                let rows = [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Gaussian { s, ..Gaussian::default() });
+                let rows =
+                    [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Gaussian { s, ..Gaussian::default() });
                 // At one of the records' instants, and between two.
                 let tau = [0.5f32, 0.3];
                 let rows = tau.into_iter().flat_map(|tau| rows.map(|row| Gaussian { tau, ..row }));
@@ -53,9 +59,11 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     .untried("coders move a window by more than such a one is wide")
             },
         ),
-        case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || StabilityScene {
-            blank: true,
-            ..StabilityScene::new(between_frames(), at(&FRAMES.map(|k| k / 30.0)))
+        case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || {
+            StabilityScene {
+                blank: true,
+                ..StabilityScene::new(between_frames(), at(&FRAMES.map(|k| k / 30.0)))
+            }
         }),
         case(
             GROUP,
@@ -119,7 +127,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let motion = [[f32::MAX, -f32::MAX, f32::MAX]; 3];
                 let row = Gaussian { tau: 0.25, s: 1e-12, motion, ..Gaussian::default() };
                 let instants = at(&[0.25, 0.0, 0.3, 1.0]);
-                StabilityScene::new(field(&[vec![row], crowd(20)].concat()), instants).refused("column motion")
+                StabilityScene::new(field(&[vec![row], crowd(20)].concat()), instants)
+                    .refused("column motion")
             },
         ),
         case(
@@ -169,7 +178,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             "turned in f64 to the record's instant; rates are cut to 2^24 per width",
             || {
                 let turning = |i: usize, s: f32, rotation: [f32; 4], rate: [f32; 4]| {
-                    Gaussian { center: place(i), s, rotation, rate, ..Gaussian::default() }.sized([0.25, 0.05, 0.1])
+                    Gaussian { center: place(i), s, rotation, rate, ..Gaussian::default() }
+                        .sized([0.25, 0.05, 0.1])
                 };
                 let unit = [1.0, 0.0, 0.0, 0.0];
                 let rows = vec![

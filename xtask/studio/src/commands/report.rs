@@ -78,7 +78,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         report.add_page(path, args)?;
     }
     if page_of.is_none() {
-        let subjects = args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let subjects =
+            args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
             report.add_rd(&subjects)?;
         }

@@ -14,11 +14,11 @@ use refine::prune::{Candidate, PASSES, Pictures, Ranking, Selection, by_importan
 use refine::reference::{self, sensitivities};
 
 use super::Subject;
-use measure::parameter::{ImageErrors, Parameter, ParameterValue, Quartiles, FlowStage};
 use super::rd::{SEEN_WORK, coded_shots, refused, seen_shots};
 use crate::package::Settings;
 use crate::package::coding::{LAYERS, QUALITY_DB};
 use crate::package::whole::{CODE_WORK, PICTURE_WORK, Whole, ranking_shots, scene_of};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
 /// PSNRs to code to, in dB, from the finest to the coarsest.
 const TARGETS_DB: [f64; 8] = [55.0, 52.5, QUALITY_DB, 50.0, 47.5, 45.0, 42.5, 40.0];
@@ -200,8 +200,10 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
     let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
     let seconds = start.elapsed().as_secs_f64();
-    let anew =
-        ParameterValue { cost: Quartiles::exactly(seconds), ..point("fitted anew", false, whole.draft_psnr(&refitted)?) };
+    let anew = ParameterValue {
+        cost: Quartiles::exactly(seconds),
+        ..point("fitted anew", false, whole.draft_psnr(&refitted)?)
+    };
     let colours = Parameter {
         stage: FlowStage::Packaging,
         name: "colour refit".into(),

@@ -11,9 +11,8 @@ use crate::report::stability::Stability;
 /// Runs all cases, and one along each of `subjects`.
 pub(super) fn run(subjects: &[Subject]) -> anyhow::Result<Stability> {
     let gpu = device(Passes::Shared)?;
-    let of_subject = |Subject { scene, field, plate }: &Subject| {
-        along(&scene.name, &scene.info, field, plate.as_ref())
-    };
+    let of_subject =
+        |Subject { scene, field, plate }: &Subject| along(&scene.name, &scene.info, field, plate.as_ref());
     let cases: Vec<_> = cases().into_iter().chain(subjects.iter().map(of_subject)).collect();
     // Drawn only where standard error is a terminal.
     let style = ProgressStyle::with_template("{bar:30} {pos} of {len}  {msg}")?;

@@ -83,7 +83,9 @@ impl Findings {
             format!("{}: {} is beaten by {}", parameter.name, value(default), by.join(", "))
         };
         let parameters = self.parameters();
-        let beaten = |parameter| Parameter::beaten_defaults(parameter).map(move |(default, by)| (parameter, default, by));
+        let beaten = |parameter| {
+            Parameter::beaten_defaults(parameter).map(move |(default, by)| (parameter, default, by))
+        };
         parameters.iter().flat_map(beaten).map(told).collect()
     }
 
@@ -92,7 +94,11 @@ impl Findings {
         let setup = &self.playing.setup;
         let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
         for parameter in self.parameters().iter().filter(|parameter| parameter.stage != FlowStage::Fitting) {
-            let _ = writeln!(text, "\n{:<34}{:>10}{:>14}  {}", parameter.name, "PSNR, dB", "cost", parameter.cost);
+            let _ = writeln!(
+                text,
+                "\n{:<34}{:>10}{:>14}  {}",
+                parameter.name, "PSNR, dB", "cost", parameter.cost
+            );
             for point in &parameter.points {
                 let mark = if point.default { '*' } else { ' ' };
                 let off = if point.on_front { "" } else { "  off the front" };

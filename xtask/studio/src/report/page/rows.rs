@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::Findings;
-use measure::parameter::{ImageErrors, Parameter, ParameterValue, Quartiles, FlowStage};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
 /// A value of a parameter; the fields are the keys of the JSON.
 #[derive(Serialize)]
@@ -58,7 +58,9 @@ fn rows(parameters: &[Parameter]) -> impl Iterator<Item = Row<'_>> {
             on_front: *on_front,
         }
     };
-    parameters.iter().flat_map(move |parameter| parameter.points.iter().map(move |point| row(parameter, point)))
+    parameters
+        .iter()
+        .flat_map(move |parameter| parameter.points.iter().map(move |point| row(parameter, point)))
 }
 
 pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Result<Map<String, Value>> {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::text::{decimals, escape, grouped};
 use crate::report::fitting::FitLog;
-use measure::parameter::{Parameter, ParameterValue, Quartiles, FlowStage};
+use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
 
 /// What counts are called, in the order of the columns.
@@ -34,7 +34,8 @@ const FRACTIONS: [&str; 4] = ["bytes_per_gaussian", "features_preserved", "sort_
 
 /// Of a parameter, what each value costs and keeps.
 pub(super) fn parameter(parameter: &Parameter) -> String {
-    let any = |of: fn(&ParameterValue) -> Option<f64>| parameter.points.iter().any(|point| of(point).is_some());
+    let any =
+        |of: fn(&ParameterValue) -> Option<f64>| parameter.points.iter().any(|point| of(point).is_some());
     let (ssim, tile) = (any(|point| point.errors.ssim), any(|point| point.errors.worst_tile_db));
     let flicker = any(|point| point.errors.flicker);
     let time = match parameter.stage {

@@ -38,8 +38,10 @@ fn findings() -> Findings {
         cost: "ms a frame".into(),
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
-    let taken =
-        |bytes: f64| ResourceUse { counts: counts(&[("gpu_bytes", bytes)]), frame_ms: Some(Quartiles::exactly(3.0)) };
+    let taken = |bytes: f64| ResourceUse {
+        counts: counts(&[("gpu_bytes", bytes)]),
+        frame_ms: Some(Quartiles::exactly(3.0)),
+    };
     let feature = ClipFeature {
         name: "SH of degree 1".into(),
         left_out: true,
@@ -59,7 +61,8 @@ fn findings() -> Findings {
         rounds: 7,
         steps: 1,
     };
-    let pictures = ["reference", "</script>"].map(|name| NamedPicture { name: name.into(), png: "AAAA".into() });
+    let pictures =
+        ["reference", "</script>"].map(|name| NamedPicture { name: name.into(), png: "AAAA".into() });
     let entry = |step: u64, held: f64| Entry {
         step,
         seconds: step as f64,
