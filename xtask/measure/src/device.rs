@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use client::fault::Fault;
+use program::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip};

@@ -8,7 +8,7 @@ use std::path::Path;
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
 use refine::reference;
 
-use crate::fault::Fault;
+use program::Fault;
 use crate::scene::{Scene, frames_of};
 
 /// First bytes of a package.

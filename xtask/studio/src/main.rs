@@ -11,6 +11,6 @@ use studio::cli::{self, Cli};
 static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
-    cli::end_on_closed_pipe();
+    program::exit_on_closed_pipe();
     cli::exit_code(Cli::parse().command.run())
 }

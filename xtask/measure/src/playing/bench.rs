@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::parameter::ImageErrors;
-use client::fault::Fault;
+use program::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};

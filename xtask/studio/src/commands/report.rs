@@ -6,16 +6,14 @@ mod page;
 #[cfg(feature = "measure")]
 mod stability;
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
-
-use crate::fault::Fault;
-use crate::output;
 use crate::report::{ReportFile, Subject, rd};
+use ::program::{Fault, output};
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use super::render::size;
 

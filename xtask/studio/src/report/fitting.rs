@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::fault::Fault;
+use program::Fault;
 use crate::fit::log::{Entry, parse, table_path};
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 

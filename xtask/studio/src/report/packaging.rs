@@ -50,7 +50,7 @@ pub fn work(subject: &Subject) -> u64 {
 /// Measures the parameters. `progress` advances by [`work`].
 ///
 /// # Errors
-/// [`Fault::Data`](crate::fault::Fault::Data) where the field cannot be coded. Any other error is a
+/// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
 /// defect of this program.
 pub fn measure(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Vec<Parameter>> {
     let mut parameters = vec![precision(subject, progress)?];

@@ -6,7 +6,7 @@ use std::path::Path;
 use codec::Field;
 use refine::reference;
 
-use crate::fault::Fault;
+use program::Fault;
 use crate::input::Input;
 use crate::package::visible;
 use crate::package::whole::scene_of;
