@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, OnceLock};
 
-use program::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;
+use program::Fault;
 use refine::image::Image;
 
 /// How the eyes of a frame are drawn.

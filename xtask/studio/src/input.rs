@@ -8,8 +8,8 @@ use std::path::Path;
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
 use refine::reference;
 
-use program::Fault;
 use crate::scene::{Scene, frames_of};
+use program::Fault;
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::parameter::ImageErrors;
-use program::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
 use glam::UVec2;
 use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
+use program::Fault;
 use refine::image::Image;
 use refine::prune::PosedView;
 use shaders::CORNERS;

@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use program::Fault;
 use crate::fit::log::{Entry, parse, table_path};
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
+use program::Fault;
 
 /// Longest table that is read: a line for each of a million steps.
 const BYTES_MAX: u64 = 100 << 20;

@@ -6,11 +6,11 @@ use std::path::Path;
 use codec::Field;
 use refine::reference;
 
-use program::Fault;
 use crate::input::Input;
 use crate::package::visible;
 use crate::package::whole::scene_of;
 use crate::scene::Scene;
+use program::Fault;
 
 /// A field, unpruned and uncoded as far as there is such a thing: of a package, what it decodes to.
 #[derive(Debug)]
