@@ -1,8 +1,9 @@
-//! What the project depends on: every licence is one that `.cargo/deny.toml` allows, everything comes
-//! from the one registry, and DEPENDENCIES.md explains every direct dependency.
+//! The project's dependencies: `.cargo/deny.toml` allows every licence, everything comes from one
+//! registry, DEPENDENCIES.md explains every direct dependency, and the player never compiles what only
+//! the host tool needs.
 //!
-//! Nothing is fetched: where Cargo lacks packages that only other systems or other workspaces need,
-//! their licences are not looked at.
+//! Nothing is fetched. If Cargo lacks packages that only other systems or workspaces need, their
+//! licences are not checked.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -30,7 +31,7 @@ fn main() -> ExitCode {
         Trial::ignorable_test("licences are allowed and sources known", || Ok(licences())),
         passes("every direct dependency is explained", every_direct_dependency_is_explained),
         passes("licences are understood", licences_are_understood),
-        passes("the player does not depend on the maker", the_player_does_not_depend_on_the_maker),
+        passes("the player does not depend on the host tool", the_player_does_not_depend_on_the_host_tool),
         passes("the player does not compile the encoder", the_player_does_not_compile_the_encoder),
         passes("on Android the player compiles what it runs", on_android_the_player_compiles_what_it_runs),
         passes("a bare player has no window and no network", a_bare_player_has_no_window_and_no_network),
@@ -38,10 +39,10 @@ fn main() -> ExitCode {
     libtest_mimic::run(&Arguments::from_args(), tests).exit_code()
 }
 
-/// What Cargo knows of the packages of a workspace; of the dependencies as well, for all systems.
+/// Cargo's metadata of a workspace's packages, optionally with those of all dependencies on all systems.
 ///
 /// # Errors
-/// What Cargo says where it lacks some of them.
+/// If Cargo lacks some of the dependencies.
 fn packages(manifest: &str, with_dependencies: bool) -> Result<Vec<Value>, String> {
     let mut cargo = workspace::cargo();
     cargo.args(["metadata", "--locked", "--offline", "--format-version", "1", "--all-features"]);
@@ -71,11 +72,11 @@ fn allowed() -> BTreeSet<String> {
     list.split('"').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// The licences that a package may be had under, if one of the ways is allowed.
+/// The licences in a licence expression, if the allowed ones satisfy it.
 fn licences_of(licence: &str, allowed: &BTreeSet<String>) -> Option<BTreeSet<String>> {
     let expression = Expression::parse_mode(licence, spdx::ParseMode::LAX).ok()?;
-    let is_allowed = expression.evaluate(|licence| allowed.contains(&licence.to_string()));
-    is_allowed.then(|| expression.requirements().map(|licence| licence.req.to_string()).collect())
+    let is_satisfied = expression.evaluate(|licence| allowed.contains(&licence.to_string()));
+    is_satisfied.then(|| expression.requirements().map(|licence| licence.req.to_string()).collect())
 }
 
 fn licences() -> Completion {
@@ -113,16 +114,16 @@ fn licences() -> Completion {
     Completion::Completed
 }
 
-/// Names of the packages of the registry that packages of a workspace depend on directly.
+/// Names of the registry packages that a workspace depends on directly.
 fn direct(manifest: &str) -> BTreeSet<String> {
-    let packages = packages(manifest, false).expect("Cargo needs no others for these");
+    let packages = packages(manifest, false).expect("no dependencies are needed");
     let dependencies =
         packages.iter().flat_map(|package| package["dependencies"].as_array().expect("a list"));
     let foreign = dependencies.filter(|dependency| dependency["path"].is_null());
     foreign.map(|dependency| text(dependency, "name").to_owned()).collect()
 }
 
-/// The names in the first column of the table of dependencies.
+/// Names in the first column of DEPENDENCIES.md.
 fn explained() -> BTreeSet<String> {
     let path = workspace::root().join("tests/DEPENDENCIES.md");
     let document = fs::read_to_string(path).expect("DEPENDENCIES.md is readable");
@@ -153,7 +154,7 @@ fn licences_are_understood() {
     }
 }
 
-/// The dependencies of the player, alone, as `cargo tree` prints them.
+/// Output of `cargo tree` for the player.
 fn tree(arguments: &[&str]) -> String {
     let output = workspace::cargo()
         .args(["tree", "--locked", "--package", "client", "--prefix", "none"])
@@ -167,16 +168,16 @@ fn tree(arguments: &[&str]) -> String {
 
 const FEATURE_SETS: [&[&str]; 3] = [&[], &["--no-default-features"], &["--all-features"]];
 
-/// Whether the tree has a package of this name.
+/// Whether the tree contains a package of this name.
 fn depends_on(tree: &str, package: &str) -> bool {
     tree.lines().any(|line| line.split(' ').next() == Some(package))
 }
 
-fn the_player_does_not_depend_on_the_maker() {
+fn the_player_does_not_depend_on_the_host_tool() {
     for features in FEATURE_SETS {
         let tree = tree(&[&["--edges", "normal,build"], features].concat());
         assert!(depends_on(&tree, "codec"), "the tree was not understood:\n{tree}");
-        for package in ["refine", "studio", "xtask", "aarc-tests", "rayon"] {
+        for package in ["refine", "measure", "studio", "xtask", "aarc-tests", "rayon"] {
             assert!(!depends_on(&tree, package), "client {features:?} depends on {package}");
         }
     }

@@ -13,7 +13,7 @@ mod playlist;
 mod window;
 
 fn main() -> ExitCode {
-    gpu::run_files([
+    gpu::run([
         // First, because it takes longest and mostly waits.
         ("job_array", job_array::trials()),
         ("cli", cli::trials()),

@@ -13,7 +13,7 @@ mod prefixes;
 mod real_data;
 
 fn main() -> ExitCode {
-    gpu::run_files([
+    gpu::run([
         ("equations", equations::trials()),
         ("golden", golden::trials()),
         ("gpu_vs_reference", gpu_vs_reference::trials()),

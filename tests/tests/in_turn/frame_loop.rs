@@ -1,5 +1,5 @@
-//! A frame costs the same the thousandth time as the first: nothing that drawing allocates stays,
-//! and what a clip takes on the GPU is settled when it is uploaded.
+//! Drawing frames makes no growing allocation. A clip's GPU memory and pipelines are final after its
+//! upload.
 
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
 
     let mut heap_at = Vec::with_capacity((WARM_UP + FRAMES) as usize);
     for frame in 0..WARM_UP + FRAMES {
-        // Everything that may change from frame to frame does.
+        // Varies everything that may differ between frames.
         let t = f64::from(frame) * 0.37 % 1.0;
         let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][frame as usize % 4];
         let camera = camera(place, 96, 64);
@@ -55,15 +55,15 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         drop((views, cameras));
         heap_at.push(HEAP.current_usage());
     }
-    // The least of many frames: some hold more than others for a while. What is kept of every frame
-    // makes it rise from each quarter to the next; a buffer that once more finds its size does not.
+    // The minimum of a quarter ignores frames that hold memory for a while. A leak raises it from each
+    // quarter to the next; a buffer that grows once does not.
     let quarters = heap_at[WARM_UP as usize..].chunks(FRAMES as usize / 4);
     let least: Vec<usize> = quarters.filter_map(|quarter| quarter.iter().min().copied()).collect();
     if least.is_sorted_by(|a, b| a < b) {
         return Err(format!("the heap grows: at least {least:?} bytes in each quarter of {FRAMES} frames"));
     }
     if (uploaded.bytes(), renderer.pipelines()) != settled {
-        return Err("drawing changed what the clip takes on the GPU".into());
+        return Err("drawing changed the clip's GPU memory or pipelines".into());
     }
     Ok(())
 }

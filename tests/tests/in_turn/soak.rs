@@ -1,5 +1,5 @@
-//! The short form of `soak`: twenty seconds of everything, and longer where few rounds fit in, after
-//! which nothing is left that was not there before.
+//! The short form of the program `soak`: plays for twenty seconds, or longer if few rounds fit in, and
+//! checks that memory is flat.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ const DURATION: Duration = Duration::from_secs(20);
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![gpu::trial("playing on and on leaves nothing behind", Passes::Shared, |_| {
+    vec![gpu::trial("memory is flat while clips play", Passes::Shared, |_| {
         let account = soak(DURATION, || HEAP.current_usage() as u64, |_| ())?;
         let done = [account.downloads, account.frames, account.seeks, account.resizes, account.losses];
         if done.contains(&0) {
