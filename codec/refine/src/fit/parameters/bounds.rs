@@ -6,11 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Parameters, Timeline};
+use super::columns::{LOGIT_MAX, Parameters};
+use super::timeline::Timeline;
 use crate::fit::precision::Real;
-
-/// Largest logit of an opacity: beyond `sigmoid(7)` the gradient is too small to return.
-pub(in crate::fit) const LOGIT_MAX: f64 = 7.0;
 
 /// Smallest and largest standard deviation, as fractions of the scene's extent.
 const SCALES: [f64; 2] = [1e-4, 0.1];

@@ -8,8 +8,10 @@ use codec::{Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
 use serde::{Deserialize, Serialize};
 
 use super::Timeline;
-use super::bounds::LOGIT_MAX;
 use crate::fit::precision::Real;
+
+/// Largest logit of an opacity: beyond `sigmoid(7)` the gradient is too small to return.
+pub(in crate::fit) const LOGIT_MAX: f64 = 7.0;
 
 /// Number of columns of [`Parameters`].
 pub(in crate::fit) const COLUMNS: usize = 9;

@@ -6,10 +6,10 @@ mod columns;
 mod extent;
 mod timeline;
 
-#[cfg(feature = "gpu")]
-pub(super) use bounds::LOGIT_MAX;
 pub(super) use bounds::{Bounds, NORM_MIN};
 pub use columns::Parameters;
+#[cfg(feature = "gpu")]
+pub(super) use columns::LOGIT_MAX;
 pub(super) use columns::COLUMNS;
 pub(super) use extent::scene_extent;
 pub use timeline::Timeline;

@@ -1,7 +1,6 @@
 //! Tests of the back end as a whole: pictures against the reference, gradients against differences.
 
 use codec::{Camera, Field, Temporal};
-
 use pulp::Arch;
 
 use super::project::Projection;
@@ -10,7 +9,7 @@ use crate::fit::backend::Gradient;
 use crate::fit::parameters::{Parameters, Timeline};
 use crate::fit::precision::Real;
 use crate::fit::views::{FrameView, RenderedImage};
-use crate::reference::{self, Order, Scene};
+use crate::reference::{self, Order, RenderScene};
 
 const TIMELINE: Timeline = Timeline { frames: 9 };
 
@@ -50,7 +49,7 @@ fn draw_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> RenderedIm
 
 /// Differences between the channels of a drawn picture and the reference's.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
-    let expected = reference::render(&Scene::from(field), camera, frame / TIMELINE.frames_per_clip(), Order::Depth);
+    let expected = reference::render(&RenderScene::from(field), camera, frame / TIMELINE.frames_per_clip(), Order::Depth);
     let actual = draw_field::<T>(field, camera, frame);
     assert_eq!((actual.width, actual.height), (expected.width, expected.height));
     assert!(expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is seen");
