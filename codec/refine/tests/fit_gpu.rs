@@ -8,8 +8,8 @@ use codec::{Camera, Field, Temporal, sh_coefficients};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use refine::fit::{
-    Backend, Timeline, Cpu, DensityRule, DeviceError, Fit, Gradient, Lpips, Parameters, Photograph, RenderedImage, Run,
-    FitSettings, TrainingView, StepReport, FrameView, cpu,
+    Backend, Cpu, DensityRule, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters,
+    Photograph, RenderedImage, Run, StepReport, Timeline, TrainingView, cpu,
 };
 
 const TIMELINE: Timeline = Timeline { frames: 9 };

@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-use super::layout::{Memory, AdamUniforms, Series, State, StepUniforms};
+use super::layout::{AdamUniforms, Memory, Series, State, StepUniforms};
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 

@@ -37,7 +37,7 @@ pub use hull::HullSettings;
 pub use scatter::scatter;
 pub use sweep::SweepSettings;
 
-use crate::fit::{Timeline, Parameters, Photograph};
+use crate::fit::{Parameters, Photograph, Timeline};
 use ground::Surface;
 use mirror::Plane;
 

@@ -4,7 +4,7 @@ use codec::Camera;
 
 use super::eye::{Eye, nearest_to_axes};
 use super::{Anchor, AnchorError};
-use crate::fit::{Timeline, Parameters, Real};
+use crate::fit::{Parameters, Real, Timeline};
 
 /// Opacity of a Gaussian that nothing is known of, as in 3D Gaussian Splatting.
 const OPACITY: f64 = 0.1;

@@ -2,7 +2,9 @@
 //! where its row is.
 
 use codec::Field;
-use refine::fit::{self, Backend, DensityRule, DeviceError, Fit, Parameters, RenderedImage, Run, TrainingView};
+use refine::fit::{
+    self, Backend, DensityRule, DeviceError, Fit, Parameters, RenderedImage, Run, TrainingView,
+};
 use serde::Serialize;
 
 use super::{Shots, mean_psnr};
@@ -78,7 +80,7 @@ mod tests {
     use super::*;
     use codec::{Camera, Temporal};
     use refine::capture::CaptureShot;
-    use refine::fit::{Timeline, Cpu, Photograph, FrameView, cpu};
+    use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
 
     const TIMELINE: Timeline = Timeline { frames: 3 };
 
@@ -117,7 +119,11 @@ mod tests {
         };
         let train = (0..4)
             .flat_map(|camera| [0, 2].map(|frame| (CaptureShot { frame, camera }, shot(camera, frame))));
-        Shots { train: train.collect(), held: (0..4).map(|camera| shot(camera, 1)).collect(), timeline: TIMELINE }
+        Shots {
+            train: train.collect(),
+            held: (0..4).map(|camera| shot(camera, 1)).collect(),
+            timeline: TIMELINE,
+        }
     }
 
     #[test]

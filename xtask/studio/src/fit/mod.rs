@@ -235,7 +235,8 @@ fn on_device(error: DeviceError) -> Fault {
 
 /// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
 fn mean_psnr(shots: &Shots, pictures: &[RenderedImage<f32>]) -> Option<f64> {
-    let psnr = |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
+    let psnr =
+        |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
     let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
     (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }

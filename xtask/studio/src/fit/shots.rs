@@ -6,7 +6,7 @@ use codec::Camera;
 use program::Fault;
 use rayon::prelude::*;
 use refine::capture::{CaptureShot, Holdout, Split};
-use refine::fit::{Timeline, Photograph, TrainingView};
+use refine::fit::{Photograph, Timeline, TrainingView};
 
 use crate::capture::Footage;
 

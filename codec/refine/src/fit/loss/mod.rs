@@ -6,8 +6,8 @@ mod psnr;
 mod ssim;
 
 pub use lpips::{Lpips, LpipsError, LpipsNetwork};
+pub(super) use objective::loss;
 #[cfg(feature = "gpu")]
 pub(super) use objective::{LAMBDA, lpips_loss};
-pub(super) use objective::loss;
 pub use psnr::subject_psnr;
 pub(crate) use ssim::ssim_and_gradient;

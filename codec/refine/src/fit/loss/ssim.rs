@@ -68,12 +68,7 @@ fn blurred_moments<T: Real>(a: &[[T; 4]], b: &[[T; 4]], width: usize, window: &[
 
 /// Sum of the similarities over pixels and channels, and the derivatives, blurred along rows:
 /// `[y][derivative][channel][x]`.
-fn compare_rows<T: Real>(
-    moments: &[T],
-    height: usize,
-    width: usize,
-    window: &[T; WINDOW],
-) -> (f64, Vec<T>) {
+fn compare_rows<T: Real>(moments: &[T], height: usize, width: usize, window: &[T; WINDOW]) -> (f64, Vec<T>) {
     let row_length = 3 * DERIVATIVES * width;
     let mut derivatives = vec![T::zero(); height * row_length];
     let rows = derivatives.par_chunks_mut(row_length).enumerate();

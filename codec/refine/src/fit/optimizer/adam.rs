@@ -240,7 +240,14 @@ mod tests {
         let mut none = Parameters::<f64>::default();
         let mut no_moments = Moments::new(&none);
         assert_eq!(
-            adam(&mut none, &mut no_moments, &[], &Parameters::default(), &LearningRates::new(1.0), &bounds()),
+            adam(
+                &mut none,
+                &mut no_moments,
+                &[],
+                &Parameters::default(),
+                &LearningRates::new(1.0),
+                &bounds()
+            ),
             0
         );
     }

@@ -267,7 +267,7 @@ mod tests {
         }
     }
 
-        #[test]
+    #[test]
     fn a_field_survives_the_round_trip() {
         let timeline = Timeline { frames: 17 };
         let back = Parameters::<f64>::from_field(&field(), timeline).to_field(timeline);

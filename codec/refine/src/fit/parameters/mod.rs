@@ -7,9 +7,9 @@ mod extent;
 mod timeline;
 
 pub(super) use bounds::{Bounds, NORM_MIN};
-pub use columns::Parameters;
+pub(super) use columns::COLUMNS;
 #[cfg(feature = "gpu")]
 pub(super) use columns::LOGIT_MAX;
-pub(super) use columns::COLUMNS;
+pub use columns::Parameters;
 pub(super) use extent::scene_extent;
 pub use timeline::Timeline;

@@ -185,7 +185,8 @@ impl<T: Real> Projection<T> {
             return None;
         }
         // A margin above the rounding of the exponential.
-        let radius_squared = T::from_f64(2.0 * libm::log(window.opacity.to_double() / ALPHA_MIN)).max(T::zero());
+        let radius_squared =
+            T::from_f64(2.0 * libm::log(window.opacity.to_double() / ALPHA_MIN)).max(T::zero());
         let far = radius_squared + T::from_f64(256.0) * T::epsilon();
         let reach = [(far * xx).sqrt(), (far * yy).sqrt()];
         let is_valid = [0, 1].map(|axis| {

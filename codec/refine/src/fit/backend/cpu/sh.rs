@@ -72,7 +72,8 @@ pub(super) fn basis<T: Real>([x, y, z]: [T; 3], count: usize) -> [T; 16] {
 pub(super) fn basis_backward<T: Real>([x, y, z]: [T; 3], w: &[T]) -> [T; 3] {
     let n = Norms::<T>::new();
     let (xx, yy, zz) = (x * x, y * y, z * z);
-    let (two, three, four, six, eight) = (T::from_f64(2.0), T::from_f64(3.0), T::from_f64(4.0), T::from_f64(6.0), T::from_f64(8.0));
+    let (two, three, four, six, eight) =
+        (T::from_f64(2.0), T::from_f64(3.0), T::from_f64(4.0), T::from_f64(6.0), T::from_f64(8.0));
     let [mut dx, mut dy, mut dz] = [T::zero(); 3];
     if let Some(w) = w.get(1..4) {
         dx -= n.n1 * w[2];

@@ -49,7 +49,12 @@ fn draw_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> RenderedIm
 
 /// Differences between the channels of a drawn picture and the reference's.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
-    let expected = reference::render(&RenderScene::from(field), camera, frame / TIMELINE.frames_per_clip(), Order::Depth);
+    let expected = reference::render(
+        &RenderScene::from(field),
+        camera,
+        frame / TIMELINE.frames_per_clip(),
+        Order::Depth,
+    );
     let actual = draw_field::<T>(field, camera, frame);
     assert_eq!((actual.width, actual.height), (expected.width, expected.height));
     assert!(expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is seen");

@@ -1,7 +1,7 @@
 //! What a fit keeps in the memory of a device: by Gaussian, by pixel, by pair of a splat and a tile.
 
 use bytemuck::Pod;
-use shaders::fit::layout::{Memory, AdamUniforms, State, StepUniforms};
+use shaders::fit::layout::{AdamUniforms, Memory, State, StepUniforms};
 use shaders::fit::{BLOCK, CHUNK, Columns, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE};
 
 use super::device::{Buffer, Device};

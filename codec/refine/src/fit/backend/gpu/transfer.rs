@@ -91,7 +91,12 @@ pub(super) fn rows_of(
 }
 
 /// A view, of so many Gaussians.
-pub(super) fn step(view: &FrameView, gaussians: u32, pair_capacity: u32, detach_tau: bool) -> layout::StepUniforms {
+pub(super) fn step(
+    view: &FrameView,
+    gaussians: u32,
+    pair_capacity: u32,
+    detach_tau: bool,
+) -> layout::StepUniforms {
     let camera = view.camera;
     let m = &camera.camera_from_world;
     let single = |v: [f64; 2]| v.map(|x| x as f32);

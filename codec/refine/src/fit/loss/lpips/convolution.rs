@@ -55,7 +55,13 @@ impl<T: Real> Kernel<T> {
 
     /// Correlates `input`, zero beyond its edges. The window of the first output pixel begins at
     /// row and column `origin`, those of its neighbours `stride` further.
-    fn correlate(&self, input: &FeatureMap<T>, origin: [isize; 2], stride: usize, size: [usize; 2]) -> FeatureMap<T> {
+    fn correlate(
+        &self,
+        input: &FeatureMap<T>,
+        origin: [isize; 2],
+        stride: usize,
+        size: [usize; 2],
+    ) -> FeatureMap<T> {
         let reach = [0, 1].map(|axis| size[axis].saturating_sub(1) * stride + self.size[axis]);
         let padded = window(input, origin, reach);
         let row_length = reach[1] * self.inputs;
@@ -190,7 +196,12 @@ impl<T: Real> Convolution<T> {
     }
 
     /// The gradient by an input of `size` from that by its `output`.
-    pub(super) fn backward(&self, output: &FeatureMap<T>, mut gradient: FeatureMap<T>, size: [usize; 2]) -> FeatureMap<T> {
+    pub(super) fn backward(
+        &self,
+        output: &FeatureMap<T>,
+        mut gradient: FeatureMap<T>,
+        size: [usize; 2],
+    ) -> FeatureMap<T> {
         for (gradient, output) in gradient.values.iter_mut().zip(&output.values) {
             if *output <= T::zero() {
                 *gradient = T::zero();
@@ -224,7 +235,11 @@ pub(super) fn windows(size: [usize; 2], side: usize, stride: usize) -> Option<[u
 
 /// The largest value of each window with sides of `side` that lies within the image, and where it
 /// stands among the values of `input`: the first of equals.
-pub(super) fn max_pool<T: Real>(input: &FeatureMap<T>, side: usize, stride: usize) -> (FeatureMap<T>, Vec<usize>) {
+pub(super) fn max_pool<T: Real>(
+    input: &FeatureMap<T>,
+    side: usize,
+    stride: usize,
+) -> (FeatureMap<T>, Vec<usize>) {
     let size = windows(input.size, side, stride).unwrap_or_default();
     let channels = input.channels;
     let largest = |i: usize| {
@@ -335,8 +350,11 @@ mod tests {
 
     #[test]
     fn the_largest_of_a_window_comes_through() {
-        let input =
-            FeatureMap { size: [3, 5], channels: 1, values: (0..15).map(|i| f64::from(i * 7 % 15)).collect() };
+        let input = FeatureMap {
+            size: [3, 5],
+            channels: 1,
+            values: (0..15).map(|i| f64::from(i * 7 % 15)).collect(),
+        };
         // 0 7 14 6 13 / 5 12 4 11 3 / 10 2 9 1 8
         let (pooled, from) = max_pool(&input, 3, 2);
         assert_eq!((pooled.size, pooled.values), ([1, 2], vec![14.0, 14.0]));

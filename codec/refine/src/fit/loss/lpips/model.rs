@@ -128,7 +128,9 @@ impl<T: Real> Lpips<T> {
 
     fn pass(&self, picture: &[[T; 4]], width: usize) -> Vec<Activations<T>> {
         let scaled = |pixel: &[T; 4]| -> [T; 3] {
-            std::array::from_fn(|c| (pixel[c] * T::from_f64(2.0) - T::from_f64(1.0 + SHIFT[c])) * T::from_f64(1.0 / SCALE[c]))
+            std::array::from_fn(|c| {
+                (pixel[c] * T::from_f64(2.0) - T::from_f64(1.0 + SHIFT[c])) * T::from_f64(1.0 / SCALE[c])
+            })
         };
         let values = picture.iter().flat_map(scaled).collect();
         let mut input = FeatureMap { size: [picture.len() / width, width], channels: 3, values };

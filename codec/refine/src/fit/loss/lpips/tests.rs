@@ -10,8 +10,8 @@ use safetensors::tensor::{TensorView, serialize};
 use super::convolution::Convolution;
 use super::model::Lpips;
 use super::network::{Block, LpipsNetwork};
-use crate::fit::precision::Real;
 use crate::fit::loss::loss;
+use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
 
 /// Shapes and bytes by name.
