@@ -9,14 +9,14 @@ use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
 
 use crate::args::Args;
+use crate::clips::{LoadEvent, cache_dir, playlist, printable};
 use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
 use crate::output;
-use crate::source::News;
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
-use crate::{playlist, source, viewpoint};
+use crate::{clips, viewpoint};
 
 /// Size of images where nothing says another.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
@@ -179,16 +179,16 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
     let mut reporter = Reporter::new();
-    let list = playlist::wait(list, source::kept(), |news| reporter.tell(news))?;
+    let list = playlist::wait(list, cache_dir(), |news| reporter.tell(news))?;
     let gpu = Gpu::new_headless()?;
     let mut last: Option<Arc<Clip>> = None;
     let mut failed: Option<Fault> = None;
     let (mut todo, mut start) = (Vec::new(), 0.0);
     for name in &list.clips {
         if let Some(fault) = failed.take() {
-            reporter.tell(&News::Note(format!("{fault}; skipped")));
+            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        let arrived = source::open(Some(name), source::kept())
+        let arrived = clips::open(Some(name), cache_dir())
             .and_then(|mut arrival| arrival.wait(None, |news| reporter.tell(news)));
         let clip = match arrived {
             Ok(clip) => Arc::new(clip),
@@ -219,7 +219,7 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
             }
             Ok(None) => {}
             Err(fault) => {
-                failed = Some(fault.about(&playlist::shown_name(name)));
+                failed = Some(fault.about(&printable(name)));
                 continue;
             }
         }
@@ -232,7 +232,7 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     }
     let clip = match (last, failed) {
         (Some(clip), failed) => {
-            failed.inspect(|fault| reporter.tell(&News::Note(format!("{fault}; skipped"))));
+            failed.inspect(|fault| reporter.tell(&LoadEvent::Note(format!("{fault}; skipped"))));
             clip
         }
         (None, Some(fault)) => return Err(fault),
@@ -255,8 +255,8 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = source::open(args.clip.as_deref(), source::kept())?.wait(None, |news| {
-        if let News::Clip(_) = news {
+    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |news| {
+        if let LoadEvent::Clip(_) = news {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
         reporter.tell(news);

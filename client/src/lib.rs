@@ -1,11 +1,12 @@
 //! Player of 4D Gaussian clips.
 //!
-//! [`source`] brings a clip from a file or, by `net`, from an address, [`gpu`] uploads the decoded clip once and draws frames
-//! of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. On
+//! [`clips`] loads clips and orders those of a playlist, [`gpu`] uploads a decoded clip once and draws
+//! frames of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. On
 //! Android there is the headset alone, and `xr` also holds the entry point of the library. Only
 //! [`gpu`] knows the graphics API; it knows nothing of files and windows.
 
 pub mod args;
+pub mod clips;
 pub mod fault;
 #[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
 mod folders;
@@ -18,11 +19,6 @@ pub mod headless;
 pub mod net;
 pub mod output;
 pub mod player;
-pub mod playlist;
-pub mod progress;
-#[cfg(any(feature = "window", feature = "xr"))]
-mod queue;
-pub mod source;
 pub mod stats;
 #[cfg(not(target_os = "android"))]
 mod terminal;

@@ -4,7 +4,7 @@
 
 use std::io::{IsTerminal, Write, stderr};
 
-use crate::source::News;
+use crate::clips::LoadEvent;
 
 /// Clears the line, and goes to its start.
 const CLEAR_LINE: &str = "\r\x1b[K";
@@ -23,26 +23,26 @@ impl Reporter {
     }
 
     /// Tells the news.
-    pub(crate) fn tell(&mut self, news: &News) {
+    pub(crate) fn tell(&mut self, news: &LoadEvent) {
         let text = self.text(news);
         // Nobody is left to tell where standard error is closed.
         let _ = stderr().write_all(text.as_bytes());
     }
 
     /// What is to be written.
-    fn text(&mut self, news: &News) -> String {
+    fn text(&mut self, news: &LoadEvent) -> String {
         match news {
-            News::Progress(progress) if self.is_terminal => {
+            LoadEvent::Progress(progress) if self.is_terminal => {
                 self.open = true;
                 format!("{CLEAR_LINE}{}", progress.text())
             }
-            News::Progress(progress) => {
+            LoadEvent::Progress(progress) => {
                 let is_new = progress.trouble.is_some() && progress.trouble != self.trouble;
                 self.trouble.clone_from(&progress.trouble);
                 if is_new { format!("{}\n", progress.text()) } else { String::new() }
             }
-            News::Note(note) => format!("{}{note}\n", self.clear()),
-            News::Clip(_) => String::new(),
+            LoadEvent::Note(note) => format!("{}{note}\n", self.clear()),
+            LoadEvent::Clip(_) => String::new(),
         }
     }
 
@@ -60,11 +60,11 @@ impl Drop for Reporter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Progress;
+    use crate::clips::Progress;
 
-    fn progress(trouble: Option<&str>) -> News {
+    fn progress(trouble: Option<&str>) -> LoadEvent {
         let trouble = trouble.map(String::from);
-        News::Progress(Progress { received: 1_000_000, trouble, ..Progress::default() })
+        LoadEvent::Progress(Progress { received: 1_000_000, trouble, ..Progress::default() })
     }
 
     #[test]
@@ -73,7 +73,7 @@ mod tests {
         let troubles = [None, Some("a"), Some("a"), None, Some("a"), Some("b")];
         let text: String = troubles.map(|trouble| reporter.text(&progress(trouble))).concat();
         assert_eq!(text, "1.0 MB: a\n1.0 MB: a\n1.0 MB: b\n");
-        assert_eq!(reporter.text(&News::Note("c".into())), "c\n");
+        assert_eq!(reporter.text(&LoadEvent::Note("c".into())), "c\n");
     }
 
     #[test]
@@ -81,7 +81,7 @@ mod tests {
         let mut reporter = Reporter { is_terminal: true, open: false, trouble: None };
         assert_eq!(reporter.text(&progress(None)), format!("{CLEAR_LINE}1.0 MB"));
         assert_eq!(reporter.text(&progress(Some("a"))), format!("{CLEAR_LINE}1.0 MB: a"));
-        assert_eq!(reporter.text(&News::Note("c".into())), format!("{CLEAR_LINE}c\n"));
+        assert_eq!(reporter.text(&LoadEvent::Note("c".into())), format!("{CLEAR_LINE}c\n"));
         assert_eq!(reporter.clear(), "");
     }
 }

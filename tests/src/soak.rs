@@ -12,11 +12,11 @@ use std::num::NonZero;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use client::clips::LoadEvent;
 use client::fault::Fault;
 use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings, SortOrder};
 use client::net::{CACHE_BYTES, Cache, Download, Options, Patience};
 use client::player::{Player, SPEED_RANGE};
-use client::source::News;
 use client::view::View;
 use codec::{Clip, Limits, decode_parallel};
 use fastrand::Rng;
@@ -227,7 +227,7 @@ impl Shelf {
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
         for news in Download::new(&url, Options { cache, patience, ..Options::default() }) {
-            if let News::Clip(clip) = news.map_err(|fault| fault.to_string())? {
+            if let LoadEvent::Clip(clip) = news.map_err(|fault| fault.to_string())? {
                 latest = Some(clip);
             }
         }

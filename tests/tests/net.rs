@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
+use client::clips::LoadEvent;
+use client::clips::Progress;
+use client::clips::playlist;
 use client::fault::Fault;
 use client::net::{Cache, Download, Options, Patience};
-use client::playlist;
-use client::progress::Progress;
-use client::source::News;
 use codec::{Clip, Limits, contents, decode};
 
 const ETAG: &str = "\"one\"";
@@ -72,9 +72,9 @@ fn hear(download: Download) -> Heard {
     let mut heard = Heard::default();
     for news in download {
         match news {
-            Ok(News::Clip(clip)) => heard.clips.push(*clip),
-            Ok(News::Note(note)) => heard.notes.push(note),
-            Ok(News::Progress(progress)) => heard.progress.push(progress),
+            Ok(LoadEvent::Clip(clip)) => heard.clips.push(*clip),
+            Ok(LoadEvent::Note(note)) => heard.notes.push(note),
+            Ok(LoadEvent::Progress(progress)) => heard.progress.push(progress),
             Err(fault) => heard.fault = Some(fault),
         }
         assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {heard:?}");
@@ -144,7 +144,7 @@ fn layers_play_before_the_rest_is_sent() {
     let patience = Patience { silence: Duration::from_secs(30), ..PATIENCE };
     let mut layers_played = Vec::new();
     for news in Download::new(&server.url("clip.aarc"), Options { patience, ..Options::default() }) {
-        let News::Clip(clip) = news.unwrap() else { continue };
+        let LoadEvent::Clip(clip) = news.unwrap() else { continue };
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
         assert_eq!(*clip, decoded(&file[..ends[clip.layers.len() - 1]]));
@@ -610,7 +610,7 @@ fn a_download_that_nobody_wants_stops() {
         done.lock().unwrap().send(whole).unwrap();
     });
     let mut download = Download::new(&server.url("clip.aarc"), Options::default());
-    assert!(matches!(download.next(), Some(Ok(News::Progress(_)))));
+    assert!(matches!(download.next(), Some(Ok(LoadEvent::Progress(_)))));
     drop(download);
     assert_eq!(ended.recv_timeout(Duration::from_secs(60)), Ok(false), "the connection was closed");
 }

@@ -7,9 +7,8 @@ use codec::Limits;
 use super::arrived::Arrived;
 use super::fetch::{End, Fetch};
 use super::{Options, REPORT};
+use crate::clips::{Progress, redacted};
 use crate::fault::Fault;
-use crate::progress::Progress;
-use crate::source::shown;
 
 /// A file that was fetched, or kept by an earlier run.
 #[derive(Debug)]
@@ -59,18 +58,18 @@ pub(crate) fn document(
                 && is_sound(&bytes)
                 && let Err(error) = cache.put(url, etag.as_deref().unwrap_or_default(), &bytes)
             {
-                log::warn!("{}: cannot be kept for the next time: {error}", shown(url));
+                log::warn!("{}: cannot be kept for the next time: {error}", redacted(url));
             }
             Ok(Some(Document { bytes, note: None }))
         }
         (End::Unchanged, Some(kept)) => Ok(Some(Document { bytes: kept.package, note: None })),
         (End::Failed { fault, passing: true }, Some(kept)) => {
-            let note = format!("{}: {fault}; the version kept on this device plays", shown(url));
+            let note = format!("{}: {fault}; the version kept on this device plays", redacted(url));
             Ok(Some(Document { bytes: kept.package, note: Some(note) }))
         }
-        (End::Failed { fault, .. }, _) => Err(fault.about(&shown(url))),
+        (End::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
         (End::Unchanged, None) => {
-            Err(Fault::Network(format!("{}: the answer was not understood", shown(url))))
+            Err(Fault::Network(format!("{}: the answer was not understood", redacted(url))))
         }
     }
 }

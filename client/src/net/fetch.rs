@@ -12,8 +12,8 @@ use super::meter::Meter;
 use super::request::{Bytes, Server};
 use super::transfer::{Patience, Step, Transfer};
 use super::trouble::Trouble;
+use crate::clips::Progress;
 use crate::fault::Fault;
-use crate::progress::Progress;
 
 /// Bytes read at a time: several dozen times a second on the fastest networks.
 const BUFFER_BYTES: usize = 64 << 10;

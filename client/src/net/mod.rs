@@ -2,7 +2,7 @@
 //! does so for what is no clip.
 //!
 //! ```text
-//! request -> transfer -> arrived -> decode -> News        request: HTTP; head: what an answer says
+//! request -> transfer -> arrived -> decode -> LoadEvent        request: HTTP; head: what an answer says
 //!            (fetch: a thread)         |                  transfer: what to ask next
 //!                                    cache                arrived: the bytes, and what plays of them
 //!                                                         cache: clips of earlier runs, on disk
@@ -31,8 +31,8 @@ pub use cache::{CACHE_BYTES, Cache};
 pub(crate) use document::document;
 pub use transfer::Patience;
 
+use crate::clips::{LoadEvent, decode, redacted};
 use crate::fault::Fault;
-use crate::source::{News, decode, shown};
 use arrived::Arrived;
 use fetch::{End, Fetch, State};
 
@@ -96,13 +96,13 @@ impl Download {
     }
 
     /// Plays what was kept, and begins to fetch.
-    fn begin(&mut self) -> ControlFlow<Result<News, Fault>> {
+    fn begin(&mut self) -> ControlFlow<Result<LoadEvent, Fault>> {
         let kept = self.options.cache.as_ref().and_then(|cache| {
             let entry = cache.get(&self.url)?;
             match decode(&entry.package, &self.options.limits) {
                 Ok(clip) => Some((entry.etag, clip)),
                 Err(error) => {
-                    log::warn!("{}: what was kept does not play: {error}", shown(&self.url));
+                    log::warn!("{}: what was kept does not play: {error}", redacted(&self.url));
                     cache.remove(&self.url);
                     None
                 }
@@ -120,11 +120,11 @@ impl Download {
             Ok(fetch) => self.stage = Stage::Running(fetch),
             Err(error) => return self.fail(Fault::Device(format!("cannot start a thread: {error}"))),
         }
-        clip.map_or(ControlFlow::Continue(()), |clip| ControlFlow::Break(Ok(News::Clip(Box::new(clip)))))
+        clip.map_or(ControlFlow::Continue(()), |clip| ControlFlow::Break(Ok(LoadEvent::Clip(Box::new(clip)))))
     }
 
     /// Waits for something to tell.
-    fn wait(&mut self, fetch: Fetch) -> ControlFlow<Result<News, Fault>> {
+    fn wait(&mut self, fetch: Fetch) -> ControlFlow<Result<LoadEvent, Fault>> {
         let is_ready = |state: &State| {
             state.end.is_some() || self.improves(state) || state.progress.trouble != self.trouble
         };
@@ -139,7 +139,7 @@ impl Download {
                     match self.decode(&bytes[..playable]) {
                         Ok(clip) => {
                             self.stage = Stage::Failed(fault);
-                            ControlFlow::Break(Ok(News::Clip(Box::new(clip))))
+                            ControlFlow::Break(Ok(LoadEvent::Clip(Box::new(clip))))
                         }
                         Err(fault) => self.fail(fault),
                     }
@@ -154,14 +154,14 @@ impl Download {
             let clip = self.decode(&bytes);
             (self.decoded, self.decoding_s) = (playable, start.elapsed().as_secs_f64());
             return match clip {
-                Ok(clip) => self.go_on(fetch, News::Clip(Box::new(clip))),
+                Ok(clip) => self.go_on(fetch, LoadEvent::Clip(Box::new(clip))),
                 Err(fault) => self.fail(fault),
             };
         }
         let progress = state.progress.clone();
         drop(state);
         self.trouble.clone_from(&progress.trouble);
-        self.go_on(fetch, News::Progress(progress))
+        self.go_on(fetch, LoadEvent::Progress(progress))
     }
 
     /// Whether what is here plays better than what was told, and can be decoded before the rest is
@@ -177,25 +177,25 @@ impl Download {
     }
 
     /// Tells something while the rest is on its way.
-    fn go_on(&mut self, fetch: Fetch, news: News) -> ControlFlow<Result<News, Fault>> {
+    fn go_on(&mut self, fetch: Fetch, news: LoadEvent) -> ControlFlow<Result<LoadEvent, Fault>> {
         self.stage = Stage::Running(fetch);
         ControlFlow::Break(Ok(news))
     }
 
     /// Takes in how fetching ended.
-    fn end(&mut self, end: End, package: Vec<u8>) -> ControlFlow<Result<News, Fault>> {
+    fn end(&mut self, end: End, package: Vec<u8>) -> ControlFlow<Result<LoadEvent, Fault>> {
         match end {
             End::Unchanged => ControlFlow::Continue(()),
             End::Complete { etag } => match self.decode(&package) {
                 Ok(clip) => {
                     self.stage = Stage::Keep { etag: etag.unwrap_or_default(), package };
-                    ControlFlow::Break(Ok(News::Clip(Box::new(clip))))
+                    ControlFlow::Break(Ok(LoadEvent::Clip(Box::new(clip))))
                 }
                 Err(fault) => self.fail(fault),
             },
             End::Failed { fault, passing: true } if self.has_kept => {
-                let note = format!("{}: {fault}; the version kept on this device plays", shown(&self.url));
-                ControlFlow::Break(Ok(News::Note(note)))
+                let note = format!("{}: {fault}; the version kept on this device plays", redacted(&self.url));
+                ControlFlow::Break(Ok(LoadEvent::Note(note)))
             }
             End::Failed { fault, .. } => self.fail(fault),
         }
@@ -206,8 +206,8 @@ impl Download {
     }
 
     /// Ends with a fault of the clip.
-    fn fail(&self, fault: Fault) -> ControlFlow<Result<News, Fault>> {
-        ControlFlow::Break(Err(fault.about(&shown(&self.url))))
+    fn fail(&self, fault: Fault) -> ControlFlow<Result<LoadEvent, Fault>> {
+        ControlFlow::Break(Err(fault.about(&redacted(&self.url))))
     }
 
     /// Keeps the clip for the next run.
@@ -215,15 +215,15 @@ impl Download {
         if let Some(cache) = &self.options.cache
             && let Err(error) = cache.put(&self.url, etag, package)
         {
-            log::warn!("{}: cannot be kept for the next time: {error}", shown(&self.url));
+            log::warn!("{}: cannot be kept for the next time: {error}", redacted(&self.url));
         }
     }
 }
 
 impl Iterator for Download {
-    type Item = Result<News, Fault>;
+    type Item = Result<LoadEvent, Fault>;
 
-    fn next(&mut self) -> Option<Result<News, Fault>> {
+    fn next(&mut self) -> Option<Result<LoadEvent, Fault>> {
         loop {
             let flow = match std::mem::replace(&mut self.stage, Stage::Over) {
                 Stage::Begin => self.begin(),

@@ -29,17 +29,17 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use crate::args::Args;
+use crate::clips::queue::{Entry, Queue};
+use crate::clips::{Arrival, LoadEvent, cache_dir, playlist};
 use crate::fault::Fault;
-use crate::queue::{Entry, Queue};
-use crate::source::{Arrival, News};
 use crate::terminal::Reporter;
-use crate::{headless, playlist, source, viewpoint};
+use crate::{clips, headless, viewpoint};
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip that `args` name in a window, until it is closed.
 ///
 /// # Errors
-/// As [`source::open`] and [`viewpoint::find`]; as [`source::Arrival`] until there is a clip to show;
+/// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until there is a clip to show;
 /// [`Fault::Device`] without a display or a graphics device that can draw on it.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let First { origin, clip, rest, list } = first_clip(args)?;
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 
 /// What plays first.
 struct First {
-    /// Where it comes from, as [`source::open`] takes it.
+    /// Where it comes from, as [`clips::open`] takes it.
     origin: Option<String>,
     clip: Clip,
     rest: Arrival,
@@ -70,18 +70,18 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = source::open(name, source::kept())?;
+        let mut rest = clips::open(name, cache_dir())?;
         let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
         Ok(First { origin: name.map(str::to_owned), clip, rest, list })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(args.clip.as_deref(), None, &mut reporter);
     };
-    let queue = Queue::new(playlist::wait(list, source::kept(), |news| reporter.tell(news))?);
+    let queue = Queue::new(playlist::wait(list, cache_dir(), |news| reporter.tell(news))?);
     let mut last = None;
     for Entry { number, name } in queue.all() {
         if let Some(fault) = last.take() {
-            reporter.tell(&News::Note(format!("{fault}; skipped")));
+            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
         }
         let mut queue = queue.clone();
         queue.go_to(number);
@@ -181,7 +181,7 @@ impl ApplicationHandler<Event> for App {
                     }
                 }
                 Err(fault) => match session.reopen(fault) {
-                    Ok(()) => Reporter::new().tell(&News::Note(
+                    Ok(()) => Reporter::new().tell(&LoadEvent::Note(
                         "the graphics device stopped working: the clip goes on with another one".into(),
                     )),
                     Err(fault) => self.fail(event_loop, fault),

@@ -7,11 +7,10 @@ use codec::Clip;
 
 use super::loader::Tell;
 use super::session::{Job, Order, Playing, Told};
+use crate::clips::queue::{Brought, Entry, Queue, Terms, bring};
+use crate::clips::{Arrival, LoadEvent, cache_dir, playlist};
 use crate::fault::Fault;
 use crate::gpu::{Format, Gpu};
-use crate::playlist;
-use crate::queue::{Brought, Entry, Queue, Terms, bring};
-use crate::source::{self, Arrival, News};
 
 /// Carries an order out and tells of it.
 pub(super) fn carry_out(Job { gpu, format, order }: Job, tell: Tell<'_, Told>) {
@@ -53,9 +52,9 @@ impl Work<'_> {
     fn rest(&self, origin: &Option<String>, arrival: Arrival) -> Flow {
         for news in arrival {
             let told = match news? {
-                News::Progress(progress) => Told::Progress(progress),
-                News::Note(note) => Told::Note(note),
-                News::Clip(clip) => Told::Better(self.ready(origin, &clip)?),
+                LoadEvent::Progress(progress) => Told::Progress(progress),
+                LoadEvent::Note(note) => Told::Note(note),
+                LoadEvent::Clip(clip) => Told::Better(self.ready(origin, &clip)?),
             };
             if (self.tell)(told).is_break() {
                 return Ok(ControlFlow::Break(()));
@@ -65,10 +64,10 @@ impl Work<'_> {
     }
 
     fn open_list(&self, name: &str) -> Flow {
-        let opened = playlist::open(name, source::kept(), &mut |news| match news {
-            News::Progress(progress) => (self.tell)(Told::Progress(progress)),
-            News::Note(note) => (self.tell)(Told::Note(note)),
-            News::Clip(_) => ControlFlow::Continue(()),
+        let opened = playlist::open(name, cache_dir(), &mut |news| match news {
+            LoadEvent::Progress(progress) => (self.tell)(Told::Progress(progress)),
+            LoadEvent::Note(note) => (self.tell)(Told::Note(note)),
+            LoadEvent::Clip(_) => ControlFlow::Continue(()),
         })?;
         let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
         let queue = Queue::new(opened);
@@ -107,5 +106,5 @@ impl Work<'_> {
 
 /// To be shown as soon as there is something to see.
 fn at_once() -> Terms {
-    Terms { kept: source::kept(), layers: Some(1), awaited: Arc::new(true.into()) }
+    Terms { kept: cache_dir(), layers: Some(1), awaited: Arc::new(true.into()) }
 }

@@ -26,11 +26,10 @@ use super::overlay::Message;
 use super::screen::Screen;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
+use crate::clips::queue::{Entry, List, Queue, Terms};
+use crate::clips::{Arrival, Progress, cache_dir, title};
 use crate::fault::Fault;
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings};
-use crate::progress::Progress;
-use crate::queue::{Entry, List, Queue, Terms};
-use crate::source::{self, Arrival};
 use crate::view::View;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
@@ -42,7 +41,7 @@ const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
 /// What to open a window with.
 pub(super) struct Start {
-    /// Where the clip comes from, as [`source::open`] takes it.
+    /// Where the clip comes from, as [`clips::open`] takes it.
     pub(super) origin: Option<String>,
     pub(super) clip: Clip,
     /// Better versions of it that are on their way.
@@ -112,7 +111,7 @@ pub(super) enum Next {
 
 /// A clip that is ready to be drawn.
 pub(super) struct Playing {
-    /// Where it comes from, as [`source::open`] takes it.
+    /// Where it comes from, as [`clips::open`] takes it.
     origin: Option<String>,
     scene: Scene,
     /// `None` where the device that it was on is gone.
@@ -142,7 +141,7 @@ impl Playing {
     }
 
     fn title(&self) -> String {
-        source::title(self.origin.as_deref())
+        title(self.origin.as_deref())
     }
 }
 
@@ -186,7 +185,7 @@ impl Session {
             Size::Physical(PhysicalSize::new(size.x, size.y))
         });
         let attributes = Window::default_attributes()
-            .with_title(source::title(start.origin.as_deref()))
+            .with_title(title(start.origin.as_deref()))
             .with_window_icon(icon::icon())
             .with_theme(Some(Theme::Dark))
             .with_min_inner_size(LEAST_SIZE)
@@ -246,7 +245,7 @@ impl Session {
                     list.forget_next();
                 }
                 self.order(Order::Open(name.into()));
-                Message::Working(format!("Opening {}", source::title(Some(name))))
+                Message::Working(format!("Opening {}", title(Some(name))))
             }
             None => Message::Error(format!("{}: its name is not text", path.display())),
         });
@@ -264,7 +263,7 @@ impl Session {
         if !self.loading
             && let Some((entries, awaited)) = self.list.as_mut().and_then(List::ask)
         {
-            let terms = Terms { kept: source::kept(), layers: Some(1), awaited };
+            let terms = Terms { kept: cache_dir(), layers: Some(1), awaited };
             self.order(Order::Next(entries, terms));
         }
     }

@@ -9,7 +9,7 @@ use openxr as xr;
 
 use super::interaction::PlacementStore;
 use crate::fault::Fault;
-use crate::{folders, source};
+use crate::{clips, folders};
 
 /// What the operating system gives a player and asks of it.
 pub(super) struct System;
@@ -57,7 +57,7 @@ impl System {
     }
 
     /// Where clips from the network are kept; `None` where there is no place for them.
-    pub(super) fn kept(&self) -> Option<PathBuf> {
-        source::kept()
+    pub(super) fn cache_dir(&self) -> Option<PathBuf> {
+        clips::cache_dir()
     }
 }

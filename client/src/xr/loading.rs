@@ -14,12 +14,10 @@ use std::thread::JoinHandle;
 use codec::{Clip, ClipInfo};
 
 use super::interaction::Subject;
+use crate::clips::queue::{Brought, Entry, Queue, Terms, bring};
+use crate::clips::{LoadEvent, Progress, clips_in, is_url, playlist};
 use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::playlist;
-use crate::progress::Progress;
-use crate::queue::{Brought, Entry, Queue, Terms, bring};
-use crate::source::{self, News};
 
 /// What to load.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -101,7 +99,7 @@ pub(super) enum Told {
 /// only one.
 fn next_clip(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut clips = source::clips_in(folder);
+    let mut clips = clips_in(folder);
     clips.retain(|clip| clip.file_name() != path.file_name());
     let after = clips.iter().find(|clip| clip.file_name() > path.file_name());
     after.or(clips.first())?.to_str().map(String::from)
@@ -206,16 +204,16 @@ fn named(
 ) -> Result<Option<Vec<Entry>>, Fault> {
     if let Some(name) = name.as_deref().filter(|name| playlist::is_playlist(name)) {
         let opened = playlist::open(name, kept, &mut |news| match news {
-            News::Progress(progress) => hear(Told::Progress(progress)),
-            News::Note(note) => hear(Told::Note(note)),
-            News::Clip(_) => ControlFlow::Continue(()),
+            LoadEvent::Progress(progress) => hear(Told::Progress(progress)),
+            LoadEvent::Note(note) => hear(Told::Note(note)),
+            LoadEvent::Clip(_) => ControlFlow::Continue(()),
         })?;
         let Some(opened) = opened else { return Ok(None) };
         let queue = Queue::new(opened);
         let entries = queue.all();
         return Ok(hear(Told::List(queue)).is_continue().then_some(entries));
     }
-    let path = name.as_deref().filter(|name| !source::is_address(name));
+    let path = name.as_deref().filter(|name| !is_url(name));
     let next = path.and_then(|path| next_clip(Path::new(path)));
     Ok(hear(Told::Next(next)).is_continue().then(|| vec![Entry::alone(name)]))
 }

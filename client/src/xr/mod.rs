@@ -48,8 +48,6 @@ use crate::gpu::{Failures, Gpu};
 use crate::output;
 #[cfg(target_os = "android")]
 use android::System;
-#[cfg(target_os = "android")]
-pub(crate) use android::demo;
 #[cfg(not(target_os = "android"))]
 use desktop::System;
 use error::Halt;
@@ -67,7 +65,7 @@ const IDLE_POLL: Duration = Duration::from_millis(10);
 /// Plays the clip that `args` name in a headset, until the runtime or the viewer ends it.
 ///
 /// # Errors
-/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::source::open`].
+/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::clips::open`].
 #[cfg(not(target_os = "android"))]
 pub fn run(args: &Args) -> Result<(), Fault> {
     play(args, &mut System)
@@ -93,7 +91,7 @@ fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let quality = Quality::new(args.settings(), args.quality, adapts);
     let request = Request {
         name: args.clip.clone(),
-        kept: system.kept(),
+        kept: system.cache_dir(),
         // What is measured is the whole clip.
         layers: adapts.then(|| args.layer.map_or(1, |layers| layers as usize)),
     };

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Parser;
 
 use crate::args::Args;
+use crate::clips::clips_in;
 use crate::fault::Fault;
-use crate::source;
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub(super) fn command_line(request: Request, folders: &[PathBuf]) -> Result<Args
             Fault::Usage(format!("the intent's args, {options:?}: {what}"))
         })?;
     args.clip = request.clip.or(args.clip).or_else(|| {
-        let clip = folders.iter().find_map(|folder| source::clips_in(folder).into_iter().next())?;
+        let clip = folders.iter().find_map(|folder| clips_in(folder).into_iter().next())?;
         clip.into_os_string().into_string().ok()
     });
     Ok(args)

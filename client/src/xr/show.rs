@@ -12,11 +12,11 @@ use super::loading::{self, Loaded, Loading, Order, Request};
 use super::pacing::Clock;
 use super::panel::{Beam, Board, Notice, Painting, Panel, PanelState};
 use super::quality::Quality;
+use crate::clips::queue::List;
+use crate::clips::{is_url, redacted, title};
 use crate::fault::Fault;
 use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, Renderer, RuntimeFormat, Settings, UiPainter};
 use crate::player::Player;
-use crate::queue::List;
-use crate::source;
 
 /// Seconds between new numbers among the statistics: as fast as they can be read.
 const STATISTICS_S: f64 = 0.5;
@@ -177,7 +177,7 @@ impl Show {
 
     fn load(&mut self, name: Option<String>) -> Result<(), Fault> {
         let Some(format) = self.format else { return Ok(()) };
-        let text = format!("Opening {}", source::title(name.as_deref()));
+        let text = format!("Opening {}", title(name.as_deref()));
         self.notice = Some(Told::Loading { text, part: None });
         self.named.clone_from(&name);
         let request = Request { name, ..self.request.clone() };
@@ -330,7 +330,7 @@ impl Show {
             if let Some(placement) = self.interaction.placement().copied() {
                 self.interaction.put(loaded.subject, placement);
             }
-            playing.title = source::title(loaded.entry.name.as_deref());
+            playing.title = title(loaded.entry.name.as_deref());
             log::info!("playing {}", playing.title);
             playing.loaded = loaded;
         }
@@ -360,7 +360,7 @@ impl Show {
         self.clock = Clock::default();
         // It has a place once it is known where the head is.
         self.interaction.take_away();
-        let title = source::title(loaded.entry.name.as_deref());
+        let title = title(loaded.entry.name.as_deref());
         // The clips of a playlist stand in one place.
         let key = match &self.list {
             Some(_) => key(self.named.as_deref()),
@@ -603,8 +603,8 @@ impl Statistics {
 /// What a clip is called in the store: the same from wherever the program is started.
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
-        if source::is_address(name) {
-            return source::shown(name);
+        if is_url(name) {
+            return redacted(name);
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })

@@ -14,8 +14,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use aarc_tests::server::{Answer, Request, Server};
+use client::clips::LoadEvent;
 use client::net::{Download, Options};
-use client::source::News;
 
 /// The paper's network, in megabits per second.
 const MBIT: f64 = 58.0;
@@ -197,7 +197,7 @@ fn download(url: &str) -> Result<[f64; 2], String> {
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let mut times: Option<[f64; 2]> = None;
     for news in Download::new(url, Options::default()) {
-        if let News::Clip(_) = news.map_err(|fault| fault.to_string())? {
+        if let LoadEvent::Clip(_) = news.map_err(|fault| fault.to_string())? {
             let now = elapsed_ms();
             times = Some([times.map_or(now, |times| times[0]), now]);
         }

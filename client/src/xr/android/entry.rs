@@ -37,6 +37,7 @@ fn android_main(app: AndroidApp) {
 
 fn play(app: AndroidApp) -> Result<(), Fault> {
     ASSETS.get_or_init(|| app.asset_manager());
+    crate::clips::demo::set_reader(demo);
     let folders: Vec<PathBuf> =
         [app.external_data_path(), app.internal_data_path()].into_iter().flatten().collect();
     if let Some(folder) = folders.first()
@@ -69,7 +70,7 @@ fn log_to_system() {
 ///
 /// # Errors
 /// [`Fault::Data`] if the APK was packed without it.
-pub(crate) fn demo() -> Result<Cow<'static, [u8]>, Fault> {
+fn demo() -> Result<Cow<'static, [u8]>, Fault> {
     let asset = ASSETS.get().and_then(|assets| assets.open(c"demo.aarc"));
     let mut asset = asset.ok_or_else(|| Fault::Data("demo clip: the APK was packed without it".into()))?;
     let bytes = asset.buffer().map_err(|error| Fault::Data(format!("demo clip: {error}")))?;

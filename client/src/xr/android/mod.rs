@@ -13,5 +13,4 @@ mod entry;
 mod intent;
 mod system;
 
-pub(crate) use entry::demo;
 pub(super) use system::System;

@@ -97,7 +97,7 @@ impl System {
 
     /// Where clips from the network are kept: the folder that the system empties when it needs room.
     /// `None` where there is no place for them.
-    pub(in crate::xr) fn kept(&self) -> Option<PathBuf> {
+    pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         super::intent::cache_folder(&self.app).map(|folder| folder.join("clips"))
     }
 }

@@ -247,7 +247,7 @@ mod tests {
 
     use super::super::random::Random;
     use super::*;
-    use crate::source;
+    use crate::clips;
 
     /// A person of 1.8 units in a clip with y down, standing on y = 1 at (3, z = 5), seen from
     /// -z, with a few strays far off.
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_stands_before_the_viewer() {
-        let clip = source::open(None, None).unwrap().wait(None, |_| ()).unwrap();
+        let clip = clips::open(None, None).unwrap().wait(None, |_| ()).unwrap();
         let subject = Subject::of(&clip);
         let head = head(0.3);
         let stage_from_clip = subject.stage_from_clip(&subject.start(&head));

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
-use client::source;
+use client::clips::load_file;
 use client::view::View;
 
 use super::Drawer;
@@ -19,7 +19,7 @@ struct Ours {
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
 pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<Box<dyn Drawer>> {
-    let clip = source::load_file(path)?;
+    let clip = load_file(path)?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, Depth::Eight)?;

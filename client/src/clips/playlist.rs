@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Deserialize;
 
+use super::event::LoadEvent;
+use super::file::read;
+use super::url::{is_url, printable, redacted};
 use crate::fault::Fault;
-use crate::source::{self, News, is_address, shown};
 
 /// Most bytes of a playlist.
 pub const BYTES_MAX: usize = 1 << 20;
@@ -46,30 +48,30 @@ struct Manifest {
 
 /// Whether a path or an address is that of a playlist and not of a clip: by its ending, `.json`.
 pub fn is_playlist(name: &str) -> bool {
-    let name = if is_address(name) { shown(name) } else { name.to_owned() };
+    let name = if is_url(name) { redacted(name) } else { name.to_owned() };
     Path::new(&name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
 }
 
-/// Opens the playlist with this path or address. Those from the network are kept in the folder `kept`.
+/// Opens the playlist with this path or address. Those from the network are cache_dir in the folder `cache_dir`.
 /// `tell` is told what there is to say; it says whether to go on, and if not, the result is `None`.
 ///
 /// # Errors
 /// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] that names the playlist.
 pub fn open(
     name: &str,
-    kept: Option<PathBuf>,
-    tell: &mut dyn FnMut(News) -> ControlFlow<()>,
+    cache_dir: Option<PathBuf>,
+    tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
-    let bytes = if is_address(name) {
-        match fetch(name, kept, tell)? {
+    let bytes = if is_url(name) {
+        match fetch(name, cache_dir, tell)? {
             Some(bytes) => bytes,
             None => return Ok(None),
         }
     } else {
-        source::read(Path::new(name), BYTES_MAX).map_err(|what| Fault::Data(format!("{name}: {what}")))?
+        read(Path::new(name), BYTES_MAX).map_err(|what| Fault::Data(format!("{name}: {what}")))?
     };
     let playlist = Playlist::parse(name, &bytes);
-    playlist.map(Some).map_err(|what| Fault::Data(format!("{}: {what}", shown_name(name))))
+    playlist.map(Some).map_err(|what| Fault::Data(format!("{}: {what}", printable(name))))
 }
 
 /// The same where nobody goes away meanwhile.
@@ -79,10 +81,10 @@ pub fn open(
 #[cfg(not(target_os = "android"))]
 pub(crate) fn wait(
     name: &str,
-    kept: Option<PathBuf>,
-    mut tell: impl FnMut(&News),
+    cache_dir: Option<PathBuf>,
+    mut tell: impl FnMut(&LoadEvent),
 ) -> Result<Playlist, Fault> {
-    let opened = open(name, kept, &mut |news| {
+    let opened = open(name, cache_dir, &mut |news| {
         tell(&news);
         ControlFlow::Continue(())
     });
@@ -92,18 +94,18 @@ pub(crate) fn wait(
 #[cfg(feature = "net")]
 fn fetch(
     url: &str,
-    kept: Option<PathBuf>,
-    tell: &mut dyn FnMut(News) -> ControlFlow<()>,
+    cache_dir: Option<PathBuf>,
+    tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Vec<u8>>, Fault> {
-    use crate::source::net_options;
-    let progress = &mut |progress: &crate::progress::Progress| tell(News::Progress(progress.clone()));
+    use super::source::net_options;
+    let progress = &mut |progress: &super::progress::Progress| tell(LoadEvent::Progress(progress.clone()));
     let is_sound = &|bytes: &[u8]| Playlist::parse(url, bytes).is_ok();
-    let options = net_options(kept);
+    let options = net_options(cache_dir);
     let Some(document) = crate::net::document(url, &options, BYTES_MAX, is_sound, progress)? else {
         return Ok(None);
     };
     if let Some(note) = document.note
-        && tell(News::Note(note)).is_break()
+        && tell(LoadEvent::Note(note)).is_break()
     {
         return Ok(None);
     }
@@ -114,14 +116,9 @@ fn fetch(
 fn fetch(
     url: &str,
     _kept: Option<PathBuf>,
-    _tell: &mut dyn FnMut(News) -> ControlFlow<()>,
+    _tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Vec<u8>>, Fault> {
-    Err(crate::source::no_addresses(url))
-}
-
-/// A name as it may be shown.
-pub(crate) fn shown_name(name: &str) -> String {
-    if is_address(name) { shown(name) } else { name.to_owned() }
+    Err(super::source::no_net(url))
 }
 
 impl Playlist {
@@ -152,18 +149,18 @@ fn resolve(base: &str, entry: &str) -> Result<String, String> {
         return Err("is neither a path nor an address".into());
     }
     if is_playlist(entry) {
-        return Err(format!("is a playlist itself, {}", shown_name(entry)));
+        return Err(format!("is a playlist itself, {}", printable(entry)));
     }
-    if is_address(entry) {
+    if is_url(entry) {
         let is_secure =
             |address: &str| address.get(..6).is_some_and(|start| start.eq_ignore_ascii_case("https:"));
         // What was asked for in secret is not fetched in the open.
         return match is_secure(base) && !is_secure(entry) {
-            true => Err(format!("leads from https to http, {}", shown(entry))),
+            true => Err(format!("leads from https to http, {}", redacted(entry))),
             false => Ok(entry.into()),
         };
     }
-    if is_address(base) {
+    if is_url(base) {
         return Ok(join(base, entry));
     }
     let path = Path::new(base).parent().unwrap_or(Path::new("")).join(entry);

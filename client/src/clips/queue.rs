@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use codec::Clip;
 
+use super::event::LoadEvent;
+use super::playlist::Playlist;
+use super::progress::Progress;
+use super::{source, url};
 use crate::fault::Fault;
-use crate::playlist::Playlist;
-use crate::progress::Progress;
-use crate::source::{self, News};
 
 /// A clip of a playlist, or one that is named alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -268,9 +269,9 @@ fn bring_one(
     for news in source::open(entry.name.as_deref(), terms.kept.clone())? {
         let mut flow = ControlFlow::Continue(());
         match news? {
-            News::Progress(progress) => flow = tell(Brought::Progress(progress))?,
-            News::Note(note) => flow = tell(Brought::Note(note))?,
-            News::Clip(clip) => latest = Some(clip),
+            LoadEvent::Progress(progress) => flow = tell(Brought::Progress(progress))?,
+            LoadEvent::Note(note) => flow = tell(Brought::Note(note))?,
+            LoadEvent::Clip(clip) => latest = Some(clip),
         }
         let is_enough = |clip: &mut Box<Clip>| terms.layers.is_some_and(|layers| clip.layers.len() >= layers);
         if flow.is_continue()
@@ -287,7 +288,7 @@ fn bring_one(
         Some(clip) => {
             let there = clip.layers.len();
             if let Some(layers) = terms.layers.filter(|&layers| layers > there) {
-                let title = source::title(entry.name.as_deref());
+                let title = url::title(entry.name.as_deref());
                 return Err(Fault::Usage(format!("--layer {layers}: {title} has {there} layers")));
             }
             tell_version(clip, tell)
@@ -302,7 +303,7 @@ mod tests {
 
     use super::*;
 
-    const DEMO: &[u8] = include_bytes!("../../assets/demo.aarc");
+    const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
     fn queue(folder: &Path, names: &[&str]) -> Queue {
         let clips = names.iter().map(|name| folder.join(name).to_str().unwrap().to_owned()).collect();
