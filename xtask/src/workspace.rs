@@ -1,4 +1,7 @@
-//! The workspace on disk: where it lies, and building its programs.
+//! The workspace on disk: its folders, and building its programs.
+//!
+//! Programs are built with the features that `cargo xtask test` builds everything with, so that commands and
+//! tests share what they compile.
 
 use std::env;
 use std::ffi::OsString;
@@ -7,7 +10,10 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::fault::Fault;
+use program::Fault;
+
+/// Features of a build of the whole workspace: all of the host tool.
+pub const FEATURES: &str = "studio/full";
 
 /// The root of the repository that this tool was built from.
 pub fn root() -> &'static Path {
@@ -49,15 +55,25 @@ pub fn cargo() -> Command {
     command
 }
 
-/// Builds a program of the workspace and returns the path of its executable.
+/// The host tool `aarc-studio`, built if need be: to be run with a command and its arguments.
 ///
-/// The features are those of a build of the whole workspace, so that building and testing share
-/// what they compile. `profile` is `dev` or `release`.
+/// # Errors
+/// Those of [`build`].
+pub fn studio(profile: &str) -> Result<Command, Fault> {
+    let folder = if profile == "dev" { "debug" } else { profile };
+    if !target_folder().join(folder).join("aarc-studio").exists() {
+        eprintln!("building the host tool, which takes minutes the first time");
+    }
+    build_target("bin", "aarc-studio", profile, true).map(Command::new)
+}
+
+/// Builds a program of the workspace with [`FEATURES`] and returns the path of its executable. `profile` is
+/// `dev` or `release`.
 ///
 /// # Errors
 /// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
 pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("bin", program, profile)
+    build_target("bin", program, profile, false)
 }
 
 /// As [`build`], for an example: a program or a library to be loaded.
@@ -65,12 +81,14 @@ pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
 /// # Errors
 /// As [`build`].
 pub fn build_example(name: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("example", name, profile)
+    build_target("example", name, profile, false)
 }
 
-fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fault> {
+fn build_target(kind: &str, program: &str, profile: &str, is_quiet: bool) -> Result<PathBuf, Fault> {
     let output = cargo()
-        .args(["build", "--workspace", &format!("--{kind}"), program, "--profile", profile])
+        .args(["build", "--workspace", "--features", FEATURES])
+        .args([&format!("--{kind}"), program, "--profile", profile])
+        .args(is_quiet.then_some("--quiet"))
         .arg("--message-format=json-render-diagnostics")
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::fault::Fault;
 use crate::input::{Input, clip_time};
+use crate::machine::machine;
 use crate::output;
 
 /// Default size of an image in pixels.
@@ -60,7 +61,8 @@ pub struct Args {
 /// Counts and timings of the frames, under the keys of the player's `--stats`.
 #[derive(Serialize)]
 struct Stats {
-    adapter: Option<String>,
+    /// The machine.
+    adapter: String,
     driver: &'static str,
     gaussians: usize,
     frames: Vec<FrameStats>,
@@ -115,9 +117,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.stats {
         let stats = Stats {
-            adapter: None,
+            adapter: machine(),
             driver: "reference renderer, on the CPU",
-            gaussians: scene.len(),
+            gaussians: input.gaussians(),
             frames,
         };
         output::write(path, format!("{}\n", serde_json::to_string_pretty(&stats)?).as_bytes())?;
