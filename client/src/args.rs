@@ -9,7 +9,7 @@ use glam::UVec2;
 
 #[cfg(not(target_os = "android"))]
 use crate::generate::Generated;
-use crate::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
+use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// What `--version` says: of the program, and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -125,7 +125,7 @@ pub struct Args {
     /// Bits per channel while drawing: 8 as on a display, or 16, which loses nothing faint. Images
     /// have 8.
     #[arg(long, value_enum, default_value = "16", requires = "headless")]
-    pub target: Depth,
+    pub target: ChannelDepth,
 
     /// Write counts and timings.
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
@@ -139,14 +139,14 @@ pub struct Args {
 
 impl Args {
     /// The settings of the renderer.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> RenderSettings {
         // Turning the head must not change what lies over what.
         let usual = if self.xr { SortOrder::Radial } else { SortOrder::Depth };
-        Settings {
+        RenderSettings {
             sort: self.sort.unwrap_or(usual),
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
-            ..Settings::default()
+            ..RenderSettings::default()
         }
     }
 }
@@ -199,10 +199,10 @@ mod tests {
         .unwrap();
         assert_eq!(args.time, [0.0, 0.5, 1.0]);
         assert_eq!(args.size, Some(UVec2::new(64, 32)));
-        assert_eq!(args.target, Depth::Sixteen);
+        assert_eq!(args.target, ChannelDepth::Sixteen);
         let settings = args.settings();
         assert_eq!((settings.sort, settings.cutoff), (SortOrder::Radial, Cutoff::Sqrt5));
-        assert_eq!((settings.layers, settings.least_px), (Some(2), 0.0));
+        assert_eq!((settings.layers, settings.min_contribution_px), (Some(2), 0.0));
         let frames = parse("client a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
     }

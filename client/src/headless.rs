@@ -11,7 +11,7 @@ use glam::{UVec2, uvec2};
 use crate::args::Args;
 use crate::clips::{LoadEvent, cache_dir, playlist, printable};
 use crate::fault::Fault;
-use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
+use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::output;
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
@@ -73,7 +73,7 @@ struct Stage<'a> {
     gpu: &'a Gpu,
     clip: Arc<Clip>,
     views: Vec<View>,
-    settings: Settings,
+    settings: RenderSettings,
     image: Offscreen,
     renderer: Renderer,
     upload_ms: f64,
@@ -317,7 +317,7 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
 }
 
 /// The settings that `args` ask for.
-pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<Settings, Fault> {
+pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
         Some(layers) if layers > clip.layers.len() => {

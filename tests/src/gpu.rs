@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
 use client::fault::Fault;
-use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;
@@ -91,8 +91,8 @@ pub fn draw(
     clip: &Clip,
     cameras: &[Camera],
     t: f64,
-    settings: &Settings,
-    depth: Depth,
+    settings: &RenderSettings,
+    depth: ChannelDepth,
 ) -> Result<Vec<Image>, Fault> {
     let clip = Arc::new(GpuClip::upload(gpu, clip)?);
     Drawing::new(gpu, clip, cameras, depth)?.frame(t, settings)
@@ -115,7 +115,7 @@ impl<'a> Drawing<'a> {
         gpu: &'a Gpu,
         clip: Arc<GpuClip>,
         cameras: &[Camera],
-        depth: Depth,
+        depth: ChannelDepth,
     ) -> Result<Drawing<'a>, Fault> {
         let size = UVec2::new(cameras[0].width, cameras[0].height);
         Ok(Drawing {
@@ -135,7 +135,7 @@ impl<'a> Drawing<'a> {
     ///
     /// # Errors
     /// What the renderer reports.
-    pub fn frame(&mut self, t: f64, settings: &Settings) -> Result<Vec<Image>, Fault> {
+    pub fn frame(&mut self, t: f64, settings: &RenderSettings) -> Result<Vec<Image>, Fault> {
         self.target.render(self.gpu, &mut self.renderer, t, &self.views, settings)?;
         Ok(self.target.read(self.gpu)?.iter().map(image).collect())
     }

@@ -9,7 +9,7 @@ use aarc_tests::scene::{Motion, Recipe, decoded_with};
 use client::gpu::Gpu;
 use codec::{Clip, Field};
 use glam::UVec2;
-use refine::reference::Scene;
+use refine::reference::RenderScene;
 use shaders::sh_words;
 use studio::report::knob::{Knob, Point};
 use studio::report::playing::{Message, Part, Playing};
@@ -40,7 +40,7 @@ fn played(gpu: &'static Gpu, field: &Field) -> Result<(Clip, Playing), String> {
         }
         Ok(())
     };
-    measure(gpu, &clip, &Scene::from(field), UVec2::new(96, 72), &mut tell)
+    measure(gpu, &clip, &RenderScene::from(field), UVec2::new(96, 72), &mut tell)
         .map_err(|error| format!("{error:#}"))?;
     let playing = playing.ok_or("nothing was measured")?;
     expect("steps are as announced", playing.setup.steps == steps)?;

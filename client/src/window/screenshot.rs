@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::fault::Fault;
-use crate::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use crate::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::output;
 use crate::view::View;
 
@@ -20,7 +20,7 @@ pub(crate) struct Shot {
     pub(crate) t: f64,
     pub(crate) time_s: f64,
     pub(crate) view: View,
-    pub(crate) settings: Settings,
+    pub(crate) settings: RenderSettings,
 }
 
 impl Shot {
@@ -32,8 +32,8 @@ impl Shot {
         let path = free_path(folder, &file_stem(&self.name, self.time_s));
         output::check(&path)?;
         let views = [self.view];
-        let image = Offscreen::new(gpu, self.view.size, 1, Depth::Eight)?;
-        let mut renderer = Renderer::new(gpu, self.clip.clone(), Depth::Eight.format(), 1)?;
+        let image = Offscreen::new(gpu, self.view.size, 1, ChannelDepth::Eight)?;
+        let mut renderer = Renderer::new(gpu, self.clip.clone(), ChannelDepth::Eight.format(), 1)?;
         image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
         for pixels in image.read(gpu)? {
             output::write_png(&path, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;

@@ -29,7 +29,7 @@ use super::viewer::{Requests, Scene, Viewer};
 use crate::clips::queue::{Entry, List, Queue, Terms};
 use crate::clips::{Arrival, Progress, cache_dir, title};
 use crate::fault::Fault;
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings};
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
 use crate::view::View;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
@@ -50,7 +50,7 @@ pub(super) struct Start {
     pub(super) list: Option<Queue>,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// Size in pixels.
     pub(super) size: Option<UVec2>,
 }
@@ -151,7 +151,7 @@ struct Shown {
     /// Normalised clip time.
     t: f64,
     view: View,
-    settings: Settings,
+    settings: RenderSettings,
 }
 
 /// An open window.

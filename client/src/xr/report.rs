@@ -14,7 +14,7 @@ use super::runtime::Runtime;
 use super::show::Show;
 use crate::args::Args;
 use crate::fault::Fault;
-use crate::gpu::{FrameCounts, Gpu, Level, Pixels, Settings};
+use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::output;
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
@@ -70,7 +70,7 @@ pub(super) struct Drawn {
     pub(super) level: Level,
     /// Of an eye's image, in pixels.
     pub(super) size: UVec2,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     pub(super) counts: FrameCounts,
     /// For both eyes, if the GPU can tell.
     pub(super) gpu_ms: Option<f64>,
@@ -83,7 +83,7 @@ pub(super) struct Shown {
     pub(super) t: f64,
     /// Seconds from the start of the clip.
     pub(super) position_s: f64,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// An image for each eye.
     pub(super) pixels: Vec<Pixels>,
     /// The panel, if there is one.
@@ -259,10 +259,10 @@ impl Report {
             width: size.x,
             height: size.y,
             reach_sigma: settings.cutoff.radius_max(),
-            least_px: settings.least_px,
+            least_px: settings.min_contribution_px,
             layers: settings.layers,
             alive: counts.alive,
-            faint: counts.faint,
+            faint: counts.culled,
             sorted: counts.sorted,
         }
     }

@@ -15,7 +15,7 @@ use super::quality::Quality;
 use crate::clips::queue::List;
 use crate::clips::{is_url, redacted, title};
 use crate::fault::Fault;
-use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, Renderer, RuntimeFormat, Settings, UiPainter};
+use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, RenderSettings, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
 
 /// Seconds between new numbers among the statistics: as fast as they can be read.
@@ -85,7 +85,7 @@ struct Statistics {
 /// What a frame took, and what was left out.
 struct Measured {
     counts: FrameCounts,
-    settings: Settings,
+    settings: RenderSettings,
     layers: usize,
     /// Size of an eye's image.
     size: UVec2,
@@ -589,7 +589,7 @@ impl Statistics {
         self.rows.clear();
         self.rows.extend([
             ("alive now", counts.alive.to_string()),
-            ("too faint", counts.faint.to_string()),
+            ("too faint", counts.culled.to_string()),
             ("drawn", counts.sorted.to_string()),
             ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
             ("GPU", gpu),

@@ -6,8 +6,8 @@
 
 use anyhow::Context;
 use refine::image::Image;
-use refine::prune::Shot;
-use refine::reference::{Order, Scene, render, render_held};
+use refine::prune::PosedView;
+use refine::reference::{Order, RenderScene, render, render_held};
 use studio::report::knob::{Knob, Point, Spread, Stage};
 
 use super::errors::Expected;
@@ -26,14 +26,14 @@ pub(super) fn pictures(shots: &Shots) -> usize {
 /// Measures the knob against the player as it is, `base`, of a clip of so many seconds. `on_picture`
 /// is called for each of [`pictures`]. With it comes a picture of an order held longest.
 pub(super) fn knob(
-    whole: &Scene,
+    whole: &RenderScene,
     shots: &Shots,
     duration_s: f64,
     expected: &Expected,
     base: &Measured,
     on_picture: &mut dyn FnMut() -> anyhow::Result<()>,
 ) -> anyhow::Result<(Knob, Image)> {
-    let mut take = |shot: &Shot, made: &Shot| {
+    let mut take = |shot: &PosedView, made: &PosedView| {
         on_picture()?;
         anyhow::Ok(match shot == made {
             true => render(whole, &shot.camera, shot.t, Order::Depth),

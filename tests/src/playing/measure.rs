@@ -8,14 +8,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use client::fault::Fault;
-use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
 use glam::UVec2;
 use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
 use refine::image::Image;
-use refine::prune::Shot;
+use refine::prune::PosedView;
 use shaders::CORNERS;
 use shaders::layout::Ranges;
 use studio::report::knob::Errors;
@@ -35,11 +35,11 @@ pub(super) struct Variant {
     /// What is drawn.
     pub(super) content: Content,
     /// How.
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// The size that is drawn, if another than that of the pictures.
     pub(super) size: Option<UVec2>,
     /// Bits per channel.
-    pub(super) depth: Depth,
+    pub(super) depth: ChannelDepth,
     /// For how many eyes.
     pub(super) eyes: Eyes,
 }
@@ -49,9 +49,9 @@ impl Default for Variant {
         Variant {
             name: String::new(),
             content: Content::default(),
-            settings: Settings::default(),
+            settings: RenderSettings::default(),
             size: None,
-            depth: Depth::Sixteen,
+            depth: ChannelDepth::Sixteen,
             eyes: Eyes::default(),
         }
     }
@@ -118,14 +118,14 @@ pub(super) struct Bench<'a> {
 struct Canvas {
     gpu: &'static Gpu,
     size: UVec2,
-    depth: Depth,
+    depth: ChannelDepth,
     eyes: usize,
     target: Rc<Offscreen>,
 }
 
 /// What a variant is drawn with.
 struct Placed {
-    settings: Settings,
+    settings: RenderSettings,
     /// One for all pictures, or one for each.
     stands: Vec<Stand>,
 }
@@ -238,7 +238,7 @@ impl<'a> Bench<'a> {
         &mut self,
         gpu: &'static Gpu,
         size: UVec2,
-        depth: Depth,
+        depth: ChannelDepth,
         eyes: usize,
     ) -> Result<Rc<Offscreen>, Fault> {
         let is_it = |canvas: &&Canvas| {
@@ -259,7 +259,7 @@ fn of_shot(stands: &mut [Stand], shot: usize) -> &mut Stand {
 }
 
 impl Stand {
-    fn views(&self, shot: &Shot) -> Vec<View> {
+    fn views(&self, shot: &PosedView) -> Vec<View> {
         let view = View::from_camera(&shot.camera);
         let scale = self.size.as_vec2() / view.size.as_vec2();
         let view =
@@ -268,7 +268,7 @@ impl Stand {
     }
 
     /// The picture of the first eye, at the size `full`.
-    fn image(&mut self, shot: &Shot, settings: &Settings, full: UVec2) -> Result<Image, Fault> {
+    fn image(&mut self, shot: &PosedView, settings: &RenderSettings, full: UVec2) -> Result<Image, Fault> {
         let views = self.views(shot);
         self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
         let pixels = self.target.read(self.gpu)?.swap_remove(0);
@@ -283,7 +283,11 @@ impl Stand {
         Ok(Image { width: full.x, height: full.y, pixels })
     }
 
-    fn counts(&mut self, shot: &Shot, settings: &Settings) -> Result<[(&'static str, f64); 9], Fault> {
+    fn counts(
+        &mut self,
+        shot: &PosedView,
+        settings: &RenderSettings,
+    ) -> Result<[(&'static str, f64); 9], Fault> {
         let views = self.views(shot);
         let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
         let coverage = self.renderer.count(self.gpu, shot.t, &views, settings)?;
@@ -309,7 +313,7 @@ impl Stand {
         size_of::<u32>() as f64 + (clip.bytes() as f64 - ranges) / self.rows.max(1) as f64
     }
 
-    fn time(&mut self, shot: &Shot, settings: &Settings) -> Result<Sample, Fault> {
+    fn time(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<Sample, Fault> {
         let views = self.views(shot);
         let start = Instant::now();
         let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;

@@ -17,7 +17,7 @@ mod sweeps;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use client::gpu::{Depth, Gpu, Offscreen};
+use client::gpu::{ChannelDepth, Gpu, Offscreen};
 use codec::Clip;
 use glam::UVec2;
 use image::{ImageFormat, RgbImage};
@@ -40,12 +40,12 @@ use sweeps::{Sweep, sweeps};
 pub fn measure(
     gpu: &'static Gpu,
     clip: &Clip,
-    whole: &reference::Scene,
+    whole: &reference::RenderScene,
     size: UVec2,
     tell: &mut dyn FnMut(Message) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     // Whether the device can draw that large, before the reference tries.
-    Offscreen::new(gpu, size, 2, Depth::Sixteen)?;
+    Offscreen::new(gpu, size, 2, ChannelDepth::Sixteen)?;
     let shots = shots(clip, size);
     let sweeps = sweeps(clip, size);
     let switched = parts(clip, gpu);
@@ -70,7 +70,7 @@ pub fn measure(
         rounds: ROUNDS,
         steps: (pictures + held::pictures(&shots) + variants.len() * (1 + ROUNDS) + packaged) as u64,
     }))?;
-    let mut take = |shots: &[refine::prune::Shot], order| {
+    let mut take = |shots: &[refine::prune::PosedView], order| {
         let mut taken = Vec::new();
         for shot in shots {
             tell(Message::Step("reference".into()))?;

@@ -3,7 +3,7 @@
 use client::viewpoint::viewpoints;
 use codec::{Camera, Clip};
 use glam::UVec2;
-use refine::prune::{Shot, steps_aside};
+use refine::prune::{PosedView, steps_aside};
 
 /// Pictures that errors, times and counts are taken of.
 const PICTURES: usize = 4;
@@ -22,17 +22,17 @@ const TURN_DEG: f64 = 1.0;
 /// All pictures.
 pub(super) struct Shots {
     /// Each from a place and at an instant of its own.
-    pub(super) pictures: Vec<Shot>,
+    pub(super) pictures: Vec<PosedView>,
     /// From the first viewpoint while the clip plays and the head turns.
-    pub(super) turn: Vec<Shot>,
+    pub(super) turn: Vec<PosedView>,
 }
 
 /// The pictures of a clip.
 pub(super) fn shots(clip: &Clip, size: UVec2) -> Shots {
     let viewpoint = &viewpoints(clip)[0];
     let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
-    let picture = |(camera, t): (&Camera, f64)| Shot { camera: camera.clone(), t };
-    let middle = Shot { camera: cameras[0].clone(), t: 0.5 };
+    let picture = |(camera, t): (&Camera, f64)| PosedView { camera: camera.clone(), t };
+    let middle = PosedView { camera: cameras[0].clone(), t: 0.5 };
     let duration_s = f64::from(clip.info.duration_s);
     let turned = |i: usize| frames_later(&middle, i as f64 - 0.5 * (TURN_FRAMES - 1) as f64, duration_s);
     Shots {
@@ -42,13 +42,13 @@ pub(super) fn shots(clip: &Clip, size: UVec2) -> Shots {
 }
 
 /// What the turning head saw so many frames before `shot`, in a clip of so many seconds.
-pub(super) fn earlier(shot: &Shot, frames: usize, duration_s: f64) -> Shot {
+pub(super) fn earlier(shot: &PosedView, frames: usize, duration_s: f64) -> PosedView {
     if frames == 0 { shot.clone() } else { frames_later(shot, -(frames as f64), duration_s) }
 }
 
-fn frames_later(shot: &Shot, frames: f64, duration_s: f64) -> Shot {
+fn frames_later(shot: &PosedView, frames: f64, duration_s: f64) -> PosedView {
     let t = shot.t + frames / (TURN_FPS * duration_s);
-    Shot { camera: turned(&shot.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
+    PosedView { camera: turned(&shot.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
 }
 
 /// When pictures are taken: in the middles of equal parts of the clip.
@@ -78,14 +78,14 @@ mod tests {
     #[test]
     fn a_head_turns_about_its_eye() {
         let Shots { pictures, turn } = shots(&clip(), UVec2::new(64, 48));
-        let distance = |a: &Shot, b: &Shot| {
+        let distance = |a: &PosedView, b: &PosedView| {
             let (a, b) = (a.camera.position(), b.camera.position());
             (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
         };
         for pair in turn.windows(2) {
             pair[0].camera.check().unwrap();
             assert!(distance(&pair[0], &pair[1]) < 1e-9);
-            let forward = |shot: &Shot| shot.camera.camera_from_world[2];
+            let forward = |shot: &PosedView| shot.camera.camera_from_world[2];
             let (a, b) = (forward(&pair[0]), forward(&pair[1]));
             let cos: f64 = (0..3).map(|axis| a[axis] * b[axis]).sum();
             assert!((cos.acos().to_degrees() - TURN_DEG).abs() < 1e-3);

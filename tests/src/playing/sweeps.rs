@@ -1,6 +1,6 @@
 //! The knobs of the player, and their values from the finest to the coarsest.
 
-use client::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 use codec::Clip;
 use glam::UVec2;
 
@@ -27,7 +27,7 @@ pub(super) struct Value {
 const SIDES: [f32; 5] = [0.85, 0.7, 0.6, 0.5, 0.35];
 
 /// Least contributions in pixels of full alpha.
-const LEAST_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
+const MIN_CONTRIBUTION_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
 
 /// Least opacities at the instant, in 255ths.
 const LEAST_ALIVE: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
@@ -42,21 +42,27 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
             "How far a Gaussian reaches: to where its alpha falls to 1/255, or no farther than so many \
              standard deviations.",
             "exact",
-            [("sqrt 8", Cutoff::Sqrt8), ("sqrt 5", Cutoff::Sqrt5)]
-                .map(|(label, cutoff)| (label.into(), Settings { cutoff, ..Settings::default() })),
+            [("sqrt 8", Cutoff::Sqrt8), ("sqrt 5", Cutoff::Sqrt5)].map(|(label, cutoff)| {
+                (label.into(), RenderSettings { cutoff, ..RenderSettings::default() })
+            }),
         ),
         settings(
             "sort",
             "What Gaussians are sorted by, in every frame: the depth that fields are fitted with, or the \
              distance from the eye, which does not change when the head turns.",
             "depth",
-            [("radial".into(), Settings { sort: SortOrder::Radial, ..Settings::default() })],
+            [("radial".into(), RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() })],
         ),
         settings(
             "contribution cull",
             "Gaussians that add less than so many pixels of full alpha to an image are left out.",
             "0",
-            LEAST_PX.map(|least_px| (format!("{least_px} px"), Settings { least_px, ..Settings::default() })),
+            MIN_CONTRIBUTION_PX.map(|min_contribution_px| {
+                (
+                    format!("{min_contribution_px} px"),
+                    RenderSettings { min_contribution_px, ..RenderSettings::default() },
+                )
+            }),
         ),
         Sweep {
             name: "temporal cull",
@@ -126,7 +132,7 @@ fn settings(
     name: &'static str,
     about: &'static str,
     default: &str,
-    others: impl IntoIterator<Item = (String, Settings)>,
+    others: impl IntoIterator<Item = (String, RenderSettings)>,
 ) -> Sweep {
     let variant = |(label, settings)| (label, Variant { settings, ..Variant::default() });
     Sweep { name, about, values: with_default(default, others.into_iter().map(variant)) }
@@ -149,10 +155,9 @@ fn layer_ends(clip: &Clip) -> Vec<usize> {
 
 fn layers(clip: &Clip) -> Sweep {
     let ends = layer_ends(clip);
-    let others =
-        ends.iter().enumerate().rev().skip(1).map(|(layer, end)| {
-            (end.to_string(), Settings { layers: Some(layer + 1), ..Settings::default() })
-        });
+    let others = ends.iter().enumerate().rev().skip(1).map(|(layer, end)| {
+        (end.to_string(), RenderSettings { layers: Some(layer + 1), ..RenderSettings::default() })
+    });
     settings(
         "layers",
         "How many Gaussians are drawn, the most important first, in layers of the package.",
@@ -163,7 +168,7 @@ fn layers(clip: &Clip) -> Sweep {
 
 fn levels(clip: &Clip, size: UVec2) -> Sweep {
     let variant = |level: Level| {
-        let settings = level.settings(Settings::default(), &layer_ends(clip));
+        let settings = level.settings(RenderSettings::default(), &layer_ends(clip));
         let size = Some(level.size(size)).filter(|&drawn| drawn != size);
         (level.name().to_owned(), Variant { settings, size, ..Variant::default() })
     };
@@ -177,7 +182,7 @@ fn levels(clip: &Clip, size: UVec2) -> Sweep {
 
 /// Both are defaults: images are made with 16 bits, windows and headsets have 8.
 fn target() -> Sweep {
-    let eight = Variant { depth: Depth::Eight, ..Variant::default() };
+    let eight = Variant { depth: ChannelDepth::Eight, ..Variant::default() };
     let mut values = with_default("16 bits (images)", [("8 bits (windows, headsets)".into(), eight)]);
     values.iter_mut().for_each(|value| value.default = true);
     Sweep {

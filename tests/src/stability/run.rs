@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use client::gpu::{Depth, Gpu, GpuClip, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
@@ -146,12 +146,12 @@ fn measure(
     meter: &mut Meter,
 ) -> Result<f64, String> {
     let fault = |fault: client::fault::Fault| fault.to_string();
-    let settings = Settings { sort: scene.sort, ..Settings::default() };
+    let settings = RenderSettings { sort: scene.sort, ..RenderSettings::default() };
     let uploaded = meter.count(|| GpuClip::upload(gpu, clip)).map_err(fault)?;
     meter.gpu_bytes = uploaded.bytes();
     let first = std::slice::from_ref(&scene.shots[0].camera);
     let mut drawing =
-        meter.count(|| Drawing::new(gpu, Arc::new(uploaded), first, Depth::Sixteen)).map_err(fault)?;
+        meter.count(|| Drawing::new(gpu, Arc::new(uploaded), first, ChannelDepth::Sixteen)).map_err(fault)?;
     let mut largest = 0f64;
     let mut shows = false;
     let mut before: Option<Image> = None;
@@ -187,7 +187,7 @@ fn expected(scene: &Scene, clip: &Clip, shot: &Shot) -> Image {
     };
     let t = if shot.t.is_nan() { 0.0 } else { shot.t.clamp(0.0, 1.0) };
     let drawn = scene.meant.as_ref().unwrap_or(clip);
-    render(&reference::Scene::from(drawn), &shot.camera, t, order)
+    render(&reference::RenderScene::from(drawn), &shot.camera, t, order)
 }
 
 /// Checks that every pixel is a finite premultiplied colour.

@@ -72,11 +72,11 @@ impl Input {
     }
 
     /// What the reference renderer draws of it.
-    pub fn to_reference(&self) -> reference::Scene<'_> {
+    pub fn to_reference(&self) -> reference::RenderScene<'_> {
         match self {
             Input::Package(clip) => (&**clip).into(),
             Input::Scene(scene) => {
-                let subject = reference::Scene::from(&scene.subject.field);
+                let subject = reference::RenderScene::from(&scene.subject.field);
                 match &scene.plate {
                     Some(plate) => subject.with_plate(&plate.field),
                     None => subject,

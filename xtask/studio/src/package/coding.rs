@@ -107,7 +107,7 @@ pub(super) fn finish(
             let bytes = encode_blindly(scene, &field, plate, coding)?;
             let clip = codec::decode(&bytes, &Limits::default());
             let clip = clip.map_err(|error| refused(scene, CodeError::Decode(error)))?;
-            let psnr = judge.psnr(&reference::Scene::from(&clip), || ());
+            let psnr = judge.psnr(&reference::RenderScene::from(&clip), || ());
             (bytes, clip, psnr)
         }
         Coding::Context { quality_db } => {

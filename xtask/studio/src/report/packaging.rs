@@ -10,7 +10,7 @@ use std::time::Instant;
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Sensitivity, Source};
 use indicatif::ProgressBar;
 use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Candidate, PASSES, Pictures, Ranking, Selection, by_importance, refit};
+use refine::prune::{Candidate, PASSES, Pictures, Ranking, Selection, by_importance, recolor};
 use refine::reference::{self, sensitivities};
 
 use super::Subject;
@@ -103,7 +103,7 @@ fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Knob> 
     let options = EncodeOptions { coder: Coder::Fixed, layers: LAYERS.to_vec(), ..EncodeOptions::default() };
     let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
     let clip = decode(&bytes)?;
-    points.push(package("fixed", false, &bytes, judge.psnr(&reference::Scene::from(&clip), || ()))?);
+    points.push(package("fixed", false, &bytes, judge.psnr(&reference::RenderScene::from(&clip), || ()))?);
     tried();
     Ok(Knob {
         stage: Stage::Packaging,
@@ -198,7 +198,7 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let pictured = || progress.inc(PICTURE_WORK);
     let start = Instant::now();
     let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
-    let refitted = refit(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
+    let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
     let seconds = start.elapsed().as_secs_f64();
     let anew =
         Point { cost: Spread::exactly(seconds), ..point("fitted anew", false, whole.draft_psnr(&refitted)?) };

@@ -50,7 +50,7 @@ impl Subject {
     }
 
     /// What the reference renderer draws of it.
-    pub fn to_reference(&self) -> reference::Scene<'_> {
+    pub fn to_reference(&self) -> reference::RenderScene<'_> {
         scene_of(&self.field, self.plate.as_ref())
     }
 

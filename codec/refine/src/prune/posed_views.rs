@@ -1,4 +1,4 @@
-//! [`Shot`]s: from where and when a field is looked at, to rank its Gaussians and to judge what is
+//! [`PosedView`]s: from where and when a field is looked at, to rank its Gaussians and to judge what is
 //! left of it.
 //!
 //! Where a source suggests viewpoints, they are used, with steps aside: a head moves. Otherwise
@@ -11,7 +11,7 @@ use super::extent::core_box;
 
 /// A picture to take.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
+pub struct PosedView {
     /// From where, and how large.
     pub camera: Camera,
     /// When, in clip time.
@@ -25,8 +25,8 @@ const DOME_FOV_Y: f64 = 50.0;
 const DOME_RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 
 /// Every camera at every instant.
-pub fn shots(cameras: &[Camera], instants: &[f64]) -> Vec<Shot> {
-    let shot = |camera: &Camera, t| Shot { camera: camera.clone(), t };
+pub fn posed_views(cameras: &[Camera], instants: &[f64]) -> Vec<PosedView> {
+    let shot = |camera: &Camera, t| PosedView { camera: camera.clone(), t };
     instants.iter().flat_map(|&t| cameras.iter().map(move |camera| shot(camera, t))).collect()
 }
 

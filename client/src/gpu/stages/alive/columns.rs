@@ -1,4 +1,4 @@
-//! [`Region`]: the columns that the stage reads, and what they are at an instant, batch by batch.
+//! [`RowColumns`]: the columns that the stage reads, and what they are at an instant, batch by batch.
 //!
 //! A column is a slice of plain numbers, and a batch goes through one operation after the other
 //! without a branch: so the compiler makes vectors of it, four Gaussians wide and more.
@@ -13,36 +13,36 @@ use crate::gpu::pack::moment::Moment;
 /// Gaussians that are looked at together: few enough to stay in the nearest cache.
 pub(super) const BATCH: usize = 64;
 
-/// Centres of a batch from the middle of the clip, in units of the field, axis by axis.
+/// Centres of a batch from the origin of the clip, in units of the field, axis by axis.
 pub(super) type Places = [[f32; BATCH]; 3];
 
-/// The still or the moving Gaussians of a clip, the latter as the [`Moment`]s that the shaders have.
-pub(super) struct Region {
+/// The static or the dynamic Gaussians of a clip, the latter as the [`Moment`]s that the shaders have.
+pub(super) struct RowColumns {
     /// Clip times from and to which opacity reaches 1/255, outwards by a rounding; for one that never
     /// does, none between.
     starts: Vec<f32>,
     ends: Vec<f32>,
-    /// Instants, in clip time, that records are about; of still rows, 0.
+    /// Instants, in clip time, that records are about; of static rows, 0.
     instants: Vec<f32>,
     /// Units of time of the motion in a clip.
     units: Vec<f32>,
-    /// Centres at their instants, from the middle of the clip, in units of the field, axis by axis.
+    /// Centres at their instants, from the origin of the clip, in units of the field, axis by axis.
     centers: [Vec<f32>; 3],
     /// Motion coefficients, in units of the field: power by power, axis by axis.
     motion: Vec<[Vec<f32>; 3]>,
     /// Distance from the centre, in units of the field, beyond which alpha stays below 1/255.
-    pub(super) reach: Vec<f32>,
-    pub(super) faintness: Vec<Faintness>,
+    pub(super) support_radius: Vec<f32>,
+    pub(super) contribution: Vec<ContributionBound>,
 }
 
 /// What it takes to tell how much a Gaussian can add to an image.
 #[derive(Clone, Copy)]
-pub(super) struct Faintness {
+pub(super) struct ContributionBound {
     /// Peak opacity.
     opacity: f32,
     /// Widths of the window from its centre to the instant of the record.
     z: f32,
-    /// Widths of the window in a clip; of still rows, 0.
+    /// Widths of the window in a clip; of static rows, 0.
     widths: f32,
     /// Standard deviations along the two longest axes, the longest first, in units of the field.
     pub(super) sigmas: Vec2,
@@ -63,9 +63,9 @@ impl Batch {
         Batch { alive: [0; BATCH], since: [0.0; BATCH], places: [[0.0; BATCH]; 3] };
 }
 
-impl Region {
-    /// `middle`: of the clip, in the world of the field.
-    pub(super) fn new(field: &Field, middle: DVec3) -> Region {
+impl RowColumns {
+    /// `origin`: of the clip, in the world of the field.
+    pub(super) fn new(field: &Field, origin: DVec3) -> RowColumns {
         let rows = 0..field.len();
         let moment = |row: usize| match &field.temporal {
             Some(temporal) => Moment::of(field, temporal, row),
@@ -81,39 +81,39 @@ impl Region {
             }
         };
         let alive: Vec<[f32; 2]> = rows.clone().map(alive).collect();
-        let faintness = |(row, moment): (usize, &Moment)| {
+        let contribution = |(row, moment): (usize, &Moment)| {
             let mut scales = field.log_scales[row];
             scales.sort_by(f32::total_cmp);
-            Faintness {
+            ContributionBound {
                 opacity: field.opacities[row],
                 z: moment.z(),
                 widths: moment.widths(),
                 sigmas: Vec2::new(scales[2].exp(), scales[1].exp()),
             }
         };
-        let faintness: Vec<Faintness> = rows.clone().zip(&moments).map(faintness).collect();
-        let reach = |row: usize| {
+        let contribution: Vec<ContributionBound> = rows.clone().zip(&moments).map(contribution).collect();
+        let support_radius = |row: usize| {
             let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
-            faintness[row].sigmas.x * radius as f32
+            contribution[row].sigmas.x * radius as f32
         };
-        let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - middle[axis]) as f32).collect();
+        let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - origin[axis]) as f32).collect();
         let order = field.temporal.as_ref().map_or(0, |temporal| usize::from(temporal.motion_order));
         let of_power =
             |power: usize| [0, 1, 2].map(|axis| moments.iter().map(|m| m.motion[power][axis]).collect());
-        Region {
+        RowColumns {
             starts: alive.iter().map(|[start, _]| *start).collect(),
             ends: alive.iter().map(|[_, end]| *end).collect(),
             instants: moments.iter().map(Moment::instant).collect(),
             units: moments.iter().map(Moment::units).collect(),
             centers: [0, 1, 2].map(center),
             motion: (0..order).map(of_power).collect(),
-            reach: rows.map(reach).collect(),
-            faintness,
+            support_radius: rows.map(support_radius).collect(),
+            contribution,
         }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.reach.len()
+        self.support_radius.len()
     }
 
     /// Works out `rows`, at most [`BATCH`] of them, at clip time `t`.
@@ -143,7 +143,7 @@ impl Region {
     }
 }
 
-impl Faintness {
+impl ContributionBound {
     /// Opacity at `d` after the instant of the record, in clip time.
     pub(super) fn opacity_at(&self, d: f32) -> f32 {
         let z = self.z + d * self.widths;

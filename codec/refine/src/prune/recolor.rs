@@ -1,4 +1,4 @@
-//! [`refit`]: the colours of a pruned field, fitted to pictures of the whole.
+//! [`recolor`]: the colours of a pruned field, fitted to pictures of the whole.
 //!
 //! With geometry and opacity fixed, a picture is linear in the colours (but for their cut at 0,
 //! which is taken as it is at the start), so the best change of colours is a linear least-squares
@@ -10,12 +10,12 @@ use codec::{Field, sh_coefficients};
 
 use super::Pictures;
 use crate::image::Image;
-use crate::reference::{Colors, Order, Scene, render};
+use crate::reference::{Colors, Order, RenderScene, render};
 
 /// Steps of conjugate gradients per stage.
 const STEPS: usize = 12;
 
-/// Times that [`refit`] walks over each picture, for each of its stages: two to set up, and one per
+/// Times that [`recolor`] walks over each picture, for each of its stages: two to set up, and one per
 /// step.
 pub const PASSES: usize = 2 + STEPS;
 
@@ -26,7 +26,12 @@ const HOLD: f64 = 1e-2;
 /// `field` with the colours that reproduce `pictures` best, drawn over `plate` if there is one.
 /// `on_pass` is called [`PASSES`] times per picture, and as often again if the degree of the
 /// spherical harmonics is above 0. The same on any number of threads.
-pub fn refit(field: &Field, plate: Option<&Field>, pictures: &Pictures, mut on_pass: impl FnMut()) -> Field {
+pub fn recolor(
+    field: &Field,
+    plate: Option<&Field>,
+    pictures: &Pictures,
+    mut on_pass: impl FnMut(),
+) -> Field {
     let mut field = field.clone();
     stage(&mut field, plate, pictures, 1, &mut on_pass);
     if field.sh_degree > 0 {
@@ -51,7 +56,7 @@ fn stage(
     let mut diagonal = vec![[0.0; 3]; len];
     for (shot, target) in &pictures.taken {
         let colors = Colors::new(field, &shot.camera, shot.t);
-        let scene = Scene::from(&*field);
+        let scene = RenderScene::from(&*field);
         let scene = plate.map_or(scene.clone(), |plate| scene.with_plate(plate));
         let missing = difference(target, &render(&scene, &shot.camera, shot.t, Order::Depth));
         colors.add_transposed(&missing, &mut residual);
@@ -125,11 +130,11 @@ fn dot(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
 mod tests {
     use super::*;
     use crate::prune::scenes::{balls, cloud};
-    use crate::prune::{Ranking, Shot, by_importance, dome, shots};
+    use crate::prune::{PosedView, Ranking, by_importance, dome, posed_views};
 
     fn pictures_of(field: &Field, turn: f64, instants: &[f64]) -> Pictures {
         let cameras = dome(field, &[0.5], [0.0, 1.0, 0.0], turn, (64, 48));
-        Pictures::take(&field.into(), shots(&cameras, instants), || ())
+        Pictures::take(&field.into(), posed_views(&cameras, instants), || ())
     }
 
     #[test]
@@ -146,9 +151,9 @@ mod tests {
             }
             let pictures = pictures_of(&field, 0.0, &[0.2, 0.5, 0.8]);
             let mut passes = 0;
-            let refitted = refit(&spoiled, None, &pictures, || passes += 1);
+            let recolored = recolor(&spoiled, None, &pictures, || passes += 1);
             assert_eq!(passes, 24 * PASSES * (1 + usize::from(degree > 0)));
-            let [before, after] = [&spoiled, &refitted].map(|field| pictures.psnr(&field.into(), || ()));
+            let [before, after] = [&spoiled, &recolored].map(|field| pictures.psnr(&field.into(), || ()));
             assert!(after > before + 10.0, "degree {degree}: {before} dB before, {after} dB after");
         }
     }
@@ -158,11 +163,11 @@ mod tests {
         let field = cloud(4, 400);
         let kept: Vec<usize> = by_importance(&Ranking::Mass.scores(&field, &[]))[..200].to_vec();
         let part = field.select(&kept);
-        let refitted = refit(&part, None, &pictures_of(&field, 0.0, &[0.1, 0.3, 0.5, 0.7, 0.9]), || ());
+        let recolored = recolor(&part, None, &pictures_of(&field, 0.0, &[0.1, 0.3, 0.5, 0.7, 0.9]), || ());
         let unseen = pictures_of(&field, 0.5, &[0.2, 0.4, 0.6, 0.8]);
-        let [before, after] = [&part, &refitted].map(|field| unseen.psnr(&field.into(), || ()));
+        let [before, after] = [&part, &recolored].map(|field| unseen.psnr(&field.into(), || ()));
         assert!(after > before + 0.5, "{before} dB before, {after} dB after");
-        assert_eq!(refitted.centers, part.centers);
+        assert_eq!(recolored.centers, part.centers);
     }
 
     #[test]
@@ -170,11 +175,11 @@ mod tests {
         let mut field = balls(&[[0.0; 3], [0.3, 0.0, 0.0], [0.0, 0.0, 90.0]], 0.2, 0.8);
         field.sh[1] = [0.5, -0.2, 0.1];
         let camera = codec::Camera::look_at([0.0, 0.0, -3.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 32, 32);
-        let shot = Shot { camera, t: 0.0 };
+        let shot = PosedView { camera, t: 0.0 };
         let pictures = Pictures::take(&(&field.select(&[0, 1])).into(), vec![shot], || ());
         let mut hidden = field.clone();
         hidden.opacities[2] = 0.0;
-        assert_eq!(refit(&hidden, None, &pictures, || ()), hidden);
-        assert_eq!(refit(&field, None, &Pictures { taken: Vec::new() }, || ()), field);
+        assert_eq!(recolor(&hidden, None, &pictures, || ()), hidden);
+        assert_eq!(recolor(&field, None, &Pictures { taken: Vec::new() }, || ()), field);
     }
 }
