@@ -8,9 +8,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use serde_json::Value;
-
 use program::Fault;
+use serde_json::Value;
 
 /// Features of a build of the whole workspace: all of the host tool.
 pub const FEATURES: &str = "studio/full";

@@ -8,13 +8,12 @@ use std::time::Instant;
 
 use codec::{Camera, ClipInfo};
 use image::{RgbImage, imageops};
-use refine::reference::{self, Order, Radius, coverage};
+use program::{Fault, output};
+use refine::reference::{self, Order, Radius, RenderScene, coverage};
 use serde::Serialize;
 
-use crate::fault::Fault;
 use crate::input::{Input, clip_time};
 use crate::machine::machine;
-use crate::output;
 
 /// Default size of an image in pixels.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
@@ -109,7 +108,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         } else {
             args.out.clone()
         };
-        output::write_png(&path, &image)?;
+        output::write_png(&path, image.as_raw(), image.dimensions())?;
         println!("{}: {}x{}, {time} s", path.display(), image.width(), image.height());
         if args.stats.is_some() {
             frames.push(FrameStats { time, draw_ms, ..counts(&scene, &eyes, t) });
@@ -158,13 +157,13 @@ fn eyes(args: &Args, input: &Input) -> Result<Vec<Camera>, Fault> {
     Ok(vec![shifted(0.5), shifted(-0.5)])
 }
 
-fn render(scene: &reference::Scene<'_>, camera: &Camera, t: f64) -> RgbImage {
+fn render(scene: &RenderScene<'_>, camera: &Camera, t: f64) -> RgbImage {
     let image = reference::render(scene, camera, t, Order::Depth);
     RgbImage::from_raw(image.width, image.height, image.to_rgb8()).expect("three bytes per pixel")
 }
 
 /// Counts what a player shades at clip time `t`; leaves the timings at zero.
-fn counts(scene: &reference::Scene<'_>, eyes: &[Camera], t: f64) -> FrameStats {
+fn counts(scene: &RenderScene<'_>, eyes: &[Camera], t: f64) -> FrameStats {
     let mut stats = FrameStats {
         time: 0.0,
         alive: 0,
