@@ -9,12 +9,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail};
-<<<<<<< HEAD
-=======
-use codec::{Clip, Limits};
-use refine::prune::Ranking;
-use refine::reference::{Radius, RenderScene as Drawing, coverage};
->>>>>>> next
 use serde::Deserialize;
 use serde_json::Value;
 use xtask::workspace;
