@@ -81,7 +81,8 @@ fn hand_over(args: &[OsString]) -> anyhow::Result<ExitCode> {
     let mut studio = workspace::studio(profile)?;
     studio.args(args);
     #[cfg(unix)]
-    let status = Err(std::os::unix::process::CommandExt::exec(&mut studio));
+    let status: std::io::Result<std::process::ExitStatus> =
+        Err(std::os::unix::process::CommandExt::exec(&mut studio));
     #[cfg(not(unix))]
     let status = studio.status();
     let status = status.map_err(|error| Fault::Device(format!("cannot run aarc-studio: {error}")))?;
