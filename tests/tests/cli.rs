@@ -136,7 +136,8 @@ impl Workshop {
 
 fn field_to_pictures(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
-    let report = workshop.run(studio(), "package field.ply -o made.aarc --budget 300 --json").success().stdout;
+    let report =
+        workshop.run(studio(), "package field.ply -o made.aarc --budget 300 --json").success().stdout;
     let report: Value = serde_json::from_str(&report).map_err(|error| error.to_string())?;
     let shown = workshop.run(studio(), "inspect made.aarc --json").success().stdout;
     let shown: Value = serde_json::from_str(&shown).map_err(|error| error.to_string())?;

@@ -108,10 +108,7 @@ fn check_workspace(steps: &mut Steps) {
             .args(features)
             .env("RUSTDOCFLAGS", "--deny warnings"),
     );
-    steps.run(
-        "tests in a headset",
-        workspace::cargo().arg("test").args(features).args(["--test", "xr"]),
-    );
+    steps.run("tests in a headset", workspace::cargo().arg("test").args(features).args(["--test", "xr"]));
     deny(steps);
     oldest_rust(steps);
 }

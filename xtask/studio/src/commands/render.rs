@@ -34,7 +34,11 @@ pub struct Args {
     input: PathBuf,
     /// Seconds from the start of the clip; several times make a folder of images
     #[arg(
-        long, value_name = "S[,S..]", value_delimiter = ',', default_value = "0", allow_negative_numbers = true
+        long,
+        value_name = "S[,S..]",
+        value_delimiter = ',',
+        default_value = "0",
+        allow_negative_numbers = true
     )]
     time: Vec<f64>,
     /// Size of an image [default: the camera's, else 1280x720]
@@ -88,7 +92,11 @@ struct FrameStats {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let is_sequence = args.time.len() > 1;
-    if is_sequence { output::check_folder(&args.out)? } else { output::check(&args.out)? }
+    if is_sequence {
+        output::check_folder(&args.out)?
+    } else {
+        output::check(&args.out)?
+    }
     args.stats.as_deref().map_or(Ok(()), output::check)?;
     let input = Input::load(&args.input)?;
     let info = input.info();
