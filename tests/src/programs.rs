@@ -16,13 +16,18 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// Path of the player's executable; the first call builds it.
 pub fn client() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| build("client"))
+    PATH.get_or_init(|| build("aarc"))
 }
 
+<<<<<<< HEAD
 /// Path of xtask's executable; the first call builds it.
 pub fn xtask() -> &'static Path {
+=======
+/// The executable of the host tool, built if need be.
+pub fn studio() -> &'static Path {
+>>>>>>> next
     static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| build("xtask"))
+    PATH.get_or_init(|| build("aarc-studio"))
 }
 
 /// Path of an example program's executable, built by the call.

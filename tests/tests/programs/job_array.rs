@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use aarc_tests::programs::{Outcome, run, xtask};
+use aarc_tests::programs::{Outcome, run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
 use libtest_mimic::{Completion, Failed, Trial};
@@ -54,7 +54,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
 
     // The command of xtask/README.md, with this build's program.
     let submit = || -> Outcome {
-        let program = quoted(xtask());
+        let program = quoted(studio());
         let wrap = format!(
             "{program} package --list takes.txt --shard $SLURM_ARRAY_TASK_ID/3 --coder fixed -o clips"
         );
