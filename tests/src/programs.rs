@@ -19,13 +19,8 @@ pub fn client() -> &'static Path {
     PATH.get_or_init(|| build("aarc"))
 }
 
-<<<<<<< HEAD
-/// Path of xtask's executable; the first call builds it.
-pub fn xtask() -> &'static Path {
-=======
-/// The executable of the host tool, built if need be.
+/// Path of the host tool's executable; the first call builds it.
 pub fn studio() -> &'static Path {
->>>>>>> next
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| build("aarc-studio"))
 }

@@ -7,15 +7,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-<<<<<<< HEAD:tests/tests/programs/cli.rs
-use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Folder, Outcome, client, run, xtask};
-=======
 use ::studio::cli::Cli;
 use ::studio::export::field_file;
 use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Outcome, client, run, studio};
->>>>>>> next:tests/tests/cli.rs
+use aarc_tests::programs::{Folder, Outcome, client, run, studio};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
 use clap::CommandFactory;
 use client::gpu::Gpu;
@@ -24,12 +19,7 @@ use image::RgbImage;
 use libtest_mimic::{Completion, Failed, Trial};
 use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
-<<<<<<< HEAD:tests/tests/programs/cli.rs
-use studio::export::field_file;
-=======
-use tempfile::TempDir;
 use xtask::workspace;
->>>>>>> next:tests/tests/cli.rs
 
 const USAGE: i32 = 2;
 const DATA: i32 = 3;
@@ -52,12 +42,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         plain("bad input to inspect", bad_input_to_inspect),
         plain("bad input to render and export", bad_input_to_render_and_export),
         plain("without a graphics device", without_a_device),
-<<<<<<< HEAD:tests/tests/programs/cli.rs
-    ]
-=======
         plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
-    ])
->>>>>>> next:tests/tests/cli.rs
+    ]
 }
 
 /// A temporary folder in which programs run, with a clip and a field in it.
@@ -189,13 +175,8 @@ fn camera_file(_: &Gpu) -> Result<(), String> {
     workshop.write("camera.json", &serde_json::to_vec(&view).map_err(|error| error.to_string())?);
     let line = "clip.aarc --headless --time 0.9 --camera camera.json --target 16 --out";
     workshop.run(client(), &format!("{line} gpu.png")).success();
-<<<<<<< HEAD:tests/tests/programs/cli.rs
-    workshop.run(xtask(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
-    let (gpu, cpu) = (workshop.image("gpu.png")?, workshop.image("cpu.png")?);
-=======
     workshop.run(studio(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
-    let (gpu, cpu) = (workshop.picture("gpu.png")?, workshop.picture("cpu.png")?);
->>>>>>> next:tests/tests/cli.rs
+    let (gpu, cpu) = (workshop.image("gpu.png")?, workshop.image("cpu.png")?);
     let expected = render(&RenderScene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
     if cpu.as_raw() != &expected {
         return Err("cargo xtask render and the library disagree".into());

@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
+use ::studio::export::field_file;
 use aarc_tests::programs::{Outcome, run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
 use libtest_mimic::{Completion, Failed, Trial};
 use serde_json::Value;
-use studio::export::field_file;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
