@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use aarc_tests::display::{Display, Screenshot};
-use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::gpu::{Passes, device};
 use aarc_tests::programs::{Folder, Outcome, client, example, run, studio};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::Server;

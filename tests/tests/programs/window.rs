@@ -7,7 +7,6 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use aarc_tests::display::{CONTROLS, Display, Screenshot, Window, trial};
-use aarc_tests::gpu;
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use libtest_mimic::{Failed, Trial};
