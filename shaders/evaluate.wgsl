@@ -13,10 +13,10 @@
 
 fn evaluate(index: u32) -> Instant {
     var instant = at_rest(gaussians[index]);
-    if index < ranges.first_moving {
+    if index < ranges.first_dynamic {
         return instant;
     }
-    let record = (index - ranges.first_moving) * MOTION_WORDS;
+    let record = (index - ranges.first_dynamic) * MOTION_WORDS;
     let about = motion[record];
     let d = frame.time - f32(about & 0xffffu) / 65536.0 + frame.time_rest;
     let widths = half_at(record, 0u) * WIDTH_UNIT;

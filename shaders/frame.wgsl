@@ -9,7 +9,7 @@ struct Frame {
 }
 
 // A pinhole eye in OpenCV axes: x right, y down, z forward.
-struct View {
+struct ViewUniform {
     // Rotation from the world's axes to the eye's.
     view_from_world: mat3x3<f32>,
     // Position of the eye, from the clip's middle as centres are.
@@ -24,4 +24,4 @@ struct View {
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> views: array<View, VIEWS>;
+@group(0) @binding(1) var<uniform> views: array<ViewUniform, VIEWS>;

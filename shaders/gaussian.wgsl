@@ -21,7 +21,7 @@ struct Ranges {
     log_scale_min: f32,
     log_scale_step: f32,
     // Rows from here on have temporal data.
-    first_moving: u32,
+    first_dynamic: u32,
     // Factor of the rates of rotation.
     rate_unit: f32,
     // Factors of the motion coefficients of power 1, 2, 3.

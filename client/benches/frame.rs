@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 
-use client::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -79,11 +79,11 @@ fn frame(c: &mut Criterion) {
     for side in [SMALL, 512, 1024] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
         let views = [View::from_camera(&camera)];
-        let image = Offscreen::new(&gpu, views[0].size, 1, Depth::Eight).expect("room for the image");
-        let mut renderer =
-            Renderer::new(&gpu, on_gpu.clone(), Depth::Eight.format(), 1).expect("room for the renderer");
+        let image = Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("room for the image");
+        let mut renderer = Renderer::new(&gpu, on_gpu.clone(), ChannelDepth::Eight.format(), 1)
+            .expect("room for the renderer");
         let mut render = || {
-            let rendered = image.render(&gpu, &mut renderer, 0.5, &views, &Settings::default());
+            let rendered = image.render(&gpu, &mut renderer, 0.5, &views, &RenderSettings::default());
             rendered.expect("the device stays")
         };
         if side == SMALL {

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
-
 #[cfg(not(target_os = "android"))]
-use crate::generate::Generated;
-use crate::gpu::{Cutoff, Depth, Level, Settings, SortOrder};
+use program::generate::Generated;
+
+use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// What `--version` says: of the program, and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -125,7 +125,7 @@ pub struct Args {
     /// Bits per channel while drawing: 8 as on a display, or 16, which loses nothing faint. Images
     /// have 8.
     #[arg(long, value_enum, default_value = "16", requires = "headless")]
-    pub target: Depth,
+    pub target: ChannelDepth,
 
     /// Write counts and timings.
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
@@ -139,14 +139,14 @@ pub struct Args {
 
 impl Args {
     /// The settings of the renderer.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> RenderSettings {
         // Turning the head must not change what lies over what.
         let usual = if self.xr { SortOrder::Radial } else { SortOrder::Depth };
-        Settings {
+        RenderSettings {
             sort: self.sort.unwrap_or(usual),
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
-            ..Settings::default()
+            ..RenderSettings::default()
         }
     }
 }
@@ -177,7 +177,7 @@ fn size(text: &str) -> Result<UVec2, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use clap::{CommandFactory, ValueEnum};
 
     use super::*;
 
@@ -199,10 +199,10 @@ mod tests {
         .unwrap();
         assert_eq!(args.time, [0.0, 0.5, 1.0]);
         assert_eq!(args.size, Some(UVec2::new(64, 32)));
-        assert_eq!(args.target, Depth::Sixteen);
+        assert_eq!(args.target, ChannelDepth::Sixteen);
         let settings = args.settings();
         assert_eq!((settings.sort, settings.cutoff), (SortOrder::Radial, Cutoff::Sqrt5));
-        assert_eq!((settings.layers, settings.least_px), (Some(2), 0.0));
+        assert_eq!((settings.layers, settings.min_contribution_px), (Some(2), 0.0));
         let frames = parse("client a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
     }
@@ -237,6 +237,27 @@ mod tests {
         {
             assert!(parse(&format!("client a {line}")).is_err(), "{line}");
         }
+    }
+
+    #[test]
+    fn every_generated_document_knows_every_option() {
+        use program::generate::{Generated, render};
+
+        for &document in Generated::value_variants() {
+            let text = String::from_utf8(render(document, Args::command())).expect("text");
+            // Without the man page's markup of fonts and dashes.
+            let plain = text.replace(r"\fR", "").replace('\\', "");
+            let dashes = if document == Generated::Fish { "-l " } else { "--" };
+            for option in Args::command().get_arguments().filter_map(|option| option.get_long()) {
+                let option = format!("{dashes}{option}");
+                // A longer option may begin with the same letters.
+                let mut ends = plain.match_indices(&option).map(|(at, _)| &plain[at + option.len()..]);
+                let is_longer = |c: char| c == '-' || c.is_alphanumeric();
+                assert!(ends.any(|rest| !rest.starts_with(is_longer)), "{document:?} lacks {option}");
+            }
+        }
+        let page = String::from_utf8(render(Generated::Man, Args::command())).expect("text");
+        assert!(page.contains(".SH OPTIONS") && page.contains("Exit codes"), "{page}");
     }
 
     #[test]

@@ -14,13 +14,13 @@ use crate::args::Args;
 use crate::clips::{
     Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, printable,
 };
-use crate::fault::Fault;
-use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, Renderer, Settings};
-use crate::output;
+use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
 use crate::{clips, viewpoint};
+use program::Fault;
+use program::output;
 
 /// Size of images where nothing says another.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
@@ -65,10 +65,10 @@ impl Output<'_> {
     fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
         let (rgb, size) = side_by_side(eyes);
         if !self.many {
-            return output::write_png(self.path, &rgb, size.x, size.y);
+            return output::write_png(self.path, &rgb, size.into());
         }
         output::make_folder(self.path)?;
-        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.x, size.y)
+        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.into())
     }
 }
 
@@ -91,7 +91,7 @@ struct Stage<'a> {
     device: &'a mut Device,
     clip: Arc<Clip>,
     views: Vec<View>,
-    settings: Settings,
+    settings: RenderSettings,
     on_device: OnDevice,
 }
 
@@ -410,7 +410,7 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
 }
 
 /// The settings that `args` ask for.
-pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<Settings, Fault> {
+pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
         Some(layers) if layers > clip.layers.len() => {

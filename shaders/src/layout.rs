@@ -17,10 +17,10 @@ pub struct Frame {
     pub radius_max: f32,
 }
 
-/// `View` of frame.wgsl: a pinhole eye in OpenCV axes.
+/// `ViewUniform` of frame.wgsl: a pinhole eye in OpenCV axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct View {
+pub struct ViewUniform {
     /// Columns of the rotation from the world's axes to the eye's, each with a padding.
     pub view_from_world: [[f32; 4]; 3],
     /// Position of the eye, from the clip's middle as centres are.
@@ -50,7 +50,7 @@ pub struct Ranges {
     /// Log-scale per step of the 16-bit number.
     pub log_scale_step: f32,
     /// Rows from here on have temporal data.
-    pub first_moving: u32,
+    pub first_dynamic: u32,
     /// Factor of the rates of rotation.
     pub rate_unit: f32,
     /// Factors of the motion coefficients of power 1, 2, 3.

@@ -7,7 +7,7 @@
 //! | group | binding | what | stage |
 //! |---|---|---|---|
 //! | 0 | [`FRAME`] | [`layout::Frame`] | both |
-//! | 0 | [`VIEWS`] | array of [`layout::View`], one per eye of the pass | vertex |
+//! | 0 | [`VIEWS`] | array of [`layout::ViewUniform`], one per eye of the pass | vertex |
 //! | 1 | [`RANGES`] | [`layout::Ranges`] | vertex |
 //! | 1 | [`GAUSSIANS`] | array of [`layout::Gaussian`] | vertex |
 //! | 1 | [`ORDER`] | rows to draw, back to front: array of `u32` | vertex |
@@ -141,7 +141,7 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
             motion.rotates,
             include_str!("../evaluate.wgsl"),
         ),
-        None => include_str!("../evaluate_still.wgsl").to_owned(),
+        None => include_str!("../evaluate_static.wgsl").to_owned(),
     };
     source += &match features.sh_degree {
         0 => include_str!("../color_flat.wgsl").to_owned(),

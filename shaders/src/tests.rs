@@ -6,7 +6,7 @@ use std::mem::{offset_of, size_of};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::*;
-use crate::layout::{Frame, Gaussian, Ranges, View};
+use crate::layout::{Frame, Gaussian, Ranges, ViewUniform};
 
 fn all_features() -> Vec<Features> {
     let mut all = Vec::new();
@@ -110,8 +110,11 @@ pub(crate) use assert_layout;
 fn structs_have_the_layout_of_their_counterparts() {
     let module = &parse(Features::default(), Purpose::Draw { views: 1 });
     assert_layout!(module, Frame { time, time_rest, radius_max });
-    assert_layout!(module, View { view_from_world, eye, focal, principal, size, slope_min, slope_max });
-    assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_moving, rate_unit, motion_units });
+    assert_layout!(
+        module,
+        ViewUniform { view_from_world, eye, focal, principal, size, slope_min, slope_max }
+    );
+    assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_dynamic, rate_unit, motion_units });
     assert_layout!(module, Gaussian { center, rotation, rotation_scale, scales, opacity_red, green_blue });
 }
 

@@ -13,14 +13,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use client::clips::LoadEvent;
-use client::fault::Fault;
-use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::net::{CACHE_BYTES, Cache, Download, Options, Patience};
 use client::player::{Player, SPEED_RANGE};
 use client::view::View;
 use codec::{Clip, Limits, decode_parallel};
 use fastrand::Rng;
 use glam::UVec2;
+use program::Fault;
 
 use crate::scene::{Motion, Place, Recipe, camera, packaged, stereo_pair};
 use crate::server::Server;
@@ -239,7 +239,7 @@ impl Shelf {
 /// A round.
 fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
     let eyes = 1 + usize::from(rng.bool());
-    let depth = if rng.bool() { Depth::Eight } else { Depth::Sixteen };
+    let depth = if rng.bool() { ChannelDepth::Eight } else { ChannelDepth::Sixteen };
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
     let mut renderer = Renderer::new(gpu, on_gpu, depth.format(), eyes)?;
     let mut player = Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps));
@@ -269,11 +269,11 @@ fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<
         let seen = camera(place, shown.x, shown.y);
         let cameras = if eyes == 2 { stereo_pair(&seen, 0.065).to_vec() } else { vec![seen] };
         let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
-        let settings = Settings {
+        let settings = RenderSettings {
             sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],
             cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
             layers: [None, Some(1)][rng.usize(..2)],
-            least_px: [0.0, 0.5][rng.usize(..2)],
+            min_contribution_px: [0.0, 0.5][rng.usize(..2)],
         };
         image.render(gpu, &mut renderer, player.clip_time(), &views, &settings)?;
         account.frames += 1;
@@ -289,10 +289,10 @@ fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<
 fn lose(gpu: &Gpu, clip: &Clip) -> Result<(), String> {
     let text = |fault: Fault| fault.to_string();
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(text)?);
-    let depth = Depth::Eight;
+    let depth = ChannelDepth::Eight;
     let mut renderer = Renderer::new(gpu, on_gpu.clone(), depth.format(), 1).map_err(text)?;
     let image = Offscreen::new(gpu, UVec2::new(64, 48), 1, depth).map_err(text)?;
-    let (views, settings) = ([View::from_camera(&camera(Place::Whole, 64, 48))], Settings::default());
+    let (views, settings) = ([View::from_camera(&camera(Place::Whole, 64, 48))], RenderSettings::default());
     image.render(gpu, &mut renderer, 0.5, &views, &settings).map_err(text)?;
     gpu.lose();
     let outcomes = [

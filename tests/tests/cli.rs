@@ -16,7 +16,7 @@ use client::gpu::Gpu;
 use codec::Field;
 use image::RgbImage;
 use libtest_mimic::{Completion, Failed, Trial};
-use refine::reference::{Order, Scene, render};
+use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -176,7 +176,7 @@ fn camera_file(_: &Gpu) -> Result<(), String> {
     workshop.run(client(), &format!("{line} gpu.png")).success();
     workshop.run(xtask(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
     let (gpu, cpu) = (workshop.picture("gpu.png")?, workshop.picture("cpu.png")?);
-    let expected = render(&Scene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
+    let expected = render(&RenderScene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
     if cpu.as_raw() != &expected {
         return Err("cargo xtask render and the library disagree".into());
     }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
-use client::gpu::{Depth, Gpu, GpuClip, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, Temporal};
 use refine::image::Image;
 
@@ -86,9 +86,9 @@ fn at_all_times(
 ) -> Result<(), String> {
     let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?);
     let mut drawing =
-        Drawing::new(gpu, uploaded, &[camera()], Depth::Sixteen).map_err(|fault| fault.to_string())?;
+        Drawing::new(gpu, uploaded, &[camera()], ChannelDepth::Sixteen).map_err(|fault| fault.to_string())?;
     for t in times() {
-        let images = drawing.frame(t, &Settings::default()).map_err(|fault| fault.to_string())?;
+        let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
         check(t, &images[0]).map_err(|what| format!("at {t}: {what}"))?;
     }
     Ok(())

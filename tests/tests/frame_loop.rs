@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with, stereo_pair};
-use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use glam::UVec2;
 use peak_alloc::PeakAlloc;
@@ -30,10 +30,11 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         Recipe { count: 800, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 4 };
     let plate = Recipe { motion: Motion::Still, turning: false, count: 100, ..recipe };
     let clip = decoded_with(&recipe.field(), Some(&plate.field()), &[200, 500]);
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
-    let mut renderer = Renderer::new(gpu, uploaded.clone(), Depth::Eight.format(), eyes).map_err(fault)?;
-    let target = Offscreen::new(gpu, UVec2::new(96, 64), eyes as u32, Depth::Eight).map_err(fault)?;
+    let mut renderer =
+        Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), eyes).map_err(fault)?;
+    let target = Offscreen::new(gpu, UVec2::new(96, 64), eyes as u32, ChannelDepth::Eight).map_err(fault)?;
     let targets = target.targets(renderer.eyes_per_pass());
     let settled = (uploaded.bytes(), renderer.pipelines());
 
@@ -45,11 +46,11 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         let camera = camera(place, 96, 64);
         let cameras = if eyes == 2 { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
         let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
-        let settings = Settings {
+        let settings = RenderSettings {
             sort: [SortOrder::Depth, SortOrder::Radial][frame as usize % 2],
             cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][frame as usize % 3],
             layers: [None, Some(1), Some(2)][frame as usize % 3],
-            least_px: [0.0, 1.0][frame as usize % 2],
+            min_contribution_px: [0.0, 1.0][frame as usize % 2],
         };
         let mut encoder = gpu.encoder();
         renderer.draw(gpu, &mut encoder, t, &views, &settings, &targets);

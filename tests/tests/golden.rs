@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check_golden};
-use client::gpu::{Depth, Gpu, GpuClip, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Coder, EncodeOptions, Limits, Precision, Source};
 use studio::synth::juggler;
 
@@ -30,12 +30,12 @@ fn demo_scene(gpu: &Gpu) -> Result<(), String> {
     let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
     let clip = codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())?;
     let camera = clip.info.viewpoints.first().ok_or("no viewpoint")?.camera(clip.info.up, 192, 192);
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
-    let mut drawing = Drawing::new(gpu, uploaded, &[camera], Depth::Eight).map_err(fault)?;
+    let mut drawing = Drawing::new(gpu, uploaded, &[camera], ChannelDepth::Eight).map_err(fault)?;
     let mut failures = Vec::new();
     for percent in [0, 40, 75] {
-        let images = drawing.frame(f64::from(percent) / 100.0, &Settings::default()).map_err(fault)?;
+        let images = drawing.frame(f64::from(percent) / 100.0, &RenderSettings::default()).map_err(fault)?;
         failures.extend(check_golden(&format!("demo-{percent}"), &images[0], TOLERANCE).err());
     }
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }

@@ -11,10 +11,10 @@ use std::sync::Arc;
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with, stereo_pair};
-use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Camera, Clip};
 use libtest_mimic::Trial;
-use refine::reference::{Order, Scene, render};
+use refine::reference::{Order, RenderScene, render};
 
 /// Allowed everywhere unless a test says otherwise.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
@@ -82,14 +82,14 @@ fn matrix(gpu: &Gpu, name: &str, clip: &Clip, stereo: bool) -> Result<(), String
     for (place, t) in PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]) {
         let camera = camera(place, SIZE.0, SIZE.1);
         let cameras = if stereo { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
-        let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, Depth::Sixteen)
+        let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, ChannelDepth::Sixteen)
             .map_err(|fault| fault.to_string())?;
-        let images = drawing.frame(t, &Settings::default()).map_err(|fault| fault.to_string())?;
+        let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
         if images.len() != cameras.len() {
             return Err(format!("{} images for {} cameras", images.len(), cameras.len()));
         }
         for (eye, (image, camera)) in images.iter().zip(&cameras).enumerate() {
-            let expected = render(&Scene::from(clip), camera, t, Order::Depth);
+            let expected = render(&RenderScene::from(clip), camera, t, Order::Depth);
             if expected.pixels.iter().all(|pixel| pixel[3] < 0.5) {
                 return Err(format!(
                     "{name}, {place:?}: the reference shows next to nothing, so it tests nothing"
@@ -107,15 +107,15 @@ fn compare(
     name: &str,
     clip: &Clip,
     (camera, t): (&Camera, f64),
-    settings: &Settings,
-    (scene, order): (&Scene, Order),
+    settings: &RenderSettings,
+    (scene, order): (&RenderScene, Order),
 ) -> Result<(), String> {
     // A plate doubles the layers that add up.
     let tolerance = match clip.plate {
         Some(_) => Tolerance { diff_pixels: 400, ..TOLERANCE },
         None => TOLERANCE,
     };
-    let images = gpu::draw(gpu, clip, std::slice::from_ref(camera), t, settings, Depth::Sixteen);
+    let images = gpu::draw(gpu, clip, std::slice::from_ref(camera), t, settings, ChannelDepth::Sixteen);
     let images = images.map_err(|fault| fault.to_string())?;
     let expected = render(scene, camera, t, order);
     check(name, &images[0], &expected, tolerance).map(|_| ())
@@ -135,12 +135,13 @@ fn plate(gpu: &Gpu) -> Result<(), String> {
             &format!("plate, {place:?}"),
             &clip,
             view,
-            &Settings::default(),
-            (&Scene::from(&clip), Order::Depth),
+            &RenderSettings::default(),
+            (&RenderScene::from(&clip), Order::Depth),
         )?;
     }
     let view = camera(Place::Whole, SIZE.0, SIZE.1);
-    let [with, without] = [&clip, &without].map(|clip| render(&Scene::from(clip), &view, 0.5, Order::Depth));
+    let [with, without] =
+        [&clip, &without].map(|clip| render(&RenderScene::from(clip), &view, 0.5, Order::Depth));
     if with.psnr(&without) > 30.0 {
         return Err("the plate hardly shows, so it tests nothing".into());
     }
@@ -155,8 +156,8 @@ fn layers(gpu: &Gpu) -> Result<(), String> {
     }
     let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
     for layers in 1..=4 {
-        let settings = Settings { layers: Some(layers), ..Settings::default() };
-        let scene = Scene::from_layers(&clip, layers);
+        let settings = RenderSettings { layers: Some(layers), ..RenderSettings::default() };
+        let scene = RenderScene::from_layers(&clip, layers);
         compare(gpu, &format!("layers, {layers}"), &clip, view, &settings, (&scene, Order::Depth))?;
     }
     Ok(())
@@ -164,7 +165,7 @@ fn layers(gpu: &Gpu) -> Result<(), String> {
 
 fn radial(gpu: &Gpu) -> Result<(), String> {
     let clip = decoded(&RECIPE.field());
-    let settings = Settings { sort: SortOrder::Radial, ..Settings::default() };
+    let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };
     for place in PLACES {
         let view = (&camera(place, SIZE.0, SIZE.1), 0.5);
         compare(
@@ -173,13 +174,13 @@ fn radial(gpu: &Gpu) -> Result<(), String> {
             &clip,
             view,
             &settings,
-            (&Scene::from(&clip), Order::Radial),
+            (&RenderScene::from(&clip), Order::Radial),
         )?;
     }
     // From inside, with a wide angle, the two orders are not the same picture.
     let near = camera(Place::Near, SIZE.0, SIZE.1);
     let [depth, radial] =
-        [Order::Depth, Order::Radial].map(|order| render(&Scene::from(&clip), &near, 0.5, order));
+        [Order::Depth, Order::Radial].map(|order| render(&RenderScene::from(&clip), &near, 0.5, order));
     if depth.max_difference(&radial) < 3.0 / 255.0 {
         return Err("both orders give the same picture, so it tests nothing".into());
     }
@@ -195,14 +196,14 @@ fn cutoffs(gpu: &Gpu) -> Result<(), String> {
         field.opacities.iter_mut().for_each(|opacity| *opacity *= limit);
         let clip = decoded(&field);
         let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
-        let settings = Settings { cutoff, ..Settings::default() };
+        let settings = RenderSettings { cutoff, ..RenderSettings::default() };
         compare(
             gpu,
             &format!("cutoff, {cutoff:?}"),
             &clip,
             view,
             &settings,
-            (&Scene::from(&clip), Order::Depth),
+            (&RenderScene::from(&clip), Order::Depth),
         )?;
     }
     Ok(())
@@ -213,8 +214,9 @@ fn cutoffs_cut(gpu: &Gpu) -> Result<(), String> {
     let clip = decoded(&Recipe { motion: Motion::Still, ..RECIPE }.field());
     let view = camera(Place::Whole, SIZE.0, SIZE.1);
     let light = |cutoff| {
-        let settings = Settings { cutoff, ..Settings::default() };
-        let images = gpu::draw(gpu, &clip, std::slice::from_ref(&view), 0.5, &settings, Depth::Sixteen);
+        let settings = RenderSettings { cutoff, ..RenderSettings::default() };
+        let images =
+            gpu::draw(gpu, &clip, std::slice::from_ref(&view), 0.5, &settings, ChannelDepth::Sixteen);
         let images = images.map_err(|fault| fault.to_string())?;
         Ok::<f64, String>(images[0].pixels.iter().map(|pixel| pixel[3]).sum())
     };
@@ -230,7 +232,14 @@ fn outside_the_clip(gpu: &Gpu) -> Result<(), String> {
     let view = camera(Place::Whole, SIZE.0, SIZE.1);
     for t in [0.0, 1.0] {
         let name = format!("ends of the clip, {t}");
-        compare(gpu, &name, &clip, (&view, t), &Settings::default(), (&Scene::from(&clip), Order::Depth))?;
+        compare(
+            gpu,
+            &name,
+            &clip,
+            (&view, t),
+            &RenderSettings::default(),
+            (&RenderScene::from(&clip), Order::Depth),
+        )?;
     }
     Ok(())
 }
@@ -245,8 +254,8 @@ fn off_centre(gpu: &Gpu) -> Result<(), String> {
         "off-centre",
         &clip,
         (&camera, 0.5),
-        &Settings::default(),
-        (&Scene::from(&clip), Order::Depth),
+        &RenderSettings::default(),
+        (&RenderScene::from(&clip), Order::Depth),
     )
 }
 
@@ -257,10 +266,16 @@ fn eight_bits(gpu: &Gpu) -> Result<(), String> {
     let clip = decoded(&RECIPE.field());
     for place in PLACES {
         let view = camera(place, SIZE.0, SIZE.1);
-        let images =
-            gpu::draw(gpu, &clip, std::slice::from_ref(&view), 0.5, &Settings::default(), Depth::Eight);
+        let images = gpu::draw(
+            gpu,
+            &clip,
+            std::slice::from_ref(&view),
+            0.5,
+            &RenderSettings::default(),
+            ChannelDepth::Eight,
+        );
         let images = images.map_err(|fault| fault.to_string())?;
-        let expected = render(&Scene::from(&clip), &view, 0.5, Order::Depth);
+        let expected = render(&RenderScene::from(&clip), &view, 0.5, Order::Depth);
         println!("8-bit target, {place:?}: {}", difference(&images[0], &expected));
         check(&format!("8-bit, {place:?}"), &images[0], &expected, tolerance)?;
     }

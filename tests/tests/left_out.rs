@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
-use client::gpu::{Depth, Gpu, GpuClip, Renderer};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Renderer};
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, Temporal, sh_coefficients};
 use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
@@ -95,9 +95,9 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
 }
 
 fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
-    let renderer = Renderer::new(gpu, uploaded.clone(), Depth::Eight.format(), 1).map_err(fault)?;
+    let renderer = Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), 1).map_err(fault)?;
     if (uploaded.bytes(), renderer.pipelines()) == (bytes as u64, pipelines) {
         return Ok(());
     }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
-use client::gpu::{Depth, Gpu, Settings};
+use client::gpu::{ChannelDepth, Gpu, RenderSettings};
 use codec::Limits;
 use refine::image::Image;
 
@@ -21,7 +21,7 @@ fn prefixes(gpu: &Gpu) -> Result<(), String> {
     let draw = |bytes: &[u8]| -> Result<Option<(usize, Image)>, String> {
         let Ok(clip) = codec::decode(bytes, &Limits::default()) else { return Ok(None) };
         let view = camera(Place::Whole, 64, 48);
-        let images = gpu::draw(gpu, &clip, &[view], 0.5, &Settings::default(), Depth::Eight);
+        let images = gpu::draw(gpu, &clip, &[view], 0.5, &RenderSettings::default(), ChannelDepth::Eight);
         let image = images.map_err(|fault| fault.to_string())?.swap_remove(0);
         Ok(Some((clip.layers.len(), image)))
     };

@@ -9,11 +9,11 @@ use std::sync::Arc;
 use aarc_tests::data;
 use aarc_tests::gpu::{self, Drawing};
 use aarc_tests::image::{Tolerance, check, pixels_beyond};
-use client::gpu::{Depth, Gpu, GpuClip, Settings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, LayerEnd, Limits, TimeIndex};
 use refine::image::Image;
 use refine::prune::Ranking;
-use refine::reference::{Order, Scene, render};
+use refine::reference::{Order, RenderScene, render};
 use safetensors::SafeTensors;
 use studio::package::{self, package};
 
@@ -58,7 +58,8 @@ fn gsplat(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
             [0.0, 0.0, 0.0, 1.0],
         ],
     };
-    let images = gpu::draw(gpu, &unpackaged(field), &[camera], 0.0, &Settings::default(), Depth::Sixteen);
+    let images =
+        gpu::draw(gpu, &unpackaged(field), &[camera], 0.0, &RenderSettings::default(), ChannelDepth::Sixteen);
     let images = images.map_err(|fault| fault.to_string())?;
     let name = path.file_stem().expect("it is a file").to_string_lossy();
     let tolerance = Tolerance { max_diff: 1.0, diff_pixels: 20, psnr: 55.0 };
@@ -121,12 +122,12 @@ fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
         camera_from_world: std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c)))),
     };
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?);
-    let mut drawing = Drawing::new(gpu, uploaded, std::slice::from_ref(&camera), Depth::Sixteen)
+    let mut drawing = Drawing::new(gpu, uploaded, std::slice::from_ref(&camera), ChannelDepth::Sixteen)
         .map_err(|fault| fault.to_string())?;
     let mut before: Option<Image> = None;
     for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
-        let images = drawing.frame(t, &Settings::default()).map_err(|fault| fault.to_string())?;
-        let expected = render(&Scene::from(&clip), &camera, t, Order::Depth);
+        let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
+        let expected = render(&RenderScene::from(&clip), &camera, t, Order::Depth);
         // The reference stops a pixel before an opaque Gaussian that would bring its transmittance
         // to 1e-4, which blending back to front cannot do: a few pixels are off by more than 3.
         let tolerance = Tolerance { max_diff: 8.0, diff_pixels: usize::MAX, psnr: 50.0 };

@@ -16,12 +16,12 @@ use aarc_tests::programs::{Outcome, client, example, run};
 use aarc_tests::remote::Remote;
 use aarc_tests::scene::{decoded, lasting, packaged, stereo_pair};
 use aarc_tests::server::Server;
-use client::fault::Fault;
-use client::gpu::{Depth, Gpu, GpuClip, Level, Offscreen, Renderer, Settings, SortOrder};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Level, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use codec::{Camera, Clip, Field, Limits};
 use glam::{UVec2, Vec2};
 use libtest_mimic::{Completion, Failed, Trial};
+use program::Fault;
 use refine::image::Image;
 use serde_json::Value;
 use xtask::workspace;
@@ -158,11 +158,11 @@ fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     }
     let clip = demo_clip()?;
     let t = time / f64::from(clip.info.duration_s);
-    let settings = Settings { sort: SortOrder::Radial, ..Settings::default() };
+    let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };
     let settings = quality.settings(settings, &layer_ends(&clip));
     let cameras = [left.clone(), right.clone()];
     let expected =
-        draw(gpu, &clip, &cameras, t, &settings, Depth::Eight).map_err(|fault| fault.to_string())?;
+        draw(gpu, &clip, &cameras, t, &settings, ChannelDepth::Eight).map_err(|fault| fault.to_string())?;
     let same = [
         check("headset-left", left_sees, &expected[0], TOLERANCE),
         check("headset-right", right_sees, &expected[1], TOLERANCE),
@@ -205,18 +205,20 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
         stereo_pair(&camera, 0.063)
     };
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
-    let mut renderer = Renderer::new(gpu, uploaded, Depth::Eight.format(), 2).map_err(fault)?;
+    let mut renderer = Renderer::new(gpu, uploaded, ChannelDepth::Eight.format(), 2).map_err(fault)?;
     let mut before: Option<u64> = None;
     let mut exact = None;
     for level in Level::ALL {
-        let settings = level.settings(Settings { sort: SortOrder::Radial, ..Settings::default() }, &ends);
+        let settings =
+            level.settings(RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() }, &ends);
         let size = level.size(full);
         let views = cameras(size).map(|camera| View::from_camera(&camera));
-        let target = Offscreen::new(gpu, size, 2, Depth::Eight).map_err(fault)?;
+        let target = Offscreen::new(gpu, size, 2, ChannelDepth::Eight).map_err(fault)?;
         let counts = target.render(gpu, &mut renderer, t, &views, &settings).map_err(fault)?;
         let fragments = renderer.count(gpu, t, &views, &settings).map_err(fault)?.fragments;
 
-        let seen = draw(gpu, &clip, &cameras(full), t, &settings, Depth::Sixteen).map_err(fault)?.remove(0);
+        let seen =
+            draw(gpu, &clip, &cameras(full), t, &settings, ChannelDepth::Sixteen).map_err(fault)?.remove(0);
         let light = |image: &Image| image.pixels.iter().map(|p| p[0] + p[1] + p[2]).sum::<f64>();
         let exact = exact.get_or_insert_with(|| seen.clone());
         let (psnr, kept) = (difference(&seen, exact).psnr, light(&seen) / light(exact));
@@ -226,7 +228,7 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
             size.x,
             size.y,
             counts.sorted,
-            counts.faint,
+            counts.culled,
             100.0 * kept
         );
         if before.is_some_and(|before| fragments as f64 > 0.9 * before as f64) {

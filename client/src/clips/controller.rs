@@ -9,8 +9,8 @@ use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
 use super::queue::Queue;
 use super::state::{Change, QueueState};
 use super::worker::{Ended, Report, Worker};
-use crate::fault::Fault;
 use crate::player::Player;
+use program::Fault;
 
 /// The clips of a display.
 pub(crate) struct ClipController<T: ClipTarget> {

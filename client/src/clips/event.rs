@@ -4,7 +4,7 @@ use codec::Clip;
 
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
-use crate::fault::Fault;
+use program::Fault;
 
 /// A report about a clip that is being loaded. A source produces the first three; the loader adds the
 /// others.

@@ -14,7 +14,7 @@ use super::queue::{Entry, Queue};
 use super::source::{self, Arrival};
 use super::url::{is_url, title};
 use super::worker::Report;
-use crate::fault::Fault;
+use program::Fault;
 
 /// What can show clips: a window, a headset, or images.
 pub(crate) trait ClipTarget: Clone + Send + 'static {

@@ -17,7 +17,7 @@ use super::event::{LoadEvent, Version};
 use super::loader::Wanted;
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
-use crate::fault::Fault;
+use program::Fault;
 
 /// What a display has to do.
 #[derive(Debug)]

@@ -8,7 +8,7 @@
 use clap::ValueEnum;
 use glam::UVec2;
 
-use super::settings::{Cutoff, Settings};
+use super::settings::{Cutoff, RenderSettings};
 
 /// How much is drawn: the first level is the best one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
@@ -34,8 +34,8 @@ struct Share {
     /// Part of the image's sides.
     side: f32,
     cutoff: Cutoff,
-    /// See [`Settings::least_px`].
-    least_px: f32,
+    /// See [`RenderSettings::min_contribution_px`].
+    min_contribution_px: f32,
     /// Part of the Gaussians that the layers drawn must hold.
     gaussians: f64,
 }
@@ -52,7 +52,7 @@ impl Level {
         [Level::Exact, Level::Fine, Level::Good, Level::Fair, Level::Light, Level::Least];
 
     fn share(self) -> Share {
-        let (side, cutoff, least_px, gaussians) = match self {
+        let (side, cutoff, min_contribution_px, gaussians) = match self {
             Level::Exact => (1.0, Cutoff::Exact, 0.0, 1.0),
             Level::Fine => (1.0, Cutoff::Sqrt8, 0.0, 1.0),
             Level::Good => (0.85, Cutoff::Sqrt8, 0.25, 1.0),
@@ -60,7 +60,7 @@ impl Level {
             Level::Light => (0.7, Cutoff::Sqrt5, 0.5, 1.0),
             Level::Least => (0.6, Cutoff::Sqrt5, 1.0, 0.5),
         };
-        Share { side, cutoff, least_px, gaussians }
+        Share { side, cutoff, min_contribution_px, gaussians }
     }
 
     /// What it is called.
@@ -87,7 +87,7 @@ impl Level {
 
     /// `settings` with no more drawn than this level takes, of a clip with so many Gaussians in the
     /// first layer, the first two, and so on.
-    pub fn settings(self, settings: Settings, layer_ends: &[usize]) -> Settings {
+    pub fn settings(self, settings: RenderSettings, layer_ends: &[usize]) -> RenderSettings {
         let share = self.share();
         let cutoff = if share.cutoff.radius_max() < settings.cutoff.radius_max() {
             share.cutoff
@@ -98,7 +98,12 @@ impl Level {
             1.0 => settings.layers,
             part => Some(layers_that_hold(part, settings.layers, layer_ends)),
         };
-        Settings { cutoff, layers, least_px: settings.least_px.max(share.least_px), ..settings }
+        RenderSettings {
+            cutoff,
+            layers,
+            min_contribution_px: settings.min_contribution_px.max(share.min_contribution_px),
+            ..settings
+        }
     }
 
     /// Size of what is drawn of an image that has room for `full` pixels.
@@ -127,8 +132,8 @@ mod tests {
 
     const LAYERS: [usize; 4] = [5000, 10_000, 20_000, 40_000];
 
-    fn settings(level: Level) -> Settings {
-        level.settings(Settings::default(), &LAYERS)
+    fn settings(level: Level) -> RenderSettings {
+        level.settings(RenderSettings::default(), &LAYERS)
     }
 
     #[test]
@@ -138,7 +143,7 @@ mod tests {
             let [above, below] = [0, 1].map(|i| (settings(pair[i]), pair[i].size(full)));
             let changes = [
                 (above.0.cutoff.radius_max(), below.0.cutoff.radius_max()),
-                (-above.0.least_px, -below.0.least_px),
+                (-above.0.min_contribution_px, -below.0.min_contribution_px),
                 (above.1.x as f32, below.1.x as f32),
                 (above.1.y as f32, below.1.y as f32),
             ];
@@ -146,21 +151,21 @@ mod tests {
             assert!(changes.iter().any(|(above, below)| below < above), "{pair:?}");
             assert_eq!((pair[0].coarser(), pair[1].better()), (pair[1], pair[0]));
         }
-        assert_eq!(settings(Level::Exact), Settings::default());
+        assert_eq!(settings(Level::Exact), RenderSettings::default());
         assert_eq!((Level::Exact.better(), Level::Least.coarser()), (Level::Exact, Level::Least));
     }
 
     #[test]
     fn the_bound_holds() {
         let least = settings(Level::Least);
-        assert_eq!((least.cutoff, least.least_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
+        assert_eq!((least.cutoff, least.min_contribution_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
         assert_eq!(Level::Least.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
     }
 
     #[test]
     fn half_of_the_gaussians_stay() {
         let layers = |layers, ends: &[usize]| {
-            Level::Least.settings(Settings { layers, ..Settings::default() }, ends).layers
+            Level::Least.settings(RenderSettings { layers, ..RenderSettings::default() }, ends).layers
         };
         assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 60_000]), Some(4));
         assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(5), "too little to gain");
@@ -172,7 +177,12 @@ mod tests {
 
     #[test]
     fn no_level_draws_more_than_was_asked_for() {
-        let asked = Settings { cutoff: Cutoff::Sqrt5, layers: Some(1), least_px: 3.0, ..Settings::default() };
+        let asked = RenderSettings {
+            cutoff: Cutoff::Sqrt5,
+            layers: Some(1),
+            min_contribution_px: 3.0,
+            ..RenderSettings::default()
+        };
         for level in Level::ALL {
             assert_eq!(level.settings(asked, &LAYERS), asked, "{level:?}");
         }

@@ -30,9 +30,9 @@ pub use device::{Caps, Gpu, LOG_FILTER};
 pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{Coverage, FrameCounts, Renderer};
-pub use settings::{Cutoff, Settings, SortOrder};
+pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
-pub use target::{Depth, Offscreen};
+pub use target::{ChannelDepth, Offscreen};
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use ui::UiPainter;
 #[cfg(feature = "xr")]

@@ -18,62 +18,64 @@ use moment::Moment;
 const LOG_SCALE_LIMIT: f32 = 20.0;
 
 /// How many centres tell where a clip is.
-const MIDDLE_ROWS: usize = 1000;
+const ORIGIN_ROWS: usize = 1000;
 
-/// The records of the two regions of a clip, still rows first.
+/// The records of the two regions of a clip, static rows first.
 pub(crate) struct Packed {
     pub(crate) features: Features,
     pub(crate) ranges: Ranges,
     pub(crate) gaussians: Vec<Gaussian>,
-    /// [`Motion::words`] for every moving row.
+    /// [`Motion::words`] for every dynamic row.
     pub(crate) motion: Vec<u32>,
     /// [`sh_words`] for every row.
     pub(crate) sh: Vec<u32>,
 }
 
-/// The middle of a clip: by axis, the median of where its Gaussians are. Packed centres are relative
+/// The origin of a clip: by axis, the median of where its Gaussians are. Packed centres are relative
 /// to it, so that a clip far from the origin of its world is as exact as one around it, and strays
 /// are what loses precision.
-pub(crate) fn middle(still: &Field, moving: &Field) -> DVec3 {
-    let place = |row: usize| match (row.checked_sub(still.len()), &moving.temporal) {
-        (None, _) => still.centers[row].map(f64::from),
-        (Some(row), None) => moving.centers[row].map(f64::from),
-        (Some(row), Some(temporal)) => Moment::of(moving, temporal, row).position,
+pub(crate) fn origin(static_field: &Field, dynamic_field: &Field) -> DVec3 {
+    let place = |row: usize| match (row.checked_sub(static_field.len()), &dynamic_field.temporal) {
+        (None, _) => static_field.centers[row].map(f64::from),
+        (Some(row), None) => dynamic_field.centers[row].map(f64::from),
+        (Some(row), Some(temporal)) => Moment::of(dynamic_field, temporal, row).position,
     };
-    let rows = still.len() + moving.len();
-    let mut places: Vec<[f64; 3]> = (0..rows).step_by(rows.div_ceil(MIDDLE_ROWS).max(1)).map(place).collect();
+    let rows = static_field.len() + dynamic_field.len();
+    let mut places: Vec<[f64; 3]> = (0..rows).step_by(rows.div_ceil(ORIGIN_ROWS).max(1)).map(place).collect();
     if places.is_empty() {
         return DVec3::ZERO;
     }
     let half = places.len() / 2;
     let median =
         |axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis];
-    let middle = DVec3::from_array([0, 1, 2].map(median));
-    if middle.is_finite() { middle } else { DVec3::ZERO }
+    let origin = DVec3::from_array([0, 1, 2].map(median));
+    if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
-/// Packs `still`, whose temporal columns are ignored, followed by `moving`, with centres relative to
-/// `middle`.
-pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
-    let temporal = moving.temporal.as_ref().filter(|_| !moving.is_empty());
+/// Packs `static_field`, whose temporal columns are ignored, followed by `dynamic_field`, with centres relative to
+/// `origin`.
+pub(crate) fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -> Packed {
+    let temporal = dynamic_field.temporal.as_ref().filter(|_| !dynamic_field.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
-    let sh_degree =
-        [still, moving].into_iter().filter(|field| !field.is_empty()).map(|field| field.sh_degree);
+    let sh_degree = [static_field, dynamic_field]
+        .into_iter()
+        .filter(|field| !field.is_empty())
+        .map(|field| field.sh_degree);
     let features = Features { sh_degree: sh_degree.max().unwrap_or(0), motion };
     let moments: Vec<Moment> = temporal.map_or_else(Vec::new, |temporal| {
-        (0..moving.len()).map(|row| Moment::of(moving, temporal, row)).collect()
+        (0..dynamic_field.len()).map(|row| Moment::of(dynamic_field, temporal, row)).collect()
     });
-    let ranges = ranges(still, moving, &moments);
+    let ranges = ranges(static_field, dynamic_field, &moments);
 
     let mut packed = Packed {
         features,
         ranges,
-        gaussians: Vec::with_capacity(still.len() + moving.len()),
-        motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * moving.len())),
-        sh: Vec::with_capacity(sh_words(features.sh_degree) * (still.len() + moving.len())),
+        gaussians: Vec::with_capacity(static_field.len() + dynamic_field.len()),
+        motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * dynamic_field.len())),
+        sh: Vec::with_capacity(sh_words(features.sh_degree) * (static_field.len() + dynamic_field.len())),
     };
-    for (field, moments) in [(still, &[][..]), (moving, &moments)] {
+    for (field, moments) in [(static_field, &[][..]), (dynamic_field, &moments)] {
         for row in 0..field.len() {
             let moment = moments.get(row);
             let (center, rotation) = match moment {
@@ -81,7 +83,7 @@ pub(crate) fn pack(still: &Field, moving: &Field, middle: DVec3) -> Packed {
                 None => (field.centers[row].map(f64::from), field.rotations[row].map(f64::from)),
             };
             let rotation = normalized(rotation);
-            let center = DVec3::from_array(center) - middle;
+            let center = DVec3::from_array(center) - origin;
             packed.gaussians.push(pack_gaussian(field, row, center, rotation, &ranges));
             if let Some((moment, motion)) = moment.zip(motion) {
                 pack_motion(moment, motion, rotation, &ranges, &mut packed.motion);
@@ -100,14 +102,16 @@ fn normalized(q: [f64; 4]) -> [f32; 4] {
     if length > 0.0 && length.is_finite() { q.map(|x| (x / length) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-fn ranges(still: &Field, moving: &Field, moments: &[Moment]) -> Ranges {
-    let scales = || still.log_scales.iter().chain(&moving.log_scales).flatten().copied().map(cut_log_scale);
+fn ranges(static_field: &Field, dynamic_field: &Field, moments: &[Moment]) -> Ranges {
+    let scales = || {
+        static_field.log_scales.iter().chain(&dynamic_field.log_scales).flatten().copied().map(cut_log_scale)
+    };
     let (low, high) = scales().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
     let mut ranges = Ranges {
         log_scale_min: low,
         log_scale_step: (high - low) / 65535.0,
-        first_moving: u32::try_from(still.len()).expect("buffer limits are checked before"),
+        first_dynamic: u32::try_from(static_field.len()).expect("buffer limits are checked before"),
         rate_unit: 1.0,
         motion_units: [1.0; 3],
         _pad0: 0.0,

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
+use program::Fault;
 use shaders::Features;
 
-use super::clip::{GpuClip, Part};
+use super::clip::{GaussianSet, GpuClip};
 use super::device::Gpu;
 use super::stages::alive::EYES_MAX;
 use super::stages::count::Counter;
@@ -14,8 +15,7 @@ use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
 use super::stages::splat::{self, PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
-use crate::fault::Fault;
-use crate::gpu::settings::Settings;
+use crate::gpu::settings::RenderSettings;
 use crate::view::View;
 
 /// What a frame took. Plate included.
@@ -23,8 +23,8 @@ use crate::view::View;
 pub struct FrameCounts {
     /// Gaussians whose opacity at the instant reaches 1/255.
     pub alive: u32,
-    /// Those in sight that were left out because they add too little, see [`Settings::least_px`].
-    pub faint: u32,
+    /// Those in sight that were left out because they add too little, see [`RenderSettings::min_contribution_px`].
+    pub culled: u32,
     /// Those that can reach into an image: sorted and handed to the GPU.
     pub sorted: u32,
     /// Milliseconds for finding them.
@@ -48,7 +48,7 @@ pub struct Renderer {
     eyes: usize,
     eyes_per_pass: u32,
     passes: Vec<PassUniforms>,
-    parts: Vec<DrawnPart>,
+    sets: Vec<DrawnSet>,
     quads: Quads,
     items: Vec<Item>,
     sorter: Sorter,
@@ -57,7 +57,7 @@ pub struct Renderer {
 }
 
 /// A part of the clip as the renderer draws it.
-pub(super) struct DrawnPart {
+pub(super) struct DrawnSet {
     pub(super) features: Features,
     pub(super) layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
@@ -85,18 +85,18 @@ impl Renderer {
         assert!((1..=EYES_MAX).contains(&eyes), "one eye or two");
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
-        let rows = clip.parts().map(|part| part.rows.len()).max().unwrap_or(0);
-        let (parts, passes, timer) = gpu.allocate("the renderer", || {
-            let part = |part| DrawnPart::new(gpu, part, &pass_layout, format, eyes_per_pass);
+        let rows = clip.sets().map(|set| set.rows.len()).max().unwrap_or(0);
+        let (sets, passes, timer) = gpu.allocate("the renderer", || {
+            let set = |set| DrawnSet::new(gpu, set, &pass_layout, format, eyes_per_pass);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
             let passes = (0..eyes).step_by(eyes_per_pass as usize);
-            (clip.parts().map(part).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
+            (clip.sets().map(set).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
         })?;
         Ok(Renderer {
             eyes,
             eyes_per_pass,
             passes,
-            parts,
+            sets,
             quads: Quads::new(gpu)?,
             items: Vec::with_capacity(rows),
             sorter: Sorter::new(rows),
@@ -118,7 +118,7 @@ impl Renderer {
 
     /// Number of pipelines built for drawing.
     pub fn pipelines(&self) -> usize {
-        self.parts.len()
+        self.sets.len()
     }
 
     /// Records a frame at clip time `t`, cut to `[0, 1]`, into `encoder`: the targets are cleared to transparent
@@ -136,7 +136,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         t: f64,
         views: &[View],
-        settings: &Settings,
+        settings: &RenderSettings,
         targets: &[wgpu::TextureView],
     ) -> FrameCounts {
         assert_eq!(views.len(), self.eyes, "one view per eye");
@@ -144,7 +144,7 @@ impl Renderer {
         let t = within_clip(t);
         let counts = self.sort(gpu, t, views, settings);
         for (pass, views) in self.passes.iter().zip(views.chunks(self.eyes_per_pass as usize)) {
-            pass.write(gpu, t, settings.cutoff, views, self.clip.middle);
+            pass.write(gpu, t, settings.cutoff, views, self.clip.origin);
         }
         let slot = self.timer.as_mut().and_then(|timer| {
             timer.latest_ms();
@@ -182,26 +182,26 @@ impl Renderer {
         gpu: &Gpu,
         t: f64,
         views: &[View],
-        settings: &Settings,
+        settings: &RenderSettings,
     ) -> Result<Coverage, Fault> {
         let counter = match self.counter.take() {
             Some(counter) => counter,
-            None => gpu.allocate("counting", || Counter::new(gpu, &self.parts, self.quads.clone()))?,
+            None => gpu.allocate("counting", || Counter::new(gpu, &self.sets, self.quads.clone()))?,
         };
         let coverage =
-            counter.count(gpu, &self.parts, within_clip(t), settings.cutoff, views, self.clip.middle);
+            counter.count(gpu, &self.sets, within_clip(t), settings.cutoff, views, self.clip.origin);
         self.counter = Some(counter);
         coverage
     }
 
-    /// The stages `alive` and `sort` of all parts, up to the upload of the sorted rows.
-    fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &Settings) -> FrameCounts {
+    /// The stages `alive` and `sort` of all sets, up to the upload of the sorted rows.
+    fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &RenderSettings) -> FrameCounts {
         let mut counts = FrameCounts::default();
-        for (part, drawn) in self.clip.parts().zip(&mut self.parts) {
+        for (set, drawn) in self.clip.sets().zip(&mut self.sets) {
             let start = Instant::now();
-            let seen = part.rows.alive(t, views, settings, &mut self.items);
+            let seen = set.rows.alive(t, views, settings, &mut self.items);
             counts.alive += seen.alive;
-            counts.faint += seen.faint;
+            counts.culled += seen.culled;
             let middle = Instant::now();
             self.sorter.sort(&mut self.items, &mut drawn.order);
             counts.alive_ms += (middle - start).as_secs_f64() * 1e3;
@@ -238,10 +238,10 @@ impl Renderer {
         });
         pass.set_viewport(0.0, 0.0, size.x as f32, size.y as f32, 0.0, 1.0);
         pass.set_bind_group(0, &uniforms.group, &[]);
-        for part in self.parts.iter().filter(|part| !part.order.is_empty()) {
-            pass.set_pipeline(&part.pipeline);
-            pass.set_bind_group(1, &part.group, &[]);
-            self.quads.draw(&mut pass, part.order.len() as u32);
+        for set in self.sets.iter().filter(|set| !set.order.is_empty()) {
+            pass.set_pipeline(&set.pipeline);
+            pass.set_bind_group(1, &set.group, &[]);
+            self.quads.draw(&mut pass, set.order.len() as u32);
         }
     }
 }
@@ -252,28 +252,28 @@ fn within_clip(t: f64) -> f64 {
     if t > 0.0 { t.min(1.0) } else { 0.0 }
 }
 
-impl DrawnPart {
+impl DrawnSet {
     fn new(
         gpu: &Gpu,
-        part: &Part,
+        set: &GaussianSet,
         pass_layout: &wgpu::BindGroupLayout,
         format: wgpu::TextureFormat,
         eyes_per_pass: u32,
-    ) -> DrawnPart {
-        let features = part.buffers.features;
-        let layout = part.buffers.layout(gpu);
+    ) -> DrawnSet {
+        let features = set.buffers.features;
+        let layout = set.buffers.layout(gpu);
         let groups = [Some(pass_layout), Some(&layout)];
         let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("order"),
-            size: 4 * part.rows.len().max(1) as u64,
+            size: 4 * set.rows.len().max(1) as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        DrawnPart {
+        DrawnSet {
             features,
             pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass),
-            order: Vec::with_capacity(part.rows.len()),
-            group: part.buffers.bind(gpu, &layout, &order_buffer),
+            order: Vec::with_capacity(set.rows.len()),
+            group: set.buffers.bind(gpu, &layout, &order_buffer),
             order_buffer,
             layout,
         }

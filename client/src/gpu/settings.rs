@@ -1,10 +1,10 @@
-//! [`Settings`]: choices about how a clip is drawn that may change from frame to frame.
+//! [`RenderSettings`]: choices about how a clip is drawn that may change from frame to frame.
 
 use clap::ValueEnum;
 
 /// How a clip is drawn. The default is what the reference renderer draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Settings {
+pub struct RenderSettings {
     /// What the Gaussians are sorted by.
     pub sort: SortOrder,
     /// How far a Gaussian reaches.
@@ -13,7 +13,7 @@ pub struct Settings {
     pub layers: Option<usize>,
     /// Gaussians that can add no more than this to an image are left out; 0 draws all. In pixels of
     /// full alpha, as many as they would be in the middle of the image: its edges are stretched.
-    pub least_px: f32,
+    pub min_contribution_px: f32,
 }
 
 /// What Gaussians are sorted by.

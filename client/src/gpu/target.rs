@@ -2,18 +2,18 @@
 
 use clap::ValueEnum;
 use glam::UVec2;
+use program::Fault;
 
 use super::device::Gpu;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
 use super::renderer::{FrameCounts, Renderer};
-use super::settings::Settings;
-use crate::fault::Fault;
+use super::settings::RenderSettings;
 use crate::view::View;
 
 /// Bits per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Depth {
+pub enum ChannelDepth {
     /// 8-bit unsigned: what displays take.
     #[value(name = "8")]
     Eight,
@@ -22,12 +22,12 @@ pub enum Depth {
     Sixteen,
 }
 
-impl Depth {
+impl ChannelDepth {
     /// The format of the graphics API.
     pub fn format(self) -> wgpu::TextureFormat {
         match self {
-            Depth::Eight => wgpu::TextureFormat::Rgba8Unorm,
-            Depth::Sixteen => wgpu::TextureFormat::Rgba16Float,
+            ChannelDepth::Eight => wgpu::TextureFormat::Rgba8Unorm,
+            ChannelDepth::Sixteen => wgpu::TextureFormat::Rgba16Float,
         }
     }
 }
@@ -46,7 +46,7 @@ impl Offscreen {
     /// # Errors
     /// [`Fault::Usage`] if it is empty or larger than the device allows, [`Fault::Device`] if there
     /// is not enough memory.
-    pub fn new(gpu: &Gpu, size: UVec2, layers: u32, depth: Depth) -> Result<Offscreen, Fault> {
+    pub fn new(gpu: &Gpu, size: UVec2, layers: u32, depth: ChannelDepth) -> Result<Offscreen, Fault> {
         let side = gpu.caps.max_image_side;
         if size.min_element() == 0 || size.max_element() > side {
             return Err(Fault::Usage(format!(
@@ -101,7 +101,7 @@ impl Offscreen {
         renderer: &mut Renderer,
         t: f64,
         views: &[View],
-        settings: &Settings,
+        settings: &RenderSettings,
     ) -> Result<FrameCounts, Fault> {
         let mut encoder = gpu.encoder();
         let targets = self.targets(renderer.eyes_per_pass());

@@ -7,7 +7,7 @@ use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
 use super::style;
 use super::viewer::Viewer;
-use crate::gpu::{Cutoff, Settings, SortOrder};
+use crate::gpu::{Cutoff, RenderSettings, SortOrder};
 use crate::player::{Player, SPEEDS};
 
 /// Shows the bar; what its buttons ask for goes to `commands`.
@@ -135,7 +135,7 @@ fn view_menu(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
 }
 
 /// How the clip is drawn. Stays open while choices are compared.
-fn rendering_menu(ui: &mut Ui, settings: &mut Settings, layers: usize) {
+fn rendering_menu(ui: &mut Ui, settings: &mut RenderSettings, layers: usize) {
     let stays = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
     MenuButton::new("Rendering").config(stays).ui(ui, |ui| {
         ui.label(RichText::new("Sort by").color(style::QUIET));

@@ -28,10 +28,10 @@ use winit::window::WindowId;
 
 use crate::args::Args;
 use crate::clips::{Arrival, Entry, LoadEvent, Queue, cache_dir, playlist};
-use crate::fault::Fault;
 use crate::gpu::DEVICE_REPLACED;
 use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
+use program::Fault;
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip that `args` name in a window, until it is closed.

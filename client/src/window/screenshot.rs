@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::fault::Fault;
-use crate::gpu::{Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
-use crate::output;
+use program::{Fault, output};
+
+use crate::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::view::View;
 
 /// What a picture shows.
@@ -20,7 +20,7 @@ pub(crate) struct Shot {
     pub(crate) t: f64,
     pub(crate) time_s: f64,
     pub(crate) view: View,
-    pub(crate) settings: Settings,
+    pub(crate) settings: RenderSettings,
 }
 
 impl Shot {
@@ -32,11 +32,11 @@ impl Shot {
         let path = free_path(folder, &file_stem(&self.name, self.time_s));
         output::check(&path)?;
         let views = [self.view];
-        let image = Offscreen::new(gpu, self.view.size, 1, Depth::Eight)?;
-        let mut renderer = Renderer::new(gpu, self.clip.clone(), Depth::Eight.format(), 1)?;
+        let image = Offscreen::new(gpu, self.view.size, 1, ChannelDepth::Eight)?;
+        let mut renderer = Renderer::new(gpu, self.clip.clone(), ChannelDepth::Eight.format(), 1)?;
         image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
         for pixels in image.read(gpu)? {
-            output::write_png(&path, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;
+            output::write_png(&path, &pixels.to_rgb8(), pixels.size.into())?;
         }
         Ok(path)
     }

@@ -27,9 +27,9 @@ use super::viewer::{Requests, Scene, Viewer};
 use crate::clips::{
     Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
 };
-use crate::fault::Fault;
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, Renderer, Settings};
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
 use crate::view::View;
+use program::Fault;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
@@ -48,7 +48,7 @@ pub(super) struct Start {
     pub(super) queue: Option<Queue>,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// Size in pixels.
     pub(super) size: Option<UVec2>,
 }
@@ -122,7 +122,7 @@ struct Shown {
     /// Normalised clip time.
     t: f64,
     view: View,
-    settings: Settings,
+    settings: RenderSettings,
 }
 
 /// An open window.

@@ -10,7 +10,7 @@ use super::bar;
 use super::camera::CameraControl;
 use super::keys::{self, Command, FlyKeys};
 use super::overlay::{self, Message};
-use crate::gpu::Settings;
+use crate::gpu::RenderSettings;
 use crate::player::Player;
 use crate::viewpoint;
 
@@ -53,7 +53,7 @@ pub(crate) struct Requests {
 /// The state of the interface.
 pub(crate) struct Viewer {
     pub(crate) player: Player,
-    pub(crate) settings: Settings,
+    pub(crate) settings: RenderSettings,
     pub(crate) message: Option<Message>,
     /// Whether the timeline is held.
     pub(crate) scrubbing: bool,
@@ -72,7 +72,7 @@ impl Viewer {
     ///
     /// # Panics
     /// If there is no such viewpoint.
-    pub(crate) fn new(scene: Scene, viewpoint: usize, settings: Settings) -> Viewer {
+    pub(crate) fn new(scene: Scene, viewpoint: usize, settings: RenderSettings) -> Viewer {
         Viewer {
             player: Player::new(scene.duration_s, scene.fps),
             settings,
@@ -291,7 +291,7 @@ mod tests {
         fn new() -> Bench {
             let ctx = Context::default();
             super::super::style::apply(&ctx);
-            let viewer = Viewer::new(scene(), 0, Settings::default());
+            let viewer = Viewer::new(scene(), 0, RenderSettings::default());
             let mut bench = Bench { ctx, viewer, time_s: 0.0 };
             // The first frame lays the controls out.
             bench.frame(0.0, vec![]);

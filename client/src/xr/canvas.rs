@@ -15,9 +15,9 @@ use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
 use super::show::Show;
 use super::tracking::Eyes;
-use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, Pixels, RuntimeTargets};
 use crate::view::View;
+use program::Fault;
 
 /// Background while no clip is loaded: dark, and not the black of a defect.
 const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];

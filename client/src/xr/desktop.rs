@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use openxr as xr;
+use program::Fault;
 
 use super::interaction::PlacementStore;
-use crate::fault::Fault;
 use crate::{clips, folders};
 
 /// The operating system, as a player needs it.

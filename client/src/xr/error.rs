@@ -1,8 +1,7 @@
 //! [`Halt`]: why a session stops, and a sentence for each failure of the runtime.
 
 use openxr::sys::Result as Code;
-
-use crate::fault::Fault;
+use program::Fault;
 
 /// Why a session cannot continue.
 #[derive(Clone, Debug, PartialEq, Eq)]

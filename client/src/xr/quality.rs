@@ -8,7 +8,7 @@
 
 use glam::UVec2;
 
-use crate::gpu::{Level, Settings};
+use crate::gpu::{Level, RenderSettings};
 
 /// Part of a frame's time that the GPU may take: the runtime needs the rest.
 const SHARE: f64 = 0.8;
@@ -26,7 +26,7 @@ const ROOM_FRAMES: (u32, u32) = (180, 180 << 4);
 #[derive(Clone, Debug)]
 pub(super) struct Quality {
     /// What was asked for: no level draws more.
-    asked: Settings,
+    asked: RenderSettings,
     /// Gaussians in the first layer of the clip, the first two, and so on.
     layer_ends: Vec<usize>,
     /// The best level to use.
@@ -43,7 +43,7 @@ pub(super) struct Quality {
 impl Quality {
     /// Begins at the level `chosen`, with no more drawn than `asked`. Without `adapts` it follows
     /// the viewer only.
-    pub(super) fn new(asked: Settings, chosen: Level, adapts: bool) -> Quality {
+    pub(super) fn new(asked: RenderSettings, chosen: Level, adapts: bool) -> Quality {
         Quality {
             asked,
             layer_ends: Vec::new(),
@@ -68,7 +68,7 @@ impl Quality {
     }
 
     /// How to draw the next frame.
-    pub(super) fn settings(&self) -> Settings {
+    pub(super) fn settings(&self) -> RenderSettings {
         self.level.settings(self.asked, &self.layer_ends)
     }
 
@@ -128,7 +128,7 @@ mod tests {
     const LAYERS: [usize; 2] = [20_000, 40_000];
 
     fn quality(chosen: Level) -> Quality {
-        let mut quality = Quality::new(Settings::default(), chosen, true);
+        let mut quality = Quality::new(RenderSettings::default(), chosen, true);
         quality.change_clip(LAYERS.to_vec());
         quality
     }
@@ -146,7 +146,7 @@ mod tests {
     fn a_fast_gpu_keeps_the_best() {
         let mut quality = quality(Level::Exact);
         assert_eq!(draw(&mut quality, 5000, [8.0, 6.0, 4.0, 3.0, 2.0, 1.0]), 0);
-        assert_eq!(quality.settings(), Settings::default());
+        assert_eq!(quality.settings(), RenderSettings::default());
         assert_eq!(quality.size(UVec2::new(2064, 2208)), UVec2::new(2064, 2208));
     }
 
@@ -155,8 +155,8 @@ mod tests {
         let mut quality = quality(Level::Exact);
         assert_eq!(draw(&mut quality, 5000, [60.0, 50.0, 40.0, 30.0, 25.0, 20.0]), 5);
         assert!(quality.level() == Level::Least && quality.is_lowered());
-        let Settings { cutoff, layers, least_px, .. } = quality.settings();
-        assert_eq!((cutoff, layers, least_px), (Cutoff::Sqrt5, Some(1), 1.0));
+        let RenderSettings { cutoff, layers, min_contribution_px, .. } = quality.settings();
+        assert_eq!((cutoff, layers, min_contribution_px), (Cutoff::Sqrt5, Some(1), 1.0));
         assert_eq!(quality.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
     }
 
@@ -211,7 +211,7 @@ mod tests {
         assert!(quality.level() == Level::Good && !quality.is_lowered(), "never better than chosen");
         quality.choose(Level::Exact);
         assert_eq!(quality.settings().cutoff, Cutoff::Exact);
-        let mut fixed = Quality::new(Settings::default(), Level::Fair, false);
+        let mut fixed = Quality::new(RenderSettings::default(), Level::Fair, false);
         assert_eq!(draw(&mut fixed, 5000, [99.0; 6]), 0);
         quality.measure(None, PERIOD_MS);
         quality.measure(Some(5.0), 0.0);
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn the_least_level_draws_fewer_layers_than_asked_for() {
         let mut quality =
-            Quality::new(Settings { layers: Some(3), ..Settings::default() }, Level::Least, true);
+            Quality::new(RenderSettings { layers: Some(3), ..RenderSettings::default() }, Level::Least, true);
         quality.change_clip(vec![10, 20, 30]);
         assert_eq!(quality.settings().layers, Some(2));
     }

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use codec::Camera;
 use glam::UVec2;
+use program::{Fault, output};
 use serde::Serialize;
 
 use super::eye;
@@ -13,9 +14,7 @@ use super::pacing::Pacing;
 use super::runtime::Runtime;
 use super::show::Show;
 use crate::args::Args;
-use crate::fault::Fault;
-use crate::gpu::{FrameCounts, Gpu, Level, Pixels, Settings};
-use crate::output;
+use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
 
@@ -70,7 +69,7 @@ pub(super) struct Drawn {
     pub(super) level: Level,
     /// Of an eye's image, in pixels.
     pub(super) size: UVec2,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     pub(super) counts: FrameCounts,
     /// For both eyes, if the GPU can tell.
     pub(super) gpu_ms: Option<f64>,
@@ -83,7 +82,7 @@ pub(super) struct Shown {
     pub(super) t: f64,
     /// Seconds from the start of the clip.
     pub(super) position_s: f64,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// An image for each eye.
     pub(super) pixels: Vec<Pixels>,
     /// The panel, if there is one.
@@ -244,14 +243,14 @@ impl Report {
         output::make_folder(folder)?;
         for ((eye, view), pixels) in EYES.into_iter().zip(&shown.views).zip(&shown.pixels) {
             let picture = folder.join(format!("{eye}.png"));
-            output::write_png(&picture, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;
+            output::write_png(&picture, &pixels.to_rgb8(), pixels.size.into())?;
             let camera = EyeCamera { camera: eye::camera(view), time: shown.position_s };
             let mut json = serde_json::to_vec_pretty(&camera).expect("numbers serialise");
             json.push(b'\n');
             output::write(&folder.join(format!("{eye}.json")), &json)?;
         }
         if let Some(panel) = &shown.panel {
-            output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.x, panel.size.y)?;
+            output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.into())?;
         }
         Ok(())
     }
@@ -264,10 +263,10 @@ impl Report {
             width: size.x,
             height: size.y,
             reach_sigma: settings.cutoff.radius_max(),
-            least_px: settings.least_px,
+            least_px: settings.min_contribution_px,
             layers: settings.layers,
             alive: counts.alive,
-            faint: counts.faint,
+            faint: counts.culled,
             sorted: counts.sorted,
         }
     }

@@ -13,9 +13,9 @@ use super::show::Show;
 use super::state::{Action, SessionLifecycle};
 use crate::args::Args;
 use crate::clips::LoadOptions;
-use crate::fault::Fault;
 use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};
-use crate::output;
+use program::Fault;
+use program::output;
 
 /// How often to look for events while the runtime wants no frames.
 const IDLE_POLL: Duration = Duration::from_millis(10);

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use glam::UVec2;
 use openxr as xr;
+use program::Fault;
 
 use super::calls::{DisplayRate, Layers, SessionFrames, Stopwatch, SwapchainImages};
 use super::canvas::{Canvas, DrawnClip};
@@ -24,7 +25,6 @@ use super::show::{Moved, Show, Viewer};
 use super::state::{Event, State};
 use super::tracking::Tracking;
 use super::{space, swapchain};
-use crate::fault::Fault;
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
 
 /// A session with a headset.

@@ -179,10 +179,7 @@ mod tests {
         assert_eq!((lost.wants_frames(), action), (false, Some(Action::Renew)));
         assert!(lifecycle.ask_exit() && !lifecycle.ask_exit(), "requested once");
         assert_eq!(lifecycle.on(Event::State(LossPending)).1, Some(Action::Leave));
-        assert!(
-            !SessionLifecycle::default().ask_exit(),
-            "a session that does not run cannot exit"
-        );
+        assert!(!SessionLifecycle::default().ask_exit(), "a session that does not run cannot exit");
     }
 
     #[test]

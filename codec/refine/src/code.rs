@@ -10,8 +10,8 @@ use codec::{
     encode_parallel,
 };
 
-use crate::prune::{Pictures, Shot};
-use crate::reference::{Scene, sensitivities};
+use crate::prune::{Pictures, PosedView};
+use crate::reference::{RenderScene, sensitivities};
 
 /// Most packages that are made to find one.
 pub const TRIALS: usize = 5;
@@ -49,7 +49,7 @@ pub fn code(
     source: &Source,
     layers: &[usize],
     psnr_db: f64,
-    seen: &[Shot],
+    seen: &[PosedView],
     judge: &Pictures,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
@@ -83,7 +83,7 @@ pub fn code_knowing(
             EncodeOptions { coder: Coder::Context, layers: layers.to_vec(), precision: precision.clone() };
         let bytes = encode_parallel(source, &options, threads).map_err(CodeError::Encode)?;
         let clip = decode_parallel(&bytes, &Limits::default(), threads).map_err(CodeError::Decode)?;
-        let coded_db = judge.psnr(&Scene::from(&clip), || ());
+        let coded_db = judge.psnr(&RenderScene::from(&clip), || ());
         on_step();
         let coded = Coded { bytes, clip, psnr_db: coded_db };
         let is_better =

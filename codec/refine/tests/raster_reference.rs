@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use codec::{Camera, Field};
-use refine::reference::{Order, Scene, render};
+use refine::reference::{Order, RenderScene, render};
 use safetensors::SafeTensors;
 
 fn floats(file: &SafeTensors, name: &str) -> (Vec<usize>, Vec<f32>) {
@@ -55,7 +55,7 @@ fn gsplat_renders_are_reproduced() {
                 [0.0, 0.0, 0.0, 1.0],
             ],
         };
-        let image = render(&Scene::from(&field), &camera, 0.0, Order::Depth);
+        let image = render(&RenderScene::from(&field), &camera, 0.0, Order::Depth);
         let differences =
             image.pixels.iter().flatten().zip(&expected).map(|(a, b)| (a - f64::from(*b)).abs());
         let worst = differences.fold(0.0, f64::max);

@@ -7,7 +7,7 @@ use codec::Clip;
 use image::RgbImage;
 use indicatif::ProgressBar;
 use refine::image::Image;
-use refine::reference::{Order, Radius, Scene, coverage, render};
+use refine::reference::{Order, Radius, RenderScene, coverage, render};
 use serde::Serialize;
 
 use crate::player::{Kind, Player, WebGl};
@@ -97,7 +97,7 @@ fn judge(
     for &frame in &frames {
         progress.set_message(format!("reference of frame {frame}"));
         let shot = &work.frames[frame];
-        let truth = render(&Scene::from(clip), &shot.camera, shot.t, Order::Depth);
+        let truth = render(&RenderScene::from(clip), &shot.camera, shot.t, Order::Depth);
         let mut strip = vec![truth.to_rgb8()];
         for (i, player) in players.iter_mut().enumerate() {
             progress.set_message(format!("{}: picture of frame {frame}", player.kind.name()));
@@ -138,7 +138,7 @@ fn fragments(kind: Kind, clip: &Clip, work: &Work) -> f64 {
         // Its reach counts twice: in the length of the axes, and in how far along them it goes.
         Kind::Viewer => Radius::Fixed(sqrt_8 * sqrt_8 / 2.0),
     };
-    let scene = Scene::from(clip);
+    let scene = RenderScene::from(clip);
     let all: u64 =
         work.frames.iter().map(|frame| coverage(&scene, &frame.camera, frame.t, radius).fragments).sum();
     all as f64 / work.frames.len() as f64

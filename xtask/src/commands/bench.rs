@@ -11,7 +11,7 @@ use std::process::Stdio;
 use anyhow::{Context, bail};
 use codec::{Clip, Limits};
 use refine::prune::Ranking;
-use refine::reference::{Radius, Scene as Drawing, coverage};
+use refine::reference::{Radius, RenderScene as Drawing, coverage};
 use serde::Deserialize;
 use serde_json::Value;
 use studio::machine::machine;

@@ -8,9 +8,8 @@ use std::path::Path;
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
 use refine::reference;
 
-use crate::export;
-use crate::fault::Fault;
 use crate::scene::{Scene, frames_of};
+use program::Fault;
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
@@ -72,11 +71,11 @@ impl Input {
     }
 
     /// What the reference renderer draws of it.
-    pub fn to_reference(&self) -> reference::Scene<'_> {
+    pub fn to_reference(&self) -> reference::RenderScene<'_> {
         match self {
             Input::Package(clip) => (&**clip).into(),
             Input::Scene(scene) => {
-                let subject = reference::Scene::from(&scene.subject.field);
+                let subject = reference::RenderScene::from(&scene.subject.field);
                 match &scene.plate {
                     Some(plate) => subject.with_plate(&plate.field),
                     None => subject,
@@ -88,7 +87,7 @@ impl Input {
     /// All Gaussians but the background's as one field, and the metadata.
     pub fn into_field(self) -> (Field, ClipInfo) {
         match self {
-            Input::Package(clip) => (export::merged(&clip), clip.info),
+            Input::Package(clip) => (clip.merged(), clip.info),
             Input::Scene(scene) => (scene.subject.field, scene.info),
         }
     }

@@ -5,7 +5,12 @@ use std::process::ExitCode;
 use clap::Parser;
 use studio::cli::{self, Cli};
 
+/// Counts the heap for the stability suite.
+#[cfg(feature = "measure")]
+#[global_allocator]
+static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
+
 fn main() -> ExitCode {
-    cli::end_on_closed_pipe();
+    program::exit_on_closed_pipe();
     cli::exit_code(Cli::parse().command.run())
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use codec::{Camera, Field, Temporal};
 use image::{GenericImageView, RgbImage};
 use refine::image::Image;
-use refine::reference::{Order, Scene, render};
+use refine::reference::{Order, RenderScene, render};
 use serde_json::{Value, json};
 use studio::capture::Footage;
 use studio::export::field_file;
@@ -58,7 +58,7 @@ fn photograph(folder: &Path, field: &Field) {
     for (c, camera) in cameras().iter().enumerate() {
         for frame in 0..FRAMES {
             let t = frame as f64 / (FRAMES - 1) as f64;
-            let image = render(&Scene::from(field), camera, t, Order::Depth);
+            let image = render(&RenderScene::from(field), camera, t, Order::Depth);
             save(&folder.join(format!("images/c{c}/{frame:02}.png")), &image);
         }
     }
@@ -209,7 +209,7 @@ fn pictures_are_judged_and_shown() {
     // The scene as it was in the first frame, at all times, from two cameras.
     for (c, camera) in cameras().iter().enumerate().take(2) {
         for frame in 0..FRAMES {
-            let image = render(&Scene::from(&field), camera, 0.0, Order::Depth);
+            let image = render(&RenderScene::from(&field), camera, 0.0, Order::Depth);
             save(&folder.join(format!("still/c{c}/{frame:02}.png")), &image);
         }
     }
@@ -247,7 +247,7 @@ fn pictures_are_judged_and_shown() {
 /// What the field shows at `t`, as pictures of all frames.
 fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
     for (c, camera) in cameras().iter().enumerate() {
-        let image = render(&Scene::from(field), camera, t, Order::Depth);
+        let image = render(&RenderScene::from(field), camera, t, Order::Depth);
         (0..FRAMES).for_each(|frame| save(&folder.join(format!("{name}/c{c}/{frame:02}.png")), &image));
     }
 }

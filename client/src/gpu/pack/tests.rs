@@ -100,7 +100,7 @@ fn static_attributes() {
 
 /// A record at an instant.
 struct Evaluated {
-    /// From the middle of the clip.
+    /// From the origin of the clip.
     position: DVec3,
     /// Part of the peak opacity.
     window: f64,
@@ -119,7 +119,7 @@ fn evaluate(packed: &Packed, row: usize, t: f64) -> Evaluated {
     let z = f64::from((words[0] >> 16) as u16 as i16) / Z_STEPS + d * widths;
     let u = d * widths.max(1.0);
 
-    let g = &packed.gaussians[row + packed.ranges.first_moving as usize];
+    let g = &packed.gaussians[row + packed.ranges.first_dynamic as usize];
     let mut position = DVec3::from_array(g.center.map(|bits| f64::from(f32::from_bits(bits))));
     for power in 0..usize::from(features.order) {
         let w = DVec3::from_array([0, 1, 2].map(|axis| half_at(1 + 3 * power + axis)));
@@ -150,8 +150,8 @@ const H: f64 = 1.0 / 2048.0;
 fn records_are_off_by_no_more_than_their_rounding_at_any_instant() {
     let motion = Motion { order: 3, rotates: true };
     let field = field(2000, 0, Some(motion));
-    let middle = DVec3::new(10.0, -20.0, 0.5);
-    let packed = pack(&Field::default(), &field, middle);
+    let origin = DVec3::new(10.0, -20.0, 0.5);
+    let packed = pack(&Field::default(), &field, origin);
     assert_eq!(packed.features.motion, Some(motion));
     let temporal = field.temporal.as_ref().expect("temporal columns");
     let mut compared = 0;
@@ -163,10 +163,10 @@ fn records_are_off_by_no_more_than_their_rounding_at_any_instant() {
             let found = evaluate(&packed, row, t);
             assert!(found.u.abs() < 3.4, "row {row} at {t}: {} widths", found.u);
 
-            let off = (found.position - (DVec3::from_array(field.position_at(row, t)) - middle)).abs();
+            let off = (found.position - (DVec3::from_array(field.position_at(row, t)) - origin)).abs();
             for axis in 0..3 {
                 // The centre and the coefficients are numbers in f32 before anything else.
-                let mut bound = 2f64.powi(-24) * (moment.position[axis] - middle[axis]).abs();
+                let mut bound = 2f64.powi(-24) * (moment.position[axis] - origin[axis]).abs();
                 for (power, w) in (1..).zip(moment.motion) {
                     let least = f64::from(packed.ranges.motion_units[power as usize - 1]) * 2f64.powi(-25);
                     bound += (1.001 * H * f64::from(w[axis]).abs()).max(least) * found.u.abs().powi(power);
@@ -202,20 +202,20 @@ fn windows_from_a_millionth_to_a_million_of_the_clip() {
             // Half a unit of each power within a width, wherever that is.
             let v = |power: i32| [0.5 * s.powi(-power); 3];
             temporal.motion = vec![v(1), v(2), v(3)];
-            let middle = DVec3::from_array(field.position_at(0, tau.clamp(0.0, 1.0).into()));
-            let packed = pack(&Field::default(), &field, middle);
+            let origin = DVec3::from_array(field.position_at(0, tau.clamp(0.0, 1.0).into()));
+            let packed = pack(&Field::default(), &field, origin);
             let moment = Moment::of(&field, field.temporal.as_ref().expect("temporal columns"), 0);
             for t in instants_alive(&field, 0) {
                 let found = evaluate(&packed, 0, t);
                 let exact = field.opacity_at(0, t);
                 let off = (found.window - exact).abs();
                 assert!(off < 1.5 / 255.0, "s {s}, tau {tau}, t {t}: {} for {exact}", found.window);
-                let off = found.position - (DVec3::from_array(field.position_at(0, t)) - middle);
+                let off = found.position - (DVec3::from_array(field.position_at(0, t)) - origin);
                 let way: f64 = (1..)
                     .zip(&moment.motion)
                     .map(|(power, w)| f64::from(w[0]).abs() * found.u.abs().powi(power))
                     .sum();
-                let center = (DVec3::from_array(moment.position) - middle).length();
+                let center = (DVec3::from_array(moment.position) - origin).length();
                 let bound = 3f64.sqrt() * 1.01 * H * way + 2f64.powi(-24) * center + 1e-9;
                 assert!(off.length() <= bound, "s {s}, tau {tau}, t {t}: off by {off}, beyond {bound}");
                 // Windows narrower than the steps of the instant have their record beside them.
@@ -247,12 +247,12 @@ fn far_from_the_origin_nothing_is_lost() {
     let mut far = near.clone();
     far.centers.iter_mut().for_each(|center| center[0] += 1e6);
     far.centers[7] = [-3e30; 3];
-    let middle = middle(&Field::default(), &far);
-    assert!((middle - DVec3::X * 1e6).length() < 1e6, "a stray does not move it: {middle}");
-    let packed = pack(&Field::default(), &far, middle);
+    let origin = origin(&Field::default(), &far);
+    assert!((origin - DVec3::X * 1e6).length() < 1e6, "a stray does not move it: {origin}");
+    let packed = pack(&Field::default(), &far, origin);
     let temporal = far.temporal.as_ref().expect("temporal columns");
     for row in (0..500).filter(|&row| row != 7 && far.alive_interval(row).is_some()) {
-        let exact = DVec3::from_array(Moment::of(&far, temporal, row).position) - middle;
+        let exact = DVec3::from_array(Moment::of(&far, temporal, row).position) - origin;
         let stored = packed.gaussians[row].center.map(|bits| f64::from(f32::from_bits(bits)));
         let off = DVec3::from_array(stored) - exact;
         assert!(off.length() <= 1e-7 * exact.length(), "row {row}: off by {off}");
@@ -305,13 +305,13 @@ fn spherical_harmonics() {
 
 #[test]
 fn regions_share_their_records() {
-    let still = field(3, 1, None);
-    let moving = field(4, 2, Some(Motion { order: 1, rotates: false }));
-    let packed = pack(&still, &moving, DVec3::ZERO);
+    let static_field = field(3, 1, None);
+    let dynamic_field = field(4, 2, Some(Motion { order: 1, rotates: false }));
+    let packed = pack(&static_field, &dynamic_field, DVec3::ZERO);
     assert_eq!(packed.features, Features { sh_degree: 2, motion: Some(Motion { order: 1, rotates: false }) });
-    assert_eq!((packed.gaussians.len(), packed.ranges.first_moving), (7, 3));
+    assert_eq!((packed.gaussians.len(), packed.ranges.first_dynamic), (7, 3));
     assert_eq!((packed.motion.len(), packed.sh.len()), (4 * 3, 7 * 9));
-    // Coefficients that the still region does not have are zero.
+    // Coefficients that the static field does not have are zero.
     assert_eq!(packed.sh[4..9], [0; 5]);
 }
 

@@ -1,13 +1,13 @@
 //! Stage `count`: how many fragments every rectangle covers, exactly and the same on every run.
 
 use glam::DVec3;
+use program::Fault;
 use shaders::{COUNTS, Purpose};
 
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
-use crate::fault::Fault;
 use crate::gpu::device::Gpu;
-use crate::gpu::renderer::{Coverage, DrawnPart};
+use crate::gpu::renderer::{Coverage, DrawnSet};
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
@@ -18,10 +18,10 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 pub(in crate::gpu) struct Counter {
     uniforms: PassUniforms,
     quads: Quads,
-    parts: Vec<CountedPart>,
+    sets: Vec<CountedSet>,
 }
 
-struct CountedPart {
+struct CountedSet {
     pipeline: wgpu::RenderPipeline,
     counts: wgpu::Buffer,
     readback: wgpu::Buffer,
@@ -29,7 +29,7 @@ struct CountedPart {
 }
 
 impl Counter {
-    pub(in crate::gpu) fn new(gpu: &Gpu, parts: &[DrawnPart], quads: Quads) -> Counter {
+    pub(in crate::gpu) fn new(gpu: &Gpu, sets: &[DrawnSet], quads: Quads) -> Counter {
         let pass_layout = PassUniforms::layout(gpu, 1);
         let counts_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("counts"),
@@ -44,14 +44,14 @@ impl Counter {
                 count: None,
             }],
         });
-        let counted = |part: &DrawnPart| {
-            let groups = [Some(&pass_layout), Some(&part.layout), Some(&counts_layout)];
+        let counted = |set: &DrawnSet| {
+            let groups = [Some(&pass_layout), Some(&set.layout), Some(&counts_layout)];
             let target = wgpu::ColorTargetState {
                 format: FORMAT,
                 blend: None,
                 write_mask: wgpu::ColorWrites::empty(),
             };
-            let size = part.order_buffer.size();
+            let size = set.order_buffer.size();
             let buffer = |usage| {
                 let descriptor =
                     wgpu::BufferDescriptor { label: Some("counts"), size, usage, mapped_at_creation: false };
@@ -65,8 +65,8 @@ impl Counter {
                 layout: &counts_layout,
                 entries: &[wgpu::BindGroupEntry { binding: COUNTS, resource: counts.as_entire_binding() }],
             });
-            CountedPart {
-                pipeline: splat::build(gpu, part.features, Purpose::Count, &groups, target),
+            CountedSet {
+                pipeline: splat::build(gpu, set.features, Purpose::Count, &groups, target),
                 counts,
                 readback: buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
                 group,
@@ -75,36 +75,36 @@ impl Counter {
         Counter {
             uniforms: PassUniforms::new(gpu, &pass_layout, 1),
             quads,
-            parts: parts.iter().map(counted).collect(),
+            sets: sets.iter().map(counted).collect(),
         }
     }
 
-    /// Counts what drawing the sorted rows of `parts`, of a clip with this `middle`, into `views`
+    /// Counts what drawing the sorted rows of `sets`, of a clip with this `origin`, into `views`
     /// takes.
     pub(in crate::gpu) fn count(
         &self,
         gpu: &Gpu,
-        parts: &[DrawnPart],
+        sets: &[DrawnSet],
         t: f64,
         cutoff: Cutoff,
         views: &[View],
-        middle: DVec3,
+        origin: DVec3,
     ) -> Result<Coverage, Fault> {
         let mut encoder = gpu.encoder();
-        self.parts.iter().for_each(|part| encoder.clear_buffer(&part.counts, 0, None));
+        self.sets.iter().for_each(|set| encoder.clear_buffer(&set.counts, 0, None));
         gpu.submit(encoder);
         for view in views {
-            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), middle);
-            self.count_view(gpu, parts, view)?;
+            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), origin);
+            self.count_view(gpu, sets, view)?;
         }
         let mut encoder = gpu.encoder();
-        for part in &self.parts {
-            encoder.copy_buffer_to_buffer(&part.counts, 0, &part.readback, 0, None);
+        for set in &self.sets {
+            encoder.copy_buffer_to_buffer(&set.counts, 0, &set.readback, 0, None);
         }
         gpu.submit(encoder);
 
         let mut coverage = Coverage::default();
-        for (part, counted) in parts.iter().zip(&self.parts) {
+        for (set, counted) in sets.iter().zip(&self.sets) {
             counted.readback.slice(..).map_async(wgpu::MapMode::Read, |_| {});
             gpu.wait()?;
             let mapped =
@@ -112,7 +112,7 @@ impl Counter {
                     Fault::Device(format!("graphics device {}: {error}", gpu.adapter_name))
                 })?;
             let counts: &[u32] = bytemuck::cast_slice(&mapped);
-            for &fragments in &counts[..part.order.len()] {
+            for &fragments in &counts[..set.order.len()] {
                 coverage.drawn += u32::from(fragments > 0);
                 coverage.fragments += u64::from(fragments);
             }
@@ -122,7 +122,7 @@ impl Counter {
         Ok(coverage)
     }
 
-    fn count_view(&self, gpu: &Gpu, parts: &[DrawnPart], view: &View) -> Result<(), Fault> {
+    fn count_view(&self, gpu: &Gpu, sets: &[DrawnSet], view: &View) -> Result<(), Fault> {
         let texture = gpu.allocate("counting", || {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("count"),
@@ -151,11 +151,11 @@ impl Counter {
             ..Default::default()
         });
         pass.set_bind_group(0, &self.uniforms.group, &[]);
-        for (part, counted) in parts.iter().zip(&self.parts) {
+        for (set, counted) in sets.iter().zip(&self.sets) {
             pass.set_pipeline(&counted.pipeline);
-            pass.set_bind_group(1, &part.group, &[]);
+            pass.set_bind_group(1, &set.group, &[]);
             pass.set_bind_group(2, &counted.group, &[]);
-            self.quads.draw(&mut pass, part.order.len() as u32);
+            self.quads.draw(&mut pass, set.order.len() as u32);
         }
         drop(pass);
         gpu.submit(encoder);

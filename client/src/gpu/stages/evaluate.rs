@@ -4,10 +4,10 @@
 use std::mem::size_of;
 
 use codec::Field;
+use program::Fault;
 use shaders::layout::{Gaussian, Ranges};
 use shaders::{Features, GAUSSIANS, MOTION, ORDER, RANGES, SH, sh_words};
 
-use crate::fault::Fault;
 use crate::gpu::device::Gpu;
 use crate::gpu::pack::Packed;
 
@@ -25,10 +25,14 @@ impl Buffers {
     ///
     /// # Errors
     /// [`Fault::Device`] that names both sizes.
-    pub(in crate::gpu) fn check_size(gpu: &Gpu, still: &Field, moving: &Field) -> Result<(), Fault> {
-        let sh = sh_words(still.sh_degree.max(moving.sh_degree)) * size_of::<u32>();
+    pub(in crate::gpu) fn check_size(
+        gpu: &Gpu,
+        static_field: &Field,
+        dynamic_field: &Field,
+    ) -> Result<(), Fault> {
+        let sh = sh_words(static_field.sh_degree.max(dynamic_field.sh_degree)) * size_of::<u32>();
         let per_row = size_of::<Gaussian>().max(sh) as u64;
-        let bytes = per_row * (still.len() + moving.len()) as u64;
+        let bytes = per_row * (static_field.len() + dynamic_field.len()) as u64;
         if bytes <= gpu.caps.max_buffer_bytes {
             return Ok(());
         }

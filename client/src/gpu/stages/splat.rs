@@ -4,7 +4,7 @@ use std::mem::size_of;
 use std::num::NonZeroU32;
 
 use glam::{DMat3, DVec3};
-use shaders::layout::{Frame, View as ViewUniform};
+use shaders::layout::{Frame, ViewUniform};
 use shaders::{FRAGMENT_ENTRY, FRAME, Features, Purpose, VERTEX_ENTRY, VIEWS, compose};
 
 use super::alive::slope_limits;
@@ -63,25 +63,25 @@ impl PassUniforms {
         PassUniforms { frame, views, group }
     }
 
-    /// Sets the instant and the eyes for the work submitted next, of a clip with this `middle`.
-    pub(in crate::gpu) fn write(&self, gpu: &Gpu, t: f64, cutoff: Cutoff, views: &[View], middle: DVec3) {
+    /// Sets the instant and the eyes for the work submitted next, of a clip with this `origin`.
+    pub(in crate::gpu) fn write(&self, gpu: &Gpu, t: f64, cutoff: Cutoff, views: &[View], origin: DVec3) {
         let time = t as f32;
         let time_rest = (t - f64::from(time)) as f32;
         let frame = Frame { time, time_rest, radius_max: cutoff.radius_max() };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         for (i, view) in views.iter().enumerate() {
             let offset = (i * size_of::<ViewUniform>()) as u64;
-            gpu.queue.write_buffer(&self.views, offset, bytemuck::bytes_of(&uniform_of(view, middle)));
+            gpu.queue.write_buffer(&self.views, offset, bytemuck::bytes_of(&uniform_of(view, origin)));
         }
     }
 }
 
-fn uniform_of(view: &View, middle: DVec3) -> ViewUniform {
+fn uniform_of(view: &View, origin: DVec3) -> ViewUniform {
     let (slope_min, slope_max) = slope_limits(view);
     let rotation = DMat3::from_mat4(view.view_from_world).as_mat3().to_cols_array_2d();
     ViewUniform {
         view_from_world: rotation.map(|[x, y, z]| [x, y, z, 0.0]),
-        eye: (view.eye() - middle).as_vec3().to_array(),
+        eye: (view.eye() - origin).as_vec3().to_array(),
         focal: view.focal.to_array(),
         principal: view.principal.to_array(),
         size: view.size.as_vec2().to_array(),

@@ -9,9 +9,9 @@ use std::sync::{Arc, Weak};
 use codec::{Clip, ClipInfo};
 
 use crate::clips::{ClipTarget, Entry};
-use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
 use crate::xr::interaction::Subject;
+use program::Fault;
 
 /// The device and format that clips are made ready for.
 #[derive(Clone)]

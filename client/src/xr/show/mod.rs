@@ -18,12 +18,12 @@ use super::pacing::Clock;
 use super::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use super::quality::Quality;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
-use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
 use clip::{HeadsetTarget, ReadyClip};
 use notices::Notices;
 use place::Place;
+use program::Fault;
 use statistics::{FrameCost, Statistics};
 
 /// What the viewer sees and does.

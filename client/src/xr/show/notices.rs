@@ -1,8 +1,8 @@
 //! [`Notices`]: the line that the panel shows, and the fault that a run without any clip ends with.
 
 use crate::clips::Progress;
-use crate::fault::Fault;
 use crate::xr::panel::Notice;
+use program::Fault;
 
 /// What the panel says.
 pub(super) struct Notices {

@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 
-use crate::gpu::{Cutoff, FrameCounts, Settings};
+use crate::gpu::{Cutoff, FrameCounts, RenderSettings};
 
 /// Seconds between updates of the numbers: as fast as they can be read.
 const UPDATE_S: f64 = 0.5;
@@ -18,7 +18,7 @@ pub(super) struct Statistics {
 /// What a frame drew, what it left out, and how long it took.
 pub(super) struct FrameCost {
     pub(super) counts: FrameCounts,
-    pub(super) settings: Settings,
+    pub(super) settings: RenderSettings,
     /// Number of layers of the clip.
     pub(super) layers: usize,
     /// Size of an eye's image in pixels.
@@ -44,7 +44,7 @@ impl Statistics {
         self.rows.clear();
         self.rows.extend([
             ("alive now", counts.alive.to_string()),
-            ("too faint", counts.faint.to_string()),
+            ("too faint", counts.culled.to_string()),
             ("drawn", counts.sorted.to_string()),
             ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
             ("GPU", gpu),

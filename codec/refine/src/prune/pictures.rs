@@ -1,35 +1,35 @@
 //! [`Pictures`] of a scene to hold others against: the judge between packages of it.
 
-use super::Shot;
+use super::PosedView;
 use crate::image::{Image, psnr};
-use crate::reference::{Order, Scene, render};
+use crate::reference::{Order, RenderScene, render};
 
 /// What a scene looks like from several places at several times.
 #[derive(Clone, Debug)]
 pub struct Pictures {
-    pub(crate) taken: Vec<(Shot, Image)>,
+    pub(crate) taken: Vec<(PosedView, Image)>,
 }
 
 impl Pictures {
-    /// Takes pictures of `scene`. `on_shot` is called after each.
-    pub fn take(scene: &Scene, shots: Vec<Shot>, mut on_shot: impl FnMut()) -> Pictures {
-        let take = |shot: Shot| {
+    /// Takes pictures of `scene`. `on_view` is called after each.
+    pub fn take(scene: &RenderScene, shots: Vec<PosedView>, mut on_view: impl FnMut()) -> Pictures {
+        let take = |shot: PosedView| {
             let image = render(scene, &shot.camera, shot.t, Order::Depth);
-            on_shot();
+            on_view();
             (shot, image)
         };
         Pictures { taken: shots.into_iter().map(take).collect() }
     }
 
     /// PSNR in dB between pictures of `scene` and these, over all pixels of all of them; infinite
-    /// where they are the same. `on_shot` is called after each.
-    pub fn psnr(&self, scene: &Scene, mut on_shot: impl FnMut()) -> f64 {
+    /// where they are the same. `on_view` is called after each.
+    pub fn psnr(&self, scene: &RenderScene, mut on_view: impl FnMut()) -> f64 {
         let mut pixels = 0;
         let mut squared_error = 0.0;
         for (shot, image) in &self.taken {
             squared_error += image.squared_error(&render(scene, &shot.camera, shot.t, Order::Depth));
             pixels += image.pixels.len();
-            on_shot();
+            on_view();
         }
         psnr(squared_error, pixels)
     }
@@ -39,19 +39,19 @@ impl Pictures {
 mod tests {
     use super::*;
     use crate::prune::scenes::cloud;
-    use crate::prune::{dome, shots};
+    use crate::prune::{dome, posed_views};
 
     #[test]
     fn errors_are_pooled_over_pixels() {
         let field = cloud(1, 60);
         let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (32, 24));
-        let scene = Scene::from(&field);
-        let pictures = Pictures::take(&scene, shots(&cameras, &[0.3, 0.7]), || ());
+        let scene = RenderScene::from(&field);
+        let pictures = Pictures::take(&scene, posed_views(&cameras, &[0.3, 0.7]), || ());
         assert_eq!(pictures.psnr(&scene, || ()), f64::INFINITY);
 
         let part = field.select(&(0..50).collect::<Vec<_>>());
         let mut calls = 0;
-        let psnr = pictures.psnr(&Scene::from(&part), || calls += 1);
+        let psnr = pictures.psnr(&RenderScene::from(&part), || calls += 1);
         assert_eq!(calls, 16);
         let mut squares = 0.0;
         for (shot, image) in &pictures.taken {

@@ -6,7 +6,7 @@
 use codec::Field;
 use rayon::prelude::*;
 
-use super::Shot;
+use super::PosedView;
 use crate::reference::{Contribution, Order, contributions};
 
 /// A measure of how much a Gaussian matters.
@@ -104,13 +104,13 @@ fn mass(field: &Field, row: usize) -> f64 {
     f64::from(field.opacities[row]) * scales.sum::<f64>() / 3.0
 }
 
-/// What each row of `field` contributes to all `shots` together. `on_shot` is called after each.
-pub fn contributions_to(shots: &[Shot], field: &Field, mut on_shot: impl FnMut()) -> Vec<Contribution> {
+/// What each row of `field` contributes to all `shots` together. `on_view` is called after each.
+pub fn contributions_to(shots: &[PosedView], field: &Field, mut on_view: impl FnMut()) -> Vec<Contribution> {
     let mut total = vec![Contribution::default(); field.len()];
-    for Shot { camera, t } in shots {
+    for PosedView { camera, t } in shots {
         let one = contributions(field, camera, *t, Order::Depth);
         total.par_iter_mut().zip(&one).for_each(|(total, one)| total.merge(one));
-        on_shot();
+        on_view();
     }
     total
 }
@@ -129,7 +129,7 @@ pub fn by_importance(scores: &[f64]) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::prune::scenes::{balls, cloud};
-    use crate::prune::{dome, shots};
+    use crate::prune::{dome, posed_views};
     use codec::Temporal;
 
     /// Two Gaussians whose mean scales are 2 and 1/e.
@@ -178,11 +178,11 @@ mod tests {
     fn blending_is_summed_and_maximised_over_shots() {
         let field = cloud(1, 60);
         let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (48, 36));
-        let shots = shots(&cameras, &[0.25, 0.75]);
+        let shots = posed_views(&cameras, &[0.25, 0.75]);
         let mut calls = 0;
         let seen = contributions_to(&shots, &field, || calls += 1);
         assert_eq!(calls, 16);
-        let single = |shot: &Shot| contributions(&field, &shot.camera, shot.t, Order::Depth);
+        let single = |shot: &PosedView| contributions(&field, &shot.camera, shot.t, Order::Depth);
         let all: Vec<_> = shots.iter().map(single).collect();
         for (ranking, expected) in [
             (Ranking::BlendSum, (0..60).map(|i| all.iter().map(|s| s[i].weight).sum()).collect()),

@@ -11,7 +11,7 @@ use super::evaluate::Splat;
 use super::sh::basis;
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{Part, evaluate_parts};
+use super::{FieldPrefix, evaluate_parts};
 use crate::image::Image;
 
 /// The linear function of one picture.
@@ -26,7 +26,7 @@ pub(crate) struct Colors {
 impl Colors {
     /// That of the picture of `field` from `camera` at `t`.
     pub(crate) fn new(field: &Field, camera: &Camera, t: f64) -> Colors {
-        let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, t);
+        let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, t);
         sort::sort(&mut splats, Order::Depth);
         let eye = DVec3::from_array(camera.position());
         let direction = |row| (DVec3::from_array(field.position_at(row, t)) - eye).normalize_or_zero();

@@ -8,7 +8,7 @@ use codec::{Camera, Field};
 
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{Part, evaluate_parts};
+use super::{FieldPrefix, evaluate_parts};
 
 /// What one Gaussian contributes to one picture, or to several.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,7 +41,7 @@ impl Contribution {
 /// The numbers do not depend on the number of threads: sums run over the rows of tiles from top
 /// to bottom. `camera` must satisfy [`Camera::check`].
 pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Vec<Contribution> {
-    let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, t);
+    let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, t);
     sort::sort(&mut splats, order);
     let walk = Walk::new(&splats, camera.width, camera.height);
     let add = |sums: &mut [Contribution], _, fragments: &[Fragment]| {

@@ -8,7 +8,7 @@ use glam::{DVec2, dvec2};
 use rayon::prelude::*;
 
 use super::evaluate::Splat;
-use super::{Part, Scene, alive, evaluate_parts};
+use super::{FieldPrefix, RenderScene, alive, evaluate_parts};
 
 /// Half the side of a splat's rectangle, in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,9 +34,9 @@ pub struct Coverage {
 
 /// Counts what drawing `scene` from `camera` at clip time `t` takes, plate included. `camera` must
 /// satisfy [`Camera::check`].
-pub fn coverage(scene: &Scene, camera: &Camera, t: f64, radius: Radius) -> Coverage {
+pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) -> Coverage {
     let mut parts = scene.parts.clone();
-    parts.extend(scene.plate.map(|plate| Part { field: plate, rows: plate.len() }));
+    parts.extend(scene.plate.map(|plate| FieldPrefix { field: plate, rows: plate.len() }));
     let alive = parts.iter().map(|part| alive::alive(part.field, part.rows, t).len()).sum();
     let fragments_of = |splat: &Splat| fragments(splat, radius, camera.width, camera.height);
     let (drawn, fragments) = evaluate_parts(&parts, camera, t)

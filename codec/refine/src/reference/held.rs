@@ -4,17 +4,23 @@ use codec::Camera;
 
 use super::evaluate::{Splat, evaluate};
 use super::sort::{Order, nearer};
-use super::{Part, Scene, alive, splat};
+use super::{FieldPrefix, RenderScene, alive, splat};
 use crate::image::Image;
 
 /// Renders `scene` from `camera` at clip time `t` over black, but in the order, and only of those
 /// Gaussians, that were found from the camera and at the clip time of `made`.
 ///
 /// Both cameras must satisfy [`Camera::check`].
-pub fn render_held(scene: &Scene, camera: &Camera, t: f64, order: Order, made: (&Camera, f64)) -> Image {
+pub fn render_held(
+    scene: &RenderScene,
+    camera: &Camera,
+    t: f64,
+    order: Order,
+    made: (&Camera, f64),
+) -> Image {
     let mut splats = held(&scene.parts, camera, t, order, made);
     if let Some(plate) = scene.plate {
-        let plate = [Part { field: plate, rows: plate.len() }];
+        let plate = [FieldPrefix { field: plate, rows: plate.len() }];
         splats.append(&mut held(&plate, camera, t, order, made));
     }
     splat::splat(&splats, camera.width, camera.height)
@@ -22,13 +28,13 @@ pub fn render_held(scene: &Scene, camera: &Camera, t: f64, order: Order, made: (
 
 /// The splats of now, in the order of then.
 fn held(
-    parts: &[Part],
+    parts: &[FieldPrefix],
     camera: &Camera,
     t: f64,
     order: Order,
     (made_by, made_at): (&Camera, f64),
 ) -> Vec<Splat> {
-    let seen = |part: &Part, camera: &Camera, t: f64| {
+    let seen = |part: &FieldPrefix, camera: &Camera, t: f64| {
         evaluate(part.field, &alive::alive(part.field, part.rows, t), camera, t)
     };
     let mut then: Vec<(usize, Splat)> = Vec::new();

@@ -37,48 +37,48 @@ use evaluate::Splat;
 
 /// What to draw: Gaussians that are sorted together, and possibly a plate behind them.
 #[derive(Clone, Debug)]
-pub struct Scene<'a> {
-    parts: Vec<Part<'a>>,
+pub struct RenderScene<'a> {
+    parts: Vec<FieldPrefix<'a>>,
     plate: Option<&'a Field>,
 }
 
 /// The first `rows` rows of a field.
 #[derive(Clone, Copy, Debug)]
-struct Part<'a> {
+struct FieldPrefix<'a> {
     field: &'a Field,
     rows: usize,
 }
 
-impl<'a> Scene<'a> {
+impl<'a> RenderScene<'a> {
     /// The first `layers` decoded layers of a clip (all of them if there are fewer; at least one),
     /// and its plate.
-    pub fn from_layers(clip: &'a Clip, layers: usize) -> Scene<'a> {
+    pub fn from_layers(clip: &'a Clip, layers: usize) -> RenderScene<'a> {
         let end = match clip.layers.get(layers.saturating_sub(1)).or(clip.layers.last()) {
             Some(end) => *end,
-            None => return Scene { parts: Vec::new(), plate: clip.plate.as_ref() },
+            None => return RenderScene { parts: Vec::new(), plate: clip.plate.as_ref() },
         };
         let parts = vec![
-            Part { field: &clip.static_field, rows: end.static_count },
-            Part { field: &clip.dynamic_field, rows: end.dynamic_count },
+            FieldPrefix { field: &clip.static_field, rows: end.static_count },
+            FieldPrefix { field: &clip.dynamic_field, rows: end.dynamic_count },
         ];
-        Scene { parts, plate: clip.plate.as_ref() }
+        RenderScene { parts, plate: clip.plate.as_ref() }
     }
 
     /// The same Gaussians with `plate` behind them.
-    pub fn with_plate(self, plate: &'a Field) -> Scene<'a> {
-        Scene { plate: Some(plate), ..self }
+    pub fn with_plate(self, plate: &'a Field) -> RenderScene<'a> {
+        RenderScene { plate: Some(plate), ..self }
     }
 }
 
-impl<'a> From<&'a Field> for Scene<'a> {
-    fn from(field: &'a Field) -> Scene<'a> {
-        Scene { parts: vec![Part { field, rows: field.len() }], plate: None }
+impl<'a> From<&'a Field> for RenderScene<'a> {
+    fn from(field: &'a Field) -> RenderScene<'a> {
+        RenderScene { parts: vec![FieldPrefix { field, rows: field.len() }], plate: None }
     }
 }
 
-impl<'a> From<&'a Clip> for Scene<'a> {
-    fn from(clip: &'a Clip) -> Scene<'a> {
-        Scene::from_layers(clip, clip.layers.len())
+impl<'a> From<&'a Clip> for RenderScene<'a> {
+    fn from(clip: &'a Clip) -> RenderScene<'a> {
+        RenderScene::from_layers(clip, clip.layers.len())
     }
 }
 
@@ -86,18 +86,18 @@ impl<'a> From<&'a Clip> for Scene<'a> {
 ///
 /// The picture does not depend on the number of threads. `camera` must satisfy
 /// [`Camera::check`]; whatever the numbers of the scene and `t`, no pixel is NaN.
-pub fn render(scene: &Scene, camera: &Camera, t: f64, order: Order) -> Image {
+pub fn render(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> Image {
     let mut splats = evaluate_parts(&scene.parts, camera, t);
     sort::sort(&mut splats, order);
     if let Some(plate) = scene.plate {
-        let mut behind = evaluate_parts(&[Part { field: plate, rows: plate.len() }], camera, t);
+        let mut behind = evaluate_parts(&[FieldPrefix { field: plate, rows: plate.len() }], camera, t);
         sort::sort(&mut behind, order);
         splats.append(&mut behind);
     }
     splat::splat(&splats, camera.width, camera.height)
 }
 
-fn evaluate_parts(parts: &[Part], camera: &Camera, t: f64) -> Vec<Splat> {
+fn evaluate_parts(parts: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {
     let mut splats = Vec::new();
     for part in parts {
         let alive = alive::alive(part.field, part.rows, t);

@@ -10,8 +10,8 @@ use codec::{Field, Sensitivity};
 use super::evaluate::BLUR;
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{Part, evaluate_parts};
-use crate::prune::Shot;
+use super::{FieldPrefix, evaluate_parts};
+use crate::prune::PosedView;
 
 /// What a Gaussian that is not seen in any picture counts as: a weight of 1 in one pixel of all
 /// pictures, and a tenth of the contrast. It may be seen from elsewhere.
@@ -33,23 +33,23 @@ impl Sums {
 
 /// Sensitivities of the rows of `field`, with `plate` behind it, over all `shots` together, and the
 /// standard deviation, in units of the field, of the blur of a pixel where it is looked at; `None`
-/// where nothing is seen. `on_shot` is called after each shot.
+/// where nothing is seen. `on_view` is called after each shot.
 ///
 /// The numbers do not depend on the number of threads.
 pub fn sensitivities(
     field: &Field,
     plate: Option<&Field>,
-    shots: &[Shot],
-    mut on_shot: impl FnMut(),
+    shots: &[PosedView],
+    mut on_view: impl FnMut(),
 ) -> Option<(Vec<Sensitivity>, f32)> {
     let mut rows = vec![Sums::default(); field.len()];
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
-    for Shot { camera, t } in shots {
-        let mut splats = evaluate_parts(&[Part { field, rows: field.len() }], camera, *t);
+    for PosedView { camera, t } in shots {
+        let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, *t);
         sort::sort(&mut splats, Order::Depth);
         let subjects = splats.len();
         if let Some(plate) = plate {
-            let mut behind = evaluate_parts(&[Part { field: plate, rows: plate.len() }], camera, *t);
+            let mut behind = evaluate_parts(&[FieldPrefix { field: plate, rows: plate.len() }], camera, *t);
             sort::sort(&mut behind, Order::Depth);
             splats.append(&mut behind);
         }
@@ -75,7 +75,7 @@ pub fn sensitivities(
             weight += sums.color;
         }
         pixels += f64::from(camera.width) * f64::from(camera.height);
-        on_shot();
+        on_view();
     }
     let root = |sum: f64, unseen: f64| ((sum + unseen) / pixels).sqrt() as f32;
     let sensitivity = |sums: &Sums| Sensitivity {
@@ -89,8 +89,8 @@ pub fn sensitivities(
 mod tests {
     use super::*;
     use crate::prune::scenes::{balls, cloud};
-    use crate::prune::{dome, shots};
-    use crate::reference::{Scene, render};
+    use crate::prune::{dome, posed_views};
+    use crate::reference::{RenderScene, render};
     use codec::Camera;
 
     /// What a change of one number does to the picture must be what the sensitivity says.
@@ -98,12 +98,12 @@ mod tests {
     fn sensitivities_predict_the_error_of_a_picture() {
         let field = cloud(3, 40);
         let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (96, 72));
-        let shots = shots(&cameras, &[0.5]);
+        let shots = posed_views(&cameras, &[0.5]);
         let (rows, _) = sensitivities(&field, None, &shots, || ()).unwrap();
         let error_of = |changed: &Field| {
-            let squares = |shot: &Shot| {
-                let [a, b] =
-                    [&field, changed].map(|f| render(&Scene::from(f), &shot.camera, shot.t, Order::Depth));
+            let squares = |shot: &PosedView| {
+                let [a, b] = [&field, changed]
+                    .map(|f| render(&RenderScene::from(f), &shot.camera, shot.t, Order::Depth));
                 a.pixels.iter().zip(&b.pixels).map(|(a, b)| (a[0] - b[0]).powi(2)).sum::<f64>()
             };
             (shots.iter().map(squares).sum::<f64>() / (shots.len() * 96 * 72) as f64).sqrt()
@@ -130,7 +130,7 @@ mod tests {
         let mut field = balls(&[[0.0; 3], [0.0, 0.0, 4.0], [6.0, 0.0, 4.0]], 1.0, 0.9);
         field.log_scales[1] = [3.0, 3.0, -1.0];
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
-        let shot = Shot { camera, t: 0.0 };
+        let shot = PosedView { camera, t: 0.0 };
         let of_first =
             |field: &Field| sensitivities(field, None, std::slice::from_ref(&shot), || ()).unwrap().0[0];
         let plain = of_first(&field);
@@ -145,7 +145,7 @@ mod tests {
         let field = balls(&[[0.0; 3]], 0.2, 0.9);
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
         let (_, blur) =
-            sensitivities(&field, None, &[Shot { camera: camera.clone(), t: 0.0 }], || ()).unwrap();
+            sensitivities(&field, None, &[PosedView { camera: camera.clone(), t: 0.0 }], || ()).unwrap();
         let expected = 0.3f64.sqrt() * 10.0 / camera.k[0][0];
         assert!((f64::from(blur) / expected - 1.0).abs() < 1e-6);
         assert!(sensitivities(&field, None, &[], || ()).is_none());

@@ -54,17 +54,17 @@ pub(crate) struct Fragment {
     pub(crate) index: usize,
     /// Opacity at the pixel, in `[ALPHA_MIN, 0.999]`.
     pub(crate) alpha: f64,
-    /// Part of the light from here that passes everything in front.
+    /// Fraction of the light from here that passes everything in front.
     pub(crate) transmittance: f64,
 }
 
 impl Fragment {
-    /// Part of the splat's colour that reaches the eye.
+    /// Fraction of the splat's colour that reaches the eye.
     pub(crate) fn weight(&self) -> f64 {
         self.alpha * self.transmittance
     }
 
-    /// Part of the light from behind that passes this and everything in front.
+    /// Fraction of the light from behind that passes this and everything in front.
     fn transmittance_behind(&self) -> f64 {
         self.transmittance * (1.0 - self.alpha)
     }
@@ -146,7 +146,7 @@ struct Tile {
 struct Pixel {
     /// Front to back.
     fragments: Vec<Fragment>,
-    /// Part of the light from behind that passes all of them; 0 where the pixel is finished.
+    /// Fraction of the light from behind that passes all of them; 0 where the pixel is finished.
     transmittance: f64,
 }
 

@@ -294,7 +294,8 @@ fn the_plate_is_behind_whatever_its_depth() {
     let plate = field(&[Ball { sigma: 1.0, opacity: 0.5, ..Ball::at([0.0, 0.0, 1.0], BLUE) }]);
     let alone = |field: &Field| render(&field.into(), &camera(), 0.0, Order::Depth).pixel(32, 24);
     let (f, p) = (alone(&front), alone(&plate));
-    let both = render(&Scene::from(&front).with_plate(&plate), &camera(), 0.0, Order::Depth).pixel(32, 24);
+    let both =
+        render(&RenderScene::from(&front).with_plate(&plate), &camera(), 0.0, Order::Depth).pixel(32, 24);
     let expected = [0, 1, 2, 3].map(|c| f[c] + p[c] * (1.0 - f[3]));
     assert_close(both, expected, 1e-12, "front over plate");
 }
@@ -332,16 +333,16 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         time_index: TimeIndex::default(),
         plate: None,
     };
-    let draw = |scene: Scene| render(&scene, &camera(), 0.5, Order::Depth);
+    let draw = |scene: RenderScene| render(&scene, &camera(), 0.5, Order::Depth);
     let coarse = (still.select(&[0]), moving_part.select(&[0]));
-    let expected = Scene {
-        parts: vec![Part { field: &coarse.0, rows: 1 }, Part { field: &coarse.1, rows: 1 }],
+    let expected = RenderScene {
+        parts: vec![FieldPrefix { field: &coarse.0, rows: 1 }, FieldPrefix { field: &coarse.1, rows: 1 }],
         plate: None,
     };
-    assert_eq!(draw(Scene::from_layers(&clip, 1)), draw(expected));
-    assert_eq!(draw(Scene::from_layers(&clip, 0)), draw(Scene::from_layers(&clip, 1)));
-    assert_eq!(draw(Scene::from_layers(&clip, 9)), draw(Scene::from(&clip)));
-    assert_ne!(draw(Scene::from(&clip)), draw(Scene::from_layers(&clip, 1)));
+    assert_eq!(draw(RenderScene::from_layers(&clip, 1)), draw(expected));
+    assert_eq!(draw(RenderScene::from_layers(&clip, 0)), draw(RenderScene::from_layers(&clip, 1)));
+    assert_eq!(draw(RenderScene::from_layers(&clip, 9)), draw(RenderScene::from(&clip)));
+    assert_ne!(draw(RenderScene::from(&clip)), draw(RenderScene::from_layers(&clip, 1)));
     // The moving ball at depth 3 covers the still ones at 4, the one at 5 does not.
     let mut joined = field(&[]);
     for (part, row) in [(&still, 0), (&still, 1), (&moving_part, 0), (&moving_part, 1)] {
@@ -351,7 +352,7 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         joined.opacities.push(part.opacities[row]);
         joined.sh.push(part.sh[row]);
     }
-    assert_eq!(draw(Scene::from(&joined)), draw(Scene::from(&clip)));
+    assert_eq!(draw(RenderScene::from(&joined)), draw(RenderScene::from(&clip)));
 }
 
 #[test]
@@ -487,13 +488,13 @@ fn contributions_do_not_depend_on_threads() {
 #[test]
 fn what_is_held_is_the_order_and_nothing_else() {
     let scene = cloud(5, 40);
-    let scene = Scene::from(&scene);
+    let scene = RenderScene::from(&scene);
     let here = camera();
     let picture = render(&scene, &here, 0.5, Order::Depth);
     assert_eq!(render_held(&scene, &here, 0.5, Order::Depth, (&here, 0.5)), picture);
     // From here, red is in front of blue; from behind both it is not.
     let pair = field(&[Ball::at([0.0, 0.0, 2.0], RED), Ball::at([0.0, 0.0, 3.0], BLUE)]);
-    let pair = Scene::from(&pair);
+    let pair = RenderScene::from(&pair);
     let behind = Camera::look_at([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0], 0.5, WIDTH, HEIGHT);
     let color = |image: Image| image.pixel(WIDTH / 2, HEIGHT / 2);
     let [red, _, blue, _] = color(render(&pair, &here, 0.0, Order::Depth));

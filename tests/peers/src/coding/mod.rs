@@ -13,8 +13,8 @@ use anyhow::anyhow;
 use codec::{ClipInfo, Field, Limits, Source};
 use indicatif::ProgressBar;
 use refine::code::{CodeError, Coded, code};
-use refine::prune::{Pictures, Shot, instants, shots, steps_aside};
-use refine::reference::Scene;
+use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
+use refine::reference::RenderScene;
 use serde::Serialize;
 use studio::export;
 
@@ -94,7 +94,7 @@ pub(crate) fn compare(
 pub(crate) struct Judge<'a> {
     field: &'a Field,
     info: &'a ClipInfo,
-    seen: Vec<Shot>,
+    seen: Vec<PosedView>,
     pictures: Pictures,
     progress: &'a ProgressBar,
 }
@@ -103,7 +103,7 @@ impl<'a> Judge<'a> {
     pub(crate) fn new(field: &'a Field, info: &'a ClipInfo, progress: &'a ProgressBar) -> Judge<'a> {
         progress.set_message("pictures to judge codings by");
         let judged = shots_of(field, info, JUDGED_ASIDE);
-        let pictures = Pictures::take(&Scene::from(field), judged, || progress.tick());
+        let pictures = Pictures::take(&RenderScene::from(field), judged, || progress.tick());
         Judge { field, info, seen: shots_of(field, info, SEEN_ASIDE), pictures, progress }
     }
 
@@ -120,7 +120,7 @@ impl<'a> Judge<'a> {
 
     fn compare(&self, theirs: Theirs, rounds: usize) -> anyhow::Result<Row> {
         self.progress.set_message(format!("judging {}", theirs.name));
-        let psnr_db = self.pictures.psnr(&Scene::from(&theirs.field), || self.progress.tick());
+        let psnr_db = self.pictures.psnr(&RenderScene::from(&theirs.field), || self.progress.tick());
         let ours = self.ours(psnr_db)?;
         let decode_ours = || -> anyhow::Result<()> {
             codec::decode(&ours.bytes, &Limits::default())?;
@@ -153,7 +153,7 @@ impl<'a> Judge<'a> {
 }
 
 /// Pictures from the first viewpoint and from `aside` degrees to its sides, at instants all over the clip.
-pub(crate) fn shots_of(field: &Field, info: &ClipInfo, aside: f64) -> Vec<Shot> {
+pub(crate) fn shots_of(field: &Field, info: &ClipInfo, aside: f64) -> Vec<PosedView> {
     let cameras = steps_aside(&info.viewpoints[0], info.up, aside.to_radians(), SIZE);
-    shots(&cameras, &instants(field, INSTANTS))
+    posed_views(&cameras, &instants(field, INSTANTS))
 }

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use client::gpu::{Cutoff, Depth, Gpu, GpuClip, Offscreen, Renderer, Settings};
 use client::clips::load_file;
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 
 use super::Drawer;
@@ -14,7 +14,7 @@ struct Ours {
     gpu: Gpu,
     renderer: Renderer,
     image: Offscreen,
-    settings: Settings,
+    settings: RenderSettings,
 }
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
@@ -22,10 +22,10 @@ pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<B
     let clip = load_file(path)?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
-    let image = Offscreen::new(&gpu, view.size, 1, Depth::Eight)?;
+    let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;
     let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
-    let renderer = Renderer::new(&gpu, on_gpu, Depth::Eight.format(), 1)?;
-    let settings = Settings { cutoff, ..Settings::default() };
+    let renderer = Renderer::new(&gpu, on_gpu, ChannelDepth::Eight.format(), 1)?;
+    let settings = RenderSettings { cutoff, ..RenderSettings::default() };
     Ok(Box::new(Ours { gpu, renderer, image, settings }))
 }
 

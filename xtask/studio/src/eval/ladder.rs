@@ -5,17 +5,17 @@ use std::fmt::Write;
 use std::path::Path;
 
 use codec::{Clip, Limits};
+use program::Fault;
 use refine::capture::{CaptureShot, Holdout, Split};
 use refine::image::Image;
 use refine::metrics::Measures;
-use refine::reference::{self, Order, Scene};
+use refine::reference::{self, Order, RenderScene};
 use serde::Serialize;
 
 use super::means::mean;
 use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::input::{prefix_bytes, read_package};
 
 /// Most photographs that each layer is compared with.
@@ -88,8 +88,9 @@ pub fn ladder(
     for (i, shot) in shots.iter().enumerate() {
         let camera = &footage.capture.cameras[shot.camera].camera;
         let (photo, t) = (footage.photo(*shot)?, footage.capture.times[shot.frame]);
-        let draw =
-            |layer: usize| reference::render(&Scene::from_layers(clip, layer + 1), camera, t, Order::Depth);
+        let draw = |layer: usize| {
+            reference::render(&RenderScene::from_layers(clip, layer + 1), camera, t, Order::Depth)
+        };
         let pictures: Vec<Image> = (0..layers).map(draw).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
             measures.push(Measures::of(picture, &photo, None));

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use refine::fit::Cpu;
 use refine::prune::{
     Candidate, Measure, PASSES, Pictures, RESOLUTION_DB, Ranking, Selection, Topology, by_importance,
-    contributions_to, refit,
+    contributions_to, recolor,
 };
 use serde::Serialize;
 
@@ -124,7 +124,7 @@ pub(super) fn choose(
     if settings.refit {
         progress.set_message("colours");
         let pictures = Pictures::take(&scene_of(field, plate), ranking_shots(scene, field), pictured);
-        let refitted = refit(&chosen, plate, &pictures, pictured);
+        let refitted = recolor(&chosen, plate, &pictures, pictured);
         let gain = whole.draft_psnr(&refitted)? - psnr_db;
         refit_gain_db = Some(gain);
         if gain > 0.0 {

@@ -48,7 +48,7 @@ pub fn ladder(
     let judge = Pictures::take(&scene_of(&field, plate.as_ref()), judging_shots(scene, &field), || ());
     let look = |bytes: &[u8]| -> anyhow::Result<f64> {
         let clip = codec::decode(bytes, &limits)?;
-        Ok(judge.psnr(&reference::Scene::from(&clip), || ()))
+        Ok(judge.psnr(&reference::RenderScene::from(&clip), || ()))
     };
     let contents = codec::contents(&package.bytes, &limits)?;
     let layers = &package.report.layers;

@@ -5,8 +5,8 @@
 use codec::{Camera, Clip, Field};
 use indicatif::ProgressBar;
 use refine::prune::{
-    Floor, FloorSettings, Kept, Measure, Pictures, ROUNDS, Ranking, Selection, Shot, by_importance,
-    contributions_to, dome, instants, select, shots, steps_aside,
+    Floor, FloorSettings, Kept, Measure, Pictures, PosedView, ROUNDS, Ranking, Selection, by_importance,
+    contributions_to, dome, instants, posed_views, select, steps_aside,
 };
 use refine::reference::{self, Contribution};
 
@@ -173,7 +173,7 @@ impl<'a> Whole<'a> {
 
     /// PSNR of a clip in the judging pictures.
     pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
-        self.judge.psnr(&reference::Scene::from(clip), || self.progress.inc(PICTURE_WORK))
+        self.judge.psnr(&reference::RenderScene::from(clip), || self.progress.inc(PICTURE_WORK))
     }
 }
 
@@ -226,22 +226,22 @@ pub(crate) fn verify_work(field: &Field) -> u64 {
     VERIFY_WORK * instants(field, FLOOR_INSTANTS).len() as u64
 }
 
-pub(crate) fn ranking_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+pub(crate) fn ranking_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
     shots_of(scene, field, RANKING_PLACES, SIZE)
 }
 
-pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+pub(crate) fn judging_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
     shots_of(scene, field, JUDGING_PLACES, SIZE)
 }
 
 /// Pictures to compare a package in with the field that was coded.
-pub(crate) fn compared_shots(scene: &Scene, field: &Field) -> Vec<Shot> {
+pub(crate) fn compared_shots(scene: &Scene, field: &Field) -> Vec<PosedView> {
     paired(&cameras(scene, field, JUDGING_PLACES, CODED_SIZE), &instants(field, COMPARED), COMPARED)
 }
 
 /// So many pictures, each from the next place and at the next instant.
-fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<Shot> {
-    let shot = |i: usize| Shot {
+fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<PosedView> {
+    let shot = |i: usize| PosedView {
         camera: cameras[i * CAMERA_STEP % cameras.len()].clone(),
         t: instants[i % instants.len()],
     };
@@ -250,13 +250,13 @@ fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<Shot> {
 
 /// From where and when to look at a field: what moves is looked at from all around at an instant of its
 /// own from each place, as Gaussians that live for a few frames are missed between few instants.
-pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Shot> {
+pub(crate) fn shots_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<PosedView> {
     let cameras = cameras(scene, field, places, size);
     if cameras.len() == AROUND && field.temporal.is_some() {
         return paired(&cameras, &instants(field, AROUND_PICTURES), AROUND_PICTURES);
     }
     let count = (PICTURES / cameras.len()).clamp(2, INSTANTS);
-    shots(&cameras, &instants(field, count))
+    posed_views(&cameras, &instants(field, count))
 }
 
 /// Where to look at a field from: the viewpoints that somebody suggested and steps aside of them, a
@@ -274,8 +274,8 @@ fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Ve
     }
 }
 
-pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::Scene<'a> {
-    let scene = reference::Scene::from(field);
+pub(crate) fn scene_of<'a>(field: &'a Field, plate: Option<&'a Field>) -> reference::RenderScene<'a> {
+    let scene = reference::RenderScene::from(field);
     plate.map_or(scene.clone(), |plate| scene.with_plate(plate))
 }
 

@@ -10,13 +10,13 @@ mod text;
 
 use codec::{Field, Sensitivity, Source};
 use indicatif::ProgressBar;
+use program::Fault;
 use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Floor, Kept, Measure, Pictures, Ranking, Selection, Shot, instants, shots};
+use refine::prune::{Floor, Kept, Measure, Pictures, PosedView, Ranking, Selection, instants, posed_views};
 use refine::reference::{self, sensitivities};
 use serde::Serialize;
 
 use super::Subject;
-use crate::fault::Fault;
 use crate::package::Settings;
 use crate::package::coding::{LAYERS, QUALITY_DB};
 use crate::package::whole::{
@@ -179,21 +179,21 @@ fn budgets(field: &Field) -> impl Iterator<Item = usize> {
     LAYERS.into_iter().rev().filter(|&budget| budget < field.len())
 }
 
-fn reported_shots(subject: &Subject) -> Vec<Shot> {
+fn reported_shots(subject: &Subject) -> Vec<PosedView> {
     let Subject { scene, field, .. } = subject;
     let placed = shots_of(scene, field, PLACES, SIZE);
     // The same cameras at other instants.
     let first = placed.first().map(|shot| shot.t);
     let cameras: Vec<_> = placed.into_iter().filter(|shot| Some(shot.t) == first).map(|s| s.camera).collect();
     let known = ranking_shots(scene, field);
-    let is_new = |shot: &Shot| {
+    let is_new = |shot: &PosedView| {
         !known.iter().any(|known| known.t == shot.t && known.camera.position() == shot.camera.position())
     };
-    shots(&cameras, &instants(field, INSTANTS)).into_iter().filter(is_new).collect()
+    posed_views(&cameras, &instants(field, INSTANTS)).into_iter().filter(is_new).collect()
 }
 
 /// Pictures that tell how exactly a package is coded.
-pub(super) fn coded_shots(subject: &Subject) -> Vec<Shot> {
+pub(super) fn coded_shots(subject: &Subject) -> Vec<PosedView> {
     shots_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE).into_iter().step_by(CODED_STRIDE).collect()
 }
 
@@ -204,7 +204,7 @@ fn coded_work(subject: &Subject) -> u64 {
 }
 
 /// Pictures that tell the coder what is visible.
-pub(super) fn seen_shots(subject: &Subject) -> Vec<Shot> {
+pub(super) fn seen_shots(subject: &Subject) -> Vec<PosedView> {
     let shots = shots_of(&subject.scene, &subject.field, RANKING_PLACES, CODED_SIZE);
     shots.into_iter().step_by(SEEN_STRIDE).collect()
 }
@@ -320,7 +320,7 @@ impl<'a> Bench<'a> {
         let tried = || self.progress.inc(trial_work);
         let coded = code_knowing(&source, &LAYERS, QUALITY_DB, visible, &judge, tried)
             .map_err(|error| refused(scene, error))?;
-        let psnr_db = self.reported.psnr(&reference::Scene::from(&coded.clip), pictured);
+        let psnr_db = self.reported.psnr(&reference::RenderScene::from(&coded.clip), pictured);
         Ok(Coded { rows, bytes: coded.bytes.len(), psnr_db })
     }
 }

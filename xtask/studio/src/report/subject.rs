@@ -6,12 +6,11 @@ use std::path::Path;
 use codec::Field;
 use refine::reference;
 
-use crate::export;
-use crate::fault::Fault;
 use crate::input::Input;
 use crate::package::visible;
 use crate::package::whole::scene_of;
 use crate::scene::Scene;
+use program::Fault;
 
 /// A field, unpruned and uncoded as far as there is such a thing: of a package, what it decodes to.
 #[derive(Debug)]
@@ -38,7 +37,7 @@ impl Subject {
                 let made = |field| Scene::made(&name, field, clip.info.clone());
                 let plate = clip.plate.clone().map(|plate| made(plate).subject);
                 let assumed = if clip.info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
-                Scene { plate, assumed, ..made(export::merged(&clip)) }
+                Scene { plate, assumed, ..made(clip.merged()) }
             }
         };
         let (field, _) = visible(&scene.subject);
@@ -50,7 +49,7 @@ impl Subject {
     }
 
     /// What the reference renderer draws of it.
-    pub fn to_reference(&self) -> reference::Scene<'_> {
+    pub fn to_reference(&self) -> reference::RenderScene<'_> {
         scene_of(&self.field, self.plate.as_ref())
     }
 

@@ -2,14 +2,14 @@
 
 use glam::{Affine3A, DMat4, DVec3, Vec2, Vec3A};
 
-use super::region::{BATCH, Faintness, Places};
+use super::columns::{BATCH, ContributionBound, Places};
 use crate::view::View;
 
 /// A view in the form that a quick test needs: no divisions, and pixels counted from the principal
 /// point.
 #[derive(Clone, Copy)]
 pub(super) struct Eye {
-    /// From the axes of the world with the middle of the clip as their origin.
+    /// From the axes of the world with the origin of the clip as their origin.
     view_from_clip: Affine3A,
     focal: Vec2,
     /// Pixels that a unit of length at distance 1 covers at most.
@@ -28,14 +28,14 @@ impl Eye {
         high: Vec2::ZERO,
     };
 
-    /// `middle`: of the clip, in the world.
-    pub(super) fn new(view: &View, middle: DVec3) -> Eye {
+    /// `origin`: of the clip, in the world.
+    pub(super) fn new(view: &View, origin: DVec3) -> Eye {
         // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
         const MARGIN: f32 = 2.9;
         let (low, high) = slope_limits(view);
         let slope = low.abs().max(high.abs());
-        let view_from_clip = view.view_from_world * DMat4::from_translation(middle);
+        let view_from_clip = view.view_from_world * DMat4::from_translation(origin);
         Eye {
             view_from_clip: Affine3A::from_mat4(view_from_clip.as_mat4()),
             focal: view.focal,
@@ -47,17 +47,17 @@ impl Eye {
 
     /// Marks those of `places` that can leave a trace in the image. Never wrong when it leaves one
     /// out. `reach`: how far from its centre each is drawn at most.
-    pub(super) fn mark_seen(&self, places: &Places, reach: &[f32], seen: &mut [u32; BATCH]) {
+    pub(super) fn cull(&self, places: &Places, support_radius: &[f32], seen: &mut [u32; BATCH]) {
         let Affine3A { matrix3, translation } = self.view_from_clip;
         let ([a, b, c], o) = ([matrix3.x_axis, matrix3.y_axis, matrix3.z_axis], translation);
         let [xs, ys, zs] = places;
-        for ((((x, y), z), reach), seen) in xs.iter().zip(ys).zip(zs).zip(reach).zip(seen) {
+        for ((((x, y), z), support_radius), seen) in xs.iter().zip(ys).zip(zs).zip(support_radius).zip(seen) {
             // Everything times the depth. The footprint's deviation is sqrt(a^2 + b^2) of its own and
             // the blur's: at most a + b, where b is in the margin.
             let depth = a.z * x + b.z * y + c.z * z + o.z;
             let right = self.focal.x * (a.x * x + b.x * y + c.x * z + o.x);
             let down = self.focal.y * (a.y * x + b.y * y + c.y * z + o.y);
-            let (wide, high) = (self.magnification.x * reach, self.magnification.y * reach);
+            let (wide, high) = (self.magnification.x * support_radius, self.magnification.y * support_radius);
             *seen |= u32::from(depth >= shaders::NEAR)
                 & u32::from(right + wide >= self.low.x * depth)
                 & u32::from(right - wide <= self.high.x * depth)
@@ -69,11 +69,11 @@ impl Eye {
     /// The most that a Gaussian can add to the image at `d` after the instant of its record, the sum
     /// of its alpha over all pixels, if it is turned to show its two longest axes, and as if it were
     /// in the middle.
-    pub(super) fn weight_px(&self, place: Vec3A, d: f32, faintness: &Faintness) -> f32 {
+    pub(super) fn weight_px(&self, place: Vec3A, d: f32, contribution: &ContributionBound) -> f32 {
         let distance = self.view_from_clip.transform_point3a(place).length();
-        let footprint = faintness.sigmas * (self.focal.max_element() / distance);
+        let footprint = contribution.sigmas * (self.focal.max_element() / distance);
         let variances = footprint * footprint + shaders::BLUR;
-        std::f32::consts::TAU * faintness.opacity_at(d) * variances.element_product().sqrt()
+        std::f32::consts::TAU * contribution.opacity_at(d) * variances.element_product().sqrt()
     }
 }
 

@@ -6,8 +6,8 @@
 //! frame is worked out once, the ends of a window instead of its exponential for one, and the rest
 //! batch by batch.
 
+mod columns;
 mod eye;
-mod region;
 #[cfg(test)]
 mod tests;
 
@@ -17,47 +17,48 @@ use codec::{Field, LayerEnd, TimeIndex};
 use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
-use crate::gpu::settings::{Settings, SortOrder};
+use crate::gpu::settings::{RenderSettings, SortOrder};
 use crate::view::{MiddleEye, View};
+use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
-use region::{BATCH, Batch, Places, Region};
 
 /// Most eyes that one frame has.
 pub(in crate::gpu) const EYES_MAX: usize = 2;
 
-/// What the CPU keeps of a clip: the columns of the two equations, and how far Gaussians reach.
+/// What the CPU keeps of a clip: the columns of the two equations, and their support radii.
 pub(in crate::gpu) struct Rows {
-    still: Region,
-    moving: Region,
+    static_field: RowColumns,
+    dynamic_field: RowColumns,
     layers: Vec<LayerEnd>,
     time_index: TimeIndex,
-    middle: DVec3,
+    origin: DVec3,
 }
 
 /// What of a part of a clip can be seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gpu) struct Seen {
+pub(in crate::gpu) struct CullCounts {
     /// Rows that are alive.
     pub(in crate::gpu) alive: u32,
-    /// Those of them that are in sight and were left out all the same, see [`Settings::least_px`].
-    pub(in crate::gpu) faint: u32,
+    /// Those of them that are in sight and were left out all the same, see [`RenderSettings::min_contribution_px`].
+    pub(in crate::gpu) culled: u32,
 }
 
 impl Rows {
-    /// `middle`: of the clip, in the world of the fields.
+    /// `origin`: of the clip, in the world of the fields.
     pub(in crate::gpu) fn new(
-        [still, moving]: [&Field; 2],
-        middle: DVec3,
+        [static_field, dynamic_field]: [&Field; 2],
+        origin: DVec3,
         layers: Vec<LayerEnd>,
         time_index: TimeIndex,
     ) -> Rows {
-        let [still, moving] = [still, moving].map(|field| Region::new(field, middle));
-        Rows { still, moving, layers, time_index, middle }
+        let [static_field, dynamic_field] =
+            [static_field, dynamic_field].map(|field| RowColumns::new(field, origin));
+        Rows { static_field, dynamic_field, layers, time_index, origin }
     }
 
     pub(in crate::gpu) fn len(&self) -> usize {
-        self.still.len() + self.moving.len()
+        self.static_field.len() + self.dynamic_field.len()
     }
 
     /// Gaussians in the first layer, the first two, and so on.
@@ -66,60 +67,60 @@ impl Rows {
     }
 
     /// Replaces `items` by the rows that, by `settings`, are to be drawn at clip time `t` in one of
-    /// `views`, still rows first, rows rising within a region's ranges.
+    /// `views`, static rows first, rows rising within a region's ranges.
     pub(in crate::gpu) fn alive(
         &self,
         t: f64,
         views: &[View],
-        settings: &Settings,
+        settings: &RenderSettings,
         items: &mut Vec<Item>,
-    ) -> Seen {
+    ) -> CullCounts {
         items.clear();
         let layers = settings.layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
         let Some(end) = layers.checked_sub(1).map(|last| self.layers[last]) else {
-            return Seen::default();
+            return CullCounts::default();
         };
         let mut eyes = [Eye::NONE; EYES_MAX];
         for (eye, view) in eyes.iter_mut().zip(views) {
-            *eye = Eye::new(view, self.middle);
+            *eye = Eye::new(view, self.origin);
         }
-        let mut sieve = Sieve {
+        let mut culler = Culler {
             t,
             eyes: &eyes[..views.len().min(EYES_MAX)],
-            depth: Depth::new(views, self.middle, settings.sort),
-            least_px: settings.least_px,
+            depth: DepthKeys::new(views, self.origin, settings.sort),
+            min_contribution_px: settings.min_contribution_px,
             items,
-            seen: Seen::default(),
+            seen: CullCounts::default(),
         };
-        sieve.pass(&self.still, 0..end.static_count, 0);
-        let first = self.still.len();
+        culler.pass(&self.static_field, 0..end.static_count, 0);
+        let first = self.static_field.len();
         for rows in self.time_index.candidates(t, layers) {
-            sieve.pass(&self.moving, rows, first);
+            culler.pass(&self.dynamic_field, rows, first);
         }
-        sieve.seen
+        culler.seen
     }
 }
 
 /// Lets through what can be seen.
-struct Sieve<'a> {
+struct Culler<'a> {
     t: f64,
     eyes: &'a [Eye],
-    depth: Depth,
-    least_px: f32,
+    depth: DepthKeys,
+    min_contribution_px: f32,
     items: &'a mut Vec<Item>,
-    seen: Seen,
+    seen: CullCounts,
 }
 
-impl Sieve<'_> {
+impl Culler<'_> {
     /// Passes `rows` of a region whose first row counts as `first`.
-    fn pass(&mut self, region: &Region, rows: Range<usize>, first: usize) {
+    fn pass(&mut self, region: &RowColumns, rows: Range<usize>, first: usize) {
         let mut batch = Batch::EMPTY;
         for begin in rows.clone().step_by(BATCH) {
             let rows = begin..rows.end.min(begin + BATCH);
             region.evaluate(rows.clone(), self.t, &mut batch);
             let mut in_sight = [0; BATCH];
             for eye in self.eyes {
-                eye.mark_seen(&batch.places, &region.reach[rows.clone()], &mut in_sight);
+                eye.cull(&batch.places, &region.support_radius[rows.clone()], &mut in_sight);
             }
             let depths = self.depth.of(&batch.places);
             for (i, row) in rows.enumerate() {
@@ -127,12 +128,13 @@ impl Sieve<'_> {
                 if batch.alive[i] & in_sight[i] == 0 {
                     continue;
                 }
-                if self.least_px > 0.0 {
+                if self.min_contribution_px > 0.0 {
                     let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
-                    let (d, faintness) = (batch.since[i], &region.faintness[row]);
-                    let is_faint = |eye: &Eye| eye.weight_px(place, d, faintness) < self.least_px;
+                    let (d, contribution) = (batch.since[i], &region.contribution[row]);
+                    let is_faint =
+                        |eye: &Eye| eye.weight_px(place, d, contribution) < self.min_contribution_px;
                     if self.eyes.iter().all(is_faint) {
-                        self.seen.faint += 1;
+                        self.seen.culled += 1;
                         continue;
                     }
                 }
@@ -143,22 +145,22 @@ impl Sieve<'_> {
 }
 
 /// How far away Gaussians are, as far as their order goes.
-struct Depth {
+struct DepthKeys {
     order: SortOrder,
-    /// Between the eyes, from the middle of the clip, in units of the field.
+    /// Between the eyes, from the origin of the clip, in units of the field.
     from: Vec3A,
     /// Where both eyes together look, of length 1.
     forward: Vec3A,
 }
 
-impl Depth {
-    fn new(views: &[View], middle: DVec3, order: SortOrder) -> Depth {
+impl DepthKeys {
+    fn new(views: &[View], origin: DVec3, order: SortOrder) -> DepthKeys {
         let eye = MiddleEye::of(views);
-        Depth { order, from: (eye.position - middle).as_vec3a(), forward: eye.forward.as_vec3a() }
+        DepthKeys { order, from: (eye.position - origin).as_vec3a(), forward: eye.forward.as_vec3a() }
     }
 
     fn of(&self, [xs, ys, zs]: &Places) -> [f32; BATCH] {
-        let Depth { from, forward, .. } = self;
+        let DepthKeys { from, forward, .. } = self;
         let mut depths = [0.0; BATCH];
         for (((x, y), z), depth) in xs.iter().zip(ys).zip(zs).zip(&mut depths) {
             let (x, y, z) = (x - from.x, y - from.y, z - from.z);

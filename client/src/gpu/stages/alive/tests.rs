@@ -7,10 +7,10 @@ use crate::gpu::stages::sort::Sorter;
 
 const ROWS: usize = 3000;
 
-const MIDDLE: DVec3 = DVec3::new(0.5, -1.0, 2.0);
+const ORIGIN: DVec3 = DVec3::new(0.5, -1.0, 2.0);
 
 /// Rows scattered around the origin, most of them alive for a short while.
-fn moving() -> Field {
+fn dynamic_field() -> Field {
     let mut state = 3u32;
     let mut random = |low: f32, high: f32| {
         state = state.wrapping_mul(1664525).wrapping_add(1013904223);
@@ -36,7 +36,7 @@ fn rows(field: &Field) -> Rows {
     let time_index = TimeIndex::of_candidates(ROWS);
     Rows::new(
         [&Field::default(), field],
-        MIDDLE,
+        ORIGIN,
         vec![LayerEnd { static_count: 0, dynamic_count: ROWS }],
         time_index,
     )
@@ -54,12 +54,12 @@ fn order_of(mut items: Vec<Item>) -> Vec<u32> {
 
 #[test]
 fn counts_what_is_alive() {
-    let field = moving();
+    let field = dynamic_field();
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
     for t in [0.0, 0.21, 0.5, 1.0] {
         let expected = (0..ROWS).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN).count();
-        let seen = rows(&field).alive(t, &view, &Settings::default(), &mut items);
+        let seen = rows(&field).alive(t, &view, &RenderSettings::default(), &mut items);
         assert_eq!(seen.alive as usize, expected, "t = {t}");
         assert!(expected > 100 && expected < ROWS * 2 / 3, "a case in which many are not alive: {expected}");
     }
@@ -77,11 +77,11 @@ fn in_view(camera: &Camera, p: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn sorted_from_the_farthest_position_at_the_instant() {
-    let (field, camera) = (moving(), camera());
+    let (field, camera) = (dynamic_field(), camera());
     let view = [View::from_camera(&camera)];
     for sort in [SortOrder::Depth, SortOrder::Radial] {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, &view, &Settings { sort, ..Settings::default() }, &mut items);
+        rows(&field).alive(0.4, &view, &RenderSettings { sort, ..RenderSettings::default() }, &mut items);
         let depth = |row: u32| {
             let p = in_view(&camera, field.position_at(row as usize, 0.4));
             match sort {
@@ -97,11 +97,12 @@ fn sorted_from_the_farthest_position_at_the_instant() {
 
 #[test]
 fn what_is_left_out_cannot_be_seen() {
-    let (field, camera) = (moving(), camera());
+    let (field, camera) = (dynamic_field(), camera());
     let view = View::from_camera(&camera);
     let mut items = Vec::new();
-    let Seen { alive, faint } = rows(&field).alive(0.4, &[view], &Settings::default(), &mut items);
-    assert_eq!(faint, 0);
+    let CullCounts { alive, culled } =
+        rows(&field).alive(0.4, &[view], &RenderSettings::default(), &mut items);
+    assert_eq!(culled, 0);
     let kept = order_of(items);
     assert!(
         kept.len() < alive as usize * 3 / 4,
@@ -132,11 +133,11 @@ fn what_is_left_out_cannot_be_seen() {
 
 #[test]
 fn a_second_eye_adds_what_only_it_sees() {
-    let field = moving();
+    let field = dynamic_field();
     let [left, right] = View::from_camera(&camera()).stereo_pair(1.0);
     let seen = |views: &[View]| {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, views, &Settings::default(), &mut items);
+        rows(&field).alive(0.4, views, &RenderSettings::default(), &mut items);
         let mut rows = order_of(items);
         rows.sort_unstable();
         rows
@@ -151,18 +152,18 @@ fn a_second_eye_adds_what_only_it_sees() {
 
 #[test]
 fn layers_are_prefixes() {
-    let mut still = moving();
-    still.temporal = None;
-    still.opacities.fill(1.0);
+    let mut static_field = dynamic_field();
+    static_field.temporal = None;
+    static_field.opacities.fill(1.0);
     let layers = vec![
         LayerEnd { static_count: 10, dynamic_count: 0 },
         LayerEnd { static_count: ROWS, dynamic_count: 0 },
     ];
-    let rows = Rows::new([&still, &Field::default()], MIDDLE, layers, TimeIndex::default());
+    let rows = Rows::new([&static_field, &Field::default()], ORIGIN, layers, TimeIndex::default());
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
     let mut alive = |layers| {
-        let settings = Settings { layers, ..Settings::default() };
+        let settings = RenderSettings { layers, ..RenderSettings::default() };
         rows.alive(0.5, &view, &settings, &mut items).alive
     };
     assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
@@ -189,27 +190,32 @@ fn alpha_sum(field: &Field, row: usize, camera: &Camera, t: f64) -> f64 {
 
 #[test]
 fn what_is_too_faint_adds_less_than_the_bound_and_is_counted() {
-    let (field, camera) = (moving(), camera());
+    let (field, camera) = (dynamic_field(), camera());
     let view = [View::from_camera(&camera)];
     let rows = rows(&field);
-    let kept = |least_px: f32| {
+    let kept = |min_contribution_px: f32| {
         let mut items = Vec::new();
-        let seen = rows.alive(0.4, &view, &Settings { least_px, ..Settings::default() }, &mut items);
+        let seen = rows.alive(
+            0.4,
+            &view,
+            &RenderSettings { min_contribution_px, ..RenderSettings::default() },
+            &mut items,
+        );
         (seen, order_of(items))
     };
     let (all, every) = kept(0.0);
     let mut before = 0;
-    for least_px in [0.5, 5.0, 50.0] {
-        let (seen, order) = kept(least_px);
-        assert_eq!((seen.alive, seen.faint as usize), (all.alive, every.len() - order.len()));
-        assert!(seen.faint > before, "more is left out at {least_px}");
-        before = seen.faint;
+    for min_contribution_px in [0.5, 5.0, 50.0] {
+        let (seen, order) = kept(min_contribution_px);
+        assert_eq!((seen.alive, seen.culled as usize), (all.alive, every.len() - order.len()));
+        assert!(seen.culled > before, "more is left out at {min_contribution_px}");
+        before = seen.culled;
         for &row in every.iter().filter(|row| !order.contains(row)) {
             let p = in_view(&camera, field.position_at(row as usize, 0.4));
             // Towards the edge of the image the same solid angle is more pixels.
             let stretch = ((p[0] * p[0] + p[1] * p[1]) / (p[2] * p[2]) + 1.0).powf(1.5);
             let added = alpha_sum(&field, row as usize, &camera, 0.4) / stretch;
-            assert!(added < f64::from(least_px), "row {row} adds {added} px");
+            assert!(added < f64::from(min_contribution_px), "row {row} adds {added} px");
         }
     }
 }

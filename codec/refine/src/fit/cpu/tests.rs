@@ -4,7 +4,7 @@ use codec::{Camera, Field, Temporal};
 
 use super::*;
 use crate::fit::Clock;
-use crate::reference::{Order, Scene, render};
+use crate::reference::{Order, RenderScene, render};
 
 const CLOCK: Clock = Clock { frames: 9 };
 
@@ -44,7 +44,7 @@ fn draw_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Picture<T>
 
 /// Differences between the channels of a drawn picture and the reference's.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
-    let expected = render(&Scene::from(field), camera, frame / CLOCK.frames_per_clip(), Order::Depth);
+    let expected = render(&RenderScene::from(field), camera, frame / CLOCK.frames_per_clip(), Order::Depth);
     let actual = draw_field::<T>(field, camera, frame);
     assert_eq!((actual.width, actual.height), (expected.width, expected.height));
     assert!(expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is seen");

@@ -1,0 +1,143 @@
+//! Output files, written completely or not at all.
+//!
+//! A file is written under a temporary name in its folder and then renamed. Its path never holds an
+//! incomplete file, and a file that was there before stays until the new one is complete.
+
+use std::io::Write;
+use std::path::Path;
+
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use tempfile::{Builder, NamedTempFile};
+
+use crate::Fault;
+
+/// Checks before any work is done that a file can be written to `path`.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn check(path: &Path) -> Result<(), Fault> {
+    temporary(path).map(drop)
+}
+
+/// Checks before any work is done that [`make_folder`] can create the folder `path` and that files can be
+/// written there.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn check_folder(path: &Path) -> Result<(), Fault> {
+    match path.ancestors().find(|folder| folder.exists()) {
+        Some(folder) if folder.is_dir() => temporary(&folder.join("file")).map(drop),
+        Some(file) => Err(Fault::Usage(format!(
+            "cannot write to the folder {}: {} is a file",
+            path.display(),
+            file.display()
+        ))),
+        None => temporary(Path::new("file")).map(drop),
+    }
+}
+
+/// Creates the folder `path` and its parents where they do not exist.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn make_folder(path: &Path) -> Result<(), Fault> {
+    std::fs::create_dir_all(path)
+        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", path.display())))
+}
+
+/// Writes `bytes` to `path`.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
+    let mut file = temporary(path)?;
+    file.write_all(bytes).map_err(|error| cannot_write(path, error))?;
+    file.persist(path).map_err(|error| cannot_write(path, error.error))?;
+    Ok(())
+}
+
+/// Writes a PNG to `path`. `rgb` holds 3 bytes for each of `width * height` pixels.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn write_png(path: &Path, rgb: &[u8], (width, height): (u32, u32)) -> Result<(), Fault> {
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(rgb, width, height, ExtendedColorType::Rgb8)
+        .map_err(|error| cannot_write(path, error))?;
+    write(path, &png)
+}
+
+/// An empty file in the folder of `path`. Dropping it removes it.
+fn temporary(path: &Path) -> Result<NamedTempFile, Fault> {
+    if path.is_dir() || path.file_name().is_none() {
+        return Err(cannot_write(path, "it is a folder, name a file"));
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
+    }
+    let mut builder = Builder::new();
+    #[cfg(unix)]
+    {
+        // The mode that other programs give to a new file; the user's umask still applies.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, error))
+}
+
+fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {
+    Fault::Usage(format!("cannot write {}: {reason}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_and_nothing_else_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        write(&path, b"old").unwrap();
+        check(&path).unwrap();
+        write(&path, b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn paths_that_cannot_be_written_are_usage_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        write(&file, b"").unwrap();
+        let usage = |result: Result<(), Fault>| assert!(matches!(result, Err(Fault::Usage(_))), "{result:?}");
+        usage(check(folder.path()));
+        usage(check(&folder.path().join("absent/a")));
+        usage(check(&file.join("a")));
+        usage(check_folder(&file));
+        usage(check_folder(&file.join("a/b")));
+        usage(make_folder(&file.join("a")));
+    }
+
+    #[test]
+    fn folders_are_made_when_asked_and_not_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b");
+        check_folder(&path).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        make_folder(&path).unwrap();
+        check_folder(&path).unwrap();
+        assert!(path.is_dir());
+    }
+
+    #[test]
+    fn png_holds_the_pixels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let rgb = [1, 2, 3, 250, 251, 252];
+        write_png(&path, &rgb, (2, 1)).unwrap();
+        let read = image::open(&path).unwrap().to_rgb8();
+        assert_eq!((read.dimensions(), read.as_raw().as_slice()), ((2, 1), &rgb[..]));
+    }
+}

@@ -1,0 +1,152 @@
+//! [`RowColumns`]: the columns that the stage reads, and what they are at an instant, batch by batch.
+//!
+//! A column is a slice of plain numbers, and a batch goes through one operation after the other
+//! without a branch: so the compiler makes vectors of it, four Gaussians wide and more.
+
+use std::ops::Range;
+
+use codec::{ALPHA_MIN, Field};
+use glam::{DVec3, Vec2};
+
+use crate::gpu::pack::moment::Moment;
+
+/// Gaussians that are looked at together: few enough to stay in the nearest cache.
+pub(super) const BATCH: usize = 64;
+
+/// Centres of a batch from the origin of the clip, in units of the field, axis by axis.
+pub(super) type Places = [[f32; BATCH]; 3];
+
+/// The static or the dynamic Gaussians of a clip, the latter as the [`Moment`]s that the shaders have.
+pub(super) struct RowColumns {
+    /// Clip times from and to which opacity reaches 1/255, outwards by a rounding; for one that never
+    /// does, none between.
+    starts: Vec<f32>,
+    ends: Vec<f32>,
+    /// Instants, in clip time, that records are about; of static rows, 0.
+    instants: Vec<f32>,
+    /// Units of time of the motion in a clip.
+    units: Vec<f32>,
+    /// Centres at their instants, from the origin of the clip, in units of the field, axis by axis.
+    centers: [Vec<f32>; 3],
+    /// Motion coefficients, in units of the field: power by power, axis by axis.
+    motion: Vec<[Vec<f32>; 3]>,
+    /// Distance from the centre, in units of the field, beyond which alpha stays below 1/255.
+    pub(super) support_radius: Vec<f32>,
+    pub(super) contribution: Vec<ContributionBound>,
+}
+
+/// What it takes to tell how much a Gaussian can add to an image.
+#[derive(Clone, Copy)]
+pub(super) struct ContributionBound {
+    /// Peak opacity.
+    opacity: f32,
+    /// Widths of the window from its centre to the instant of the record.
+    z: f32,
+    /// Widths of the window in a clip; of static rows, 0.
+    widths: f32,
+    /// Standard deviations along the two longest axes, the longest first, in units of the field.
+    pub(super) sigmas: Vec2,
+}
+
+/// A batch at an instant. Of a batch that is not full, the rest means nothing.
+pub(super) struct Batch {
+    /// 1 for those that are alive.
+    pub(super) alive: [u32; BATCH],
+    /// Clip time since the instants of the records.
+    pub(super) since: [f32; BATCH],
+    /// Where the shaders put them.
+    pub(super) places: Places,
+}
+
+impl Batch {
+    pub(super) const EMPTY: Batch =
+        Batch { alive: [0; BATCH], since: [0.0; BATCH], places: [[0.0; BATCH]; 3] };
+}
+
+impl RowColumns {
+    /// `origin`: of the clip, in the world of the field.
+    pub(super) fn new(field: &Field, origin: DVec3) -> RowColumns {
+        let rows = 0..field.len();
+        let moment = |row: usize| match &field.temporal {
+            Some(temporal) => Moment::of(field, temporal, row),
+            None => Moment { position: field.centers[row].map(f64::from), ..Moment::default() },
+        };
+        let moments: Vec<Moment> = rows.clone().map(moment).collect();
+        let alive = |row: usize| match field.alive_interval(row) {
+            None => [f32::INFINITY, f32::NEG_INFINITY],
+            Some((start, end)) => {
+                // The instant of the frame is rounded too.
+                let rounding = f64::from(f32::EPSILON);
+                [((start - rounding) as f32).next_down(), ((end + rounding) as f32).next_up()]
+            }
+        };
+        let alive: Vec<[f32; 2]> = rows.clone().map(alive).collect();
+        let contribution = |(row, moment): (usize, &Moment)| {
+            let mut scales = field.log_scales[row];
+            scales.sort_by(f32::total_cmp);
+            ContributionBound {
+                opacity: field.opacities[row],
+                z: moment.z(),
+                widths: moment.widths(),
+                sigmas: Vec2::new(scales[2].exp(), scales[1].exp()),
+            }
+        };
+        let contribution: Vec<ContributionBound> = rows.clone().zip(&moments).map(contribution).collect();
+        let support_radius = |row: usize| {
+            let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
+            contribution[row].sigmas.x * radius as f32
+        };
+        let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - origin[axis]) as f32).collect();
+        let order = field.temporal.as_ref().map_or(0, |temporal| usize::from(temporal.motion_order));
+        let of_power =
+            |power: usize| [0, 1, 2].map(|axis| moments.iter().map(|m| m.motion[power][axis]).collect());
+        RowColumns {
+            starts: alive.iter().map(|[start, _]| *start).collect(),
+            ends: alive.iter().map(|[_, end]| *end).collect(),
+            instants: moments.iter().map(Moment::instant).collect(),
+            units: moments.iter().map(Moment::units).collect(),
+            centers: [0, 1, 2].map(center),
+            motion: (0..order).map(of_power).collect(),
+            support_radius: rows.map(support_radius).collect(),
+            contribution,
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.support_radius.len()
+    }
+
+    /// Works out `rows`, at most [`BATCH`] of them, at clip time `t`.
+    pub(super) fn evaluate(&self, rows: Range<usize>, t: f64, batch: &mut Batch) {
+        let time = t as f32;
+        let rest = (t - f64::from(time)) as f32;
+        let windows = self.starts[rows.clone()].iter().zip(&self.ends[rows.clone()]);
+        for ((start, end), alive) in windows.zip(&mut batch.alive) {
+            *alive = u32::from(*start <= time) & u32::from(time <= *end);
+        }
+        for (instant, d) in self.instants[rows.clone()].iter().zip(&mut batch.since) {
+            *d = time - instant + rest;
+        }
+        let units = &self.units[rows.clone()];
+        for (axis, places) in batch.places.iter_mut().enumerate() {
+            places.fill(0.0);
+            for power in self.motion.iter().rev() {
+                let terms = power[axis][rows.clone()].iter().zip(units.iter().zip(&batch.since));
+                for ((w, (unit, d)), place) in terms.zip(&mut *places) {
+                    *place = (*place + w) * (d * unit);
+                }
+            }
+            for (center, place) in self.centers[axis][rows.clone()].iter().zip(places) {
+                *place += center;
+            }
+        }
+    }
+}
+
+impl ContributionBound {
+    /// Opacity at `d` after the instant of the record, in clip time.
+    pub(super) fn opacity_at(&self, d: f32) -> f32 {
+        let z = self.z + d * self.widths;
+        self.opacity * (-0.5 * z * z).exp()
+    }
+}

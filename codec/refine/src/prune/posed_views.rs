@@ -1,0 +1,147 @@
+//! [`PosedView`]s: from where and when a field is looked at, to rank its Gaussians and to judge what is
+//! left of it.
+//!
+//! Where a source suggests viewpoints, they are used, with steps aside: a head moves. Otherwise
+//! virtual cameras stand on a dome around the subject.
+
+use codec::{Camera, Field, Viewpoint};
+use glam::{DQuat, DVec3};
+
+use super::extent::core_box;
+
+/// A picture to take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedView {
+    /// From where, and how large.
+    pub camera: Camera,
+    /// When, in clip time.
+    pub t: f64,
+}
+
+/// Vertical field of view of the dome's cameras, in degrees.
+const DOME_FOV_Y: f64 = 50.0;
+
+/// The dome's rings: elevation in degrees, number of cameras.
+const DOME_RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
+
+/// Every camera at every instant.
+pub fn posed_views(cameras: &[Camera], instants: &[f64]) -> Vec<PosedView> {
+    let shot = |camera: &Camera, t| PosedView { camera: camera.clone(), t };
+    instants.iter().flat_map(|&t| cameras.iter().map(move |camera| shot(camera, t))).collect()
+}
+
+/// The middles of `count` equal parts of the clip; the start alone where `field` is static.
+pub fn instants(field: &Field, count: usize) -> Vec<f64> {
+    match field.temporal {
+        Some(_) => (0..count).map(|i| (i as f64 + 0.5) / count as f64).collect(),
+        None => vec![0.0],
+    }
+}
+
+/// The camera of `viewpoint`, and four more that keep looking at its target from positions
+/// `angle` radians to the left, to the right, above and below.
+pub fn steps_aside(viewpoint: &Viewpoint, up: [f32; 3], angle: f64, size: (u32, u32)) -> Vec<Camera> {
+    let target = DVec3::from_array(viewpoint.target.map(f64::from));
+    let arm = DVec3::from_array(viewpoint.position.map(f64::from)) - target;
+    let up = DVec3::from_array(up.map(f64::from)).normalize_or(DVec3::Y);
+    let across = arm.cross(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+    let turns = [(up, 0.0), (up, angle), (up, -angle), (across, angle), (across, -angle)];
+    let camera = |(axis, angle): (DVec3, f64)| {
+        let (sin, cos) = libm::sincos(0.5 * angle);
+        let turn = DQuat::from_xyzw(sin * axis.x, sin * axis.y, sin * axis.z, cos);
+        let position = target + turn * arm;
+        let fov_y = f64::from(viewpoint.fov_y);
+        Camera::look_at(position.to_array(), target.to_array(), up.to_array(), fov_y, size.0, size.1)
+    };
+    turns.map(camera).to_vec()
+}
+
+/// Eight cameras on two rings around `field` as it is at `instants`, each seeing all of it but
+/// strays; the rings are turned by `turn` of the angle from camera to camera.
+pub fn dome(field: &Field, instants: &[f64], up: [f32; 3], turn: f64, size: (u32, u32)) -> Vec<Camera> {
+    let [low, high] = core_box(field, instants).unwrap_or_default();
+    let center = 0.5 * (low + high);
+    let radius = 0.5 * (high - low).length();
+    let half_fov = 0.5 * DOME_FOV_Y.to_radians();
+    // A point is looked at from one unit away.
+    let distance = if radius > 0.0 { radius / libm::sin(half_fov) } else { 1.0 };
+    let up = DVec3::from_array(up.map(f64::from)).normalize_or(DVec3::Y);
+    let (right, forward) = up.any_orthonormal_pair();
+    let mut cameras = Vec::new();
+    for (elevation, count) in DOME_RINGS {
+        for i in 0..count {
+            let azimuth = std::f64::consts::TAU * (f64::from(i) + turn) / f64::from(count);
+            let (sin, cos) = libm::sincos(elevation.to_radians());
+            let (across, along) = libm::sincos(azimuth);
+            let direction = cos * (along * forward + across * right) + sin * up;
+            let position = (center + distance * direction).to_array();
+            let fov_y = 2.0 * half_fov;
+            cameras.push(Camera::look_at(position, center.to_array(), up.to_array(), fov_y, size.0, size.1));
+        }
+    }
+    cameras
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prune::scenes::balls;
+
+    #[test]
+    fn every_camera_of_the_dome_sees_the_field_but_no_stray() {
+        let mut centers = Vec::new();
+        for i in 0..200 {
+            let a = f64::from(i) * 0.7;
+            centers.push([
+                (10.0 + a.sin()) as f32,
+                (3.0 + 2.0 * (a * 0.3).cos()) as f32,
+                (a * 0.9).sin() as f32,
+            ]);
+        }
+        centers.push([1e6, 0.0, 0.0]);
+        let field = balls(&centers, 0.1, 0.9);
+        let cameras = dome(&field, &[0.0], [0.0, 0.0, 1.0], 0.5, (120, 90));
+        assert_eq!(cameras.len(), 8);
+        for camera in &cameras {
+            camera.check().unwrap();
+            assert!(camera.position()[2] > 0.1, "above the middle of the field");
+            let m = &camera.camera_from_world;
+            for center in &centers[..200] {
+                let [x, y, z] = [0, 1, 2]
+                    .map(|r| (0..3).map(|axis| m[r][axis] * f64::from(center[axis])).sum::<f64>() + m[r][3]);
+                let (x, y) =
+                    (camera.k[0][0] * x / z + camera.k[0][2], camera.k[1][1] * y / z + camera.k[1][2]);
+                assert!(z > 0.0 && (0.0..120.0).contains(&x) && (0.0..90.0).contains(&y), "{x} {y} {z}");
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_fields_and_axes_still_get_cameras() {
+        for field in [balls(&[], 0.1, 0.9), balls(&[[1.0; 3]], 0.1, 0.9), balls(&[[1.0; 3]], 0.1, 0.0)] {
+            for up in [[0.0, 1.0, 0.0], [0.0; 3]] {
+                assert!(dome(&field, &[0.0], up, 0.0, (8, 8)).iter().all(|camera| camera.check().is_ok()));
+            }
+        }
+        let viewpoint =
+            Viewpoint { name: "top".into(), position: [0.0, 5.0, 0.0], target: [0.0; 3], fov_y: 1.0 };
+        let cameras = steps_aside(&viewpoint, [0.0, 1.0, 0.0], 0.1, (8, 8));
+        assert!(cameras.iter().all(|camera| camera.check().is_ok()));
+    }
+
+    #[test]
+    fn steps_aside_keep_their_distance_and_their_target() {
+        let viewpoint =
+            Viewpoint { name: "v".into(), position: [1.0, 2.0, 5.0], target: [1.0, 1.0, 0.0], fov_y: 0.8 };
+        let up = [0.0, 1.0, 0.0];
+        let cameras = steps_aside(&viewpoint, up, 0.2, (64, 48));
+        assert_eq!(cameras[0], viewpoint.camera(up, 64, 48));
+        let target = DVec3::new(1.0, 1.0, 0.0);
+        let arm = |camera: &Camera| DVec3::from_array(camera.position()) - target;
+        for camera in &cameras[1..] {
+            assert!((arm(camera).length() - arm(&cameras[0]).length()).abs() < 1e-6);
+        }
+        assert!((arm(&cameras[3]).angle_between(arm(&cameras[0])) - 0.2).abs() < 1e-6);
+        assert!((arm(&cameras[1]) - arm(&cameras[2])).length() > 1.0);
+    }
+}
