@@ -28,6 +28,7 @@ enum Command {
     Bench(commands::bench::Args),
     Test(commands::test::Args),
     Apk(commands::apk::Args),
+    Notices(commands::notices::Args),
     Ci(commands::ci::Args),
 }
 
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         Command::Bench(args) => commands::bench::run(&args),
         Command::Test(args) => commands::test::run(&args),
         Command::Apk(args) => commands::apk::run(&args),
+        Command::Notices(args) => commands::notices::run(&args),
         Command::Ci(args) => commands::ci::run(&args),
     })
 }
