@@ -2,17 +2,17 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use client::args::Args;
-use client::fault::Fault;
-use client::{generate, headless};
+use client::headless;
+use program::{Fault, generate};
 
 fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     env_logger::Builder::from_env(quiet).init();
     let args = Args::parse();
-    let result = if let Some(what) = args.generate {
-        generate::print(what)
+    let result = if let Some(document) = args.generate {
+        generate::print(document, Args::command())
     } else if args.headless {
         headless::run(&args)
     } else if args.xr {

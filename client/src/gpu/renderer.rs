@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
+use program::Fault;
 use shaders::Features;
 
 use super::clip::{GaussianSet, GpuClip};
@@ -14,7 +15,6 @@ use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
 use super::stages::splat::{self, PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
-use crate::fault::Fault;
 use crate::gpu::settings::RenderSettings;
 use crate::view::View;
 

@@ -2,13 +2,13 @@
 
 use clap::ValueEnum;
 use glam::UVec2;
+use program::Fault;
 
 use super::device::Gpu;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
 use super::renderer::{FrameCounts, Renderer};
 use super::settings::RenderSettings;
-use crate::fault::Fault;
 use crate::view::View;
 
 /// Bits per channel.
