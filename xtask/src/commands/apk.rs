@@ -100,8 +100,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map_err(|error| Fault::Data(format!("{}: {error}", library.display())))?;
     let notices_part = parts.join("NOTICES.txt");
     let notices = notices(&[&["--package", "client"], &FEATURES[..]].concat(), TARGET)?;
-    fs::write(&notices_part, notices + LOADER_NOTICE)
-        .with_context(|| notices_part.display().to_string())?;
+    fs::write(&notices_part, notices + LOADER_NOTICE).with_context(|| notices_part.display().to_string())?;
     pack(&library_part, &loader_part, &notices_part, &args.out)?;
     println!("adb install -r {}", args.out.display());
     Ok(())

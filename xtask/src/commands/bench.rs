@@ -1,7 +1,7 @@
-//! `cargo xtask bench`: the benches as one table, then what can be counted instead of timed.
+//! `cargo xtask bench`: the benches as one table, then counts.
 //!
-//! Times depend on the machine, which is named above them. Counts do not: they are taken of the
-//! real clip where its data lies beside the repository, else of the demo clip.
+//! Times depend on the machine, which the header names. Counts do not. They are of the real clip if its
+//! data is beside the repository, else of the demo clip.
 
 use std::fs;
 use std::io;
@@ -23,7 +23,7 @@ use xtask::workspace;
 /// The real clip, relative to the root of the repository.
 const REAL_CLIP: &str = "../shared/data/spacetime-spinach/spinach_4.splatv";
 
-/// Gaussians kept of it.
+/// Gaussians that are kept of the real clip.
 const BUDGET: usize = 40_000;
 
 /// Width and height of the counted frames in pixels.
@@ -32,19 +32,19 @@ const SIZE: u32 = 1024;
 /// Clip times of the counted frames.
 const TIMES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 
-/// Half the side of the quads that players commonly draw, in standard deviations.
+/// Half the side of the quads that other players commonly draw, in standard deviations.
 const FIXED_RADIUS: f64 = 2.0 * std::f64::consts::SQRT_2;
 
-/// The player's benches need no window, which takes longer to build than all else.
+/// The player's benches need no window, the slowest part of the build.
 const WITHOUT_WINDOW: &str = "--no-default-features";
 
-/// Run the benches and print one table, then the counts that do not depend on the machine.
+/// Run the benches and print one table, then machine-independent counts
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
 pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
-    // In a folder of their own, so that no result of an earlier run is among them.
+    // A fresh folder, so that it holds no results of earlier runs.
     let results = folder.path().join("criterion");
     run_benches(&results)?;
     let benches = read_results(&results)?;
@@ -66,20 +66,20 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     print_counts(&name, &clip, played.as_ref().ok())
 }
 
-/// A bench and what it measured.
+/// A bench and its result.
 struct Bench {
     id: Id,
     estimates: Estimates,
 }
 
-/// Criterion's `benchmark.json`, as far as it is used.
+/// The fields of Criterion's `benchmark.json` that are used.
 #[derive(Deserialize)]
 struct Id {
     full_id: String,
     throughput: Option<Value>,
 }
 
-/// Criterion's `estimates.json`, as far as it is used: nanoseconds per iteration.
+/// The fields of Criterion's `estimates.json` that are used, in nanoseconds per iteration.
 #[derive(Deserialize)]
 struct Estimates {
     median: Estimate,
@@ -91,7 +91,7 @@ struct Estimate {
     point_estimate: f64,
 }
 
-/// Runs the benches of the packages that have some. Their results go to the folder `results`.
+/// Runs the benches of all packages that have some, with results in the folder `results`.
 fn run_benches(results: &Path) -> anyhow::Result<()> {
     let status = workspace::cargo()
         .args(["bench", "--package", "codec", "--package", "refine", "--package", "client", "--bench", "*"])
@@ -107,7 +107,7 @@ fn run_benches(results: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Reads what Criterion left in `results` and the folders in it, by name of the bench.
+/// Reads Criterion's results in `results` and its subfolders, sorted by name of the bench.
 fn read_results(results: &Path) -> anyhow::Result<Vec<Bench>> {
     let mut benches = Vec::new();
     let mut folders = vec![results.to_owned()];
@@ -127,7 +127,7 @@ fn read_results(results: &Path) -> anyhow::Result<Vec<Bench>> {
 }
 
 impl Bench {
-    /// Its row of the table.
+    /// Row of the table.
     fn row(&self) -> String {
         let median = self.estimates.median.point_estimate;
         let spread = self.estimates.median_abs_dev.point_estimate;
@@ -137,14 +137,14 @@ impl Bench {
         format!("{:<40}{median:>12}{spread:>12}{throughput:>16}", self.id.full_id)
     }
 
-    /// Bytes that one iteration works through, where the bench says it.
+    /// Bytes per iteration, if the bench declares them.
     fn bytes(&self) -> Option<f64> {
         let throughput = self.id.throughput.as_ref()?;
         [&throughput["Bytes"], &throughput["ElementsAndBytes"]["bytes"]].into_iter().find_map(Value::as_f64)
     }
 }
 
-/// Nanoseconds in a readable unit.
+/// Formats nanoseconds in a readable unit.
 fn duration(ns: f64) -> String {
     match ns {
         ns if ns >= 1e9 => format!("{:.2} s", ns * 1e-9),
@@ -154,7 +154,7 @@ fn duration(ns: f64) -> String {
     }
 }
 
-/// The package that is counted, and its name.
+/// Name and package of the clip that is counted.
 fn subject() -> anyhow::Result<(String, Package)> {
     let path = workspace::root().join(REAL_CLIP);
     let (scene, budget) = if path.exists() {
@@ -170,7 +170,7 @@ fn subject() -> anyhow::Result<(String, Package)> {
     Ok((scene.name, package))
 }
 
-/// Has the player draw the counted frames; its statistics.
+/// Renders the counted frames with the player and returns its statistics.
 fn play(path: &Path, clip: &Package, folder: &Path) -> anyhow::Result<Value> {
     let duration = f64::from(clip.report.duration_s);
     let times: Vec<String> = TIMES.iter().map(|t| (t * duration).to_string()).collect();
@@ -185,12 +185,12 @@ fn play(path: &Path, clip: &Package, folder: &Path) -> anyhow::Result<Value> {
         .context("cannot run cargo")?;
     if !output.status.success() {
         let message = String::from_utf8_lossy(&output.stderr);
-        bail!("{}", message.lines().last().unwrap_or("the player said nothing"));
+        bail!("{}", message.lines().last().unwrap_or("the player failed without a message"));
     }
     Ok(serde_json::from_slice(&fs::read(stats)?)?)
 }
 
-/// Prints what it takes to draw each frame. `stats` are those of the player.
+/// Prints counts of each frame. `stats` are the player's.
 fn print_counts(name: &str, package: &Package, stats: Option<&Value>) -> anyhow::Result<()> {
     let Package { bytes, report } = package;
     let clip: Clip = codec::decode(bytes, &Limits::default())?;
@@ -205,8 +205,8 @@ fn print_counts(name: &str, package: &Package, stats: Option<&Value>) -> anyhow:
         viewpoint.name,
     );
     println!(
-        "fragments in quads that reach to alpha 1/255 (exact), there but no farther than 2 sqrt 2 sigma (capped), \
-         always 2 sqrt 2 sigma (fixed)"
+        "fragments in quads that extend to alpha 1/255 (exact), to that but at most 2 sqrt 2 sigma (capped), \
+         to 2 sqrt 2 sigma (fixed)"
     );
     println!(
         "{:<8}{:>8}{:>8}{:>8}{:>9}{:>12}{:>12}{:>12}{:>13}{:>14}",
@@ -244,7 +244,7 @@ fn text(value: &Value) -> &str {
 mod tests {
     use super::*;
 
-    /// What Criterion 0.8 writes, shortened where it is not used.
+    /// Criterion 0.8's files, without unused fields.
     #[test]
     fn results_become_rows() {
         let results = tempfile::tempdir().unwrap();
@@ -270,7 +270,7 @@ mod tests {
         let words: Vec<Vec<&str>> = rows.iter().map(|row| row.split_whitespace().collect()).collect();
         assert_eq!(words[0], ["codec/sh0/decode", "5.00", "ms", "+-25.00", "us", "200.0", "MB/s"]);
         assert_eq!(words[1], ["sort/40k", "380.00", "us", "+-25.00", "us"]);
-        assert_eq!(rows.len(), 2, "one row a bench, that of the last run");
+        assert_eq!(rows.len(), 2, "one row per bench, of the last run");
     }
 
     #[test]

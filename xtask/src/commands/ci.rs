@@ -1,8 +1,8 @@
 //! `cargo xtask ci`: the checks that only contributors need.
 //!
-//! Every step runs, also after one has failed, so that one run shows everything there is to mend.
-//! The rules that the sources keep (which crate may name what, where `unsafe` may stand) are tests
-//! and run with `cargo xtask test`. What a machine cannot check is listed at the end.
+//! Every step runs, even after a failure, so that one run shows all problems. Rules about the sources
+//! (dependencies between modules, places of `unsafe`) are tests and run with `cargo xtask test`. Steps
+//! that this machine cannot run are listed at the end.
 
 mod android;
 
@@ -26,8 +26,8 @@ pub(crate) struct Args {
     link: bool,
 }
 
-/// Sets of packages and features that are built by someone on their own: what one set needs, a
-/// build of the whole workspace can hide.
+/// Sets of packages and features that users build separately: a workspace build can hide a missing
+/// feature of one set.
 const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("whole workspace", &["--workspace", "--all-targets"]),
     ("the player", &["--package", "client"]),
@@ -57,20 +57,19 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
-/// Tests of what the host tool can only where it is built for it.
+/// Tests of the host tool's optional features.
 const HOST_TOOL_TESTS: [(&str, &[&str]); 2] =
     [("networks that see depth", &["depths"]), ("fitting on a graphics device", &["fit_gpu"])];
 
-/// The packages of the workspace in codec/fuzz, with the folder of each, the program that writes what
-/// to start from, and those that look for inputs that break something.
+/// Packages of the workspace codec/fuzz: name, folder, the program that writes the seeds, the fuzz
+/// targets.
 const FUZZERS: [(&str, &str, &str, &[&str]); 2] = [
     ("codec-fuzz", "codec/fuzz", "seeds", &["decode", "roundtrip"]),
     ("aarc-fuzz", "tests/fuzz", "tool-seeds", &["import", "scene", "capture", "net"]),
 ];
 
-/// How long each looks, on one core, from what random numbers, so that luck does not fail a change,
-/// and what it may use: bytes of an input, seconds for one, MB of memory. The workspace limits the
-/// address space.
+/// Seconds per target, on one core; a fixed seed, so that runs are comparable; limits of input bytes,
+/// seconds per input and MB of memory. The workspace limits the address space.
 const FUZZ_LIMITS: [&str; 5] =
     ["-max_total_time=20", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
 
@@ -128,7 +127,7 @@ struct Steps {
 }
 
 impl Steps {
-    /// Runs a step; whether it passed.
+    /// Runs a step and returns whether it passed.
     fn run(&mut self, name: &str, command: &mut Command) -> bool {
         let start = Instant::now();
         eprintln!("ci: {name}");
@@ -141,14 +140,13 @@ impl Steps {
         passed
     }
 
-    /// Notes a step that cannot be run, and why.
+    /// Records a step that cannot run, and why.
     fn skip(&mut self, name: &str, reason: &str) {
         self.skipped.push(format!("{name}: {reason}"));
     }
 }
 
-/// Checks the packer of APKs, a workspace of its own: its tests pack stub libraries and read the
-/// APK back.
+/// Checks the APK packer, a workspace of its own: its tests pack stub libraries and read the APK back.
 fn packer(steps: &mut Steps) {
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
@@ -161,15 +159,15 @@ fn packer(steps: &mut Steps) {
     steps.run("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
 }
 
-/// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
-/// that they write, what earlier runs found and the committed regressions. An input that breaks one
-/// is left in target/fuzz, under the path that is printed.
+/// Checks codec/fuzz, a workspace of its own, and runs its targets from their seeds, earlier corpora and
+/// the committed regressions. An input that breaks a target is written to target/fuzz; libFuzzer prints
+/// its path.
 fn fuzz(steps: &mut Steps) {
     let folder = workspace::root().join("codec/fuzz");
     let out = workspace::target_folder().join("fuzz");
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
-        // These flags would take the place of those that fuzzing needs.
+        // These would override the flags that fuzzing needs.
         cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         cargo
     };
@@ -200,8 +198,8 @@ fn fuzz(steps: &mut Steps) {
     }
 }
 
-/// Checks licences, sources and known vulnerabilities of dependencies where cargo-deny is installed,
-/// which takes longer to build than everything here. Licences and sources are also tested without.
+/// Checks licences, sources and known vulnerabilities of dependencies, if cargo-deny is installed; its
+/// build would take longer than everything here. A test checks licences and sources without it.
 fn deny(steps: &mut Steps) {
     let is_there = workspace::cargo().args(["deny", "--version"]).output();
     if !is_there.is_ok_and(|output| output.status.success()) {
@@ -209,7 +207,7 @@ fn deny(steps: &mut Steps) {
         return;
     }
     steps.run("dependencies", workspace::cargo().args(["deny", "check", "bans", "licenses", "sources"]));
-    // Their list comes over the network: without one, an older list would pass what is known by now.
+    // Without the network, an outdated list would miss newer vulnerabilities.
     let fetched =
         workspace::cargo().args(["deny", "fetch", "db"]).status().is_ok_and(|status| status.success());
     if fetched {
@@ -218,13 +216,12 @@ fn deny(steps: &mut Steps) {
             workspace::cargo().args(["deny", "check", "advisories"]),
         );
     } else {
-        steps.skip("known vulnerabilities of dependencies", "their list cannot be fetched");
+        steps.skip("known vulnerabilities of dependencies", "the list cannot be downloaded");
     }
 }
 
-/// Compiles the workspace, without its tests and optional features, with the oldest Rust that the
-/// packages say they need, where this one is newer. The other workspaces are not: their
-/// `rust-version` is only held to the same.
+/// Compiles the workspace, without tests and optional features, with the oldest supported Rust, if the
+/// current one is newer. Of the other workspaces only the `rust-version` is checked, by a test.
 fn oldest_rust(steps: &mut Steps) {
     let oldest = env!("CARGO_PKG_RUST_VERSION");
     let version = Command::new("rustc").arg("--version").output();
@@ -236,7 +233,7 @@ fn oldest_rust(steps: &mut Steps) {
     let name = format!("the workspace with the oldest Rust, {oldest}");
     let has_it = Command::new("rustup").args(["run", oldest, "rustc", "--version"]).output();
     if !has_it.is_ok_and(|output| output.status.success()) {
-        steps.skip(&name, "rustup does not have it");
+        steps.skip(&name, "rustup has not installed it");
         return;
     }
     let mut check = Command::new("rustup");
@@ -244,7 +241,7 @@ fn oldest_rust(steps: &mut Steps) {
     steps.run(&name, &mut check);
 }
 
-/// Installs the toolchain's formatter and linter where a minimal toolchain lacks them.
+/// Installs formatter and linter if the toolchain lacks them.
 fn install_components() {
     for (subcommand, component) in [("fmt", "rustfmt"), ("clippy", "clippy")] {
         let is_there = workspace::cargo()
@@ -253,7 +250,7 @@ fn install_components() {
             .is_ok_and(|output| output.status.success());
         if !is_there {
             eprintln!("ci: rustup component add {component}");
-            // Where this fails, the step that needs the component fails, and says so.
+            // If this fails, the step that needs the component fails and reports it.
             let _ =
                 Command::new("rustup").args(["component", "add", component]).stdin(Stdio::null()).status();
         }

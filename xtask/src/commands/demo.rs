@@ -1,7 +1,7 @@
 //! `cargo xtask demo`: sets the machine up, packages the demo scene and plays it.
 //!
-//! Where there is a display, the player opens its window. Elsewhere it renders pictures through the
-//! same renderer, and where there is no graphics device either, the reference renderer does.
+//! With a display the player opens its window. Without one it renders images with the same renderer;
+//! without a graphics device, the CPU reference renderer does.
 
 use std::env;
 use std::fs;
@@ -28,21 +28,21 @@ const SHEET: (u32, u32) = (4, 3);
 /// Size of a frame of the contact sheet in pixels.
 const FRAME_SIZE: (u32, u32) = (360, 360);
 
-/// Size of each eye's picture in pixels.
+/// Size of each eye's image in pixels.
 const EYE_SIZE: (u32, u32) = (720, 720);
 
-/// Distance between the eyes, the mean of adults.
+/// Distance between the eyes, the mean for adults.
 const EYE_DISTANCE_M: f64 = 0.063;
 
-/// Set up, package the demo scene and play it; without a display, render it to pictures.
+/// Set up, package the demo scene and play it; without a display, render it to images
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
 pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
-    let without_vulkan = "the reference renderer draws pictures on the CPU";
+    let without_vulkan = "the reference renderer draws images on the CPU";
     let mut needs = vec![(Need::Vulkan, without_vulkan)];
     if has_display() {
-        needs.push((Need::WindowLibraries, "there is no window, but pictures"));
+        needs.push((Need::WindowLibraries, "the demo renders images instead of opening a window"));
     }
     setup::satisfy(&needs);
 
@@ -78,7 +78,7 @@ fn has_display() -> bool {
     ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| env::var_os(name).is_some_and(|value| !value.is_empty()))
 }
 
-/// Runs the player; whether it could. It says itself what it lacks.
+/// Runs the player. Returns false if it found no device, which it reports itself.
 fn play(client: &mut Command) -> anyhow::Result<bool> {
     let no_device = i32::from(Fault::Device(String::new()).exit_code());
     let status = client.status().context("cannot run the player")?;
@@ -89,7 +89,7 @@ fn play(client: &mut Command) -> anyhow::Result<bool> {
     }
 }
 
-/// The pictures to make and where they go.
+/// Paths and times of the images.
 struct Pictures {
     /// Frames over the clip, in rows.
     sheet: PathBuf,
@@ -97,9 +97,9 @@ struct Pictures {
     stereo: PathBuf,
     /// Counts and timings of the frames.
     stats: PathBuf,
-    /// Of the frames, in seconds.
+    /// Times of the frames in seconds.
     times: Vec<f64>,
-    /// Of the stereo pair.
+    /// Time of the stereo pair in seconds.
     stereo_time: f64,
 }
 
@@ -116,7 +116,7 @@ impl Pictures {
         }
     }
 
-    /// Has the player render; whether it could.
+    /// Renders with the player. Returns false if it found no device.
     fn draw(&self, client: &Path, clip: &Path) -> anyhow::Result<bool> {
         let headless = |time: &str, (width, height): (u32, u32), out: &Path| {
             let mut command = Command::new(client);
@@ -141,7 +141,7 @@ impl Pictures {
         Ok(true)
     }
 
-    /// The same on the CPU.
+    /// Renders with the reference renderer, on the CPU.
     fn draw_with_reference(&self, clip: &Clip) -> anyhow::Result<()> {
         println!("rendering with the reference renderer, on the CPU");
         let duration = f64::from(clip.info.duration_s);
@@ -172,7 +172,7 @@ impl Pictures {
         }
         write_picture(&self.sheet, &tiled(&pictures, SHEET.0))?;
         let distance = EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit);
-        // What lies ahead of the middle is to the right of the left eye.
+        // The left eye is to the left of the camera, so points move to the right in its image.
         let eyes = [0.5, -0.5].map(|side| {
             let mut camera = camera(EYE_SIZE);
             camera.camera_from_world[0][3] += side * distance;
@@ -185,7 +185,7 @@ impl Pictures {
     }
 }
 
-/// Pictures of one size in rows of `columns`.
+/// Tiles images of one size in rows of `columns`.
 fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
     let (width, height) = pictures[0].dimensions();
     let rows = (pictures.len() as u32).div_ceil(columns);
@@ -207,7 +207,7 @@ mod tests {
     use image::Rgb;
 
     #[test]
-    fn pictures_are_laid_out_in_rows() {
+    fn images_are_tiled_in_rows() {
         let picture = |value: u8| RgbImage::from_pixel(3, 2, Rgb([value; 3]));
         let sheet = tiled(&[picture(1), picture(2), picture(3)], 2);
         assert_eq!(sheet.dimensions(), (6, 4));

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
+use program::output;
 use serde_json::Value;
-use studio::output;
 use xtask::workspace;
 
 /// Write the licences of everything that the player and the host tool contain.
@@ -106,7 +106,10 @@ fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
         .map(|package| Package {
             name: format!("{} v{}", text(package, "name"), text(package, "version")),
             licence: text(package, "license"),
-            folder: Path::new(&text(package, "manifest_path")).parent().map(Path::to_owned).unwrap_or_default(),
+            folder: Path::new(&text(package, "manifest_path"))
+                .parent()
+                .map(Path::to_owned)
+                .unwrap_or_default(),
             is_ours: package["source"].is_null(),
         })
         .filter(|package| names.contains(&package.name))
@@ -136,7 +139,8 @@ fn licence_texts(folder: &Path, texts: &mut Vec<String>) -> anyhow::Result<()> {
         if path.is_dir() {
             licence_texts(&path, texts)?;
         } else if is_of_fonts && name.ends_with(".txt")
-            || NAMES.iter().any(|part| name.contains(part)) && !OTHER_ENDINGS.iter().any(|end| name.ends_with(end))
+            || NAMES.iter().any(|part| name.contains(part))
+                && !OTHER_ENDINGS.iter().any(|end| name.ends_with(end))
         {
             let text = String::from_utf8_lossy(&fs::read(&path)?).into_owned();
             // zstd offers the GPL as an alternative to BSD, which is the licence used here.

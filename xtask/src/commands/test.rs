@@ -1,9 +1,9 @@
 //! `cargo xtask test`: every test that this machine can run.
 //!
-//! Cargo's output is passed on as it comes, and closed with a list of what was not tested and why,
-//! and one line of totals. A test that cannot run here is *ignored*, never passed: tests that need
-//! a graphics adapter or a display report that themselves; a test that lacks its data prints a
-//! line that starts with `skipped:`, and is counted among the ignored.
+//! Streams Cargo's output, then lists the ignored tests with their reasons, and the totals. A test that
+//! cannot run here is *ignored*, never passed: tests that need a graphics adapter or a display report
+//! that themselves; a test without its data prints a line that starts with `skipped:` and counts as
+//! ignored.
 
 use std::io::{BufRead, BufReader, Write, stdout};
 use std::process::{ExitStatus, Stdio};
@@ -14,7 +14,7 @@ use xtask::workspace;
 
 use crate::setup::{self, Need};
 
-/// Run every test that this machine can run.
+/// Run every test that this machine can run
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
@@ -66,19 +66,19 @@ fn run_tests(packages: &[&str], tally: &mut Tally) -> anyhow::Result<ExitStatus>
     Ok(cargo.wait()?)
 }
 
-/// What the lines of a test run say.
+/// Totals of a test run, read from its output.
 #[derive(Debug, Default, PartialEq)]
 struct Tally {
     passed: usize,
     failed: usize,
-    /// Tests that did not test anything, with the reason that they gave.
+    /// Ignored tests with their reasons.
     ignored: Vec<(String, String)>,
-    /// The test whose output is being read, inside the list of outputs of passed tests.
+    /// Test of the current output, inside the list of outputs of passed tests.
     output_of: Option<String>,
 }
 
 impl Tally {
-    /// Takes in the next line; whether it is worth showing. The outputs of passed tests are not.
+    /// Reads the next line. Returns whether to show it: outputs of passed tests are hidden.
     fn read(&mut self, line: &str) -> bool {
         if line.starts_with("test result: ") || line == "failures:" {
             self.output_of = None;
@@ -93,7 +93,7 @@ impl Tally {
             *test = name.to_owned();
         } else if let Some(reason) = line.strip_prefix("skipped: ") {
             let name = test.clone();
-            // A test may give several reasons; it was counted as passed once.
+            // A test may print several reasons, but was counted as passed once.
             if self.ignored.last().is_none_or(|(last, _)| *last != name) {
                 self.passed = self.passed.saturating_sub(1);
                 self.ignored.push((name, reason.to_owned()));
@@ -102,7 +102,7 @@ impl Tally {
         false
     }
 
-    /// Reads `test NAME ... OUTCOME`, as the standard harness and its substitute print it.
+    /// Reads `test NAME ... OUTCOME`, as the standard harness and libtest-mimic print it.
     fn read_outcome(&mut self, line: &str) {
         let Some((name, outcome)) = line.strip_prefix("test ").and_then(|rest| rest.split_once(" ... "))
         else {
@@ -119,7 +119,7 @@ impl Tally {
         }
     }
 
-    /// What was not tested and why, and the totals as Cargo words them.
+    /// The ignored tests with their reasons, and the totals in Cargo's words.
     fn report(&self, success: bool, seconds: f64) -> String {
         let mut text = String::new();
         let mut reasons: Vec<&str> = self.ignored.iter().map(|(_, reason)| reason.as_str()).collect();
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn outcomes_are_counted_and_outputs_of_passed_tests_left_out() {
+    fn outcomes_are_counted_and_outputs_of_passed_tests_hidden() {
         let output = "\
 running 6 tests
 test a::quick ... ok
