@@ -4,9 +4,6 @@ pub(crate) mod apk;
 pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;
-<<<<<<< HEAD
 pub(crate) mod notices;
-=======
 pub(crate) mod report;
->>>>>>> next
 pub(crate) mod test;

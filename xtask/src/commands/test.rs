@@ -26,14 +26,14 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
         (Need::Slurm, "the test of a job array is ignored"),
     ]);
     let start = Instant::now();
-    let mut tally = Tally::default();
+    let mut totals = Totals::default();
     let mut passed = true;
     for packages in PACKAGES {
-        passed &= run_tests(packages, &mut tally)?.success();
+        passed &= run_tests(packages, &mut totals)?.success();
     }
-    println!("{}", tally.report(passed, start.elapsed().as_secs_f64()));
+    println!("{}", totals.report(passed, start.elapsed().as_secs_f64()));
     if !passed {
-        bail!("{}", if tally.failed > 0 { "tests failed" } else { "the tests could not be built or run" });
+        bail!("{}", if totals.failed > 0 { "tests failed" } else { "the tests could not be built or run" });
     }
     Ok(())
 }
@@ -46,7 +46,7 @@ const PACKAGES: [&[&str]; 2] = [
 ];
 
 /// Runs all tests of some packages and counts them.
-fn run_tests(packages: &[&str], tally: &mut Tally) -> anyhow::Result<ExitStatus> {
+fn run_tests(packages: &[&str], totals: &mut Totals) -> anyhow::Result<ExitStatus> {
     let mut cargo = workspace::cargo()
         .arg("test")
         .args(packages)
@@ -58,7 +58,7 @@ fn run_tests(packages: &[&str], tally: &mut Tally) -> anyhow::Result<ExitStatus>
     for line in BufReader::new(cargo.stdout.take().expect("piped")).split(b'\n') {
         let line = line.context("cannot read the output of the tests")?;
         let line = String::from_utf8_lossy(&line);
-        if tally.read(&line) {
+        if totals.read(&line) {
             println!("{line}");
             stdout().flush()?;
         }
@@ -68,7 +68,7 @@ fn run_tests(packages: &[&str], tally: &mut Tally) -> anyhow::Result<ExitStatus>
 
 /// Totals of a test run, read from its output.
 #[derive(Debug, Default, PartialEq)]
-struct Tally {
+struct Totals {
     passed: usize,
     failed: usize,
     /// Ignored tests with their reasons.
@@ -77,7 +77,7 @@ struct Tally {
     output_of: Option<String>,
 }
 
-impl Tally {
+impl Totals {
     /// Reads the next line. Returns whether to show it: outputs of passed tests are hidden.
     fn read(&mut self, line: &str) -> bool {
         if line.starts_with("test result: ") || line == "failures:" {
@@ -180,12 +180,12 @@ failures:
     bad
 
 test result: FAILED. 2 passed; 1 failed; 3 ignored; 0 measured; 0 filtered out; finished in 0.00s";
-        let mut tally = Tally::default();
-        let shown: Vec<&str> = output.lines().filter(|line| tally.read(line)).collect();
+        let mut totals = Totals::default();
+        let shown: Vec<&str> = output.lines().filter(|line| totals.read(line)).collect();
         assert!(shown.contains(&"it broke") && shown.last().unwrap().starts_with("test result: FAILED"));
         assert!(!shown.contains(&"some chatter"));
-        assert_eq!((tally.passed, tally.failed), (1, 1));
-        let report = tally.report(false, 1.5);
+        assert_eq!((totals.passed, totals.failed), (1, 1));
+        let report = totals.report(false, 1.5);
         for expected in [
             "no adapter: matrix/sh3\n",
             "takes an hour: slow\n",

@@ -56,16 +56,16 @@ impl Unpacked {
     pub(super) fn make(&self) -> anyhow::Result<()> {
         let name = self.folder.file_name().and_then(OsStr::to_str).context("the folder has no name")?;
         let work = workspace::target_folder().join("setup").join(name);
-        let (fetched_mb, kept_mb) = self.size_mb;
+        let (fetched_mb, unpacked_mb) = self.size_mb;
         eprintln!(
-            "set-up: downloading {} and their dependencies from {}: {fetched_mb} MB, {kept_mb} MB unpacked into {}",
+            "set-up: downloading {} and their dependencies from {}: {fetched_mb} MB, {unpacked_mb} MB unpacked into {}",
             self.packages.join(" "),
             self.release.name(),
             self.folder.display()
         );
-        let (unpacked, kept) = (work.join("unpacked"), work.join("kept"));
+        let (unpacked, selected) = (work.join("unpacked"), work.join("selected"));
         remove_all(&unpacked)?;
-        remove_all(&kept)?;
+        remove_all(&selected)?;
         self.fetch(&work)?;
         fs::create_dir_all(&unpacked)?;
         for package in packages_in(&work.join("archives"))? {
@@ -73,13 +73,13 @@ impl Unpacked {
         }
         for path in self.keep {
             let path = resolve(&unpacked, path).with_context(|| format!("the packages hold no {path}"))?;
-            let to = kept.join(&path);
+            let to = selected.join(&path);
             fs::create_dir_all(to.parent().expect("inside a folder"))?;
             fs::rename(unpacked.join(path), to)?;
         }
-        fs::write(kept.join(STAMP), self.stamp())?;
+        fs::write(selected.join(STAMP), self.stamp())?;
         remove_all(&self.folder)?;
-        fs::rename(&kept, &self.folder)?;
+        fs::rename(&selected, &self.folder)?;
         Ok(remove_all(&work)?)
     }
 
