@@ -29,7 +29,7 @@ use figure::Figure;
 use fit::{Gaussians, Surfel, SurfelPose, Windows};
 use light::Light;
 use sample::Sample;
-use skeleton::SurfelPose;
+use skeleton::Pose;
 
 /// Length of the clip in seconds: three turns of each hand, after which every ball is back.
 const DURATION_S: f64 = 3.0;
@@ -66,8 +66,8 @@ pub fn clip() -> (Field, ClipInfo) {
 /// Covers the figure and lets the bones carry what lies on it.
 fn add_figure(
     figure: &Figure,
-    rest: &SurfelPose,
-    poses: &dyn Fn(f64) -> SurfelPose,
+    rest: &Pose,
+    poses: &dyn Fn(f64) -> Pose,
     windows: &[Windows],
     light: &Light,
     gaussians: &mut Gaussians,
