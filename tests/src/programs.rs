@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// The executable of the player, built if need be.
 pub fn client() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| build("client"))
+    PATH.get_or_init(|| build("aarc"))
 }
 
 /// The executable of the host tool, built if need be.

@@ -57,7 +57,7 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     let clip = codec::decode(&package.bytes, &Limits::default())?;
 
     println!("building the player");
-    let client = workspace::build("client", "dev")?;
+    let client = workspace::build("aarc", "dev")?;
     if has_display() {
         println!("playing in a window; H lists the keys, closing the window ends the demo");
         if play(Command::new(&client).arg(&path))? {
