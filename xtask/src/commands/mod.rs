@@ -5,5 +5,4 @@ pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;
 pub(crate) mod notices;
-pub(crate) mod report;
 pub(crate) mod test;
