@@ -68,11 +68,12 @@ impl Events {
 fn collect(download: Download) -> Events {
     let start = Instant::now();
     let mut events = Events::default();
-    for news in download {
-        match news {
+    for event in download {
+        match event {
             Ok(LoadEvent::Clip(clip)) => events.clips.push(*clip),
             Ok(LoadEvent::Note(note)) => events.notes.push(note),
             Ok(LoadEvent::Progress(progress)) => events.progress.push(progress),
+            Ok(event) => panic!("a download reports {event:?}"),
             Err(fault) => events.fault = Some(fault),
         }
         assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {events:?}");

@@ -22,7 +22,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         ignorable("a clip plays although the disk of the cache is full", Some(small_disk), full_cache),
         ignorable("a full disk is one sentence", Some(small_disk), full_output),
         ignorable("too little graphics memory is one sentence", None, little_memory),
-        ignorable("a lost device is one sentence", None, lost_headless),
+        ignorable("a lost device is reopened once, then one sentence", None, lost_headless),
         ignorable("a window reopens a lost device once, and then ends with one sentence", None, lost_window),
     ]
 }
@@ -186,6 +186,22 @@ fn lost_headless(folder: &Folder) -> Result<Completion, String> {
     let mut command = folder.command(client(), &format!("clip.aarc {HEADLESS} --out late.png"));
     lossy(&mut command, folder, "submit:1000");
     run(&mut command).success();
+    // The first device is lost after 150 submissions or waits: another draws the same images.
+    let frames = |out: &str, when: &str| {
+        let line = format!("clip.aarc --headless --frames 0..120 --size 96x64 --out {out}");
+        let mut command = folder.command(client(), &line);
+        lossy(&mut command, folder, when);
+        let outcome = run(&mut command).success();
+        let images = (0..120).map(|i| folder.read(&format!("{out}/frame_{i:04}.png")));
+        images.collect::<Result<Vec<_>, _>>().map(|images| (outcome, images))
+    };
+    let (_, expected) = frames("never", "submit:100000")?;
+    for (out, when) in [("submit", "submit:150:1"), ("wait", "wait:150:1")] {
+        let (outcome, images) = frames(out, when)?;
+        if images != expected || !outcome.stderr.contains("goes on with another") {
+            return Err(format!("{when}: {outcome:?}"));
+        }
+    }
     Ok(Completion::Completed)
 }
 
