@@ -45,7 +45,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Length of a clip in seconds.
 fn duration_s(clip: &Path) -> anyhow::Result<f64> {
-    let inspect = workspace::studio("dev")?.arg("inspect").arg(clip).arg("--json").stderr(Stdio::inherit()).output()?;
+    let inspect =
+        workspace::studio("dev")?.arg("inspect").arg(clip).arg("--json").stderr(Stdio::inherit()).output()?;
     ensure!(inspect.status.success(), "inspect failed: {}", inspect.status);
     let report: Value = serde_json::from_slice(&inspect.stdout)?;
     report["duration_s"].as_f64().context("inspect prints no duration_s")
