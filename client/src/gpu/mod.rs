@@ -5,7 +5,9 @@
 //! CPU, `evaluate` and `splat` on the GPU.
 
 mod clip;
+mod counts;
 mod device;
+mod drawn_set;
 mod layers;
 mod level;
 mod pack;
@@ -25,10 +27,11 @@ mod timing;
 mod ui;
 
 pub use clip::GpuClip;
+pub use counts::{Coverage, FrameCounts};
 pub use device::{Caps, Gpu, LOG_FILTER};
 pub use level::Level;
 pub use readback::Pixels;
-pub use renderer::{Coverage, FrameCounts, Renderer};
+pub use renderer::Renderer;
 pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};

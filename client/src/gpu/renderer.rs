@@ -4,43 +4,20 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
-use shaders::Features;
 
-use super::clip::{GaussianSet, GpuClip};
+use super::clip::GpuClip;
+use super::counts::{Coverage, FrameCounts};
 use super::device::Gpu;
+use super::drawn_set::DrawnSet;
+use super::settings::RenderSettings;
 use super::stages::alive::EYES_MAX;
 use super::stages::count::Counter;
 use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
-use super::stages::splat::{self, PassUniforms, multiview_mask};
+use super::stages::splat::{PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
 use crate::fault::Fault;
-use crate::gpu::settings::RenderSettings;
 use crate::view::View;
-
-/// What a frame took. Plate included.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameCounts {
-    /// Gaussians whose opacity at the instant reaches 1/255.
-    pub alive: u32,
-    /// Those in sight that were left out because they add too little, see [`RenderSettings::min_contribution_px`].
-    pub culled: u32,
-    /// Those that can reach into an image: sorted and handed to the GPU.
-    pub sorted: u32,
-    /// Milliseconds for finding them.
-    pub alive_ms: f64,
-    /// Milliseconds for sorting them.
-    pub sort_ms: f64,
-}
-
-/// What the drawn rectangles cover, see [`Renderer::count`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Coverage {
-    /// Gaussians whose rectangle holds a pixel centre.
-    pub drawn: u32,
-    /// Pixel centres in the rectangles, over all Gaussians and eyes.
-    pub fragments: u64,
-}
 
 /// The pipelines that a clip needs, and the memory of a frame.
 pub struct Renderer {
@@ -54,17 +31,6 @@ pub struct Renderer {
     sorter: Sorter,
     timer: Option<GpuTimer>,
     counter: Option<Counter>,
-}
-
-/// A part of the clip as the renderer draws it.
-pub(super) struct DrawnSet {
-    pub(super) features: Features,
-    pub(super) layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::RenderPipeline,
-    /// The rows to draw, back to front.
-    pub(super) order: Vec<u32>,
-    pub(super) order_buffer: wgpu::Buffer,
-    pub(super) group: wgpu::BindGroup,
 }
 
 impl Renderer {
@@ -250,32 +216,4 @@ impl Renderer {
 fn within_clip(t: f64) -> f64 {
     // NaN counts as the start.
     if t > 0.0 { t.min(1.0) } else { 0.0 }
-}
-
-impl DrawnSet {
-    fn new(
-        gpu: &Gpu,
-        set: &GaussianSet,
-        pass_layout: &wgpu::BindGroupLayout,
-        format: wgpu::TextureFormat,
-        eyes_per_pass: u32,
-    ) -> DrawnSet {
-        let features = set.buffers.features;
-        let layout = set.buffers.layout(gpu);
-        let groups = [Some(pass_layout), Some(&layout)];
-        let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("order"),
-            size: 4 * set.rows.len().max(1) as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        DrawnSet {
-            features,
-            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass),
-            order: Vec::with_capacity(set.rows.len()),
-            group: set.buffers.bind(gpu, &layout, &order_buffer),
-            order_buffer,
-            layout,
-        }
-    }
 }

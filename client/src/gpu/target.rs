@@ -3,10 +3,11 @@
 use clap::ValueEnum;
 use glam::UVec2;
 
+use super::counts::FrameCounts;
 use super::device::Gpu;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
-use super::renderer::{FrameCounts, Renderer};
+use super::renderer::Renderer;
 use super::settings::RenderSettings;
 use crate::fault::Fault;
 use crate::view::View;

@@ -285,34 +285,44 @@ impl Gpu {
     }
 }
 
-/// The first failure that a device reports by itself, from any thread.
+/// The first error that a device reports outside any error scope, from whichever thread.
 #[cfg(any(feature = "window", feature = "xr"))]
-pub(crate) struct Failures(Arc<Mutex<Option<String>>>);
+pub(crate) struct Failures(Arc<Mutex<Option<wgpu::Error>>>);
 
 #[cfg(any(feature = "window", feature = "xr"))]
 impl Failures {
-    /// Keeps what would otherwise end the program in a panic.
+    /// Collects errors of `gpu` for [`Failures::check`] instead of panicking where they occur.
     pub(crate) fn watch(gpu: &Gpu) -> Failures {
-        let failure: Arc<Mutex<Option<String>>> = Arc::default();
+        let failure: Arc<Mutex<Option<wgpu::Error>>> = Arc::default();
         let uncaptured = failure.clone();
         gpu.device.on_uncaptured_error(Arc::new(move |error| {
-            let mut first = uncaptured.lock().unwrap_or_else(PoisonError::into_inner);
-            first.get_or_insert_with(|| error.to_string());
+            uncaptured.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }));
         Failures(failure)
     }
 
-    /// Whether all is well with `gpu`.
+    /// Returns the error collected since the last call.
     ///
     /// # Errors
-    /// [`Fault::Device`] with the failure.
+    /// [`Fault::Device`] if the device was lost, is out of memory or failed internally.
+    ///
+    /// # Panics
+    /// On a validation error: the program made an invalid call, which is a defect of the program.
     pub(crate) fn check(&self, gpu: &Gpu) -> Result<(), Fault> {
         if let Some(why) = gpu.loss.why() {
             return Err(gpu.gone(why));
         }
-        match self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            None => Ok(()),
-            Some(failure) => Err(Fault::Device(format!("graphics device {}: {failure}", gpu.adapter_name))),
+        let failure = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        failure.map_or(Ok(()), |error| Err(fault_of(&gpu.adapter_name, &error)))
+    }
+}
+
+#[cfg(any(feature = "window", feature = "xr"))]
+fn fault_of(adapter_name: &str, error: &wgpu::Error) -> Fault {
+    match error {
+        wgpu::Error::Validation { .. } => panic!("invalid use of the graphics device: {error}"),
+        wgpu::Error::OutOfMemory { .. } | wgpu::Error::Internal { .. } => {
+            Fault::Device(format!("graphics device {adapter_name}: {error}"))
         }
     }
 }
@@ -338,5 +348,21 @@ mod tests {
         assert_eq!(mesa_major("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
         assert_eq!(mesa_major("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
         assert_eq!(mesa_major("570.1"), None);
+    }
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    fn exhausted_memory_is_a_device_fault() {
+        let fault = fault_of("llvmpipe", &wgpu::Error::OutOfMemory { source: "no memory".into() });
+        assert_eq!(fault.exit_code(), 5);
+        assert!(fault.to_string().starts_with("graphics device llvmpipe: "), "{fault}");
+    }
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    #[should_panic(expected = "invalid use of the graphics device: ")]
+    fn a_validation_error_is_a_defect() {
+        let description = "bind group 1 is not set".to_owned();
+        fault_of("llvmpipe", &wgpu::Error::Validation { source: "unset".into(), description });
     }
 }

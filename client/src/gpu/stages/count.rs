@@ -6,8 +6,9 @@ use shaders::{COUNTS, Purpose};
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
 use crate::fault::Fault;
+use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
-use crate::gpu::renderer::{Coverage, DrawnSet};
+use crate::gpu::drawn_set::DrawnSet;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
