@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
-use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
+use refine::anchor::{
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
+};
 use refine::capture::CaptureShot;
 use refine::fit::{Fit, Parameters, Photograph, Shot};
 use serde::{Deserialize, Serialize};
@@ -71,7 +73,7 @@ fn has_hull(shots: &Shots) -> bool {
 /// # Errors
 /// [`Fault::Data`] where there is nothing to start from, or a file cannot be read.
 pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> anyhow::Result<Fit> {
-    let wanted = Anchor {
+    let wanted = AnchorSettings {
         views: grounding(settings, footage)?,
         gaussians: settings.gaussians,
         mirror: settings.mirror,
@@ -79,11 +81,15 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
         ..Anchor::default()
     };
     let parameters = match &settings.start {
-        Start::Hull => anchored(Anchor { source: Source::Hull, ..wanted }, footage, shots, None)?,
-        Start::Sweep => anchored(Anchor { source: Source::HullAndSweep, ..wanted }, footage, shots, None)?,
+        Start::Hull => {
+            anchored(AnchorSettings { source: DepthSource::Hull, ..wanted }, footage, shots, None)?
+        }
+        Start::Sweep => {
+            anchored(AnchorSettings { source: DepthSource::HullAndSweep, ..wanted }, footage, shots, None)?
+        }
         Start::Depths(folder, scale) => {
-            let source = Source::Given(scale.alignment(shots));
-            anchored(Anchor { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
+            let source = DepthSource::Given(scale.alignment(shots));
+            anchored(AnchorSettings { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
         }
         Start::Scatter => {
             let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
@@ -127,7 +133,7 @@ impl From<AnchorError> for Stop {
 }
 
 fn anchored(
-    wanted: Anchor,
+    wanted: AnchorSettings,
     footage: &Footage,
     shots: &Shots,
     depths: Option<&Path>,
