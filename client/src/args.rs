@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
-
 #[cfg(not(target_os = "android"))]
-use crate::generate::Generated;
+use program::generate::Generated;
+
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// What `--version` says: of the program, and of the packages that it plays.
@@ -177,7 +177,7 @@ fn size(text: &str) -> Result<UVec2, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use clap::{CommandFactory, ValueEnum};
 
     use super::*;
 
@@ -237,6 +237,27 @@ mod tests {
         {
             assert!(parse(&format!("client a {line}")).is_err(), "{line}");
         }
+    }
+
+    #[test]
+    fn every_generated_document_knows_every_option() {
+        use program::generate::{Generated, render};
+
+        for &document in Generated::value_variants() {
+            let text = String::from_utf8(render(document, Args::command())).expect("text");
+            // Without the man page's markup of fonts and dashes.
+            let plain = text.replace(r"\fR", "").replace('\\', "");
+            let dashes = if document == Generated::Fish { "-l " } else { "--" };
+            for option in Args::command().get_arguments().filter_map(|option| option.get_long()) {
+                let option = format!("{dashes}{option}");
+                // A longer option may begin with the same letters.
+                let mut ends = plain.match_indices(&option).map(|(at, _)| &plain[at + option.len()..]);
+                let is_longer = |c: char| c == '-' || c.is_alphanumeric();
+                assert!(ends.any(|rest| !rest.starts_with(is_longer)), "{document:?} lacks {option}");
+            }
+        }
+        let page = String::from_utf8(render(Generated::Man, Args::command())).expect("text");
+        assert!(page.contains(".SH OPTIONS") && page.contains("Exit codes"), "{page}");
     }
 
     #[test]

@@ -7,12 +7,11 @@ use std::time::Instant;
 
 use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
+use program::{Fault, output};
 
 use crate::args::Args;
 use crate::clips::{LoadEvent, cache_dir, playlist, printable};
-use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
-use crate::output;
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
@@ -61,10 +60,10 @@ impl Output<'_> {
     fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
         let (rgb, size) = side_by_side(eyes);
         if !self.many {
-            return output::write_png(self.path, &rgb, size.x, size.y);
+            return output::write_png(self.path, &rgb, size.into());
         }
         output::make_folder(self.path)?;
-        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.x, size.y)
+        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.into())
     }
 }
 

@@ -7,17 +7,13 @@
 
 pub mod args;
 pub mod clips;
-pub mod fault;
 #[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
 mod folders;
-#[cfg(not(target_os = "android"))]
-pub mod generate;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
 pub mod headless;
 #[cfg(feature = "net")]
 pub mod net;
-pub mod output;
 pub mod player;
 pub mod stats;
 #[cfg(not(target_os = "android"))]

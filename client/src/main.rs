@@ -3,10 +3,10 @@
 use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use client::args::Args;
-use client::fault::Fault;
-use client::{generate, headless};
+use client::headless;
+use program::{Fault, generate};
 
 fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
@@ -24,8 +24,8 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Fault> {
-    if let Some(what) = args.generate {
-        generate::print(what)
+    if let Some(document) = args.generate {
+        generate::print(document, Args::command())
     } else if args.headless {
         headless::run(args)
     } else if args.xr {

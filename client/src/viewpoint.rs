@@ -4,8 +4,7 @@ use std::path::Path;
 
 use codec::{Camera, Clip, Viewpoint};
 use glam::UVec2;
-
-use crate::fault::Fault;
+use program::Fault;
 
 /// The viewpoints of `clip`, or one that shows all of it where it has none. Never empty.
 pub fn viewpoints(clip: &Clip) -> Vec<Viewpoint> {

@@ -1,14 +1,14 @@
-//! [`Reader`] and [`Writer`]: little-endian numbers in and out of byte strings.
+//! [`Reader`] and `Writer`: little-endian numbers from and to byte strings.
 
 use crate::{Error, error::FormatError};
 
-/// Reads numbers one after the other and never past the end.
+/// Reads numbers in order, never past the end.
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     /// Offset of `bytes` in the package.
     base: usize,
     position: usize,
-    /// What `bytes` are, for errors.
+    /// Name of `bytes`, for errors.
     part: &'static str,
 }
 
@@ -17,7 +17,7 @@ impl<'a> Reader<'a> {
         Reader { bytes, base, position: 0, part }
     }
 
-    /// Offset in the package of the next byte.
+    /// Offset of the next byte in the package.
     pub(crate) fn at(&self) -> usize {
         self.base + self.position
     }
@@ -52,8 +52,8 @@ impl<'a> Reader<'a> {
         Ok([self.f32()?, self.f32()?, self.f32()?])
     }
 
-    /// An unsigned number of 7 bits a byte, lowest first, the high bit set on all bytes but the
-    /// last (LEB128).
+    /// Reads an unsigned LEB128 number: 7 bits per byte, lowest first, the top bit set on all bytes
+    /// but the last.
     pub(crate) fn leb128(&mut self) -> Result<u32, Error> {
         let at = self.at();
         let mut value = 0u64;
@@ -67,12 +67,12 @@ impl<'a> Reader<'a> {
         Err(Error::value(at, "LEB128 number", "longer than 5 bytes"))
     }
 
-    /// All that is left.
+    /// Returns the bytes not read.
     pub(crate) fn rest(self) -> &'a [u8] {
         &self.bytes[self.position..]
     }
 
-    /// Checks that nothing is left.
+    /// Checks that every byte was read.
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.bytes.len() - self.position {
             0 => Ok(()),

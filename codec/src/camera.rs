@@ -1,6 +1,7 @@
-//! [`Camera`]: a pinhole camera in OpenCV axes, the form in which cameras enter and leave files.
+//! [`Camera`]: a pinhole camera in OpenCV axes, as in camera files.
 
-/// A pinhole camera: x right, y down, z forward; pixel centres at +0.5.
+/// A pinhole camera in OpenCV axes: x right, y down, z forward; pixel centres at +0.5. With feature
+/// `serde` it (de)serialises as a camera file: `{"width", "height", "K", "world_to_camera"}`.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Camera {
@@ -8,20 +9,21 @@ pub struct Camera {
     pub width: u32,
     /// Image height in pixels.
     pub height: u32,
-    /// Intrinsic matrix, row-major: focal lengths and principal point in pixels.
+    /// Intrinsic matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, row-major, in pixels.
     #[cfg_attr(feature = "serde", serde(rename = "K"))]
     pub k: [[f64; 3]; 3],
-    /// Rigid transform from world to camera axes, row-major.
+    /// Rigid transform from world to camera axes, 4x4, row-major, in world units.
     #[cfg_attr(feature = "serde", serde(rename = "world_to_camera"))]
     pub camera_from_world: [[f64; 4]; 4],
 }
 
 impl Camera {
-    /// A camera at `position` that looks at `target`, with `up` as nearly upwards in the image as
-    /// it can be, square pixels, and a vertical field of view of `fov_y` radians.
+    /// Returns a camera at `position` that looks at `target`, with square pixels, a vertical field
+    /// of view of `fov_y` radians and an image of `width` by `height` pixels. `up` points up in the
+    /// image.
     ///
-    /// Where `up` is parallel to the view direction or `position` equals `target`, some
-    /// perpendicular axis takes its place.
+    /// If `up` is parallel to the view direction, another axis replaces it; if `position` equals
+    /// `target`, the view direction is +z.
     pub fn look_at(
         position: [f64; 3],
         target: [f64; 3],
@@ -46,20 +48,20 @@ impl Camera {
         }
     }
 
-    /// The same view at another image size: the vertical field of view is kept, pixels are square
-    /// where they were.
+    /// Returns the same view at another image size: the vertical field of view and the aspect ratio
+    /// of a pixel stay.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let scale = f64::from(height) / f64::from(self.height);
         let mut k = self.k;
         k[0][0] *= scale;
         k[1][1] *= scale;
         k[1][2] *= scale;
-        // The principal point keeps its offset from the middle of the image.
+        // The principal point keeps its offset from the centre of the image.
         k[0][2] = 0.5 * f64::from(width) + (self.k[0][2] - 0.5 * f64::from(self.width)) * scale;
         Camera { width, height, k, camera_from_world: self.camera_from_world }
     }
 
-    /// Position of the camera in the world.
+    /// Position of the camera in world units.
     pub fn position(&self) -> [f64; 3] {
         let m = &self.camera_from_world;
         std::array::from_fn(|axis| -(0..3).map(|row| m[row][axis] * m[row][3]).sum::<f64>())
@@ -69,7 +71,7 @@ impl Camera {
     /// focal lengths, no skew, a rotation in `camera_from_world`.
     ///
     /// # Errors
-    /// One sentence that names what is wrong.
+    /// One sentence that names the first invalid number.
     pub fn check(&self) -> Result<(), String> {
         if self.width == 0 || self.height == 0 {
             return Err(format!("image size {}x{} is empty", self.width, self.height));
@@ -122,7 +124,7 @@ fn normalize(v: [f64; 3]) -> Option<[f64; 3]> {
 mod tests {
     use super::*;
 
-    /// Pixel and depth at which a camera sees a world point.
+    /// Projection of a world point to a pixel, and its depth.
     fn project(camera: &Camera, point: [f64; 3]) -> [f64; 3] {
         let m = &camera.camera_from_world;
         let [x, y, z] = [0, 1, 2].map(|r| dot([m[r][0], m[r][1], m[r][2]], point) + m[r][3]);
@@ -135,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn look_at_puts_the_target_in_the_middle_and_up_upwards() {
+    fn look_at_centers_the_target_and_points_up() {
         let camera = camera();
         assert_eq!(camera.check(), Ok(()));
         let [x, y, depth] = project(&camera, [4.0, 2.0, -1.0]);
@@ -163,24 +165,24 @@ mod tests {
     }
 
     #[test]
-    fn resizing_keeps_the_view() {
+    fn resizing_preserves_the_view() {
         let camera = camera();
         let resized = camera.resized(1280, 960);
         let point = [3.5, 2.3, -0.5];
         let (small, large) = (project(&camera, point), project(&resized, point));
         assert!((large[0] - 2.0 * small[0]).abs() < 1e-9 && (large[1] - 2.0 * small[1]).abs() < 1e-9);
-        // A wider image shows more at the sides.
+        // A wider image extends the view at both sides.
         let wide = project(&camera.resized(1000, 480), point);
         assert!((wide[0] - 500.0 - (small[0] - 320.0)).abs() < 1e-9 && (wide[1] - small[1]).abs() < 1e-9);
     }
 
     #[test]
-    fn check_names_what_is_wrong() {
-        let refused = |what: &str, change: &dyn Fn(&mut Camera)| {
+    fn check_names_the_invalid_number() {
+        let refused = |expected: &str, change: &dyn Fn(&mut Camera)| {
             let mut camera = camera();
             change(&mut camera);
-            let message = camera.check().expect_err(what);
-            assert!(message.contains(what), "'{what}' expected: {message}");
+            let message = camera.check().expect_err(expected);
+            assert!(message.contains(expected), "'{expected}' expected: {message}");
         };
         refused("image size 0x480", &|c| c.width = 0);
         refused("not finite", &|c| c.k[0][2] = f64::NAN);

@@ -1,29 +1,29 @@
-//! [`Clip`]: what a package holds once decoded.
+//! [`Clip`]: a decoded package.
 
 use crate::camera::{cross, norm};
-use crate::header::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
+use crate::format::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
 use crate::{Camera, Field, TimeIndex};
 
-/// What a player must know of a clip besides its Gaussians.
+/// Metadata of a clip: everything a player needs besides the Gaussians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClipInfo {
-    /// Length of the clip in seconds: clip time 1 is this many seconds after clip time 0.
+    /// Duration in seconds, above 0: the time from clip time 0 to clip time 1.
     pub duration_s: f32,
-    /// Captured frames per second: the step of a frame-by-frame control.
+    /// Captured frames per second, above 0; one frame is the step of a frame-by-frame control.
     pub fps: f32,
-    /// Unit vector of the source's axes that points up.
+    /// Unit vector that points up, in the axes of the source.
     pub up: [f32; 3],
-    /// Metres per unit of the source; life size in a headset.
+    /// Metres per unit of length of the source, above 0: the scale of life size.
     pub metres_per_unit: f32,
-    /// Suggested viewpoints, the first one being the one to start from. May be empty.
+    /// Suggested viewpoints, at most 64; playing starts from the first. May be empty.
     pub viewpoints: Vec<Viewpoint>,
 }
 
 impl ClipInfo {
-    /// Checks that a package can hold it; the same for reading and writing.
+    /// Checks the ranges that the format requires, for reading and writing alike.
     ///
     /// # Errors
-    /// Name and value of the first field out of range.
+    /// Name and value of the first number or text out of range.
     pub fn check(&self) -> Result<(), (&'static str, String)> {
         let check = |valid: bool, field, value: &dyn std::fmt::Debug| {
             if valid { Ok(()) } else { Err((field, format!("{value:?}"))) }
@@ -37,7 +37,7 @@ impl ClipInfo {
         let count = self.viewpoints.len();
         check(count <= VIEWPOINTS_MAX, "number of viewpoints (at most 64)", &count)?;
         for Viewpoint { name, position, target, fov_y } in &self.viewpoints {
-            // Names end up in terminals and menus, where control characters can do harm.
+            // Names reach terminals and menus, where control characters can do harm.
             let printable = name.len() <= NAME_BYTES_MAX && !name.chars().any(char::is_control);
             check(printable, "name of a viewpoint (at most 63 bytes, no control characters)", name)?;
             check(position.iter().all(|x| x.is_finite()), "position of a viewpoint", position)?;
@@ -48,45 +48,45 @@ impl ClipInfo {
     }
 }
 
-/// A named place to watch a clip from, in source units.
+/// A named view of a clip, in the axes and units of the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// Name for menus and `--view`, at most 63 bytes of UTF-8.
+    /// Name for menus and `--view`: at most 63 bytes of UTF-8 without control characters.
     pub name: String,
     /// Position of the eye.
     pub position: [f32; 3],
-    /// Point looked at: the pivot of an orbit.
+    /// Point looked at, and pivot of an orbit.
     pub target: [f32; 3],
-    /// Vertical field of view in radians.
+    /// Vertical field of view in radians, between 0 and pi.
     pub fov_y: f32,
 }
 
 impl Viewpoint {
-    /// A viewpoint named "front" from which the box `bounds` fills the view, with the source's x
-    /// axis to the right: it looks along -z where y points up (OpenGL, glTF), along +z where y
-    /// points down (OpenCV), along +y where z points up. Where `up` is the x axis, z is right.
+    /// Returns a viewpoint named "front" from which the box `bounds`, `[min, max]`, fills the view.
     ///
-    /// Works on any box of finite numbers up to 1e37, also an empty one.
+    /// The source's x axis points right (z, if `up` is along x): the view is along -z if y points up
+    /// (OpenGL, glTF), along +z if y points down (OpenCV), along +y if z points up. `bounds` may be
+    /// empty; its coordinates must be finite and at most 1e37.
     pub fn framing(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Viewpoint {
         let [low, high] = bounds.map(|corner| corner.map(f64::from));
         let center: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
         let half: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high[axis] - low[axis]).abs());
         let up = up.map(f64::from);
-        // A camera at the origin with these axes tells forward, right and down.
+        // Rows: right, down, forward.
         let right = if up[0].abs() < 0.99 * norm(up) { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
         let forward = cross(up, right);
         let axes = Camera::look_at([0.0; 3], forward, up, FRAMING_FOV_Y, 1, 1).camera_from_world;
         let [x, y, z] =
             [0, 1, 2].map(|row| (0..3).map(|axis| axes[row][axis].abs() * half[axis]).sum::<f64>());
-        // The near side of the box fills the view with a margin; a point gets a unit of distance.
-        let reach = FRAMING_MARGIN * x.max(y) / libm::tan(0.5 * FRAMING_FOV_Y) + z;
-        let distance = if reach > 0.0 { reach } else { 1.0 };
+        // The near side of the box fills the view, with a margin.
+        let framing = FRAMING_MARGIN * x.max(y) / libm::tan(0.5 * FRAMING_FOV_Y) + z;
+        let distance = if framing > 0.0 { framing } else { 1.0 };
         let position = std::array::from_fn(|axis| (center[axis] - distance * axes[2][axis]) as f32);
         let target = center.map(|x| x as f32);
         Viewpoint { name: "front".into(), position, target, fov_y: FRAMING_FOV_Y as f32 }
     }
 
-    /// The camera of this viewpoint for an image of the given size, with `up` from
+    /// Returns the camera of this viewpoint for an image of `width` by `height` pixels; `up` is
     /// [`ClipInfo::up`].
     pub fn camera(&self, up: [f32; 3], width: u32, height: u32) -> Camera {
         Camera::look_at(
@@ -103,41 +103,41 @@ impl Viewpoint {
 /// Vertical field of view of [`Viewpoint::framing`], in radians.
 const FRAMING_FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
 
-/// Size of the view of [`Viewpoint::framing`] relative to the box.
+/// Size of the view of [`Viewpoint::framing`], relative to the box.
 const FRAMING_MARGIN: f64 = 1.1;
 
 /// A decoded package.
 ///
-/// Gaussians lie in two regions, each a [`Field`] of its own: those that are always on and never
-/// move, without temporal columns, and the others, always with temporal columns. Both are ordered by layer: layer 0 holds the
-/// most important Gaussians, and the first `k` layers together are a complete, coarser clip.
+/// Gaussians lie in two regions, each a [`Field`]: the static ones, which are always on and never
+/// move, and the dynamic ones. The rows of both are ordered by layer: layer 0 holds the most
+/// important Gaussians, and the first `k` layers together are a complete, coarser clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
     /// Duration, axes, viewpoints.
     pub info: ClipInfo,
-    /// Corners of the box around all centres while alive: `[min, max]`, in source units, to within
-    /// the rounding of the coder.
+    /// Corners `[min, max]` of the box around all centres while alive, in source units, to within
+    /// the coder's rounding.
     pub bounds: [[f32; 3]; 2],
-    /// Always on and motionless: no temporal columns.
+    /// Gaussians that are always on and motionless. Without temporal columns.
     pub static_field: Field,
-    /// Windowed or moving.
+    /// Gaussians with a temporal window, motion or rotation rate. Always with temporal columns.
     pub dynamic_field: Field,
-    /// Where each decoded layer ends. Never empty.
+    /// Gaussians up to the end of each decoded layer. Never empty.
     pub layers: Vec<LayerEnd>,
-    /// Layers that the package announces; more than `layers` where only a prefix was decoded.
+    /// Number of layers of the whole package; more than `layers.len()` if a prefix was decoded.
     pub layers_announced: usize,
-    /// Which rows of `dynamic_field` can be alive at a given time.
+    /// Rows of `dynamic_field` that can be alive at a given time.
     pub time_index: TimeIndex,
-    /// Static background, drawn behind everything else.
+    /// Static background, drawn behind everything else. Without temporal columns.
     pub plate: Option<Field>,
 }
 
-/// Number of Gaussians in a layer and all layers before it.
+/// Numbers of Gaussians in a layer and all layers before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LayerEnd {
-    /// Rows of [`Clip::static_field`].
+    /// Number of rows of [`Clip::static_field`].
     pub static_count: usize,
-    /// Rows of [`Clip::dynamic_field`].
+    /// Number of rows of [`Clip::dynamic_field`].
     pub dynamic_count: usize,
 }
 
@@ -159,7 +159,7 @@ impl Clip {
         self.len() == 0
     }
 
-    /// Degree of the spherical harmonics, shared by both regions.
+    /// Degree of the spherical harmonics of both regions, 0 to 3.
     pub fn sh_degree(&self) -> u8 {
         self.dynamic_field.sh_degree.max(self.static_field.sh_degree)
     }
@@ -169,7 +169,7 @@ impl Clip {
 mod tests {
     use super::*;
 
-    /// Where a point of the world falls in a square image of side 1, and its depth.
+    /// Projection of a world point to a square image of side 1, and its depth.
     fn project(viewpoint: &Viewpoint, up: [f32; 3], point: [f32; 3]) -> [f64; 3] {
         let camera = viewpoint.camera(up, 1, 1);
         camera.check().unwrap();
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn framing_fills_the_view_with_the_box_the_right_way_up() {
+    fn framing_fills_the_view_and_points_up() {
         let bounds = [[-1.0, -3.0, -0.5], [2.0, 1.0, 5.0]];
         let [a, b] = bounds;
         for (up, forward) in [
@@ -199,19 +199,19 @@ mod tests {
                 assert!(z > 0.0);
                 largest = largest.max((x - 0.5).abs()).max((y - 0.5).abs());
             }
-            assert!((0.4..0.5).contains(&largest), "up {up:?}: reaches {largest} of 0.5");
-            let middle = viewpoint.target;
-            let above = [0, 1, 2].map(|axis| middle[axis] + up[axis]);
+            assert!((0.4..0.5).contains(&largest), "up {up:?}: the box extends to {largest} of 0.5");
+            let target = viewpoint.target;
+            let above = [0, 1, 2].map(|axis| target[axis] + up[axis]);
             assert!(project(&viewpoint, up, above)[1] < 0.49, "up {up:?} is up in the image");
             for axis in 0..3 {
-                let toward = middle[axis] - viewpoint.position[axis];
+                let toward = target[axis] - viewpoint.position[axis];
                 assert!((toward > 0.1) == (forward[axis] > 0.0) && (toward < -0.1) == (forward[axis] < 0.0));
             }
         }
     }
 
     #[test]
-    fn framing_of_a_point_stands_back() {
+    fn framing_a_point_keeps_one_unit_of_distance() {
         let viewpoint = Viewpoint::framing([[3.0; 3]; 2], [0.0, 1.0, 0.0]);
         assert_eq!((viewpoint.position, viewpoint.target), ([3.0, 3.0, 4.0], [3.0; 3]));
     }

@@ -1,43 +1,47 @@
-//! [`decode`]: the bytes of a package to a [`Clip`].
+//! [`decode`]: decodes the bytes of a package to a [`Clip`].
 //!
-//! Nothing in a package is believed: the head is checked against itself, the length of the file
-//! and the caller's limits before anything is allocated, every section against its checksum and
-//! its planned length, every decoded number against its range, and the time index against the
-//! rows it describes. Columns are allocated once, at their final size, and every chunk writes rows
-//! of its own, so that chunks decode on several threads and peak memory is the decoded clip and
-//! little more.
+//! No number in a package is trusted. The head is checked against itself, the length of the file
+//! and the caller's limits before anything is allocated; every section against its checksum and
+//! planned length; every decoded number against its range; the time index against its rows.
+//! Columns are allocated once, at their final size, and every chunk writes its own rows. So chunks
+//! decode on several threads, and peak memory is little more than the decoded clip.
 
 use std::num::NonZero;
 
 use crate::{
-    Clip, Coder, Error, Field, LayerEnd, Limits, Temporal, TimeIndex,
+    Clip, Coder, Error, Field, LayerEnd, Limits, TimeIndex,
     bytes::Reader,
+    columns::Columns,
     context,
     error::FormatError,
-    fixed::{self, Columns, TemporalColumns},
-    header::{Contents, Planned, contents},
+    fixed,
+    header::{Contents, PlannedSection, contents},
     limits::Budget,
     parallel::try_for_each,
     rows::Rows,
     section::{Region, Section, SectionKind},
-    sh_coefficients,
     time_index::CELLS,
 };
 
-/// Decodes a package, or the complete layers of one that was cut short.
+/// Decodes a package, or the complete layers of a prefix of a package.
 ///
 /// # Errors
-/// If the first layer is not complete, or anything in the complete layers is wrong.
+/// - [`Error::Format`] if the head or anything in the complete layers is damaged or inconsistent;
+///   with [`FormatError::Cut`] if `bytes` ends before the first layer does.
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
+/// - [`Error::Limits`] if decoding needs more than `limits`.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
     decode_parallel(bytes, limits, NonZero::<usize>::MIN)
 }
 
-/// Decodes a package as [`decode`] does, its chunks on up to `threads` threads: as many as there
-/// are chunks, the limits have memory for and the system gives. The result is the same for any
-/// number. The stacks of the threads do not count toward the limits.
+/// Decodes as [`decode`] does, on up to `threads` threads.
+///
+/// A chunk of 4096 Gaussians is the unit of work. Fewer threads run if there are fewer chunks, if
+/// `limits` have no memory for more work space, or if the system cannot start more. The number of
+/// threads changes neither the clip nor the error. Thread stacks do not count toward `limits`.
 ///
 /// # Errors
-/// Those of [`decode`], and the same ones for any number of threads.
+/// See [`decode`].
 pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -> Result<Clip, Error> {
     let contents = contents(bytes, limits)?;
     let complete = complete_layers(&contents, bytes.len())?;
@@ -45,13 +49,13 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     let rows = layers[complete - 1];
 
     let mut budget = Budget::new(limits);
-    let mut region = |region, rows| blank_field(contents.columns(region), rows, &mut budget);
+    let mut region = |region, rows| contents.columns(region).zeros(rows, &mut budget);
     let mut static_field = region(Region::Static, rows.static_count)?;
     let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
     let mut plate = region(Region::Plate, contents.plate_len)?;
-    let places = match contents.coder {
+    let row_numbers = match contents.coder {
         Coder::Fixed => Vec::new(),
-        Coder::Context => budget.vec(largest_layer(layers))?,
+        Coder::Context => budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?,
     };
 
     let sections =
@@ -63,15 +67,15 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
             decoder.decode(section.payload(bytes)?, section, columns, rows)
         }
     };
-    let mut rest = [&mut static_field, &mut dynamic_field, &mut plate].map(Rows::of);
-    let with_rows = |(planned, section): (Planned, _)| {
+    let mut rest = [&mut static_field, &mut dynamic_field, &mut plate].map(Rows::all);
+    let with_rows = |(planned, section): (PlannedSection, _)| {
         let [static_rows, dynamic_rows, plate] = &mut rest;
         let rest = match planned.region {
             Region::Static => static_rows,
             Region::Dynamic => dynamic_rows,
             Region::Plate => plate,
         };
-        (section, contents.columns(planned.region), rest.take(planned.rows))
+        (section, contents.columns(planned.region), rest.split_off(planned.rows))
     };
     try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
 
@@ -80,7 +84,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
             let indices = sections().filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
             read_time_index(bytes, &dynamic_field, layers, indices)?
         }
-        Coder::Context => arrange(&mut dynamic_field, layers, places),
+        Coder::Context => sort_by_cell(&mut dynamic_field, layers, row_numbers),
     };
     Ok(Clip {
         bounds: contents.bounds,
@@ -94,7 +98,10 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     })
 }
 
-/// Number of layers whose sections all end within `available` bytes; at least one.
+/// Number of layers that lie completely in the first `available` bytes; at least 1.
+///
+/// # Errors
+/// [`FormatError::Cut`] if there is none.
 pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
     let ends = contents.layer_bytes();
     match ends.partition_point(|&end| end <= available) {
@@ -103,45 +110,18 @@ pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<u
     }
 }
 
-/// A field with the columns named and `rows` rows of zeros.
-pub(crate) fn blank_field(columns: Columns, rows: usize, budget: &mut Budget) -> Result<Field, Error> {
-    Ok(Field {
-        centers: budget.zeros(rows)?,
-        rotations: budget.zeros(rows)?,
-        log_scales: budget.zeros(rows)?,
-        opacities: budget.zeros(rows)?,
-        sh_degree: columns.sh_degree,
-        sh: budget.zeros(rows * sh_coefficients(columns.sh_degree))?,
-        temporal: match columns.temporal {
-            None => None,
-            Some(TemporalColumns { motion_order, rotation_rates }) => Some(Temporal {
-                tau: budget.zeros(rows)?,
-                s: budget.zeros(rows)?,
-                motion_order,
-                motion: budget.zeros(rows * usize::from(motion_order))?,
-                rotation_rates: if rotation_rates { Some(budget.zeros(rows)?) } else { None },
-            }),
-        },
-    })
-}
-
-/// The layers, each as where its rows of the dynamic region start and end.
+/// The rows of each layer in the dynamic region.
 fn dynamic_rows(layers: &[LayerEnd]) -> impl Iterator<Item = std::ops::Range<usize>> {
     let starts = [0].into_iter().chain(layers.iter().map(|end| end.dynamic_count));
     starts.zip(layers).map(|(start, end)| start..end.dynamic_count)
 }
 
-/// Most dynamic Gaussians of a layer.
-fn largest_layer(layers: &[LayerEnd]) -> usize {
-    dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0)
-}
-
-/// Checks the stored time index of each layer against the rows.
+/// Reads the stored time index of each layer and checks it against the rows.
 fn read_time_index<'a>(
     bytes: &[u8],
     dynamic_field: &Field,
     layers: &[LayerEnd],
-    mut indices: impl Iterator<Item = (Planned, &'a Section)>,
+    mut indices: impl Iterator<Item = (PlannedSection, &'a Section)>,
 ) -> Result<TimeIndex, Error> {
     let mut time_index = TimeIndex::default();
     for rows in dynamic_rows(layers) {
@@ -159,19 +139,19 @@ fn read_time_index<'a>(
     Ok(time_index)
 }
 
-/// Puts the rows of each layer in the order of the time index. `places` has room for a number for
-/// each row of the largest.
-fn arrange(dynamic_field: &mut Field, layers: &[LayerEnd], mut places: Vec<u32>) -> TimeIndex {
+/// Sorts the rows of each layer by cell and indexes them. `row_numbers` has the capacity of the
+/// largest layer.
+fn sort_by_cell(dynamic_field: &mut Field, layers: &[LayerEnd], mut row_numbers: Vec<u32>) -> TimeIndex {
     let mut time_index = TimeIndex::default();
     for rows in dynamic_rows(layers) {
-        time_index.arrange_layer(dynamic_field, rows, &mut places);
+        time_index.sort_layer(dynamic_field, rows, &mut row_numbers);
     }
     time_index
 }
 
 /// Decodes chunks, one at a time.
 enum ChunkDecoder {
-    /// Decompresses them into one buffer first.
+    /// Decompresses into a buffer first.
     Fixed {
         zstd: zstd::bulk::Decompressor<'static>,
         raw: Vec<u8>,
@@ -179,7 +159,7 @@ enum ChunkDecoder {
     Context,
 }
 
-/// At least one decoder, and up to `count` if there is memory for them.
+/// Creates one decoder, and up to `count` if `budget` suffices.
 fn chunk_decoders(
     contents: &Contents,
     count: usize,
@@ -208,7 +188,7 @@ impl ChunkDecoder {
         Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })
     }
 
-    /// Decodes the Gaussians of a chunk into `rows`, which are as many.
+    /// Decodes a chunk into `rows`, as many as it holds.
     fn decode(
         &mut self,
         payload: &[u8],
@@ -220,7 +200,7 @@ impl ChunkDecoder {
             return context::decode(payload, columns, section.offset, rows);
         };
         let damaged = |reason| Error::format(section.offset, FormatError::Payload { reason });
-        // The table was checked: this is the length of the rows, and the buffer has it.
+        // The section table is checked: the length fits the rows, and the buffer has the capacity.
         raw.resize(section.raw_length, 0);
         let length = zstd.decompress_to_buffer(payload, &mut raw[..]).map_err(|e| damaged(e.to_string()))?;
         if length != section.raw_length {
@@ -230,7 +210,7 @@ impl ChunkDecoder {
     }
 }
 
-/// Reads the rows per cell of a layer with `rows` Gaussians in its dynamic region.
+/// Reads the number of rows per cell of a layer with `rows` dynamic Gaussians.
 fn read_cells(payload: &[u8], offset: usize, rows: usize) -> Result<[u32; CELLS], Error> {
     let mut reader = Reader::new(payload, offset, "time index");
     let mut counts = [0; CELLS];

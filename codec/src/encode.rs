@@ -1,70 +1,76 @@
-//! [`encode`]: a field to the bytes of a package.
+//! [`encode`]: packages a field.
 //!
-//! Rows arrive most important first and are cut into layers; in a layer, motionless Gaussians
-//! that are always on part from the others, and each group is put along a Morton curve and cut
-//! into chunks; the coder `fixed` stores dynamic ones by cell of the time index first. The same
-//! field gives the same bytes on any machine and any number of threads: chunks are independent, and
-//! every decision rests on arithmetic that IEEE 754 defines.
+//! Rows arrive most important first and are cut into layers. In each layer the static Gaussians
+//! part from the dynamic ones, both are sorted along a Morton curve and cut into chunks; the coder
+//! `fixed` sorts dynamic ones by cell of the time index first. The same field gives the same bytes
+//! on any machine and with any number of threads: chunks are independent, and every decision rests
+//! on arithmetic that IEEE 754 defines.
 
 use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Precision,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Precision, VERSION_MINOR,
     bytes::Writer,
-    context::{self, Prepared},
-    fixed::{self, Columns, TemporalColumns},
-    header::{CHUNK_ROWS, LAYERS_MAX, Planned, VERSION_MINOR},
+    columns::Columns,
+    context, fixed,
+    format::{CHUNK_ROWS, LAYERS_MAX},
+    header::PlannedSection,
+    order::{Layer, along_curve, split},
     parallel::try_for_each,
+    precision::Prepared,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
     section::{Region, Section, SectionKind},
-    time_index::{CELLS, cell_of},
+    time_index::CELLS,
 };
 
 /// Largest magnitude of a number in a field. Decoded numbers and their cubic sums stay finite.
 const MAGNITUDE_MAX: f32 = 1e9;
 
-/// Opacity that a Gaussian drawn as constant may be off by: half a step of an 8-bit pixel.
-const STATIC_OPACITY: f64 = 0.5 / 255.0;
-
-/// What a package is made of.
+/// The content of a package.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
     /// Duration, axes, viewpoints.
     pub info: &'a ClipInfo,
-    /// The Gaussians, most important first.
+    /// The Gaussians, most important first: the first rows make the first layers.
     pub field: &'a Field,
-    /// Static background, without temporal columns.
+    /// Static background, drawn behind everything else. Must have no temporal columns.
     pub plate: Option<&'a Field>,
 }
 
 /// How a package is made.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EncodeOptions {
-    /// How the Gaussians are coded.
+    /// Coding of the Gaussians.
     pub coder: Coder,
-    /// Ends of the layers as rising numbers of Gaussians, at most 16. Those at or above the size
-    /// of the field collapse into one, and the last layer always reaches to the end of the field;
-    /// so the default, none, is one layer.
+    /// Ends of the layers: rising numbers of Gaussians, at most 16. Ends at or above the size of the
+    /// field count as one, and the last layer always ends with the field; so the default, no ends,
+    /// makes one layer.
     pub layers: Vec<usize>,
-    /// How exactly the coder `context` keeps the field.
+    /// Fidelity of the coder `context`. The coder `fixed` ignores it.
     pub precision: Precision,
 }
 
-/// Packages a field. The same source gives the same bytes on any machine.
+/// Packages a field. The same source and options give the same bytes on any machine.
 ///
 /// # Errors
-/// If the source breaks its own invariants, holds no Gaussians or numbers beyond 1e9, the layers
-/// do not rise, or there are sensitivities but not one positive number for each Gaussian.
+/// - [`EncodeError::Info`] if [`ClipInfo::check`] fails.
+/// - [`EncodeError::Field`] if [`Field::check`] fails, a number exceeds 1e9, a Gaussian moves to
+///   infinity while alive, or the plate has temporal columns.
+/// - [`EncodeError::Empty`] if the field has no Gaussians.
+/// - [`EncodeError::Layers`] if the ends are zero, do not rise, or are too many.
+/// - [`EncodeError::Precision`] if a number of the precision is invalid, or there are sensitivities
+///   but not one for each Gaussian.
+/// - [`EncodeError::TooLarge`] if the package would exceed 4 GiB.
 pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, EncodeError> {
     encode_parallel(source, options, NonZero::<usize>::MIN)
 }
 
-/// Packages a field as [`encode`] does, its chunks on up to `threads` threads. The bytes are the
-/// same for any number.
+/// Encodes as [`encode`] does, on up to `threads` threads. The number of threads does not change
+/// the bytes.
 ///
 /// # Errors
-/// Those of [`encode`].
+/// See [`encode`].
 pub fn encode_parallel(
     source: &Source,
     options: &EncodeOptions,
@@ -95,29 +101,31 @@ pub fn encode_parallel(
     let bounds = field.bounds();
     check_bounds(bounds)?;
     let layers = split(field, &ends, bounds, coder);
-    let subject = Part::new(coder, field, || precision.prepare(field, bounds));
-    let plate = plate.map(|plate| Part::new(coder, plate, || precision.prepare_plate(plate, bounds)));
-    let plate_rows = plate.as_ref().map_or(Vec::new(), Part::rows_by_place);
-    let mut contents = describe(info, coder, bounds, &subject, &layers, plate.as_ref(), &plate_rows);
+    let chunks = ChunkEncoder::new(coder, field, || precision.prepare(field, bounds));
+    let plate = plate.map(|plate| {
+        let chunks = ChunkEncoder::new(coder, plate, || precision.prepare_plate(plate, bounds));
+        (chunks, along_curve(plate))
+    });
+    let mut contents = describe(info, coder, bounds, &chunks, &layers, plate.as_ref());
 
-    let plan: Vec<Planned> = contents.plan().collect();
-    let payload = |planned: &Planned| {
+    let plan: Vec<PlannedSection> = contents.plan().collect();
+    let payload = |planned: &PlannedSection| {
         let layer = &layers[usize::from(planned.layer)];
-        let (part, rows) = match planned.region {
-            Region::Static => (&subject, &layer.static_rows),
-            Region::Dynamic => (&subject, &layer.dynamic_rows),
-            Region::Plate => (plate.as_ref().expect("a planned plate is there"), &plate_rows),
+        let (chunks, rows) = match planned.region {
+            Region::Static => (&chunks, &layer.static_rows),
+            Region::Dynamic => (&chunks, &layer.dynamic_rows),
+            Region::Plate => plate.as_ref().map(|(chunks, rows)| (chunks, rows)).expect("a plate is planned"),
         };
         match planned.kind {
             SectionKind::TimeIndex => time_index_payload(&layer.cells),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
-                part.encode(&rows[start..start + planned.rows], contents.columns(planned.region))
+                chunks.encode(&rows[start..start + planned.rows], contents.columns(planned.region))
             }
         }
     };
     let mut payloads = vec![(Vec::new(), 0); plan.len()];
-    let encode = |(planned, coded): (&Planned, &mut (Vec<u8>, usize))| -> Result<(), Infallible> {
+    let encode = |(planned, coded): (&PlannedSection, &mut (Vec<u8>, usize))| -> Result<(), Infallible> {
         *coded = payload(planned);
         Ok(())
     };
@@ -125,13 +133,13 @@ pub fn encode_parallel(
     try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
-    let section = |(planned, (payload, raw_length)): (&Planned, &(Vec<u8>, usize))| Section {
+    let section = |(planned, (payload, raw_length)): (&PlannedSection, &(Vec<u8>, usize))| Section {
         kind: planned.kind,
         critical: true,
         layer: planned.layer,
         region: planned.region,
         chunk: planned.chunk,
-        // Known once the length of the table is.
+        // `Contents::write` computes it from the lengths.
         offset: 0,
         length: payload.len(),
         raw_length: *raw_length,
@@ -143,50 +151,27 @@ pub fn encode_parallel(
     Ok(package)
 }
 
-/// The rows of a layer in the order in which they are cut into chunks.
-struct Layer {
-    /// The always-on, motionless Gaussians.
-    static_rows: Vec<usize>,
-    /// The others.
-    dynamic_rows: Vec<usize>,
-    /// Number of dynamic rows per cell of the time index, where that is stored.
-    cells: [u32; CELLS],
-}
-
-/// A field and what its coder must know of it.
-enum Part<'a> {
+/// Encodes chunks of a field.
+enum ChunkEncoder<'a> {
     Fixed(&'a Field),
     Context(Prepared<'a>),
 }
 
-impl<'a> Part<'a> {
-    fn new(coder: Coder, field: &'a Field, prepare: impl FnOnce() -> Prepared<'a>) -> Part<'a> {
+impl<'a> ChunkEncoder<'a> {
+    fn new(coder: Coder, field: &'a Field, prepare: impl FnOnce() -> Prepared<'a>) -> ChunkEncoder<'a> {
         match coder {
-            Coder::Fixed => Part::Fixed(field),
-            Coder::Context => Part::Context(prepare()),
+            Coder::Fixed => ChunkEncoder::Fixed(field),
+            Coder::Context => ChunkEncoder::Context(prepare()),
         }
     }
 
-    fn field(&self) -> &'a Field {
-        match self {
-            Part::Fixed(field) => field,
-            Part::Context(prepared) => prepared.field,
-        }
-    }
-
-    /// All rows, along a Morton curve.
-    fn rows_by_place(&self) -> Vec<usize> {
-        let mut rows: Vec<usize> = (0..self.field().len()).collect();
-        let field = self.field();
-        sort_by_place(&mut rows, field.bounds(), |i| (0, field.centers[i]));
-        rows
-    }
-
-    /// The payload of a chunk, and its length before compression.
+    /// Encodes `rows` as a payload. Also returns its length before compression.
     fn encode(&self, rows: &[usize], columns: Columns) -> (Vec<u8>, usize) {
         match self {
-            Part::Fixed(field) => fixed::encode(&chunk(field, rows, columns.temporal.is_some()), columns),
-            Part::Context(prepared) => {
+            ChunkEncoder::Fixed(field) => {
+                fixed::encode(&select(field, rows, columns.temporal.is_some()), columns)
+            }
+            ChunkEncoder::Context(prepared) => {
                 let payload = context::encode(prepared, rows, columns);
                 let length = payload.len();
                 (payload, length)
@@ -194,34 +179,23 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The columns that are not zero throughout once coded.
-    fn columns_needed(&self, rows: &[usize], with_temporal: bool) -> Columns {
+    /// The columns in which some of `rows` are not zero once coded.
+    fn nonzero_columns(&self, rows: &[usize], with_temporal: bool) -> Columns {
         let of_chunk = |rows: &[usize]| match self {
-            Part::Fixed(field) => fixed::columns_needed(&chunk(field, rows, with_temporal)),
-            Part::Context(prepared) => context::columns_needed(prepared.field, rows, with_temporal),
+            ChunkEncoder::Fixed(field) => fixed::nonzero_columns(&select(field, rows, with_temporal)),
+            ChunkEncoder::Context(prepared) => Columns::nonzero(prepared.field, rows, with_temporal),
         };
-        rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), union)
+        rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), Columns::union)
     }
 }
 
-/// The named rows, without temporal columns unless `with_temporal`.
-fn chunk(field: &Field, rows: &[usize], with_temporal: bool) -> Field {
+/// Selects `rows`, without temporal columns unless `with_temporal`.
+fn select(field: &Field, rows: &[usize], with_temporal: bool) -> Field {
     let chunk = field.select(rows);
     if with_temporal { chunk } else { Field { temporal: None, ..chunk } }
 }
 
-/// The columns of either.
-fn union(a: Columns, b: Columns) -> Columns {
-    Columns {
-        sh_degree: a.sh_degree.max(b.sh_degree),
-        temporal: a.temporal.into_iter().chain(b.temporal).reduce(|a, b| TemporalColumns {
-            motion_order: a.motion_order.max(b.motion_order),
-            rotation_rates: a.rotation_rates || b.rotation_rates,
-        }),
-    }
-}
-
-/// Checks what [`Field::check`] checks, and that no number is too large.
+/// Checks [`Field::check`] and that no number exceeds [`MAGNITUDE_MAX`].
 fn check_field(part: &'static str, field: &Field) -> Result<(), EncodeError> {
     field.check().map_err(|reason| EncodeError::Field { part, reason })?;
     let temporal = field.temporal.as_ref();
@@ -246,8 +220,8 @@ fn check_field(part: &'static str, field: &Field) -> Result<(), EncodeError> {
     }
 }
 
-/// Checks that all Gaussians stay where numbers are finite. One whose window is far from the clip
-/// but wide enough to be seen may not: its trajectory is a polynomial of the distance.
+/// Checks that the box around all positions is finite. A Gaussian can leave it whose window is far
+/// from the clip but wide enough to be visible: its trajectory is a cubic of the distance.
 fn check_bounds([low, high]: [[f32; 3]; 2]) -> Result<(), EncodeError> {
     if (0..3).all(|axis| (high[axis] - low[axis]).is_finite()) {
         return Ok(());
@@ -267,18 +241,18 @@ fn check_plate(plate: &Field) -> Result<(), EncodeError> {
     }
 }
 
-/// Ends of the layers of `len` rows: those asked for below `len`, then `len`.
-fn layer_ends(asked: &[usize], len: usize) -> Result<Vec<usize>, EncodeError> {
-    let mut ends: Vec<usize> = asked.iter().copied().filter(|&end| end < len).collect();
+/// Ends of the layers of `len` rows: the requested ends below `len`, then `len`.
+fn layer_ends(requested: &[usize], len: usize) -> Result<Vec<usize>, EncodeError> {
+    let mut ends: Vec<usize> = requested.iter().copied().filter(|&end| end < len).collect();
     ends.push(len);
-    if asked.contains(&0) || !asked.is_sorted_by(|a, b| a < b) || ends.len() > LAYERS_MAX {
-        return Err(EncodeError::Layers { layers: asked.to_vec() });
+    if requested.contains(&0) || !requested.is_sorted_by(|a, b| a < b) || ends.len() > LAYERS_MAX {
+        return Err(EncodeError::Layers { layers: requested.to_vec() });
     }
     Ok(ends)
 }
 
-/// The field with opacities and windows as they will be decoded: which Gaussians are static and
-/// where the others lie in the time index is decided on these.
+/// The field with opacities and windows as they will be decoded. They decide which Gaussians are
+/// static and the cells of the others.
 fn with_coded_windows(field: &Field) -> Field {
     let mut coded = field.clone();
     for opacity in &mut coded.opacities {
@@ -295,41 +269,18 @@ fn with_coded_windows(field: &Field) -> Field {
     coded
 }
 
-/// Cuts a field into layers and puts each in order.
-fn split(field: &Field, ends: &[usize], bounds: [[f32; 3]; 2], coder: Coder) -> Vec<Layer> {
-    let mut start = 0;
-    let layer = |&end: &usize| {
-        let (mut static_rows, mut dynamic_rows): (Vec<_>, Vec<_>) =
-            (start..end).partition(|&i| is_static(field, i));
-        start = end;
-        sort_by_place(&mut static_rows, bounds, |i| (0, field.centers[i]));
-        let mut cells = [0; CELLS];
-        match coder {
-            Coder::Fixed => {
-                sort_by_place(&mut dynamic_rows, bounds, |i| (cell_of(field, i), field.centers[i]));
-                dynamic_rows.iter().for_each(|&i| cells[cell_of(field, i)] += 1);
-            }
-            // The decoder sorts by cell.
-            Coder::Context => sort_by_place(&mut dynamic_rows, bounds, |i| (0, middle_of_life(field, i))),
-        }
-        Layer { static_rows, dynamic_rows, cells }
-    };
-    ends.iter().map(layer).collect()
-}
-
-/// What the head says of a split field, apart from the section table.
+/// Returns the head of a package, apart from the section table.
 fn describe(
     info: &ClipInfo,
     coder: Coder,
     bounds: [[f32; 3]; 2],
-    subject: &Part,
+    chunks: &ChunkEncoder,
     layers: &[Layer],
-    plate: Option<&Part>,
-    plate_rows: &[usize],
+    plate: Option<&(ChunkEncoder, Vec<usize>)>,
 ) -> Contents {
     let columns = layers.iter().fold(Columns::default(), |all, layer| {
-        let columns = subject.columns_needed(&layer.static_rows, false);
-        union(all, union(columns, subject.columns_needed(&layer.dynamic_rows, true)))
+        all.union(chunks.nonzero_columns(&layer.static_rows, false))
+            .union(chunks.nonzero_columns(&layer.dynamic_rows, true))
     });
     let temporal = columns.temporal.unwrap_or_default();
     let mut end = LayerEnd::default();
@@ -347,59 +298,14 @@ fn describe(
         motion_order: temporal.motion_order,
         rotation_rates: temporal.rotation_rates,
         layers: layers.iter().map(layer_end).collect(),
-        plate_len: plate_rows.len(),
-        plate_sh_degree: plate.map_or(0, |plate| plate.columns_needed(plate_rows, false).sh_degree),
+        plate_len: plate.map_or(0, |(_, rows)| rows.len()),
+        plate_sh_degree: plate.map_or(0, |(chunks, rows)| chunks.nonzero_columns(rows, false).sh_degree),
         head_bytes: 0,
         sections: Vec::new(),
     }
 }
 
-/// Whether Gaussian `i` looks the same all through the clip: it neither moves nor turns, and its
-/// opacity falls by no more than [`STATIC_OPACITY`].
-pub(crate) fn is_static(field: &Field, i: usize) -> bool {
-    let Some(temporal) = &field.temporal else {
-        return true;
-    };
-    // Farthest from the window centre that the clip gets.
-    let reach = f64::from(temporal.tau[i]).abs().max((1.0 - f64::from(temporal.tau[i])).abs());
-    let z = reach / f64::from(temporal.s[i]);
-    // o (1 - exp(-x)) <= o x: an upper bound without a transcendental function.
-    temporal.is_motionless(i) && f64::from(field.opacities[i]) * 0.5 * z * z <= STATIC_OPACITY
-}
-
-/// Where Gaussian `i` is in the middle of the time that it is alive.
-fn middle_of_life(field: &Field, i: usize) -> [f32; 3] {
-    match field.alive_interval(i) {
-        Some((start, end)) => field.position_at(i, 0.5 * (start + end)).map(|x| x as f32),
-        None => field.centers[i],
-    }
-}
-
-/// Sorts rows by a key, then by place along a Morton curve through `bounds`, then by importance.
-fn sort_by_place(rows: &mut [usize], bounds: [[f32; 3]; 2], place: impl Fn(usize) -> (usize, [f32; 3])) {
-    rows.sort_by_cached_key(|&i| {
-        let (key, point) = place(i);
-        (key, morton(point, bounds), i)
-    });
-}
-
-/// Position on a Morton curve through `bounds`: 21 bits per axis, interleaved.
-fn morton(point: [f32; 3], bounds: [[f32; 3]; 2]) -> u64 {
-    let spread = |axis: usize| {
-        let (low, high) = (f64::from(bounds[0][axis]), f64::from(bounds[1][axis]));
-        // An axis without extent divides zero by zero: NaN, which becomes 0.
-        let place = ((f64::from(point[axis]) - low) / (high - low)).clamp(0.0, 1.0);
-        let mut x = (place * f64::from((1 << 21) - 1)) as u64;
-        x = (x | x << 32) & 0x001f_0000_0000_ffff;
-        x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-        x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-        x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-        (x | x << 2) & 0x1249_2492_4924_9249
-    };
-    spread(0) | spread(1) << 1 | spread(2) << 2
-}
-
-/// Rows per cell as a section's payload and its raw length.
+/// Encodes the number of rows per cell. Also returns the length, which is the raw length.
 fn time_index_payload(cells: &[u32; CELLS]) -> (Vec<u8>, usize) {
     let mut writer = Writer::default();
     for &count in cells {
@@ -407,30 +313,4 @@ fn time_index_payload(cells: &[u32; CELLS]) -> (Vec<u8>, usize) {
     }
     let length = writer.bytes.len();
     (writer.bytes, length)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn morton_interleaves_the_axes() {
-        let bounds = [[0.0; 3], [2_097_151.0; 3]];
-        let mut state = 1u64;
-        for _ in 0..1000 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            let point = [state >> 43, state >> 22 & 0x1f_ffff, state >> 7 & 0x1f_ffff];
-            let expected = (0..21).fold(0, |code, bit| {
-                (0..3).fold(code, |code, axis| code | (point[axis] >> bit & 1) << (3 * bit + axis))
-            });
-            assert_eq!(morton(point.map(|x| x as f32), bounds), expected, "{point:?}");
-        }
-    }
-
-    #[test]
-    fn morton_takes_flat_bounds_and_points_outside() {
-        assert_eq!(morton([1.0; 3], [[1.0; 3]; 2]), 0);
-        assert_eq!(morton([-5.0; 3], [[0.0; 3], [1.0; 3]]), 0);
-        assert_eq!(morton([5.0; 3], [[0.0; 3], [1.0; 3]]), (1 << 63) - 1);
-    }
 }

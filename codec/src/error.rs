@@ -1,19 +1,24 @@
-//! [`Error`]: why bytes are not a clip, by whose fault, and at which byte.
+//! [`Error`] and `EncodeError`: why a package cannot be decoded, or a field not be packaged.
 
-use crate::header::VERSION_MAJOR;
+#[cfg(feature = "encode")]
+use crate::format::LAYERS_MAX;
+use crate::format::VERSION_MAJOR;
 
-/// Why a package could not be decoded. Every message names the byte it happened at.
+/// Why a package could not be decoded.
+///
+/// Every message is one sentence that names the byte offset at which decoding stopped, for
+/// example `damaged head: CRC-32 is 1c291ca3, 00000000 expected, at byte 236`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// The bytes are no package, or a damaged one.
+    /// The bytes are not a package, or a damaged one.
     #[error("{error}, at byte {offset}")]
     Format {
-        /// Offset of the first byte that is wrong, from the start of the package.
+        /// Offset of the first wrong byte, from the start of the package.
         offset: usize,
         /// What is wrong there.
         error: FormatError,
     },
-    /// The package is of a format version that this decoder does not read.
+    /// The package has a major version of the format that this decoder does not read.
     #[error(
         "package version {major}.{minor} cannot be read, at byte 4; this program reads {VERSION_MAJOR}.x"
     )]
@@ -23,16 +28,16 @@ pub enum Error {
         /// Minor version of the package.
         minor: u16,
     },
-    /// Decoding needs more than the caller allows.
-    #[error("the package asks for {needed} {what}, {limit} allowed, at byte {offset}")]
+    /// Decoding needs more than [`Limits`](crate::Limits) allows.
+    #[error("the package asks for {needed} {quantity}, {limit} allowed, at byte {offset}")]
     Limits {
-        /// Offset of the number that asks for too much.
+        /// Offset of the count that asks for too much.
         offset: usize,
-        /// What is limited, in the plural.
-        what: &'static str,
-        /// Amount the package asks for.
+        /// The limited quantity, in the plural: `Gaussians` or `bytes of memory`.
+        quantity: &'static str,
+        /// Amount that the package needs.
         needed: usize,
-        /// Amount allowed by [`Limits`](crate::Limits).
+        /// Amount that the limits allow.
         limit: usize,
     },
 }
@@ -41,61 +46,61 @@ pub enum Error {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FormatError {
-    /// The first bytes are not the magic number.
+    /// The first bytes are not the magic number `AARC`.
     #[error("not an .aarc package")]
     Magic,
-    /// The bytes end before the first layer does.
+    /// The bytes end before the first layer does. More bytes may cure this one.
     #[error("package cut short: {needed} bytes needed for the first layer, {available} present")]
     Cut {
-        /// Length up to which the package would have to reach.
+        /// Bytes needed to get further: the end of the prefix, of the head or of the first layer.
         needed: usize,
-        /// Length it has.
+        /// Bytes given.
         available: usize,
     },
-    /// A part ends before its last field.
+    /// A part of the package ends before its last number.
     #[error("{part} is too short")]
     Short {
-        /// The part.
+        /// Name of the part.
         part: &'static str,
     },
-    /// Bytes follow where none belong.
+    /// Bytes follow the end of a part.
     #[error("{count} extra bytes after {part}")]
     Extra {
         /// Number of bytes.
         count: usize,
-        /// What should have been the last thing.
+        /// Name of the part.
         part: &'static str,
     },
     /// A checksum differs from the bytes it covers.
     #[error("damaged {part}: CRC-32 is {computed:08x}, {stored:08x} expected")]
     Crc {
-        /// What the checksum covers.
+        /// Name of the part that the checksum covers.
         part: &'static str,
         /// Checksum in the package.
         stored: u32,
-        /// Checksum of the bytes present.
+        /// Checksum of the bytes given.
         computed: u32,
     },
     /// A number or text lies outside its range.
     #[error("bad {field}: {value}")]
     Value {
-        /// Name of the field.
+        /// Name of the number or text.
         field: &'static str,
-        /// What it holds.
+        /// Its value.
         value: String,
     },
-    /// A section that must be understood is of an unknown kind.
+    /// A critical section is of an unknown kind.
     #[error("unknown section kind {kind}, marked critical")]
     UnknownSection {
-        /// The kind.
+        /// Number of the kind.
         kind: u8,
     },
-    /// The section table does not fit the counts in the header.
+    /// The section table contradicts the counts in the head.
     #[error("section table: {expected} expected, {found} found")]
     Sections {
-        /// What the counts ask for.
+        /// Entry that the counts require.
         expected: String,
-        /// What the table has.
+        /// Entry in the table.
         found: String,
     },
     /// A compressed payload does not expand to its announced length.
@@ -107,7 +112,7 @@ pub enum FormatError {
     /// The stored time index contradicts the rows it describes.
     #[error("time index puts row {row} of the dynamic region in the wrong cell")]
     TimeIndex {
-        /// The row.
+        /// Number of the row.
         row: usize,
     },
 }
@@ -118,18 +123,18 @@ impl Error {
     }
 
     pub(crate) fn value(offset: usize, field: &'static str, value: impl std::fmt::Debug) -> Error {
-        Error::Format { offset, error: FormatError::Value { field, value: format!("{value:?}") } }
+        Error::format(offset, FormatError::Value { field, value: format!("{value:?}") })
     }
 }
 
-/// Why a field could not be packaged; always the caller's fault.
+/// Why a field could not be packaged: the source or the options are invalid.
 #[cfg(feature = "encode")]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EncodeError {
-    /// There is nothing to package.
+    /// The field is empty.
     #[error("the field has no Gaussians")]
     Empty,
-    /// A field breaks its own invariants or holds numbers too large to code.
+    /// A field breaks its invariants, or holds numbers too large to code.
     #[error("the {part} cannot be packaged: {reason}")]
     Field {
         /// `field` or `plate`.
@@ -137,27 +142,27 @@ pub enum EncodeError {
         /// One sentence.
         reason: String,
     },
-    /// Duration, axes or viewpoints are out of range.
+    /// Duration, axes or viewpoints are out of range; see [`ClipInfo::check`](crate::ClipInfo::check).
     #[error("the clip's metadata cannot be packaged: bad {field}: {value}")]
     Info {
-        /// Name of the field.
+        /// Name of the number or text.
         field: &'static str,
-        /// What it holds.
+        /// Its value.
         value: String,
     },
     /// Layer ends are zero, do not rise, or are too many.
-    #[error("layers must be at most {} rising counts above 0, got {layers:?}", crate::header::LAYERS_MAX)]
+    #[error("layers must be at most {LAYERS_MAX} rising counts above 0, got {layers:?}")]
     Layers {
         /// The layer ends given.
         layers: Vec<usize>,
     },
-    /// The precision asked for is no number, or is that of another field.
+    /// The precision is not a number, or belongs to another field.
     #[error("the precision cannot be used: {reason}")]
     Precision {
         /// One sentence.
         reason: String,
     },
-    /// The package would pass 4 GiB, the reach of its offsets.
+    /// The package would exceed 4 GiB, the range of its 32-bit offsets.
     #[error("the package would be larger than 4 GiB")]
     TooLarge,
 }

@@ -1,21 +1,22 @@
-//! [`Field`]: 4D Gaussians as a structure of arrays, and the two equations that move them.
+//! [`Field`]: 4D Gaussians as a structure of arrays, with the paper's two equations, trajectory and
+//! temporal opacity.
 //!
 //! Row `i` of every column describes Gaussian `i`. Columns that a field does not need are absent:
 //! a static field has no [`Temporal`], a field without view-dependent colour has SH degree 0.
-//! Lengths are in the units of the source; time `t` is normalised, 0 at the start of the clip and
-//! 1 at its end.
+//! Lengths are in the units of the source. Clip time `t` is 0 at the start of the clip and 1 at its
+//! end.
 
-/// Opacity below which a Gaussian cannot change an 8-bit pixel; it is not drawn.
+/// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 
-/// Highest degree of the spherical harmonics.
+/// Highest supported degree of the spherical harmonics.
 pub const SH_DEGREE_MAX: u8 = 3;
 
-/// Highest power of time in the trajectory.
+/// Highest supported power of time in a trajectory.
 pub const MOTION_ORDER_MAX: u8 = 3;
 
-/// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`: colour is `0.5 + SH_C0 * c_0` at
-/// degree 0.
+/// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`. At degree 0 the colour of a
+/// Gaussian is `0.5 + SH_C0 * c_0`.
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// Number of spherical-harmonic coefficients per colour channel: `(degree + 1)^2`.
@@ -23,45 +24,47 @@ pub const fn sh_coefficients(degree: u8) -> usize {
     (degree as usize + 1) * (degree as usize + 1)
 }
 
-/// A set of 4D Gaussians.
+/// A set of 4D Gaussians, one row each in every column.
 ///
-/// Invariants, checked by [`Field::check`]: all columns have matching lengths, every number is
-/// finite except that a window width may be `+inf` (always on), quaternions are normalised,
-/// opacities lie in `[0, 1]`, window widths are positive.
+/// Invariants, which [`Field::check`] verifies and most methods assume: the lengths of all columns
+/// match; every number is finite, except that a window width may be `+inf` (always on); quaternions
+/// have unit length; opacities lie in `[0, 1]`; window widths are positive. Methods that take the
+/// number of a row panic if it is out of range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Field {
-    /// Centres mu at `t = tau` (at every `t` for a static field), in source units.
+    /// Centres mu in source units: the positions at `t = tau`, at all times for a static field.
     pub centers: Vec<[f32; 3]>,
-    /// Unit quaternions `w, x, y, z` that turn the Gaussian's axes into the world's.
+    /// Unit quaternions `w, x, y, z` that rotate the Gaussian's axes to world axes.
     pub rotations: Vec<[f32; 4]>,
-    /// Natural logarithms of the standard deviations along the Gaussian's axes.
+    /// Natural logarithms of the standard deviations along the Gaussian's axes, in source units.
     pub log_scales: Vec<[f32; 3]>,
     /// Peak opacities o, in `[0, 1]`.
     pub opacities: Vec<f32>,
     /// Degree of the spherical harmonics, 0 to [`SH_DEGREE_MAX`].
     pub sh_degree: u8,
-    /// Spherical-harmonic coefficients, `[gaussian][coefficient][red, green, blue]`, flattened in
-    /// the first two: `len * sh_coefficients(sh_degree)` entries. Colour is `0.5 + sum(Y_k c_k)`,
-    /// clamped below at 0, in the basis order and signs of 3D Gaussian Splatting.
+    /// Spherical-harmonic coefficients `[gaussian][coefficient][red, green, blue]`, the first two
+    /// dimensions flattened: `len * sh_coefficients(sh_degree)` entries. The display-referred colour
+    /// is `max(0.5 + sum(Y_k c_k), 0)`, with the basis order and signs of 3D Gaussian Splatting.
     pub sh: Vec<[f32; 3]>,
-    /// Windows and motion; absent where every Gaussian is always on and never moves.
+    /// Windows and motion; absent if every Gaussian is always on and motionless.
     pub temporal: Option<Temporal>,
 }
 
-/// The columns of a field that changes over time.
+/// The columns of a field that changes over time: temporal windows, motion and rotation rates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Temporal {
-    /// Window centres, in clip time. May lie outside `[0, 1]`.
+    /// Window centres tau in clip time. May lie outside `[0, 1]`.
     pub tau: Vec<f32>,
-    /// Window widths: standard deviations in clip time, positive, possibly `+inf`.
+    /// Window widths s: standard deviations in clip time, positive, `+inf` for always on.
     pub s: Vec<f32>,
-    /// Highest power of time present, 0 to [`MOTION_ORDER_MAX`].
+    /// Highest power of time in the trajectories, 0 to [`MOTION_ORDER_MAX`].
     pub motion_order: u8,
-    /// Motion coefficients v1, v2, v3 in source units per power of clip time,
-    /// `[gaussian][power - 1]`, flattened: `len * motion_order` entries.
+    /// Motion coefficients v1, v2, v3 in source units per power of clip time: `[gaussian][power - 1]`
+    /// flattened, `len * motion_order` entries.
     pub motion: Vec<[f32; 3]>,
-    /// Linear rates of the quaternion per unit of clip time: `q(t) = normalise(q + rate * delta)`,
-    /// as in Spacetime Gaussians. Goes beyond the paper; absent where nothing rotates.
+    /// Rotation rates: derivatives `w, x, y, z` of the quaternion per unit of clip time, so that
+    /// `q(t) = normalise(q + rate (t - tau))` as in Spacetime Gaussians (Li et al. 2024). Not in the
+    /// paper; absent if no Gaussian rotates.
     pub rotation_rates: Option<Vec<[f32; 4]>>,
 }
 
@@ -81,14 +84,15 @@ impl Field {
         self.temporal.as_ref().map_or(0, |temporal| temporal.motion_order)
     }
 
-    /// Spherical-harmonic coefficients of Gaussian `i`, constant term first.
+    /// Spherical-harmonic coefficients of Gaussian `i`: `sh_coefficients(sh_degree)` entries, the
+    /// constant term first.
     pub fn sh_of(&self, i: usize) -> &[[f32; 3]] {
         let count = sh_coefficients(self.sh_degree);
         &self.sh[i * count..(i + 1) * count]
     }
 
-    /// Centre of Gaussian `i` at clip time `t`: `mu + v1 d + v2 d^2 + v3 d^3`, `d = t - tau`
-    /// (the paper's trajectory equation).
+    /// Position of Gaussian `i` at clip time `t` in source units: `mu + v1 d + v2 d^2 + v3 d^3` with
+    /// `d = t - tau`, the paper's trajectory (`eq::traj`).
     pub fn position_at(&self, i: usize, t: f64) -> [f64; 3] {
         let center = self.centers[i].map(f64::from);
         let Some(temporal) = &self.temporal else {
@@ -104,8 +108,8 @@ impl Field {
         [center[0] + offset[0], center[1] + offset[1], center[2] + offset[2]]
     }
 
-    /// Opacity of Gaussian `i` at clip time `t`: `o exp(-(t - tau)^2 / (2 s^2))`
-    /// (the paper's temporal opacity equation).
+    /// Opacity of Gaussian `i` at clip time `t`: `o exp(-(t - tau)^2 / (2 s^2))`, the paper's temporal
+    /// opacity (`eq::topacity`).
     pub fn opacity_at(&self, i: usize, t: f64) -> f64 {
         let opacity = f64::from(self.opacities[i]);
         let Some(temporal) = &self.temporal else {
@@ -115,7 +119,8 @@ impl Field {
         opacity * libm::exp(-0.5 * z * z)
     }
 
-    /// Unit quaternion `w, x, y, z` of Gaussian `i` at clip time `t`.
+    /// Unit quaternion `w, x, y, z` of Gaussian `i` at clip time `t`; see
+    /// [`Temporal::rotation_rates`].
     pub fn rotation_at(&self, i: usize, t: f64) -> [f64; 4] {
         let mut q = self.rotations[i].map(f64::from);
         if let Some(temporal) = &self.temporal
@@ -127,13 +132,12 @@ impl Field {
             }
         }
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        // A rate can pass exactly through zero; any fixed rotation will do at that instant.
+        // The sum can be zero at one instant; any rotation will do there.
         if norm > 1e-12 { q.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] }
     }
 
-    /// The interval of clip time, cut to `[0, 1]`, in which Gaussian `i` has at least
-    /// [`ALPHA_MIN`] opacity: `tau -+ s sqrt(2 ln(o / ALPHA_MIN))`. `None` if there is no such
-    /// instant in the clip.
+    /// Alive interval of Gaussian `i`: the clip times in `[0, 1]` at which its opacity is at least
+    /// [`ALPHA_MIN`], `tau -+ s sqrt(2 ln(o / ALPHA_MIN))`. `None` if it is never alive.
     pub fn alive_interval(&self, i: usize) -> Option<(f64, f64)> {
         let opacity = f64::from(self.opacities[i]);
         if opacity < ALPHA_MIN {
@@ -146,16 +150,16 @@ impl Field {
         if s.is_infinite() {
             return Some((0.0, 1.0));
         }
-        // The time index of a package rests on this interval, so every machine must find the same
-        // one: a logarithm in software, not the system's.
-        let reach = s * (2.0 * libm::log(opacity / ALPHA_MIN)).sqrt();
-        let (start, end) = ((tau - reach).max(0.0), (tau + reach).min(1.0));
+        // The time index of a package depends on this interval, so every machine must compute the
+        // same one: libm, not the system's logarithm.
+        let support_radius = s * (2.0 * libm::log(opacity / ALPHA_MIN)).sqrt();
+        let (start, end) = ((tau - support_radius).max(0.0), (tau + support_radius).min(1.0));
         (start <= end).then_some((start, end))
     }
 
-    /// Corners `[min, max]` of the box around all centres while alive, to within `f32` rounding.
-    /// Where no Gaussian is ever alive, of the box around the centres at `t = tau`; for an empty
-    /// field, the origin.
+    /// Corners `[min, max]` of the box around all positions while alive, in source units, to within
+    /// `f32` rounding. If no Gaussian is ever alive, of the box around the centres; the origin for an
+    /// empty field.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
@@ -183,7 +187,7 @@ impl Field {
         if self.is_empty() { Default::default() } else { [low, high].map(|corner| corner.map(|x| x as f32)) }
     }
 
-    /// Clip times at which Gaussian `i` turns round along an axis: the roots of
+    /// Clip times at which Gaussian `i` reverses along an axis: the roots of
     /// `v1 + 2 v2 d + 3 v3 d^2`, at most two per axis.
     fn turning_times(&self, i: usize) -> Vec<f64> {
         let Some(temporal) = &self.temporal else {
@@ -194,14 +198,14 @@ impl Field {
         };
         let roots = |axis: usize| {
             let (a, b, c) = (3.0 * v(3, axis), 2.0 * v(2, axis), v(1, axis));
-            // Citardauq pairing keeps both roots accurate when `a` is small against `b`.
+            // This pairing keeps both roots accurate if `a` is small against `b`.
             let q = -0.5 * (b + (b * b - 4.0 * a * c).sqrt().copysign(b));
             [q / a, c / q].into_iter().filter(|d| d.is_finite())
         };
         (0..3).flat_map(roots).map(|d| f64::from(temporal.tau[i]) + d).collect()
     }
 
-    /// The rows named by `rows`, in that order, as a new field with the same columns.
+    /// Returns a field of the given rows, in that order, with the same columns.
     ///
     /// # Panics
     /// If a row is out of range.
@@ -256,7 +260,7 @@ impl Field {
     /// Checks the invariants of the type.
     ///
     /// # Errors
-    /// One sentence that names the first column and row found wrong.
+    /// One sentence that names the first invalid column and row.
     pub fn check(&self) -> Result<(), String> {
         let n = self.len();
         if self.sh_degree > SH_DEGREE_MAX {
@@ -301,13 +305,13 @@ impl Field {
 }
 
 impl Temporal {
-    /// Motion coefficients v1, v2, ... of Gaussian `i`, as many as the motion order.
+    /// Motion coefficients v1, v2, ... of Gaussian `i`: `motion_order` entries.
     pub fn motion_of(&self, i: usize) -> &[[f32; 3]] {
         let order = self.motion_order as usize;
         &self.motion[i * order..(i + 1) * order]
     }
 
-    /// Whether Gaussian `i` neither moves nor turns.
+    /// Whether Gaussian `i` neither moves nor rotates.
     pub fn is_motionless(&self, i: usize) -> bool {
         self.motion_of(i).iter().all(|v| *v == [0.0; 3])
             && self.rotation_rates.as_ref().is_none_or(|rates| rates[i] == [0.0; 4])
@@ -357,7 +361,7 @@ mod tests {
         let tau = f64::from(field.temporal.as_ref().unwrap().tau[0]);
         assert_eq!(field.position_at(0, tau), [1.0, 2.0, 3.0]);
         // Central differences of a cubic: exact for the second derivative, off by v3 h^2 for the
-        // first.
+        // first derivative.
         let h = 1e-3;
         let at = |d: f64| field.position_at(0, tau + d);
         for axis in 0..3 {
@@ -381,7 +385,7 @@ mod tests {
         for d in [-0.3, -0.1, 0.05, 0.2] {
             let expected = peak * (-(d * d) / (2.0 * s * s)).exp();
             assert!((field.opacity_at(0, tau + d) - expected).abs() < 1e-12);
-            // The derivative has a closed form of its own: -d / s^2 o(t).
+            // The derivative in closed form: -d / s^2 o(t).
             let h = 1e-5;
             let slope = (field.opacity_at(0, tau + d + h) - field.opacity_at(0, tau + d - h)) / (2.0 * h);
             assert!((slope + d / (s * s) * expected).abs() < 1e-6, "{slope}");
@@ -404,7 +408,7 @@ mod tests {
         let mut vanishing = field;
         vanishing.rotations[0] = [0.0, 1.0, 0.0, 0.0];
         let rotation = vanishing.rotation_at(0, tau - 1.0);
-        assert_eq!(rotation, [1.0, 0.0, 0.0, 0.0], "a rate that passes through zero");
+        assert_eq!(rotation, [1.0, 0.0, 0.0, 0.0], "the quaternion passes through zero");
     }
 
     #[test]
@@ -432,34 +436,34 @@ mod tests {
         temporal.tau = vec![-0.2, 1.5];
         temporal.s = vec![0.1, 0.1];
         assert_eq!(field.alive_interval(0).unwrap().0, 0.0, "cut to the clip");
-        assert_eq!(field.alive_interval(1), None, "over before it comes into the clip");
+        assert_eq!(field.alive_interval(1), None, "its window lies outside the clip");
         field.opacities = vec![1.0 / 256.0, 0.0];
         assert_eq!((field.alive_interval(0), field.alive_interval(1)), (None, None), "too faint");
     }
 
     #[test]
-    fn bounds_hold_every_alive_position_tightly() {
+    fn bounds_are_tight_around_alive_positions() {
         let field = field();
         let [low, high] = field.bounds();
-        let (mut seen_low, mut seen_high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let (mut expected_low, mut expected_high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for i in 0..field.len() {
             let (start, end) = field.alive_interval(i).unwrap();
             for step in 0..=10_000 {
                 let position = field.position_at(i, start + (end - start) * f64::from(step) / 10_000.0);
                 for axis in 0..3 {
-                    seen_low[axis] = seen_low[axis].min(position[axis]);
-                    seen_high[axis] = seen_high[axis].max(position[axis]);
+                    expected_low[axis] = expected_low[axis].min(position[axis]);
+                    expected_high[axis] = expected_high[axis].max(position[axis]);
                 }
             }
         }
         for axis in 0..3 {
-            assert!((f64::from(low[axis]) - seen_low[axis]).abs() < 1e-5, "{low:?} {seen_low:?}");
-            assert!((f64::from(high[axis]) - seen_high[axis]).abs() < 1e-5, "{high:?} {seen_high:?}");
+            assert!((f64::from(low[axis]) - expected_low[axis]).abs() < 1e-5, "{low:?} {expected_low:?}");
+            assert!((f64::from(high[axis]) - expected_high[axis]).abs() < 1e-5, "{high:?} {expected_high:?}");
         }
     }
 
     #[test]
-    fn bounds_of_the_invisible_and_of_nothing() {
+    fn bounds_of_invisible_and_empty_fields() {
         let mut field = Field { temporal: None, ..field() };
         let visible = field.bounds();
         assert_eq!(visible, [[-1.0, 0.0, 0.5], [1.0, 2.0, 3.0]]);
@@ -469,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn select_takes_whole_rows() {
+    fn select_copies_all_columns() {
         let field = field();
         let picked = field.select(&[1, 0, 1]);
         assert_eq!(picked.check(), Ok(()));
@@ -490,27 +494,27 @@ mod tests {
     }
 
     #[test]
-    fn stillness_is_the_absence_of_motion_and_turning() {
+    fn motionless_means_neither_moving_nor_rotating() {
         let mut temporal = field().temporal.unwrap();
         assert!(!temporal.is_motionless(0) && !temporal.is_motionless(1));
         temporal.motion.fill([0.0; 3]);
-        assert!(!temporal.is_motionless(0), "it turns");
+        assert!(!temporal.is_motionless(0), "it rotates");
         assert!(temporal.is_motionless(1));
         temporal.rotation_rates = None;
         assert!(temporal.is_motionless(0));
     }
 
-    /// Checks that `change` makes the field invalid with a message that names `what`.
+    /// Checks that `change` makes the field invalid, with a message that contains `expected`.
     #[track_caller]
-    fn refused(what: &str, change: impl FnOnce(&mut Field)) {
+    fn refused(expected: &str, change: impl FnOnce(&mut Field)) {
         let mut bad = field();
         change(&mut bad);
-        let message = bad.check().expect_err(what);
-        assert!(message.contains(what), "'{what}' expected: {message}");
+        let message = bad.check().expect_err(expected);
+        assert!(message.contains(expected), "'{expected}' expected: {message}");
     }
 
     #[test]
-    fn check_names_what_is_wrong() {
+    fn check_names_column_and_row() {
         assert_eq!(field().check(), Ok(()));
         assert_eq!(Field::default().check(), Ok(()));
         fn temporal(field: &mut Field) -> &mut Temporal {

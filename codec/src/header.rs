@@ -1,62 +1,36 @@
-//! [`Contents`]: the head of a package, parsed and written side by side.
+//! [`Contents`]: reads and writes the head of a package.
 //!
 //! The head is everything before the first section: magic, version, metadata, counts, viewpoints
-//! and the section table, with one CRC-32 over all of it. Sections follow without gaps. Their
-//! order, chunking and uncompressed lengths follow from the counts, so the table is checked
-//! against them rather than believed.
+//! and the section table, with one CRC-32 over all of it. Sections follow without gaps. The counts
+//! determine their order, chunking and uncompressed lengths, so the table is checked against the
+//! counts instead of trusted.
 
 use crate::{
     ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Viewpoint,
     bytes::Reader,
+    columns::{Columns, TemporalColumns},
     error::FormatError,
-    fixed::{self, Columns},
+    fixed,
+    format::{
+        CHUNK_ROWS, ENTRY_BYTES, FIXED_BYTES, LAYERS_MAX, MAGIC, PREFIX_BYTES, VERSION_MAJOR, VIEWPOINTS_MAX,
+    },
     limits::Budget,
-    section::{ENTRY_BYTES, Region, Section, SectionKind},
+    section::{Region, Section, SectionKind},
 };
 
-/// First bytes of every package. Format.
-const MAGIC: [u8; 4] = *b"AARC";
-
-/// Major version of the package format: a reader refuses any other. Format.
-pub const VERSION_MAJOR: u16 = 1;
-
-/// Minor version of the package format that is written: a later one may add sections that are not
-/// critical. Format.
-pub const VERSION_MINOR: u16 = 0;
-
-/// Bytes up to and including the length of the head. Format.
-const PREFIX_BYTES: usize = 12;
-
-/// Bytes of the head whose length does not vary: where the counts per layer start. Format.
-const FIXED_BYTES: usize = 76;
-
-/// Where the counts start that determine how much memory a clip takes. Format.
-pub(crate) const COUNTS_OFFSET: usize = 68;
-
-/// Most viewpoints in a package. Format.
-pub(crate) const VIEWPOINTS_MAX: usize = 64;
-
-/// Longest name of a viewpoint in bytes. Format.
-pub(crate) const NAME_BYTES_MAX: usize = 63;
-
-/// Most layers in a package. Format.
-pub(crate) const LAYERS_MAX: usize = 16;
-
-/// Gaussians per chunk; the last chunk of a region in a layer holds the rest. Format.
-pub(crate) const CHUNK_ROWS: usize = 4096;
-
-/// How the Gaussians of a package are coded.
+/// Coding of the Gaussians of a package.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Coder {
-    /// The paper's: FP16 and INT8 attributes, motion at 10 bits, zstd.
+    /// The paper's trajectory coding: FP16 and INT8 attributes, 10-bit motion coefficients, zstd.
     #[default]
     Fixed,
-    /// Steps as coarse as nobody sees, and an adaptive range coder.
+    /// Quantisation steps from the visibility of each Gaussian, and an adaptive range coder. Not in
+    /// the paper.
     Context,
 }
 
 impl Coder {
-    /// Name on command lines and in reports.
+    /// Name on command lines and in reports: `fixed` or `context`.
     pub fn name(self) -> &'static str {
         match self {
             Coder::Fixed => "fixed",
@@ -73,30 +47,30 @@ impl Coder {
     }
 }
 
-/// What the head of a package says.
+/// The head of a package: metadata, counts and section table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// Minor version of the format; the major one is that of this decoder.
+    /// Minor version of the format; the major version is [`VERSION_MAJOR`](crate::VERSION_MAJOR).
     pub version_minor: u16,
     /// Duration, axes, viewpoints.
     pub info: ClipInfo,
     /// Corners of the box around all centres while alive: `[min, max]`, in source units.
     pub bounds: [[f32; 3]; 2],
-    /// How the Gaussians are coded.
+    /// Coding of all Gaussians, the plate included.
     pub coder: Coder,
-    /// Degree of the spherical harmonics of both regions.
+    /// Degree of the spherical harmonics of the static and the dynamic region, 0 to 3.
     pub sh_degree: u8,
-    /// Highest power of time in the dynamic region.
+    /// Highest power of time in the trajectories of the dynamic region, 0 to 3.
     pub motion_order: u8,
     /// Whether the dynamic region has rotation rates.
     pub rotation_rates: bool,
-    /// Where each layer ends. Never empty.
+    /// Gaussians up to the end of each layer; 1 to 16 entries.
     pub layers: Vec<LayerEnd>,
-    /// Number of Gaussians in the plate; 0 where there is none.
+    /// Number of Gaussians in the plate; 0 without a plate.
     pub plate_len: usize,
-    /// Degree of the plate's spherical harmonics.
+    /// Degree of the plate's spherical harmonics, 0 to 3.
     pub plate_sh_degree: u8,
-    /// Bytes before the first section.
+    /// Length of the head in bytes: the offset of the first section.
     pub head_bytes: usize,
     /// The section table, in file order.
     pub sections: Vec<Section>,
@@ -104,11 +78,15 @@ pub struct Contents {
 
 /// Reads the head of a package without decoding any Gaussian.
 ///
-/// Works on any prefix of a package that holds the whole head: sections may then reach beyond
-/// the end of `bytes`.
+/// `bytes` may be any prefix of a package that holds the whole head; sections may then end after
+/// `bytes`.
 ///
 /// # Errors
-/// Whatever is wrong with the head, or bytes after the last section.
+/// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
+///   With [`FormatError::Cut`], `bytes` is too short to tell.
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
+/// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
+///   table needs more memory.
 pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
     let head = head_bytes(bytes)?;
     let (body, stored) = head.split_at(head.len() - 4);
@@ -127,11 +105,11 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
     Ok(contents)
 }
 
-/// Checks magic, version and length of the head and returns the head with its checksum.
+/// Checks magic, version and length of the head, and returns the head with its checksum.
 fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
     let cut = |needed| Error::format(bytes.len(), FormatError::Cut { needed, available: bytes.len() });
     if !bytes.starts_with(&MAGIC) {
-        // A prefix of the magic is a package cut short, anything else is something else.
+        // A prefix of the magic number is a package cut short.
         let is_cut = !bytes.is_empty() && MAGIC.starts_with(bytes);
         return Err(if is_cut { cut(PREFIX_BYTES) } else { Error::format(0, FormatError::Magic) });
     }
@@ -147,7 +125,7 @@ fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
     bytes.get(..length).ok_or(cut(length))
 }
 
-/// Parses the head, whose checksum holds, up to but without the checksum.
+/// Parses the head without its checksum, which has been checked.
 fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
     let mut reader = Reader::new(body, 0, "head");
     reader.take(PREFIX_BYTES)?;
@@ -198,10 +176,10 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
         end.static_count = end.static_count.saturating_add(static_count);
         end.dynamic_count = end.dynamic_count.saturating_add(dynamic_count);
         let needed = end.static_count.saturating_add(end.dynamic_count).saturating_add(plate_len);
-        // The row numbers of the time index are 32-bit numbers.
+        // Row numbers of the time index have 32 bits.
         let limit = limits.max_gaussians.min(u32::MAX as usize);
         if needed > limit {
-            return Err(Error::Limits { offset: at, what: "Gaussians", needed, limit });
+            return Err(Error::Limits { offset: at, quantity: "Gaussians", needed, limit });
         }
         layers.push(end);
     }
@@ -249,25 +227,25 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
     })
 }
 
-/// A section that the counts in the header ask for.
+/// A section that the counts in the head require.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Planned {
+pub(crate) struct PlannedSection {
     pub(crate) kind: SectionKind,
     pub(crate) layer: u8,
     pub(crate) region: Region,
     pub(crate) chunk: u32,
-    /// Gaussians described.
+    /// Number of Gaussians in the section.
     pub(crate) rows: usize,
 }
 
 impl Contents {
-    /// Bytes of the package.
+    /// Length of the whole package in bytes.
     pub fn package_bytes(&self) -> usize {
         self.sections.last().map_or(self.head_bytes, Section::end)
     }
 
-    /// Where each layer ends in the package: a prefix of so many bytes plays with that layer and
-    /// those before it. Ascending.
+    /// Offset of the end of each layer in bytes, ascending. A prefix of entry `k` bytes decodes to
+    /// layers 0 to `k`.
     pub fn layer_bytes(&self) -> Vec<usize> {
         let mut ends = vec![self.head_bytes; self.layers.len()];
         for (planned, section) in self.planned_sections() {
@@ -276,14 +254,14 @@ impl Contents {
         ends
     }
 
-    /// Columns of the Gaussians of a region.
+    /// Returns the columns of a region.
     pub(crate) fn columns(&self, region: Region) -> Columns {
         match region {
             Region::Static => Columns { sh_degree: self.sh_degree, temporal: None },
             Region::Plate => Columns { sh_degree: self.plate_sh_degree, temporal: None },
             Region::Dynamic => Columns {
                 sh_degree: self.sh_degree,
-                temporal: Some(fixed::TemporalColumns {
+                temporal: Some(TemporalColumns {
                     motion_order: self.motion_order,
                     rotation_rates: self.rotation_rates,
                 }),
@@ -291,15 +269,15 @@ impl Contents {
         }
     }
 
-    /// The sections that the counts ask for, in the only order they may come in: by layer, and in
-    /// a layer the plate (first layer only), the static chunks, the time index (coder `fixed` only),
-    /// the dynamic chunks.
-    pub(crate) fn plan(&self) -> impl Iterator<Item = Planned> + '_ {
+    /// The sections that the counts require, in the only valid order: by layer; in a layer the
+    /// chunks of the plate (first layer only), the static chunks, the time index (coder `fixed`
+    /// only), the dynamic chunks.
+    pub(crate) fn plan(&self) -> impl Iterator<Item = PlannedSection> + '_ {
         self.layers.iter().enumerate().flat_map(|(layer, end)| {
             let start = if layer == 0 { LayerEnd::default() } else { self.layers[layer - 1] };
             let layer = layer as u8;
             let dynamic = end.dynamic_count - start.dynamic_count;
-            let index = Planned {
+            let index = PlannedSection {
                 kind: SectionKind::TimeIndex,
                 layer,
                 region: Region::Dynamic,
@@ -313,8 +291,8 @@ impl Contents {
         })
     }
 
-    /// The planned sections, each with its entry in the table.
-    pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (Planned, &Section)> {
+    /// The required sections, each with its entry in the table.
+    pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (PlannedSection, &Section)> {
         self.plan().zip(self.sections.iter().filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
     }
 
@@ -337,7 +315,7 @@ impl Contents {
             }
             let planned =
                 plan.next().ok_or_else(|| error("no further section".into(), format!("{section:?}")))?;
-            let found = Planned {
+            let found = PlannedSection {
                 kind: section.kind,
                 layer: section.layer,
                 region: section.region,
@@ -367,7 +345,10 @@ impl Contents {
         }
     }
 
-    /// Writes the head. `head_bytes` and the offsets of the sections are taken from their lengths.
+    /// Writes the head. Recomputes `head_bytes` and the offsets of the sections from the lengths.
+    ///
+    /// # Errors
+    /// [`EncodeError::TooLarge`](crate::EncodeError::TooLarge) if a number exceeds 32 bits.
     #[cfg(feature = "encode")]
     pub(crate) fn write(&self) -> Result<Vec<u8>, crate::EncodeError> {
         let mut w = crate::bytes::Writer::default();
@@ -377,7 +358,7 @@ impl Contents {
         let u32_of = |x: usize| u32::try_from(x).map_err(|_| crate::EncodeError::TooLarge);
         w.bytes.extend_from_slice(&MAGIC);
         w.u16(VERSION_MAJOR);
-        w.u16(VERSION_MINOR);
+        w.u16(crate::VERSION_MINOR);
         w.u32(u32_of(length)?);
         w.f32(self.info.duration_s);
         w.f32(self.info.fps);
@@ -419,9 +400,9 @@ impl Contents {
     }
 }
 
-/// The chunks of `rows` Gaussians.
-fn chunks(layer: u8, region: Region, rows: usize) -> impl Iterator<Item = Planned> {
-    (0..rows.div_ceil(CHUNK_ROWS)).map(move |chunk| Planned {
+/// The chunks that `rows` Gaussians are cut into.
+fn chunks(layer: u8, region: Region, rows: usize) -> impl Iterator<Item = PlannedSection> {
+    (0..rows.div_ceil(CHUNK_ROWS)).map(move |chunk| PlannedSection {
         kind: SectionKind::Gaussians,
         layer,
         region,

@@ -1,17 +1,42 @@
 //! 4D Gaussian fields and the `.aarc` clip package.
 //!
 //! A [`Field`] is a set of Gaussians that move along cubic trajectories and fade in and out of
-//! temporal windows. [`decode()`] turns the bytes of a package into a [`Clip`], which holds the
-//! field split and ordered for playing; `encode` (feature `encode`) goes the other way, and
-//! [`contents`] reads only what a package says of itself. The format is specified in FORMAT.md.
+//! temporal windows. A package stores a field for streaming: its Gaussians come in *layers*, the
+//! most important first, so that any prefix with the first layer plays.
 //!
-//! This crate does no I/O, has no unsafe code, and neither panics nor allocates without bound on
-//! any input.
+//! This crate does no I/O and has no unsafe code. Whatever the bytes, it neither panics nor
+//! allocates beyond [`Limits`], and every [`Error`] names a byte offset. FORMAT.md, beside the
+//! sources, specifies the format.
+//!
+//! # Tour
+//!
+//! | to | call | feature |
+//! |---|---|---|
+//! | read the head of a package: metadata, layers, sections | [`contents`] | |
+//! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
+//! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
+//! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
+//! | look at them | [`Viewpoint::camera`], [`Camera`] | |
+//! | package a field | `encode`, `encode_parallel` | `encode` |
+//! | size by attribute | `measure` | `encode` |
+//! | camera files | [`Camera`] with serde | `serde` |
+//!
+//! `examples/list.rs` lists a package, `examples/stream.rs` plays its layers as bytes arrive.
+//!
+//! # Conventions
+//!
+//! - Lengths are in the units of the source, axes are those of the source; [`ClipInfo`] has the up
+//!   vector and the scale in metres.
+//! - Clip time runs from 0 to 1; [`ClipInfo::duration_s`] converts it to seconds.
+//! - Quaternions are `w, x, y, z`. Colours are display-referred.
+//! - Row `i` of all columns of a [`Field`] is one Gaussian.
+//!
+//! # Example
 //!
 //! ```
 //! use codec::{ClipInfo, EncodeOptions, Field, Limits, Source, decode, encode};
 //!
-//! // Two motionless Gaussians, the more important one first.
+//! // Two static Gaussians, the more important one first.
 //! let field = Field {
 //!     centers: vec![[0.0, 1.0, 0.0], [0.5, 1.0, 0.0]],
 //!     rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
@@ -37,8 +62,8 @@
 //! assert_eq!(clip.layers.len(), 2);
 //!
 //! // The first layer plays without the second.
-//! let cut = decode(&package[..package.len() - 1], &Limits::default())?;
-//! assert_eq!((cut.len(), cut.layers.len(), cut.layers_announced), (1, 1, 2));
+//! let prefix = decode(&package[..package.len() - 1], &Limits::default())?;
+//! assert_eq!((prefix.len(), prefix.layers.len(), prefix.layers_announced), (1, 1, 2));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -46,6 +71,7 @@
 mod bytes;
 mod camera;
 mod clip;
+mod columns;
 mod context;
 mod decode;
 #[cfg(feature = "encode")]
@@ -53,10 +79,13 @@ mod encode;
 mod error;
 mod field;
 mod fixed;
+mod format;
 mod header;
 mod limits;
 #[cfg(feature = "encode")]
 mod measure;
+#[cfg(feature = "encode")]
+mod order;
 mod parallel;
 #[cfg(feature = "encode")]
 mod precision;
@@ -74,7 +103,8 @@ pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 pub use error::EncodeError;
 pub use error::{Error, FormatError};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
-pub use header::{Coder, Contents, VERSION_MAJOR, VERSION_MINOR, contents};
+pub use format::{VERSION_MAJOR, VERSION_MINOR};
+pub use header::{Coder, Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};

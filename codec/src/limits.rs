@@ -1,24 +1,25 @@
-//! [`Limits`]: how much a package may ask of its reader, whatever it says of itself.
+//! [`Limits`]: how much decoding may produce, whatever a package announces.
 
-use crate::{Error, header::COUNTS_OFFSET};
+use crate::{Error, format::COUNTS_OFFSET};
 
-/// Bounds on what decoding may produce.
+/// Bounds on what decoding may produce. Decoding beyond one fails with [`Error::Limits`] before
+/// it allocates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Gaussians, those of the plate included.
+    /// Largest number of Gaussians, the plate included.
     pub max_gaussians: usize,
-    /// Bytes of memory allocated on behalf of the package: the decoded clip and the work space.
+    /// Largest number of bytes allocated at a time: the decoded clip and the decoder's work space.
     pub max_bytes: usize,
 }
 
 impl Default for Limits {
-    /// 4 million Gaussians, 1 GiB: a hundred times a usual clip.
+    /// 4 million Gaussians and 1 GiB: a hundred times a usual clip.
     fn default() -> Limits {
         Limits { max_gaussians: 4_000_000, max_bytes: 1 << 30 }
     }
 }
 
-/// Memory not yet given out during one decoding.
+/// Memory left to one decoding.
 pub(crate) struct Budget {
     limit: usize,
     left: usize,
@@ -29,10 +30,10 @@ impl Budget {
         Budget { limit: limits.max_bytes, left: limits.max_bytes }
     }
 
-    /// An empty vector with room for `count` elements.
+    /// Allocates an empty vector with room for `count` elements.
     ///
     /// # Errors
-    /// [`Error::Limits`] where that passes the limit or the system has no such memory.
+    /// [`Error::Limits`] if that exceeds the limit, or the system has no such memory.
     pub(crate) fn vec<T>(&mut self, count: usize) -> Result<Vec<T>, Error> {
         let bytes = count.saturating_mul(size_of::<T>());
         let before = self.left;
@@ -40,14 +41,14 @@ impl Budget {
         let mut vec = Vec::new();
         match vec.try_reserve_exact(count) {
             Ok(()) => Ok(vec),
-            Err(_) => Err(self.refused(before, bytes)),
+            Err(_) => Err(self.exceeded(before, bytes)),
         }
     }
 
-    /// A vector of `count` zeros.
+    /// Allocates a vector of `count` zeros.
     ///
     /// # Errors
-    /// Those of [`Budget::vec`].
+    /// See [`Budget::vec`].
     pub(crate) fn zeros<T: Clone + Default>(&mut self, count: usize) -> Result<Vec<T>, Error> {
         let mut vec = self.vec(count)?;
         vec.resize(count, T::default());
@@ -57,15 +58,15 @@ impl Budget {
     /// Counts memory that is allocated elsewhere.
     ///
     /// # Errors
-    /// [`Error::Limits`] where it passes the limit.
+    /// [`Error::Limits`] if that exceeds the limit.
     pub(crate) fn spend(&mut self, bytes: usize) -> Result<(), Error> {
-        self.left = self.left.checked_sub(bytes).ok_or_else(|| self.refused(self.left, bytes))?;
+        self.left = self.left.checked_sub(bytes).ok_or_else(|| self.exceeded(self.left, bytes))?;
         Ok(())
     }
 
-    /// The error of asking for `bytes` when `left` were left.
-    fn refused(&self, left: usize, bytes: usize) -> Error {
+    /// The error of requesting `bytes` with `left` bytes left.
+    fn exceeded(&self, left: usize, bytes: usize) -> Error {
         let needed = (self.limit - left).saturating_add(bytes);
-        Error::Limits { offset: COUNTS_OFFSET, what: "bytes of memory", needed, limit: self.limit }
+        Error::Limits { offset: COUNTS_OFFSET, quantity: "bytes of memory", needed, limit: self.limit }
     }
 }

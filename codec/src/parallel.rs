@@ -1,20 +1,20 @@
-//! [`try_for_each`]: the chunks of a package on several threads.
+//! [`try_for_each`]: work items, such as the chunks of a package, on several threads.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 
-/// Hands out `items` in order to `workers`, each on a thread of its own but the last one, which is
-/// on this. Where the system has no more threads the others do the work.
+/// Gives `items` in order to `workers`. The last worker runs on the calling thread, each other one
+/// on a thread of its own; if the system cannot start a thread, the remaining workers do its work.
 ///
 /// # Errors
-/// That of the first item in order that a worker fails on: the same one for any number of workers.
-/// Not all items after it are worked on.
+/// The error of the first item, in order, that fails: the same for any number of workers. Items
+/// after it may be skipped.
 pub(crate) fn try_for_each<T: Send, E: Send, W: FnMut(T) -> Result<(), E> + Send>(
     items: impl Iterator<Item = T> + Send,
     mut workers: Vec<W>,
 ) -> Result<(), E> {
     let queue = Mutex::new(Queue { items: items.enumerate(), failed: None });
-    // By a function, which gives the queue back before the work begins.
+    // A closure, so that the lock is released before the work begins.
     let next = || lock(&queue).next();
     let run = |mut work: W| {
         while let Some((number, item)) = next() {
@@ -34,7 +34,7 @@ pub(crate) fn try_for_each<T: Send, E: Send, W: FnMut(T) -> Result<(), E> + Send
     failed.map_or(Ok(()), |(_, error)| Err(error))
 }
 
-/// Items still to be worked on, and the first one known to have failed.
+/// Items not yet given out, and the first one known to have failed.
 struct Queue<I, E> {
     items: I,
     failed: Option<(usize, E)>,
@@ -42,7 +42,7 @@ struct Queue<I, E> {
 
 impl<T, E, I: Iterator<Item = (usize, T)>> Queue<I, E> {
     fn next(&mut self) -> Option<(usize, T)> {
-        // All items before one that failed have been handed out.
+        // All items before a failed one have been given out.
         if self.failed.is_some() { None } else { self.items.next() }
     }
 
@@ -53,7 +53,8 @@ impl<T, E, I: Iterator<Item = (usize, T)>> Queue<I, E> {
     }
 }
 
-/// A panic of another thread reaches the caller when the scope ends; until then the queue is whole.
+/// Locks even a poisoned mutex: another thread's panic reaches the caller at the end of the scope,
+/// and the queue is consistent until then.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -63,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_item_is_worked_on_once() {
+    fn every_item_is_processed_once() {
         for threads in [1, 2, 3, 16] {
             let mut seen = [0; 100];
             let work = |(place, number): (&mut usize, usize)| {
@@ -76,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_failure_in_order_decides() {
+    fn the_first_failure_in_order_is_returned() {
         for threads in [1, 2, 3, 16] {
             let work = |number: u64| {
                 // The later an item, the sooner it fails.

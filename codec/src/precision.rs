@@ -1,50 +1,62 @@
-//! [`Precision`]: how exactly the coder `context` keeps a field, and where it may be less exact.
+//! [`Precision`]: the fidelity of the coder `context`, per package and per Gaussian.
 
-use crate::context::{Prepared, columns_needed};
-use crate::encode::is_static;
-use crate::{ALPHA_MIN, EncodeError, Field, sh_coefficients};
+use crate::{ALPHA_MIN, EncodeError, Field, columns::Columns, order::is_static, sh_coefficients};
 
-/// How exact a package is. The coder `fixed` has one precision and takes no notice.
+/// Fidelity of a package of the coder `context`. The coder `fixed` has one fidelity and ignores it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precision {
-    /// PSNR in dB to aim for, of pictures of the decoded field against pictures of the field.
-    /// It is reached to within a few dB; who wants it exactly renders, compares and corrects it.
+    /// Target PSNR in dB of pictures of the decoded field against pictures of the field. The result
+    /// is within a few dB of it; for an exact PSNR render, compare and correct the target. Cut to 0
+    /// to 160.
     pub psnr: f64,
-    /// Standard deviation, in source units, of what a pixel blurs a point to: finer detail is not
-    /// kept. By default a picture of 480 lines that the whole field fills.
+    /// Standard deviation, in source units, to which a pixel blurs a point; finer detail is lost.
+    /// By default that of a picture of 480 lines that the whole field fills.
     pub footprint: Option<f32>,
-    /// How visible an error in each Gaussian is, in the order of the field. By default (empty)
-    /// told from size, opacity and duration.
+    /// Sensitivity of pictures to each Gaussian, in the order of the field. If empty, the default,
+    /// it is estimated from size, opacity and duration.
     pub sensitivities: Vec<Sensitivity>,
 }
 
 impl Default for Precision {
-    /// 50.7 dB: the coding costs 0.01 dB of a field that fits its footage to 24.3 dB.
+    /// 50.7 dB: costs a field that fits its capture to 24.3 dB another 0.01 dB.
     fn default() -> Precision {
         Precision { psnr: 50.7, footprint: None, sensitivities: Vec::new() }
     }
 }
 
-/// How visible an error in a Gaussian is: root mean square over all pixels of some pictures.
+/// Sensitivity of pictures to an error in a Gaussian: weights, as root mean squares over all pixels
+/// of some pictures. Above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensitivity {
-    /// Of the weight that its colour has in a pixel, `alpha T`.
+    /// Weight of the Gaussian's colour in a pixel: `alpha T`, with `T` the transmittance in front.
     pub color: f32,
-    /// Of what its geometry does to a pixel: `alpha T` times the distance, in standard deviations,
-    /// and times the difference between its colour and what is behind it.
+    /// Effect of the Gaussian's geometry on a pixel: `alpha T` times the distance from the centre in
+    /// standard deviations, times the difference between its colour and the colour behind it.
     pub geometry: f32,
 }
 
-/// Sensitivities of the geometry are this fraction of those of the colour where nobody tells: a
-/// usual difference between a Gaussian and what is behind it.
-const CONTRAST: f64 = 0.3;
+/// Estimated ratio of the sensitivity to geometry and to colour: a usual difference between a
+/// Gaussian's colour and the colour behind it.
+const GEOMETRY_RATIO: f64 = 0.3;
 
-/// Lines of the picture that is told from the bounds, and the blur of a pixel in pixels.
+/// Lines of the picture that estimates assume, and the blur of a pixel in pixels.
 const LINES: f64 = 480.0;
 const BLUR: f64 = 0.55;
 
+/// A field prepared for the coder `context`, before it is cut into chunks.
+#[derive(Debug)]
+pub(crate) struct Prepared<'a> {
+    pub(crate) field: &'a Field,
+    /// One per row.
+    pub(crate) sensitivities: Vec<Sensitivity>,
+    /// Quantisation step of a colour at a sensitivity of 1.
+    pub(crate) step: f64,
+    /// See [`Precision::footprint`].
+    pub(crate) footprint: f32,
+}
+
 impl Precision {
-    /// Checks that the sensitivities are those of the field.
+    /// Checks that there are no sensitivities or one per Gaussian, and the ranges of all numbers.
     pub(crate) fn check(&self, field: &Field) -> Result<(), EncodeError> {
         let count = self.sensitivities.len();
         if count != 0 && count != field.len() {
@@ -60,18 +72,18 @@ impl Precision {
         }
     }
 
-    /// What the coder must know of the field.
+    /// Prepares a field with these bounds.
     pub(crate) fn prepare<'a>(&self, field: &'a Field, bounds: [[f32; 3]; 2]) -> Prepared<'a> {
         let sensitivities = match self.sensitivities.is_empty() {
-            true => told(field, bounds),
+            true => estimated(field, bounds),
             false => self.sensitivities.clone(),
         };
         self.prepared(field, bounds, sensitivities)
     }
 
-    /// What the coder must know of the plate behind a field with these bounds.
+    /// Prepares the plate of a field with these bounds.
     pub(crate) fn prepare_plate<'a>(&self, plate: &'a Field, bounds: [[f32; 3]; 2]) -> Prepared<'a> {
-        self.prepared(plate, bounds, told(plate, bounds))
+        self.prepared(plate, bounds, estimated(plate, bounds))
     }
 
     fn prepared<'a>(
@@ -80,11 +92,12 @@ impl Precision {
         bounds: [[f32; 3]; 2],
         sensitivities: Vec<Sensitivity>,
     ) -> Prepared<'a> {
-        // Columns that say nothing change nothing.
+        // Columns of zeros must not change the step.
         let rows: Vec<usize> = (0..field.len()).collect();
-        let columns = columns_needed(field, &rows, !rows.iter().all(|&i| is_static(field, i)));
+        let columns = Columns::nonzero(field, &rows, !rows.iter().all(|&i| is_static(field, i)));
         let motion = columns.temporal.map_or(0, |temporal| 2 + 3 * usize::from(temporal.motion_order));
         let numbers = field.len() * (10 + motion + 3 * sh_coefficients(columns.sh_degree));
+        // As if the errors of all numbers were independent.
         let error = libm::pow(10.0, -0.05 * self.psnr.clamp(0.0, 160.0));
         let footprint = self.footprint.unwrap_or_else(|| (diagonal(bounds) * BLUR / LINES) as f32);
         Prepared { field, sensitivities, step: (12.0 / numbers as f64).sqrt() * error, footprint }
@@ -95,9 +108,9 @@ fn diagonal([low, high]: [[f32; 3]; 2]) -> f64 {
     (0..3).map(|axis| (f64::from(high[axis]) - f64::from(low[axis])).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Sensitivities from the area of a Gaussian on a picture that the field fills, its opacity and
-/// the time it is alive.
-fn told(field: &Field, bounds: [[f32; 3]; 2]) -> Vec<Sensitivity> {
+/// Estimates sensitivities from the area of each Gaussian on a picture that the field fills, its
+/// opacity and its duration.
+fn estimated(field: &Field, bounds: [[f32; 3]; 2]) -> Vec<Sensitivity> {
     // The diagonal of a point is zero.
     let size = diagonal(bounds).max(f64::from(f32::MIN_POSITIVE));
     (0..field.len())
@@ -105,11 +118,11 @@ fn told(field: &Field, bounds: [[f32; 3]; 2]) -> Vec<Sensitivity> {
             let mut sigma = field.log_scales[i].map(|x| libm::exp(f64::from(x.min(40.0))) / size);
             sigma.sort_by(f64::total_cmp);
             let duration = field.alive_interval(i).map_or(0.0, |(start, end)| end - start);
-            // No more than the whole picture, no less than a hundredth of a pixel.
+            // From a hundredth of a pixel to the whole picture.
             let area = (sigma[1] * sigma[2]).clamp(0.01 / (LINES * LINES), 1.0);
             let opacity = f64::from(field.opacities[i]).max(ALPHA_MIN);
             let color = opacity * (area * duration.max(1e-3)).sqrt();
-            Sensitivity { color: color as f32, geometry: (CONTRAST * color) as f32 }
+            Sensitivity { color: color as f32, geometry: (GEOMETRY_RATIO * color) as f32 }
         })
         .collect()
 }
@@ -120,7 +133,7 @@ mod tests {
     use crate::Temporal;
 
     #[test]
-    fn columns_that_say_nothing_make_nothing_more_exact() {
+    fn columns_of_zeros_do_not_change_the_step() {
         let bare = Field {
             centers: vec![[0.0; 3], [1.0; 3]],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
@@ -135,7 +148,6 @@ mod tests {
         let bounds = bare.bounds();
         let step = |field: &Field| Precision::default().prepare(field, bounds).step.to_bits();
         assert_eq!(step(&wide), step(&bare));
-        // What is said is not left out.
         wide.sh[1] = [0.1; 3];
         assert_ne!(step(&wide), step(&bare));
     }

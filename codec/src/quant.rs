@@ -1,7 +1,7 @@
-//! Numbers to codes and back: one pair of functions per representation.
+//! Quantisers of the coder `fixed`: numbers to codes and back, a pair of functions each.
 //!
-//! The way back uses only IEEE additions, multiplications, divisions and square roots, in the
-//! order written, so that every machine decodes the same bits.
+//! Decoding uses only IEEE additions, multiplications, divisions and square roots, in the order
+//! written, so that every machine decodes the same bits.
 
 use half::f16;
 
@@ -37,8 +37,7 @@ pub(crate) fn opacity_value(code: u8) -> f32 {
     f32::from(code) / 255.0
 }
 
-/// Unit quaternion of four 8-bit codes, each 128 above the component's; `None` for the zero
-/// quaternion.
+/// Unit quaternion of four 8-bit codes, each offset by 128; `None` if all components are zero.
 pub(crate) fn rotation_value(codes: [u8; 4]) -> Option<[f32; 4]> {
     let q = codes.map(|code| i32::from(code) - 128);
     let square: i32 = q.iter().map(|c| c * c).sum();
@@ -48,7 +47,7 @@ pub(crate) fn rotation_value(codes: [u8; 4]) -> Option<[f32; 4]> {
     })
 }
 
-/// Number of an FP16 bit pattern.
+/// Value of an FP16 bit pattern.
 pub(crate) fn f16_value(bits: u16) -> f32 {
     f16::from_bits(bits).to_f32()
 }
@@ -59,7 +58,7 @@ mod encode {
     use half::f16;
 
     impl Range8 {
-        /// The range of `values`, cut below at `span` under the largest.
+        /// The range of `values`, except those more than `span` below the largest.
         pub(crate) fn over(values: impl Iterator<Item = f32>, span: f32) -> Range8 {
             let (low, high) =
                 values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
@@ -75,7 +74,7 @@ mod encode {
     impl<const BITS: u32> Signed<BITS> {
         const MAX: i32 = (1 << (BITS - 1)) - 1;
 
-        /// Codes that reach the largest of `values`, in steps no finer than `finest`. If all of
+        /// Codes up to the largest magnitude of `values`, with a step of at least `finest`. If all
         /// `values` round to zero, the step is zero.
         pub(crate) fn over(values: impl Iterator<Item = f32>, finest: f32) -> Self {
             let largest = values.fold(0.0, |largest: f32, x| largest.max(x.abs()));
@@ -93,9 +92,9 @@ mod encode {
         (opacity * 255.0).round() as u8
     }
 
-    /// Codes of a unit quaternion, and whether they are those of its negative, the same rotation.
-    /// The largest component always gets the code of 127, which spends the 8 bits on the
-    /// direction and leaves the length to the decoder.
+    /// Codes of a unit quaternion, and whether it was negated, which is the same rotation. The
+    /// largest component always becomes +127: the 8 bits code the direction, and the decoder
+    /// normalises.
     pub(crate) fn rotation_codes(q: [f32; 4]) -> ([u8; 4], bool) {
         let largest =
             q.into_iter().fold(0.0f32, |largest, c| if c.abs() > largest.abs() { c } else { largest });
@@ -107,7 +106,7 @@ mod encode {
         f16::from_f32(x.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()
     }
 
-    /// Nearest FP16 number above zero; beyond the largest finite one, infinity: always on.
+    /// Nearest FP16 number above zero; infinity (always on) beyond the largest finite one.
     pub(crate) fn f16_positive(x: f32) -> u16 {
         f16::from_f32(x).to_bits().max(1)
     }
@@ -121,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_err_by_at_most_half_a_step_and_hit_their_ends() {
+    fn range_errors_are_at_most_half_a_step() {
         let values: Vec<f32> = (0..1000).map(|i| (i as f32 * 0.37).sin() * 5.0 - 2.0).collect();
         let range = Range8::over(values.iter().copied(), f32::INFINITY);
         for x in &values {
@@ -133,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_span_cuts_the_low_end_only() {
+    fn a_span_limits_the_low_end_only() {
         let range = Range8::over([-1e9, -3.0, 1.0].into_iter(), 16.0);
         assert_eq!(range.code(-1e9), 0);
         assert_eq!(range.value(0), -15.0);
@@ -154,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rounds_to_zero_has_no_step() {
+    fn numbers_that_round_to_zero_have_no_step() {
         assert_eq!(Signed::<8>::over([0.49, -0.1].into_iter(), 1.0).step, 0.0);
         assert_eq!(Signed::<8>::over([0.51, -0.1].into_iter(), 1.0).step, 1.0);
         assert_eq!(Signed::<8>::over([0.0].into_iter(), 0.0).step, 0.0);
@@ -163,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn opacities_and_windows_are_stable_under_recoding() {
+    fn coding_decoded_opacities_and_windows_changes_nothing() {
         for code in 0..=255 {
             assert_eq!(opacity_code(opacity_value(code)), code);
         }
@@ -177,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn fp16_ends() {
+    fn fp16_saturates() {
         assert_eq!(f16_value(f16_positive(1e-30)), 2f32.powi(-24), "widths stay positive");
         assert_eq!(f16_value(f16_positive(1e6)), f32::INFINITY, "wide is always on");
         assert_eq!(f16_value(f16_finite(f32::MAX)), 65504.0);
@@ -185,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn rotations_come_back_normalised_up_to_sign() {
+    fn rotations_round_trip_up_to_sign() {
         for i in 0..500 {
             let angle = i as f32 * 0.1;
             let q =

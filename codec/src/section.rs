@@ -1,52 +1,49 @@
-//! [`Section`]: one entry of the section table, 24 bytes, and the checksum of what it points to.
+//! [`Section`]: an entry of the section table, and the checksum of the bytes it points to.
 
 use crate::{Error, bytes::Reader, error::FormatError};
 
-/// Bytes of one entry of the section table. Format.
-pub(crate) const ENTRY_BYTES: usize = 24;
-
-/// A checksummed run of bytes of a package.
+/// An entry of the section table: a checksummed run of bytes of a package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// What the bytes hold.
+    /// Content of the section.
     pub kind: SectionKind,
     /// Whether a reader that does not know `kind` must refuse the package.
     pub critical: bool,
-    /// The layer whose completeness needs this section.
+    /// Number of the layer, from 0; the layer is complete once all its sections are.
     pub layer: u8,
-    /// The Gaussians described.
+    /// The region whose Gaussians the section describes.
     pub region: Region,
-    /// Number of the chunk within its layer and region.
+    /// Number of the chunk within its layer and region, from 0.
     pub chunk: u32,
-    /// First byte, from the start of the package.
+    /// Offset of the section from the start of the package, in bytes.
     pub offset: usize,
-    /// Bytes in the package.
+    /// Length in the package, in bytes.
     pub length: usize,
-    /// Bytes once decompressed.
+    /// Length once decompressed, in bytes; `length` where the section is not compressed.
     pub raw_length: usize,
     /// CRC-32 (IEEE 802.3) of the bytes in the package.
     pub crc: u32,
 }
 
-/// What a section holds.
+/// Content of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SectionKind {
     /// Up to 4096 Gaussians.
     Gaussians,
-    /// Rows per cell of the time index of a layer.
+    /// Time index of a layer, as rows per cell. Coder `fixed` only.
     TimeIndex,
-    /// Something that a later version defined. Skipped.
+    /// A kind, by its number, that a later minor version defines. Skipped.
     Unknown(u8),
 }
 
-/// The part of a clip to which a Gaussian belongs.
+/// The region of a clip that a Gaussian belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Region {
-    /// Always on and motionless.
+    /// Gaussians that are always on and motionless, without temporal columns.
     Static,
-    /// Windowed or moving.
+    /// Gaussians with a temporal window, motion or rotation rate.
     Dynamic,
-    /// Static background.
+    /// Static background, behind everything else.
     Plate,
 }
 
@@ -79,7 +76,7 @@ impl SectionKind {
 }
 
 impl Section {
-    /// Reads an entry of the table. Only the entry itself is checked, not its fit to the others.
+    /// Reads an entry of the table and checks it by itself, not against the other entries.
     pub(crate) fn read(reader: &mut Reader) -> Result<Section, Error> {
         let at = reader.at();
         let kind = SectionKind::from_id(reader.u8()?);
@@ -132,20 +129,18 @@ impl Section {
         Ok(())
     }
 
-    /// First byte after the section. Cannot overflow: both parts come from 32-bit numbers.
+    /// Offset of the first byte after the section.
     pub fn end(&self) -> usize {
         self.offset.saturating_add(self.length)
     }
 
-    /// The bytes of the section, which must be present in `package`.
+    /// Returns the bytes of the section.
     ///
     /// # Errors
-    /// If their checksum differs.
+    /// [`Error::Format`] if `package` ends before the section does, or the checksum differs.
     pub(crate) fn payload<'a>(&self, package: &'a [u8]) -> Result<&'a [u8], Error> {
-        let bytes = package.get(self.offset..self.end()).ok_or(Error::format(
-            package.len(),
-            FormatError::Cut { needed: self.end(), available: package.len() },
-        ))?;
+        let cut = FormatError::Cut { needed: self.end(), available: package.len() };
+        let bytes = package.get(self.offset..self.end()).ok_or(Error::format(package.len(), cut))?;
         let computed = crc32fast::hash(bytes);
         if computed != self.crc {
             let error = FormatError::Crc { part: self.kind.name(), stored: self.crc, computed };

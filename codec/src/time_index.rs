@@ -1,10 +1,10 @@
-//! [`TimeIndex`]: which Gaussians can be alive at an instant, without testing them all.
+//! [`TimeIndex`]: finds the Gaussians that can be alive at an instant without testing all of them.
 //!
 //! The rows of a layer's dynamic region are ordered by the length of their alive interval, then by
 //! its start. A *cell* is a run of rows of one length class and one start bin. Class `k` holds
-//! lengths in `(2^-(k+1), 2^-k]` of the clip (the last class all shorter ones too), so the rows
-//! of class `k` alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per class. At most
-//! about a quarter of the candidates that come out are not alive.
+//! lengths in `(2^-(k+1), 2^-k]` of the clip (the last class all shorter ones too), so rows of class
+//! `k` that are alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per class. About a
+//! quarter of the candidates found are not alive.
 
 use std::ops::Range;
 
@@ -19,27 +19,27 @@ const CLASSES: usize = 7;
 /// Cells of a layer.
 pub(crate) const CELLS: usize = CLASSES * BINS;
 
-/// Slack of a cell's edges, in clip time. A row this near to an edge may lie on either side, so
-/// that the rounding of another implementation cannot make a package invalid.
+/// Tolerance of a cell's edges in clip time. A row this near to an edge may lie on either side, so
+/// that rounding in another implementation cannot make a package invalid.
 const EDGE: f64 = 1e-6;
 
-/// The cells of all layers of a clip.
+/// The rows of the dynamic region that can be alive at a time, for all layers of a clip.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TimeIndex {
-    /// Per layer, the first row of each cell in class-major order, and the end of the last:
-    /// `CELLS + 1` rising row numbers of the dynamic region.
+    /// Per layer `CELLS + 1` rising row numbers of the dynamic region: the first row of each cell in
+    /// class-major order, and the end of the last cell.
     layers: Vec<Vec<u32>>,
 }
 
-/// The cell of Gaussian `i`: class-major, `class * BINS + bin`. A Gaussian that is never alive
-/// lies in the shortest class, at the bin of its window centre.
+/// The cell of Gaussian `i`, class-major: `class * BINS + bin`. A Gaussian that is never alive lies
+/// in the shortest class, in the bin of its window centre.
 pub(crate) fn cell_of(field: &Field, i: usize) -> usize {
     let (start, end) = indexed_interval(field, i);
     let class = (0..CLASSES - 1).find(|&k| end - start > class_length(k + 1)).unwrap_or(CLASSES - 1);
     class * BINS + bin_of(start)
 }
 
-/// Whether Gaussian `i` may lie in a cell, give or take [`EDGE`].
+/// Whether Gaussian `i` may lie in a cell, to within [`EDGE`].
 fn fits_cell(field: &Field, i: usize, cell: usize) -> bool {
     let (start, end) = indexed_interval(field, i);
     let (class, bin) = (cell / BINS, cell % BINS);
@@ -57,7 +57,7 @@ fn indexed_interval(field: &Field, i: usize) -> (f64, f64) {
     })
 }
 
-/// Longest interval of a class.
+/// Length of the longest interval of a class, in clip time.
 fn class_length(class: usize) -> f64 {
     1.0 / (1u32 << class) as f64
 }
@@ -68,11 +68,11 @@ fn bin_of(t: f64) -> usize {
 }
 
 impl TimeIndex {
-    /// An index of one layer that tells nothing: each of its `rows` rows can be alive at any time, in
-    /// whatever order they are.
+    /// Returns an index of one layer that excludes no row: each of `rows` rows is a candidate at any
+    /// time, in any order.
     ///
     /// # Panics
-    /// If `rows` overflows `u32`.
+    /// If `rows` exceeds 32 bits.
     pub fn of_candidates(rows: usize) -> TimeIndex {
         // Intervals as long as the clip, from its start.
         let mut counts = [0; CELLS];
@@ -82,11 +82,10 @@ impl TimeIndex {
         index
     }
 
-    /// Builds the index of one more layer from the number of rows in each of its cells,
-    /// class-major, one per cell.
+    /// Adds a layer, given the number of rows in each of its 448 cells in class-major order.
     ///
     /// # Panics
-    /// If the number of counts is another one or the rows overflow `u32`.
+    /// If there are not 448 counts, or a row number exceeds 32 bits.
     pub fn push_layer(&mut self, counts: &[u32]) {
         assert_eq!(counts.len(), CELLS, "one count per cell");
         let mut row = self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0);
@@ -99,35 +98,36 @@ impl TimeIndex {
         self.layers.push(starts);
     }
 
-    /// Orders the rows of one more layer of the dynamic region by cell, rows of a cell as they come,
-    /// and indexes them. `places` has room for one number per row.
-    pub(crate) fn arrange_layer(&mut self, field: &mut Field, rows: Range<usize>, places: &mut Vec<u32>) {
+    /// Sorts the rows of another layer of the dynamic region by cell, stably, and adds the layer.
+    /// `scratch` has the capacity of one number per row.
+    pub(crate) fn sort_layer(&mut self, field: &mut Field, rows: Range<usize>, scratch: &mut Vec<u32>) {
         let mut counts = [0; CELLS];
-        places.clear();
-        places.extend(rows.clone().map(|row| cell_of(field, row) as u32));
-        places.iter().for_each(|&cell| counts[cell as usize] += 1);
+        scratch.clear();
+        scratch.extend(rows.clone().map(|row| cell_of(field, row) as u32));
+        scratch.iter().for_each(|&cell| counts[cell as usize] += 1);
         let mut next = [0; CELLS];
         for cell in 1..CELLS {
             next[cell] = next[cell - 1] + counts[cell - 1];
         }
-        // From cells to places within the layer.
-        for place in places.iter_mut() {
-            let next = &mut next[*place as usize];
-            *place = *next;
+        // Replaces cells by positions within the layer.
+        for cell in scratch.iter_mut() {
+            let next = &mut next[*cell as usize];
+            *cell = *next;
             *next += 1;
         }
-        // Each exchange brings a row to its place.
-        for i in 0..places.len() {
-            while places[i] as usize != i {
-                let place = places[i] as usize;
-                field.swap_rows(rows.start + i, rows.start + place);
-                places.swap(i, place);
+        let positions = scratch;
+        // Each exchange moves a row to its position.
+        for i in 0..positions.len() {
+            while positions[i] as usize != i {
+                let position = positions[i] as usize;
+                field.swap_rows(rows.start + i, rows.start + position);
+                positions.swap(i, position);
             }
         }
         self.push_layer(&counts);
     }
 
-    /// The first row of the last layer pushed that does not belong in its cell.
+    /// The first row of the last layer added that lies in the wrong cell.
     pub(crate) fn first_misplaced(&self, field: &Field) -> Option<usize> {
         let starts = self.layers.last()?;
         (0..CELLS).find_map(|cell| {
@@ -135,8 +135,8 @@ impl TimeIndex {
         })
     }
 
-    /// Ranges of rows of the dynamic region that can be alive at clip time `t`, in the first
-    /// `layers` layers. Every row alive at `t` is in one of them; ranges are disjoint and rise.
+    /// Returns ranges of rows of the dynamic region in the first `layers` layers that contain every
+    /// row alive at clip time `t`. Ranges are disjoint and ascending. `t` is cut to `[0, 1]`.
     pub fn candidates(&self, t: f64, layers: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         let t = t.clamp(0.0, 1.0);
         let last = bin_of(t + EDGE);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn candidates_hold_all_that_is_alive_and_little_else() {
+    fn candidates_contain_every_alive_row_and_few_others() {
         let mut uniform = uniform();
         // Widths spread evenly over the orders of magnitude, 0.003 to 1.
         let windows: Vec<_> =
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_on_the_edges_of_cells_are_found() {
+    fn windows_on_cell_edges_are_found() {
         // Intervals that start or end exactly on a bin, or are exactly as long as a class: opacity
         // e^2 / 255 puts the ends at tau -+ 2 s.
         let opacity = (1f64.exp().powi(2) / 255.0) as f32;
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_may_lie_on_either_side_of_an_edge_but_not_beyond() {
+    fn a_row_on_an_edge_may_lie_on_either_side() {
         let (field, _) = indexed(vec![(1.0, 0.5, 1e-5)]);
         let (start, _) = field.alive_interval(0).unwrap();
         let edge = (start * BINS as f64).ceil() / BINS as f64;
@@ -245,7 +245,7 @@ mod tests {
             indexed(vec![(1.0, tau, 1e-5)]).0
         };
         let last = (CLASSES - 1) * BINS + (edge * BINS as f64) as usize;
-        // Within the slack both neighbours do, outside only one.
+        // Within the tolerance a row fits both neighbours, outside only one.
         let both = shifted(0.0);
         assert!(fits_cell(&both, 0, last) && fits_cell(&both, 0, last - 1));
         let after = shifted(1e-4);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn an_index_of_candidates_holds_nothing_back() {
+    fn an_index_of_candidates_excludes_no_row() {
         let index = TimeIndex::of_candidates(5);
         for t in [-1.0, 0.0, 0.3, 1.0, 2.0] {
             assert!(index.candidates(t, 1).eq(std::iter::once(0..5)), "at {t}");
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_continue_each_others_rows() {
+    fn row_numbers_continue_across_layers() {
         let mut counts = [0; CELLS];
         counts[3] = 2;
         let mut index = TimeIndex::default();

@@ -489,10 +489,10 @@ fn random_symbols_end() {
 fn limits_hold() {
     let bytes = full_package(40);
     let limits = Limits { max_gaussians: 47, ..Limits::default() };
-    assert!(matches!(decode(&bytes, &limits), Err(Error::Limits { what: "Gaussians", .. })));
+    assert!(matches!(decode(&bytes, &limits), Err(Error::Limits { quantity: "Gaussians", .. })));
     assert!(decode(&bytes, &Limits { max_gaussians: 48, ..limits }).is_ok());
     let error = decode(&bytes, &Limits { max_bytes: 1 << 20, ..Limits::default() }).unwrap_err();
-    assert!(matches!(error, Error::Limits { what: "bytes of memory", .. }), "{error}");
+    assert!(matches!(error, Error::Limits { quantity: "bytes of memory", .. }), "{error}");
     // Counts that ask for everything, in a small file.
     let mut parts = Parts::of(&bytes);
     let rows = u32_at(&parts.head, 76);

@@ -264,7 +264,7 @@ fn limits_hold() {
     assert!(contents(&bytes, &limits).is_err());
     assert!(decode(&bytes, &Limits { max_gaussians: 48, ..limits }).is_ok());
     let error = decode(&bytes, &Limits { max_bytes: 10_000, ..Limits::default() }).unwrap_err();
-    assert!(matches!(error, Error::Limits { what: "bytes of memory", limit: 10_000, .. }), "{error}");
+    assert!(matches!(error, Error::Limits { quantity: "bytes of memory", limit: 10_000, .. }), "{error}");
 }
 
 #[test]

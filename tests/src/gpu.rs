@@ -3,12 +3,12 @@
 use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
-use client::fault::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use program::Fault;
 use refine::image::Image;
 
 /// How the eyes of a frame are drawn.

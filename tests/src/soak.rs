@@ -13,7 +13,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use client::clips::LoadEvent;
-use client::fault::Fault;
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::net::{CACHE_BYTES, Cache, Download, Options, Patience};
 use client::player::{Player, SPEED_RANGE};
@@ -21,6 +20,7 @@ use client::view::View;
 use codec::{Clip, Limits, decode_parallel};
 use fastrand::Rng;
 use glam::UVec2;
+use program::Fault;
 
 use crate::scene::{Motion, Place, Recipe, camera, packaged, stereo_pair};
 use crate::server::Server;

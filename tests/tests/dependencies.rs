@@ -1,5 +1,5 @@
 //! What the project depends on: every licence is one that `.cargo/deny.toml` allows, everything comes
-//! from the one registry, and the README says of every direct dependency why it is there.
+//! from the one registry, and DEPENDENCIES.md explains every direct dependency.
 //!
 //! Nothing is fetched: where Cargo lacks packages that only other systems or other workspaces need,
 //! their licences are not looked at.
@@ -118,12 +118,11 @@ fn direct(manifest: &str) -> BTreeSet<String> {
     foreign.map(|dependency| text(dependency, "name").to_owned()).collect()
 }
 
-/// The names in the first column of the README's table of dependencies.
+/// The names in the first column of the table of dependencies.
 fn explained() -> BTreeSet<String> {
-    let readme = fs::read_to_string(workspace::root().join("README.md")).expect("a README");
-    let (_, section) = readme.split_once("### Dependencies").expect("a section about them");
-    let section = section.split("\n#").next().expect("the section");
-    let cells = section.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
+    let path = workspace::root().join("tests/DEPENDENCIES.md");
+    let document = fs::read_to_string(path).expect("DEPENDENCIES.md is readable");
+    let cells = document.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
     cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).map(str::to_owned).collect()
 }
 
@@ -134,7 +133,7 @@ fn every_direct_dependency_is_explained() {
     let gone: Vec<_> = explained.difference(&direct).collect();
     assert!(
         missing.is_empty() && gone.is_empty(),
-        "README: it lacks {missing:?}, and nothing needs {gone:?}"
+        "DEPENDENCIES.md lacks {missing:?}, and nothing needs {gone:?}"
     );
 }
 

@@ -30,7 +30,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         Recipe { count: 800, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 4 };
     let plate = Recipe { motion: Motion::Still, turning: false, count: 100, ..recipe };
     let clip = decoded_with(&recipe.field(), Some(&plate.field()), &[200, 500]);
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
     let mut renderer =
         Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), eyes).map_err(fault)?;

@@ -30,7 +30,7 @@ fn demo_scene(gpu: &Gpu) -> Result<(), String> {
     let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
     let clip = codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())?;
     let camera = clip.info.viewpoints.first().ok_or("no viewpoint")?.camera(clip.info.up, 192, 192);
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
     let mut drawing = Drawing::new(gpu, uploaded, &[camera], ChannelDepth::Eight).map_err(fault)?;
     let mut failures = Vec::new();

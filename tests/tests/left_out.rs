@@ -95,7 +95,7 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
 }
 
 fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
     let renderer = Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), 1).map_err(fault)?;
     if (uploaded.bytes(), renderer.pipelines()) == (bytes as u64, pipelines) {

@@ -15,9 +15,9 @@ use aarc_tests::server::{Answer, Request, Server};
 use client::clips::LoadEvent;
 use client::clips::Progress;
 use client::clips::playlist;
-use client::fault::Fault;
 use client::net::{Cache, Download, Options, Patience};
 use codec::{Clip, Limits, contents, decode};
+use program::Fault;
 
 const ETAG: &str = "\"one\"";
 

@@ -32,7 +32,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    cli::end_on_closed_pipe();
+    program::exit_on_closed_pipe();
     cli::exit_code(match Cli::parse().command {
         Command::Studio(command) => command.run(),
         Command::Demo(args) => commands::demo::run(&args),

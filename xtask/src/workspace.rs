@@ -5,9 +5,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use program::Fault;
 use serde_json::Value;
-
-use crate::fault::Fault;
 
 /// The root of the repository that this tool was built from.
 pub fn root() -> &'static Path {

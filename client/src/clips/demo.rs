@@ -7,7 +7,7 @@ use std::borrow::Cow;
 #[cfg(target_os = "android")]
 use std::sync::OnceLock;
 
-use crate::fault::Fault;
+use program::Fault;
 
 /// The bytes of the package.
 #[cfg(not(target_os = "android"))]

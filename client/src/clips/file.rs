@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 
 use codec::{Clip, Error, Limits, decode_parallel};
-
-use crate::fault::Fault;
+use program::Fault;
 
 /// Reads and decodes a package.
 ///

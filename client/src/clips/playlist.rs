@@ -5,12 +5,12 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use program::Fault;
 use serde::Deserialize;
 
 use super::event::LoadEvent;
 use super::file::read;
 use super::url::{is_url, printable, redacted};
-use crate::fault::Fault;
 
 /// Most bytes of a playlist.
 pub const BYTES_MAX: usize = 1 << 20;

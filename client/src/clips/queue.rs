@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use codec::Clip;
+use program::Fault;
 
 use super::event::LoadEvent;
 use super::playlist::Playlist;
 use super::progress::Progress;
 use super::{source, url};
-use crate::fault::Fault;
 
 /// A clip of a playlist, or one that is named alone.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use codec::{Clip, Limits};
+use program::Fault;
 
 use super::demo;
 use super::event::LoadEvent;
 use super::file::{decode, load_file};
 use super::url::is_url;
-use crate::fault::Fault;
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
 

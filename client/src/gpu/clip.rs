@@ -2,12 +2,12 @@
 
 use codec::{Clip, Field, LayerEnd, TimeIndex};
 use glam::DVec3;
+use program::Fault;
 
 use super::device::Gpu;
 use super::pack::{origin, pack};
 use super::stages::alive::Rows;
 use super::stages::evaluate::Buffers;
-use crate::fault::Fault;
 
 /// A clip in GPU memory. What the clip does not have takes none.
 pub struct GpuClip {

@@ -1,8 +1,9 @@
 //! [`Picture`]: what lies below the interface, kept so that it is drawn only when it changes.
 
+use program::Fault;
+
 use super::device::Gpu;
 use super::surface::{Format, SurfaceFrame};
-use crate::fault::Fault;
 
 /// An image of the size of a window.
 pub(crate) struct Picture {

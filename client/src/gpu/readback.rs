@@ -2,9 +2,9 @@
 
 use glam::UVec2;
 use half::f16;
+use program::Fault;
 
 use super::device::Gpu;
-use crate::fault::Fault;
 
 /// An image that was read back.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
+use program::Fault;
 
 use super::clip::GpuClip;
 use super::counts::{Coverage, FrameCounts};
@@ -16,7 +17,6 @@ use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
 use super::stages::splat::{PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
-use crate::fault::Fault;
 use crate::view::View;
 
 /// The pipelines that a clip needs, and the memory of a frame.

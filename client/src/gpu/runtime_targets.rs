@@ -1,13 +1,14 @@
 //! [`RuntimeTargets`]: the images that a headset's runtime shows, as something to draw into: the
 //! eyes' by a [`Renderer`](super::Renderer), the panel's by a [`UiPainter`](super::UiPainter).
 
+use program::Fault;
+
 use super::device::Gpu;
 use super::device::vulkan::RuntimeImages;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback};
 use super::stages::splat::multiview_mask;
 use super::ui::UiTarget;
-use crate::fault::Fault;
 
 /// Images, those for the eyes with a layer for each. They take turns in being drawn and shown.
 pub(crate) struct RuntimeTargets {

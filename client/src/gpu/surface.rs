@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use program::Fault;
 use winit::window::Window;
 
 use super::device::{Failures, Gpu, Loss};
 use super::ui::UiTarget;
-use crate::fault::Fault;
 
 /// Formats that take display-referred colours as they are, in the order of preference.
 const FORMATS: [wgpu::TextureFormat; 2] = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];

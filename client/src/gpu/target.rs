@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use glam::UVec2;
+use program::Fault;
 
 use super::counts::FrameCounts;
 use super::device::Gpu;
@@ -9,7 +10,6 @@ use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
 use super::renderer::Renderer;
 use super::settings::RenderSettings;
-use crate::fault::Fault;
 use crate::view::View;
 
 /// Bits per channel.

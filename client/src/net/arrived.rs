@@ -63,7 +63,11 @@ impl Arrived {
     /// Whether a package may be so long.
     fn is_allowed(&self, needed: usize) -> Result<(), Error> {
         let limit = self.limits.max_bytes;
-        if needed > limit { Err(Error::Limits { offset: 0, what: "bytes", needed, limit }) } else { Ok(()) }
+        if needed > limit {
+            Err(Error::Limits { offset: 0, quantity: "bytes", needed, limit })
+        } else {
+            Ok(())
+        }
     }
 
     pub(super) fn bytes(&self) -> &[u8] {

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 
 use codec::Limits;
+use program::Fault;
 
 use super::arrived::Arrived;
 use super::fetch::{End, Fetch};
 use super::{Options, REPORT};
 use crate::clips::{Progress, redacted};
-use crate::fault::Fault;
 
 /// A file that was fetched, or kept by an earlier run.
 #[derive(Debug)]

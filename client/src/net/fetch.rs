@@ -7,13 +7,14 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use program::Fault;
+
 use super::arrived::Arrived;
 use super::meter::Meter;
 use super::request::{Bytes, Server};
 use super::transfer::{Patience, Step, Transfer};
 use super::trouble::Trouble;
 use crate::clips::Progress;
-use crate::fault::Fault;
 
 /// Bytes read at a time: several dozen times a second on the fastest networks.
 const BUFFER_BYTES: usize = 64 << 10;

@@ -26,13 +26,13 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use codec::{Clip, Limits};
+use program::Fault;
 
 pub use cache::{CACHE_BYTES, Cache};
 pub(crate) use document::document;
 pub use transfer::Patience;
 
 use crate::clips::{LoadEvent, decode, redacted};
-use crate::fault::Fault;
 use arrived::Arrived;
 use fetch::{End, Fetch, State};
 

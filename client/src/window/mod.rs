@@ -23,6 +23,7 @@ use std::panic::catch_unwind;
 use std::time::Instant;
 
 use codec::Clip;
+use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
@@ -31,7 +32,6 @@ use winit::window::WindowId;
 use crate::args::Args;
 use crate::clips::queue::{Entry, Queue};
 use crate::clips::{Arrival, LoadEvent, cache_dir, playlist};
-use crate::fault::Fault;
 use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
 use session::{Event, Next, Session, Start};

@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Weak};
 
 use codec::Clip;
+use program::Fault;
 
 use super::loader::Tell;
 use super::session::{Job, Order, Playing, Told};
 use crate::clips::queue::{Brought, Entry, Queue, Terms, bring};
 use crate::clips::{Arrival, LoadEvent, cache_dir, playlist};
-use crate::fault::Fault;
 use crate::gpu::{Format, Gpu};
 
 /// Carries an order out and tells of it.

@@ -5,10 +5,10 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use egui::ViewportId;
+use program::Fault;
 use winit::window::{Theme, Window};
 
 use super::style;
-use crate::fault::Fault;
 use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
 
 /// Frames that a device must have shown for another one to be opened after it: one that is lost over and

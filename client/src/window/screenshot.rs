@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::fault::Fault;
+use program::{Fault, output};
+
 use crate::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
-use crate::output;
 use crate::view::View;
 
 /// What a picture shows.
@@ -36,7 +36,7 @@ impl Shot {
         let mut renderer = Renderer::new(gpu, self.clip.clone(), ChannelDepth::Eight.format(), 1)?;
         image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
         for pixels in image.read(gpu)? {
-            output::write_png(&path, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;
+            output::write_png(&path, &pixels.to_rgb8(), pixels.size.into())?;
         }
         Ok(path)
     }

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use codec::Clip;
 use egui::ViewportId;
 use glam::UVec2;
+use program::Fault;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
@@ -28,7 +29,6 @@ use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
 use crate::clips::queue::{Entry, List, Queue, Terms};
 use crate::clips::{Arrival, Progress, cache_dir, title};
-use crate::fault::Fault;
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
 use crate::view::View;
 

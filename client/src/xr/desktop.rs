@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use openxr as xr;
+use program::Fault;
 
 use super::interaction::PlacementStore;
-use crate::fault::Fault;
 use crate::{clips, folders};
 
 /// What the operating system gives a player and asks of it.

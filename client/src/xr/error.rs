@@ -1,8 +1,7 @@
 //! [`Halt`]: why a session stops, and what results of the runtime mean to a person.
 
 use openxr::sys::Result as Code;
-
-use crate::fault::Fault;
+use program::Fault;
 
 /// Why a session cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq)]

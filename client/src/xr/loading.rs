@@ -12,11 +12,11 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
 use codec::{Clip, ClipInfo};
+use program::Fault;
 
 use super::interaction::Subject;
 use crate::clips::queue::{Brought, Entry, Queue, Terms, bring};
 use crate::clips::{LoadEvent, Progress, clips_in, is_url, playlist};
-use crate::fault::Fault;
 use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
 
 /// What to load.

@@ -43,15 +43,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::args::Args;
-use crate::fault::Fault;
 use crate::gpu::{Failures, Gpu};
-use crate::output;
 #[cfg(target_os = "android")]
 use android::System;
 #[cfg(not(target_os = "android"))]
 use desktop::System;
 use error::Halt;
 use loading::Request;
+use program::{Fault, output};
 use quality::Quality;
 use report::Report;
 use runtime::Runtime;

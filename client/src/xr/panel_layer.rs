@@ -7,6 +7,7 @@
 
 use glam::UVec2;
 use openxr as xr;
+use program::Fault;
 
 use super::calls::{SwapchainImages, Watch};
 use super::error::{During, Halt};
@@ -14,7 +15,6 @@ use super::frame::Images;
 use super::panel::{Board, PIXELS_PER_POINT, Painting};
 use super::quad::quad;
 use super::swapchain::{make, wrap};
-use crate::fault::Fault;
 use crate::gpu::{Gpu, Pixels, RuntimeFormat, RuntimeTargets, UiPainter};
 
 /// The panel in a session.

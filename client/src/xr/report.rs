@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use codec::Camera;
 use glam::UVec2;
+use program::{Fault, output};
 use serde::Serialize;
 
 use super::eye;
@@ -13,9 +14,7 @@ use super::pacing::Pacing;
 use super::runtime::Runtime;
 use super::show::Show;
 use crate::args::Args;
-use crate::fault::Fault;
 use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
-use crate::output;
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
 
@@ -239,14 +238,14 @@ impl Report {
         output::make_folder(folder)?;
         for ((eye, view), pixels) in EYES.into_iter().zip(&shown.views).zip(&shown.pixels) {
             let picture = folder.join(format!("{eye}.png"));
-            output::write_png(&picture, &pixels.to_rgb8(), pixels.size.x, pixels.size.y)?;
+            output::write_png(&picture, &pixels.to_rgb8(), pixels.size.into())?;
             let camera = EyeCamera { camera: eye::camera(view), time: shown.position_s };
             let mut json = serde_json::to_vec_pretty(&camera).expect("numbers serialise");
             json.push(b'\n');
             output::write(&folder.join(format!("{eye}.json")), &json)?;
         }
         if let Some(panel) = &shown.panel {
-            output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.x, panel.size.y)?;
+            output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.into())?;
         }
         Ok(())
     }

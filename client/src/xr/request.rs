@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use program::Fault;
 
 use crate::args::Args;
 use crate::clips::clips_in;
-use crate::fault::Fault;
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -8,10 +8,10 @@ use std::time::Duration;
 use ash::vk::{self, Handle as _};
 use glam::{UVec2, uvec2};
 use openxr as xr;
+use program::Fault;
 
 use super::error::{During, STARTING};
 use super::{System, extensions};
-use crate::fault::Fault;
 use crate::gpu::VulkanRuntime;
 
 /// How a headset with two eyes is drawn for.

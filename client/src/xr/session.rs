@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use glam::UVec2;
 use openxr as xr;
+use program::Fault;
 
 use super::beam_layer::BeamLayer;
 use super::calls::{Layers, Rate, SessionFrames, SwapchainImages, Watch};
@@ -23,7 +24,6 @@ use super::see_through::SeeThrough;
 use super::show::{Moved, Show, Viewer};
 use super::state::{Event, State};
 use super::{space, swapchain};
-use crate::fault::Fault;
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
 
 /// Colour of the emptiness while there is no clip yet: dark, and not the black of something broken.

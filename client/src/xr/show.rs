@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use glam::UVec2;
+use program::Fault;
 
 use super::interaction::{Command, Hands, Haptics, Interaction, PlacementStore, Pose, Similarity};
 use super::loading::{self, Loaded, Loading, Order, Request};
@@ -14,7 +15,6 @@ use super::panel::{Beam, Board, Notice, Painting, Panel, PanelState};
 use super::quality::Quality;
 use crate::clips::queue::List;
 use crate::clips::{is_url, redacted, title};
-use crate::fault::Fault;
 use crate::gpu::{Cutoff, FrameCounts, Gpu, Level, RenderSettings, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
 

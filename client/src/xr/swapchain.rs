@@ -5,9 +5,9 @@
 use ash::vk::{self, Handle as _};
 use glam::UVec2;
 use openxr as xr;
+use program::Fault;
 
 use super::error::{During, Halt};
-use crate::fault::Fault;
 use crate::gpu::{RuntimeFormat, RuntimeImages};
 
 /// The best of the formats that the runtime offers.

@@ -1,56 +1,55 @@
-//! Where the Gaussians of a chunk are, coarsely: how many lie in each cell of a grid.
+//! The grid cells of the Gaussians of a chunk.
 //!
-//! Cells are numbered along a Morton curve and the count of every half, quarter, ... of the curve
-//! is coded in turn, so that the order of the Gaussians, which means nothing, takes no bits.
+//! Cells are numbered along a Morton curve, and the counts of every half, quarter, ... of the curve
+//! are coded recursively. So the order of the Gaussians, which has no meaning, takes no bits.
 
-use super::{model::BitTree, range::Symbols, watch::Part};
+use super::{model::BitTree, observer::Attribute, range::Symbols};
 
-/// Most bits per axis. Format.
+/// Largest number of bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;
 
-/// Largest count that is coded as one symbol; of larger ones only the upper bits adapt. Format.
+/// Counts below this are coded by one tree; of larger ones only the upper bits adapt. Format.
 const SMALL: usize = 32;
 
-/// Bits of a large count that adapt. Format.
+/// Number of upper bits of a large count that adapt. Format.
 const UPPER_BITS: u32 = 5;
 
-/// Codes the Morton numbers of the cells of a chunk in rising order, `3 * axis_bits` bits each.
+/// Codes the ascending Morton numbers of the cells of a chunk, `3 * axis_bits` bits each.
 pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
     let mut small: Vec<BitTree> = (0..SMALL).map(|n| BitTree::new(bits_of(n))).collect();
     let mut large: Vec<BitTree> = (0..=usize::BITS).map(|_| BitTree::new(UPPER_BITS)).collect();
-    symbols.begin(Part::Cells, 0);
-    // Each of a cell, if their order mattered.
+    symbols.begin(Attribute::Cells, 0);
+    // Simpler codings store a cell per Gaussian.
     cells.iter().for_each(|_| symbols.choice(f64::from(axis_bits).exp2().powi(3)));
-    // Runs of the curve still to be coded, the next one last: first cell, bits left, first and
-    // end row.
+    // Stack of runs of the curve to code: first cell, bits left, first row, end row.
     let mut runs = vec![(0u64, 3 * axis_bits, 0, cells.len())];
     while let Some((first, bits, start, end)) = runs.pop() {
         let rows = &mut cells[start..end];
         match (rows.len(), bits) {
             (0, _) => {}
             (_, 0) => rows.fill(first),
-            (1, _) => rows[0] = first | symbols.raw(bits, rows[0] & ((1 << bits) - 1)),
+            (1, _) => rows[0] = first | symbols.bypass(bits, rows[0] & ((1 << bits) - 1)),
             (n, _) => {
-                let middle = first | 1 << (bits - 1);
-                let lower = if S::ENCODES { rows.partition_point(|&cell| cell < middle) } else { 0 };
+                let half = first | 1 << (bits - 1);
+                let lower = if S::ENCODES { rows.partition_point(|&cell| cell < half) } else { 0 };
                 let lower = if n < SMALL {
                     small[n].code(symbols, lower as u32) as usize
                 } else {
                     let rest = bits_of(n) - UPPER_BITS;
                     let upper = large[bits_of(n) as usize].code(symbols, (lower >> rest) as u32);
-                    let rest_value = symbols.raw(rest, lower as u64 & ((1 << rest) - 1));
+                    let rest_value = symbols.bypass(rest, lower as u64 & ((1 << rest) - 1));
                     (upper as usize) << rest | rest_value as usize
                 };
-                // Beyond the run only in a damaged stream.
+                // More than the run has only in a damaged stream.
                 let split = start + lower.min(n);
-                runs.push((middle, bits - 1, split, end));
+                runs.push((half, bits - 1, split, end));
                 runs.push((first, bits - 1, start, split));
             }
         }
     }
 }
 
-/// Bits of `n`.
+/// Bit length of `n`.
 fn bits_of(n: usize) -> u32 {
     usize::BITS - n.leading_zeros()
 }

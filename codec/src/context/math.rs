@@ -1,11 +1,11 @@
-//! Exponential, logarithm, sine and cosine that give the same bits on every machine.
+//! Exponential, logarithm, sine and cosine with the same bits on every machine.
 //!
-//! The system's functions differ in their last bits from machine to machine, and a coder whose
-//! steps follow from decoded numbers cannot bear that. These are IEEE additions, multiplications
-//! and divisions in the order written, without fused multiply-add.
+//! System functions differ in their last bits between machines, which breaks a coder whose steps
+//! depend on decoded numbers. These are IEEE additions, multiplications and divisions in the order
+//! written, without fused multiply-add.
 
-/// ln 2, and its upper bits and the rest, 0.69314718036912382 and 1.9082149292705877e-10, for
-/// reductions without rounding.
+/// ln 2, and its split into upper and lower bits, 0.69314718036912382 and 1.9082149292705877e-10,
+/// for argument reduction without rounding.
 const LN_2: f64 = std::f64::consts::LN_2;
 const LN_2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN_2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
@@ -17,8 +17,8 @@ pub(super) fn round(x: f64) -> f64 {
     if x.abs() >= 4_503_599_627_370_496.0 {
         return x;
     }
-    let whole = x as i64 as f64;
-    if whole > x { whole - 1.0 } else { whole }
+    let truncated = x as i64 as f64;
+    if truncated > x { truncated - 1.0 } else { truncated }
 }
 
 /// `e^x` for `x` cut to `[-700, 700]`; relative error below 4e-16.
@@ -31,8 +31,8 @@ pub(super) fn exp(x: f64) -> f64 {
     sum * f64::from_bits(((1023.0 + octaves) as u64) << 52)
 }
 
-/// Natural logarithm of a normal positive `x`; absolute error below 4e-16 near 1, relative
-/// error below 4e-16 elsewhere. Other numbers count as the smallest normal one.
+/// Natural logarithm of a normal positive `x`; absolute error below 4e-16 near 1, relative error
+/// below 4e-16 elsewhere. Other numbers are replaced by the smallest normal one.
 pub(super) fn ln(x: f64) -> f64 {
     let bits = x.max(f64::MIN_POSITIVE).to_bits();
     let mut octaves = (bits >> 52) as f64 - 1023.0;
@@ -63,7 +63,7 @@ const INVERSE_FACTORIALS: [f64; 24] = {
     let mut factorial = 1.0;
     let mut n = 1;
     while n < 24 {
-        // 22! is the last that a double holds exactly.
+        // Exact up to 22!.
         factorial *= n as f64;
         inverse[n] = 1.0 / factorial;
         n += 1;
@@ -84,8 +84,8 @@ const INVERSE_ODD: [f64; 12] = {
 
 /// `2^(halves / 2)`.
 pub(super) fn half_octaves(halves: u32) -> f64 {
-    let whole = f64::from_bits((1023 + u64::from(halves / 2)) << 52);
-    if halves.is_multiple_of(2) { whole } else { whole * std::f64::consts::SQRT_2 }
+    let octaves = f64::from_bits((1023 + u64::from(halves / 2)) << 52);
+    if halves.is_multiple_of(2) { octaves } else { octaves * std::f64::consts::SQRT_2 }
 }
 
 #[cfg(test)]
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_gives_a_finite_one() {
+    fn every_argument_has_a_finite_value() {
         for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300, 5e-324] {
             assert!(!exp(x).is_infinite(), "exp {x}");
             assert!(!ln(x).is_nan(), "ln {x}");

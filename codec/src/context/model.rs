@@ -1,109 +1,33 @@
-//! What is expected of a symbol: [`Bit`], [`BitTree`], [`Integer`] and [`Quantity`].
+//! Adaptive models of numbers: [`BitTree`], `Integer` and [`Quantity`].
 //!
-//! A quantity knows how large its last numbers were, in its own unit, and so how large the next
-//! code should be whatever its step. That expectation, in half octaves, is the context of the
-//! code; each context starts from the Laplace distribution of that size and adapts.
+//! A quantity averages the magnitudes of its last numbers in its own unit, and so expects a magnitude
+//! of the next code under any step. That expectation, in half octaves, is the context of the code;
+//! each context starts from the Laplace distribution of that magnitude and adapts.
 
 use super::{
-    math::{exp, half_octaves, ln, round},
+    bit::Bit,
+    math::{exp, half_octaves, round},
     range::Symbols,
 };
 
 /// Contexts of an integer: expected magnitudes of 2^-4, 2^-3.5, ..., 2^15.5. Format.
 const CONTEXTS: usize = 40;
 
-/// Exponents of an integer: magnitudes are below 2^26. Format.
+/// Number of exponents of an integer: magnitudes are below 2^26. Format.
 const EXPONENTS: usize = 26;
 
-/// Largest magnitude of a code, and of what is predicted for it: from any prediction there is an
-/// integer to any code. Larger numbers are cut. Format.
+/// Largest magnitude of a code and of its prediction, so that the residual fits an integer. Larger
+/// numbers are cut. Format.
 const CODE_MAX: f64 = ((1u32 << (EXPONENTS - 1)) - 1) as f64;
 
-/// An adaptive bit: the mean of a probability that learns fast and one that learns slowly.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bit {
-    /// Probabilities that the bit is set, in 2^-16.
-    fast: u16,
-    slow: u16,
-    /// Bits seen, up to [`SLOW`].
-    seen: u8,
-}
-
-/// Bits that weigh as one with the probability that a model starts from. Format.
-const PRIOR: u32 = 4;
-
-/// Bits over which the fast and the slow probability average. Format.
-const FAST: u32 = 16;
-const SLOW: u32 = 128;
-
-/// Smallest and largest probability, in 2^-16. Format.
-const PROBABILITY: (f64, f64) = (32.0, 65504.0);
-
-impl Default for Bit {
-    fn default() -> Bit {
-        Bit::new(0.5)
-    }
-}
-
-impl Bit {
-    fn new(probability: f64) -> Bit {
-        let p = round(65536.0 * probability).clamp(PROBABILITY.0, PROBABILITY.1) as u16;
-        Bit { fast: p, slow: p, seen: 0 }
-    }
-
-    /// Probability that the bit is set, in 2^-16: 1 to 65535.
-    fn probability(self) -> u32 {
-        let mean = (u32::from(self.fast) + u32::from(self.slow)) / 2;
-        mean.clamp(PROBABILITY.0 as u32, PROBABILITY.1 as u32)
-    }
-
-    /// The part of a range that a set bit takes: neither nothing nor all of a range of 2^24 up.
-    pub(super) fn split(self, range: u32) -> u32 {
-        ((u64::from(range) * u64::from(self.probability())) >> 16) as u32
-    }
-
-    pub(super) fn learn(&mut self, bit: bool) {
-        let seen = u32::from(self.seen) + PRIOR;
-        self.seen = (self.seen + 1).min((SLOW - PRIOR) as u8);
-        self.fast = toward(self.fast, bit, seen.min(FAST));
-        self.slow = toward(self.slow, bit, seen.min(SLOW));
-    }
-
-    /// Bits that coding `bit` takes.
-    pub(super) fn cost(self, bit: bool) -> f64 {
-        let p = f64::from(self.probability()) / 65536.0;
-        -ln(if bit { p } else { 1.0 - p }) / std::f64::consts::LN_2
-    }
-}
-
-/// A probability moved to `bit` by one part in `parts`, up to [`SLOW`].
-fn toward(p: u16, bit: bool, parts: u32) -> u16 {
-    // The quotient of 16 bits by `parts`, rounded down as a division would: this is what most of
-    // the time of decoding goes into, and dividing takes several times as long.
-    let part = |n: u16| ((u64::from(n) * u64::from(RECIPROCALS[parts as usize])) >> RECIPROCAL_BITS) as u16;
-    if bit { p + part(!p) } else { p - part(p) }
-}
-
-/// `2^24 / n`, rounded up. What is added is below `n <= 128`, too little to show in a quotient of
-/// 16 bits: `65535 * 128 < 2^24`.
-const RECIPROCALS: [u32; SLOW as usize + 1] = {
-    let mut reciprocals = [0; SLOW as usize + 1];
-    let mut n = 1;
-    while n <= SLOW {
-        reciprocals[n as usize] = (1u32 << RECIPROCAL_BITS).div_ceil(n);
-        n += 1;
-    }
-    reciprocals
-};
-const RECIPROCAL_BITS: u32 = 24;
-
-/// Numbers of `BITS` bits from the top bit down, each bit with the bits above as context.
+/// Codes unsigned numbers from the top bit down, each bit with the bits above as context.
 #[derive(Clone, Debug)]
 pub(super) struct BitTree {
     nodes: Vec<Bit>,
 }
 
 impl BitTree {
+    /// A tree for numbers of `bits` bits.
     pub(super) fn new(bits: u32) -> BitTree {
         BitTree { nodes: vec![Bit::default(); 1 << bits] }
     }
@@ -119,11 +43,11 @@ impl BitTree {
     }
 }
 
-/// Signed integers: the number of bits of the magnitude in unary, the sign, the bits below the
-/// top one. The two bits below the top one adapt, the rest are as likely set as not.
+/// Codes signed integers: the bit length of the magnitude in unary, the sign, then the bits below
+/// the top one, two of them adaptive and the rest bypass bits.
 #[derive(Clone, Debug)]
 struct Integer {
-    /// `[context][exponent]`: whether the magnitude has more bits than `exponent`.
+    /// `[context][exponent]`: whether the magnitude is longer than `exponent` bits.
     longer: Vec<Bit>,
     negative: Bit,
     /// `[exponent][node]`: the two bits below the top one.
@@ -135,7 +59,7 @@ impl Integer {
         let longer = |context: usize, exponent: usize| {
             // Expected magnitude of the context.
             let mean = half_octaves(context as u32) / 16.0;
-            // Magnitudes of `exponent` bits lie between these, of more bits beyond.
+            // Magnitudes of `exponent` bits lie between these bounds, longer ones above.
             let low = if exponent == 0 { 0.0 } else { (1u32 << (exponent - 1)) as f64 - 0.5 };
             let high = (1u32 << exponent) as f64 - 0.5;
             Bit::new(exp((low - high) / mean))
@@ -166,7 +90,7 @@ impl Integer {
             let node = &mut self.mantissa[bits][coded as usize];
             coded = coded << 1 | u32::from(symbols.bit(node, magnitude >> left & 1 == 1));
         }
-        let rest = symbols.raw(left, u64::from(magnitude) & ((1 << left) - 1));
+        let rest = symbols.bypass(left, u64::from(magnitude) & ((1 << left) - 1));
         let coded = (coded << left | rest as u32) as i32;
         if negative { -coded } else { coded }
     }
@@ -193,14 +117,14 @@ impl Integer {
     }
 }
 
-/// A kind of number that every Gaussian has: its model, and what its numbers were.
+/// A number that every Gaussian has: its model and the averages of its last values.
 #[derive(Clone, Debug)]
 pub(super) struct Quantity {
     integer: Integer,
-    /// Mean distance of the last numbers from their predictions: over few, over many.
+    /// Mean distance of the last numbers from their predictions: over few and over many.
     fast: f64,
     slow: f64,
-    /// Mean of the numbers.
+    /// Mean of the last numbers.
     mean: f64,
     seen: f64,
 }
@@ -210,24 +134,25 @@ const FAST_NUMBERS: f64 = 16.0;
 const SLOW_NUMBERS: f64 = 256.0;
 const MEAN_NUMBERS: f64 = 128.0;
 
-/// Steps that the first number is expected to be from its prediction. Format.
+/// Expected distance of the first number from its prediction, in steps. Format.
 const FIRST_STEPS: f64 = 16.0;
 
 /// How to code one number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coding {
-    /// The unit of the codes.
+    /// Unit of the codes.
     pub(super) step: f64,
-    /// What the number is likely near.
+    /// Predicted number.
     pub(super) prediction: f64,
-    /// How much farther from the prediction it may be than the last numbers were.
+    /// Factor on the expected distance from the prediction.
     pub(super) spread: f64,
-    /// Squared steps of error that saving a bit is worth. The decoder ignores it.
+    /// Rate-distortion trade-off: squared error, in steps, that is worth a bit. The decoder ignores
+    /// it.
     pub(super) lambda: f64,
 }
 
 impl Coding {
-    /// A number near `prediction`, rounded to the nearest step.
+    /// Codes a number near `prediction`, rounded to the nearest step.
     pub(super) fn near(step: f64, prediction: f64) -> Coding {
         Coding { step, prediction, spread: 1.0, lambda: 0.0 }
     }
@@ -238,7 +163,7 @@ impl Quantity {
         Quantity { integer: Integer::new(), fast: 0.0, slow: 0.0, mean: 0.0, seen: 0.0 }
     }
 
-    /// Mean of the numbers so far, the old ones forgotten.
+    /// Moving average of the numbers so far.
     pub(super) fn mean(&self) -> f64 {
         self.mean
     }
@@ -248,13 +173,13 @@ impl Quantity {
         if self.seen == 0.0 { FIRST_STEPS } else { 0.5 * (self.fast + self.slow) / step }
     }
 
-    /// Codes `number` to the nearest step; the multiple of the step coded.
+    /// Codes `number` as a multiple of the step, and returns the multiple.
     pub(super) fn code<S: Symbols>(&mut self, symbols: &mut S, number: f64, coding: Coding) -> i32 {
         let Coding { step, prediction, spread, lambda } = coding;
         let context = context_of(self.expected(step) * spread);
         let predicted = round(prediction / step).clamp(-CODE_MAX, CODE_MAX);
         let residual = if S::ENCODES {
-            self.choose((number / step).clamp(-CODE_MAX, CODE_MAX) - predicted, context, lambda)
+            self.quantise((number / step).clamp(-CODE_MAX, CODE_MAX) - predicted, context, lambda)
         } else {
             0
         };
@@ -273,30 +198,30 @@ impl Quantity {
         coded
     }
 
-    /// The code of `steps`: of its two neighbours the one with less error and fewer bits.
-    fn choose(&self, steps: f64, context: usize, lambda: f64) -> i32 {
+    /// The code of `steps`: the neighbour with the lower sum of squared error and weighted bits.
+    fn quantise(&self, steps: f64, context: usize, lambda: f64) -> i32 {
         if lambda == 0.0 {
             return round(steps) as i32;
         }
         let below = steps.floor();
-        let price =
+        let cost =
             |code: f64| (steps - code) * (steps - code) + lambda * self.integer.cost(context, code as i32);
-        (if price(below) <= price(below + 1.0) { below } else { below + 1.0 }) as i32
+        (if cost(below) <= cost(below + 1.0) { below } else { below + 1.0 }) as i32
     }
 }
 
-/// Lets `number` be one of the last `seen` numbers, or `most`, a power of two, in their mean.
-fn average(mean: &mut f64, number: f64, seen: f64, most: f64) {
-    let off = number - *mean;
-    // The same number, sooner.
-    *mean += if seen < most { off / seen } else { off * (1.0 / most) };
+/// Adds the `seen`-th number to a moving average over `window` numbers, a power of two.
+fn average(mean: &mut f64, number: f64, seen: f64, window: f64) {
+    let difference = number - *mean;
+    // Exact for a power of two, and faster than a division.
+    *mean += if seen < window { difference / seen } else { difference * (1.0 / window) };
 }
 
-/// The context of an expected magnitude: half octaves above 2^-4, rounded.
+/// The context of an expected magnitude: half octaves above 2^-4, rounded to nearest.
 fn context_of(expected: f64) -> usize {
-    // Half an octave is a factor of sqrt 2, half of that the fourth root of 2.
-    const QUARTER: f64 = 1.189_207_115_002_721;
-    let bits = (expected * (16.0 * QUARTER)).clamp(1.0, 1_048_576.0).to_bits();
+    // Half of a half octave, for rounding: the fourth root of 2.
+    const QUARTER_OCTAVE: f64 = 1.189_207_115_002_721;
+    let bits = (expected * (16.0 * QUARTER_OCTAVE)).clamp(1.0, 1_048_576.0).to_bits();
     let octaves = (bits >> 52) as usize - 1023;
     let upper = bits & 0x000f_ffff_ffff_ffff >= std::f64::consts::SQRT_2.to_bits() & 0x000f_ffff_ffff_ffff;
     (2 * octaves + usize::from(upper)).min(CONTEXTS - 1)
@@ -321,16 +246,6 @@ mod tests {
     }
 
     #[test]
-    fn reciprocals_divide() {
-        for parts in 1..=SLOW {
-            for p in 0..=u16::MAX {
-                assert_eq!(toward(p, false, parts), p - (u32::from(p) / parts) as u16);
-                assert_eq!(toward(p, true, parts), p + (u32::from(!p) / parts) as u16);
-            }
-        }
-    }
-
-    #[test]
     fn integers_of_every_size_round_trip() {
         let values: Vec<i32> =
             (0..26).flat_map(|e| [1 << e, -(1 << e), (1 << e) - 1]).chain([0, (1 << 26) - 1]).collect();
@@ -349,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_is_what_coding_takes() {
+    fn the_cost_predicts_the_coded_bits() {
         let mut quantity = Quantity::new();
         let mut encoder = Encoder::new(Vec::new());
         let mut cost = 0.0;
@@ -365,11 +280,10 @@ mod tests {
     }
 
     #[test]
-    fn numbers_beyond_the_codes_are_cut_and_spoil_no_other() {
+    fn numbers_beyond_the_codes_are_cut_and_later_ones_exact() {
         let mut quantity = Quantity::new();
         let mut encoder = Encoder::new(Vec::new());
         for number in [1e30, 0.0, -1e30, 3e4, f64::MAX, -3e4, 1.0] {
-            // From the last number, at half an octave of another step.
             let coding = Coding::near(1e-3, 20.0 * quantity.mean());
             let code = quantity.code(&mut encoder, number, coding);
             assert_eq!(f64::from(code), round(number / 1e-3).clamp(-CODE_MAX, CODE_MAX));

@@ -1,75 +1,76 @@
-//! The Gaussians coded shortly before that lie nearest: what the next one is likely to be like.
+//! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
 
-/// How far back to look: Gaussians come along a Morton curve. Format.
+/// Number of last Gaussians to search; they come along a Morton curve. Format.
 const WINDOW: usize = 24;
 
-/// How many of them to ask. Format.
+/// Number of nearest Gaussians that predict. Format.
 const NEAREST: usize = 3;
 
-/// What is remembered of a Gaussian.
+/// Decoded numbers of a Gaussian that predict later ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct History {
     pub(super) cell: [u32; 3],
-    /// Logarithm of the largest scale, and the differences of the next ones to it.
+    /// Logarithm of the largest blurred scale, relative to the footprint, and the differences between
+    /// each next one and the one before.
     pub(super) scales: [f64; 3],
     /// Direction of the main axis.
     pub(super) direction: [f64; 3],
     pub(super) color: [f64; 3],
 }
 
-/// The last Gaussians, and the nearest of them.
+/// The last Gaussians, and the nearest of them to the current one.
 #[derive(Default)]
 pub(super) struct Neighbors {
-    /// The last [`WINDOW`] Gaussians, in a ring.
+    /// Ring buffer of the last [`WINDOW`] Gaussians.
     last: Vec<History>,
-    /// Where in the ring the next one goes.
+    /// Position of the next Gaussian in the ring.
     next: usize,
-    /// Places in the ring, nearest first.
+    /// Positions in the ring, nearest first.
     nearest: [usize; NEAREST],
     found: usize,
 }
 
 impl Neighbors {
-    /// Finds the Gaussians nearest to `cell`; of those as near the later ones.
+    /// Finds the Gaussians nearest to `cell`; at equal distances the later ones.
     pub(super) fn find(&mut self, cell: [u32; 3]) {
         let mut best = [(u64::MAX, 0); NEAREST];
         for age in 1..=self.last.len() {
-            let place = if age <= self.next { self.next - age } else { self.next + WINDOW - age };
-            let other = self.last[place].cell;
+            let position = if age <= self.next { self.next - age } else { self.next + WINDOW - age };
+            let other = self.last[position].cell;
             let distance = (0..3).map(|axis| u64::from(cell[axis].abs_diff(other[axis])).pow(2)).sum();
             if distance >= best[NEAREST - 1].0 {
                 continue;
             }
-            let mut candidate = (distance, place);
+            let mut candidate = (distance, position);
             for slot in &mut best {
                 if candidate.0 < slot.0 {
                     std::mem::swap(slot, &mut candidate);
                 }
             }
         }
-        self.nearest = best.map(|(_, place)| place);
+        self.nearest = best.map(|(_, position)| position);
         self.found = self.last.len().min(NEAREST);
     }
 
-    /// The nearest one.
+    /// The nearest Gaussian found.
     pub(super) fn nearest(&self) -> Option<&History> {
         (self.found > 0).then(|| &self.last[self.nearest[0]])
     }
 
-    /// Mean of a number over the nearest ones; `default` where there are none.
+    /// Mean of a number over the nearest Gaussians; `default` without any.
     pub(super) fn mean(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
         if self.found == 0 {
             return default;
         }
-        let sum: f64 = self.nearest[..self.found].iter().map(|&place| number(&self.last[place])).sum();
+        let sum: f64 = self.nearest[..self.found].iter().map(|&position| number(&self.last[position])).sum();
         sum / self.found as f64
     }
 
-    pub(super) fn push(&mut self, past: History) {
+    pub(super) fn push(&mut self, history: History) {
         if self.last.len() < WINDOW {
-            self.last.push(past);
+            self.last.push(history);
         } else {
-            self.last[self.next] = past;
+            self.last[self.next] = history;
         }
         self.next = (self.next + 1) % WINDOW;
     }
@@ -80,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_of_the_last_ones_are_found() {
+    fn finds_the_nearest_of_the_last_ones() {
         let mut neighbors = Neighbors::default();
         neighbors.find([0; 3]);
         assert!(neighbors.nearest().is_none());
@@ -91,8 +92,8 @@ mod tests {
         }
         neighbors.find([80, 0, 0]);
         assert_eq!(neighbors.nearest().unwrap().cell[0], 80);
-        assert_eq!(neighbors.mean(0.0, |past| past.color[0]), 80.0);
-        // Longer ago than the window.
+        assert_eq!(neighbors.mean(0.0, |history| history.color[0]), 80.0);
+        // Gaussian 3 has left the window.
         neighbors.find([3, 0, 0]);
         assert_eq!(neighbors.nearest().unwrap().cell[0], 76);
     }

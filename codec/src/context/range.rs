@@ -1,30 +1,30 @@
-//! An adaptive binary range coder: [`Decoder`] and [`Encoder`] behind one trait, [`Symbols`].
+//! An adaptive binary range coder: [`Decoder`] and `Encoder` behind one trait, [`Symbols`].
 //!
-//! What codes a Gaussian is written once, against the trait. Every method takes the symbol to
-//! code and returns the symbol coded: the encoder returns its argument, the decoder ignores it
-//! and returns what it reads. So the two directions cannot drift apart.
+//! The code for a Gaussian is written once, against the trait. Every method takes the symbol to code
+//! and returns the coded symbol: the encoder returns its argument, the decoder ignores it and returns
+//! the symbol it reads. So the two directions cannot drift apart.
 
 use super::{
-    model::Bit,
-    watch::{BitObserver, Part},
+    bit::Bit,
+    observer::{Attribute, BitObserver},
 };
 
-/// Below this the range is widened by a byte.
+/// Smallest range; below it the coder shifts by a byte.
 const LOW: u32 = 1 << 24;
 
-/// Symbols on their way into or out of bytes.
+/// Codes symbols, to bytes or from bytes.
 pub(super) trait Symbols {
-    /// Whether arguments are coded, rather than ignored.
+    /// Whether the arguments are coded (encoder) or ignored (decoder).
     const ENCODES: bool;
 
-    /// One bit, coded with and learned by its model.
+    /// Codes a bit with its model, and updates the model.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
 
-    /// One of `count` equally likely numbers, `1 <= count <= 65536`.
+    /// Codes one of `count` equally likely numbers, `1 <= count <= 65536`.
     fn uniform(&mut self, count: u32, value: u32) -> u32;
 
-    /// `bits` bits that are as likely set as not, at most 48.
-    fn raw(&mut self, bits: u32, value: u64) -> u64 {
+    /// Codes `bits` bypass bits, at most 48: equally likely, without a model.
+    fn bypass(&mut self, bits: u32, value: u64) -> u64 {
         let mut coded = 0;
         let mut left = bits;
         while left > 0 {
@@ -36,30 +36,30 @@ pub(super) trait Symbols {
         coded
     }
 
-    /// Tells whoever watches what the next symbols are for; see [`BitObserver`].
-    fn begin(&mut self, _: Part, _component: usize) {}
+    /// See [`BitObserver::begin`].
+    fn begin(&mut self, _: Attribute, _component: usize) {}
 
-    /// Tells of a number that the last symbols made, and of its distance from the prediction.
+    /// See [`BitObserver::number`].
     fn number(&mut self, _: i32, _residual: i32) {}
 
-    /// Tells of one of so many equally likely values.
+    /// See [`BitObserver::choice`].
     fn choice(&mut self, _count: f64) {}
 }
 
-/// Reads symbols. History its end it reads zeros; [`Decoder::overrun`] then reports it.
-pub(super) struct Decoder<'a, W = ()> {
-    watch: W,
+/// Reads symbols. Past the end it reads zeros, which [`Decoder::overrun`] reports.
+pub(super) struct Decoder<'a, O = ()> {
+    observer: O,
     bytes: &'a [u8],
-    /// Bytes asked for, possibly more than there are.
+    /// Number of bytes read, possibly past the end.
     taken: usize,
     range: u32,
-    /// Distance of the coded number from the low end of the range; below `range`.
+    /// Distance of the coded number from the lower end of the range; below `range`.
     code: u32,
 }
 
-impl<'a, W: BitObserver> Decoder<'a, W> {
-    pub(super) fn new(bytes: &'a [u8], watch: W) -> Decoder<'a, W> {
-        let mut decoder = Decoder { watch, bytes, taken: 0, range: u32::MAX, code: 0 };
+impl<'a, O: BitObserver> Decoder<'a, O> {
+    pub(super) fn new(bytes: &'a [u8], observer: O) -> Decoder<'a, O> {
+        let mut decoder = Decoder { observer, bytes, taken: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
             decoder.shift();
         }
@@ -78,18 +78,18 @@ impl<'a, W: BitObserver> Decoder<'a, W> {
         }
     }
 
-    /// Whether bytes past the end were asked for.
+    /// Whether it has read past the end.
     pub(super) fn overrun(&self) -> bool {
         self.taken > self.bytes.len()
     }
 
-    /// Number of bytes left over.
+    /// Number of bytes not read.
     pub(super) fn left(&self) -> usize {
         self.bytes.len().saturating_sub(self.taken)
     }
 }
 
-impl<W: BitObserver> Symbols for Decoder<'_, W> {
+impl<O: BitObserver> Symbols for Decoder<'_, O> {
     const ENCODES: bool = false;
 
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
@@ -101,28 +101,28 @@ impl<W: BitObserver> Symbols for Decoder<'_, W> {
             self.code -= bound;
             self.range -= bound;
         }
-        self.watch.coded(|| model.cost(bit));
-        model.learn(bit);
+        self.observer.coded(|| model.cost(bit));
+        model.update(bit);
         self.normalize();
         bit
     }
 
-    fn begin(&mut self, part: Part, component: usize) {
-        self.watch.begin(part, component);
+    fn begin(&mut self, attribute: Attribute, component: usize) {
+        self.observer.begin(attribute, component);
     }
 
     fn number(&mut self, code: i32, residual: i32) {
-        self.watch.number(code, residual);
+        self.observer.number(code, residual);
     }
 
     fn choice(&mut self, count: f64) {
-        self.watch.choice(count);
+        self.observer.choice(count);
     }
 
     fn uniform(&mut self, count: u32, _: u32) -> u32 {
-        self.watch.coded(|| f64::from(count).log2());
+        self.observer.coded(|| f64::from(count).log2());
         let unit = self.range / count;
-        // In a damaged stream the number can lie in the remainder above the last unit.
+        // In a damaged stream the number can lie above the last unit.
         let value = (self.code / unit).min(count - 1);
         self.code -= unit * value;
         self.range = unit;
@@ -138,9 +138,9 @@ pub(super) struct Encoder {
     bytes: Vec<u8>,
     low: u64,
     range: u32,
-    /// The last byte not yet written, because a carry can still reach it; `None` at the start.
+    /// The last byte, not yet written because a carry can reach it; `None` at the start.
     pending: Option<u8>,
-    /// Bytes of 255 after it, which a carry would run through.
+    /// Number of bytes of 255 after it, through which a carry would propagate.
     run: usize,
 }
 
@@ -173,7 +173,7 @@ impl Encoder {
         }
     }
 
-    /// Writes what is pending; as many bytes in all as a decoder asks for.
+    /// Writes the pending bytes, so that there are as many as a decoder reads.
     pub(super) fn finish(mut self) -> Vec<u8> {
         for _ in 0..5 {
             self.shift();
@@ -194,7 +194,7 @@ impl Symbols for Encoder {
             self.low += u64::from(bound);
             self.range -= bound;
         }
-        model.learn(bit);
+        model.update(bit);
         self.normalize();
         bit
     }
@@ -224,20 +224,20 @@ mod tests {
         for i in 0..count {
             let random = next();
             coded.push(match i % 3 {
-                // Model 0 sees almost only ones, which makes long runs of carries.
+                // Model 0 sees almost only set bits, which makes long runs of carries.
                 0 => u64::from(symbols.bit(&mut models[i % 4], random % 97 > (i as u32 % 4) * 30)),
                 1 => {
                     let choices = 1 + next() % 65536;
                     u64::from(symbols.uniform(choices, random % choices))
                 }
-                _ => symbols.raw(random % 49, u64::from(next()) << 20 & ((1 << (random % 49)) - 1)),
+                _ => symbols.bypass(random % 49, u64::from(next()) << 20 & ((1 << (random % 49)) - 1)),
             });
         }
         coded
     }
 
     #[test]
-    fn what_goes_in_comes_out_and_every_byte_is_used() {
+    fn symbols_round_trip_and_use_every_byte() {
         for seed in 0..200 {
             let count = 1 + seed as usize * 7;
             let mut encoder = Encoder::new(Vec::new());
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn any_bytes_decode_to_something_in_range() {
+    fn any_bytes_decode_to_numbers_in_range() {
         for fill in [0x00, 0x55, 0xff] {
             let bytes = [fill; 16];
             let mut decoder = Decoder::new(&bytes, ());

@@ -1,47 +1,47 @@
-//! A rotation as the direction of the Gaussian's main axis and a roll about it.
+//! Quantises a rotation as the direction of the Gaussian's main axis and a roll about it.
 //!
-//! The main axis is the one that stands out: the long one of a needle, the short one of a disc.
-//! Only its line matters, not its sense, so it lies on a hemisphere: that of z, or that around
-//! the axis of a neighbour, whose surface it may share. The roll repeats after half a turn.
+//! The main axis is the distinct one: the long axis of a needle, the short axis of a disc. Its sign
+//! does not matter, so it lies on a hemisphere: around z, or around the main axis of a neighbour,
+//! which may lie on the same surface. The roll has a period of half a turn.
 
 use super::math::{round, sin_cos};
 
 use std::f64::consts::PI;
 
-/// Coarsest steps in radians: beyond them a rotation is as good as unknown. Format.
+/// Coarsest steps in radians; at these a rotation is practically unknown. Format.
 const DIRECTION_STEP_MAX: f64 = 1.2;
 const ROLL_STEP_MAX: f64 = 3.2;
 
-/// Most codes of a coordinate of the direction, or of the roll. Format.
+/// Largest number of codes of a coordinate of the direction, or of the roll. Format.
 const CODES_MAX: f64 = 16384.0;
 
-/// How finely a rotation is coded, and which axis is the main one.
+/// Quantiser of the rotation of a Gaussian, from its blurred standard deviations.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
-    /// Numbers of the axes, the widest being 0: the one that the roll turns from, the one it
-    /// turns to, the main one.
+pub(super) struct RotationQuantiser {
+    /// Axes by width, the widest being 0: the axis that the roll turns from, the one that it turns
+    /// to, the main axis.
     pub(super) axes: [usize; 3],
-    /// Codes of each coordinate of the direction.
+    /// Number of codes of each coordinate of the direction.
     pub(super) direction_codes: u32,
-    /// Codes of the roll.
+    /// Number of codes of the roll.
     pub(super) roll_codes: u32,
     /// Steps of the direction and of the roll, in radians.
     pub(super) direction_step: f64,
     pub(super) roll_step: f64,
 }
 
-impl Shape {
-    /// The shape of a Gaussian with these standard deviations, the widest first, whose surface
-    /// may move by `step` in standard deviations.
-    pub(super) fn new(sigma: [f64; 3], step: f64) -> Shape {
+impl RotationQuantiser {
+    /// The quantiser for these standard deviations, the widest first. `step` is the allowed error of
+    /// the surface in standard deviations.
+    pub(super) fn new(sigma: [f64; 3], step: f64) -> RotationQuantiser {
         let is_needle = sigma[0] / sigma[1] > sigma[1] / sigma[2];
         let axes = if is_needle { [1, 2, 0] } else { [0, 1, 2] };
-        // Turning by an angle changes the covariance in proportion to this.
+        // Relative change of the covariance per radian of rotation.
         let ratio = |a: usize, b: usize| (sigma[a] / sigma[b] - sigma[b] / sigma[a]).abs().max(1e-3);
         let [a, b, main] = axes;
         let direction_step = (step / ratio(a, main).max(ratio(b, main))).min(DIRECTION_STEP_MAX);
         let roll_step = (step / ratio(a, b)).min(ROLL_STEP_MAX);
-        Shape {
+        RotationQuantiser {
             axes,
             direction_codes: (2.0 / direction_step).ceil().clamp(1.0, CODES_MAX) as u32,
             roll_codes: round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
@@ -56,34 +56,32 @@ impl Shape {
     }
 }
 
-/// Codes of a direction in the hemisphere around `pole`: an octahedron unfolded to a square.
+/// Codes of a direction in the hemisphere around `pole`, by octahedral mapping to a square.
 pub(super) fn direction_codes(direction: [f64; 3], pole: [f64; 3], codes: u32) -> [u32; 2] {
-    let d = turn(inverse(arc(pole)), direction);
+    let d = rotate(inverse(arc(pole)), direction);
     let d = if d[2] < 0.0 { d.map(|x| -x) } else { d };
     let norm = d[0].abs() + d[1].abs() + d[2];
     [d[0] + d[1], d[0] - d[1]].map(|x| {
-        let place = (x / norm + 1.0) * 0.5 * f64::from(codes);
-        (place as u32).min(codes - 1)
+        let position = (x / norm + 1.0) * 0.5 * f64::from(codes);
+        (position as u32).min(codes - 1)
     })
 }
 
 /// The direction of two codes, with z at least 0.
-pub(super) fn direction(place: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
-    let [u, v] = place.map(|x| (f64::from(x) + 0.5) / f64::from(codes) * 2.0 - 1.0);
+pub(super) fn direction(direction_codes: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
+    let [u, v] = direction_codes.map(|x| (f64::from(x) + 0.5) / f64::from(codes) * 2.0 - 1.0);
     let (x, y) = ((u + v) * 0.5, (u - v) * 0.5);
-    let d = turn(arc(pole), normalized([x, y, 1.0 - x.abs() - y.abs()]));
+    let d = rotate(arc(pole), normalized([x, y, 1.0 - x.abs() - y.abs()]));
     if d[2] < 0.0 { d.map(|x| -x) } else { d }
 }
 
-/// The axes x and y that a roll starts from: those of the world, turned the shortest way so that
-/// z becomes `direction`.
+/// The axes of roll 0: world axes x and y, rotated by the shortest rotation of z to `direction`.
 pub(super) fn roll_axes(direction: [f64; 3]) -> [[f64; 3]; 2] {
     let q = arc(direction);
-    [turn(q, [1.0, 0.0, 0.0]), turn(q, [0.0, 1.0, 0.0])]
+    [rotate(q, [1.0, 0.0, 0.0]), rotate(q, [0.0, 1.0, 0.0])]
 }
 
-/// Unit quaternion w, x, y, z that turns the axes x, y, z into those of a Gaussian: z into
-/// `direction`, after a roll of `code`.
+/// Unit quaternion w, x, y, z that rolls about z by `code`, then rotates z to `direction`.
 pub(super) fn quaternion(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
     let half = (f64::from(code) + 0.5) / f64::from(codes) * (PI * 0.5);
     let (sin, cos) = sin_cos(half);
@@ -91,7 +89,7 @@ pub(super) fn quaternion(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4]
     [w * cos, x * cos + y * sin, y * cos - x * sin, w * sin]
 }
 
-/// Unit quaternion that turns z into `direction` the shortest way; `direction` has z >= 0.
+/// Unit quaternion of the shortest rotation of z to a direction with z >= 0.
 fn arc([x, y, z]: [f64; 3]) -> [f64; 4] {
     let w = 1.0 + z;
     let norm = (w * w + x * x + y * y).sqrt();
@@ -102,8 +100,8 @@ fn inverse([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [w, -x, -y, -z]
 }
 
-/// `v` turned by a unit quaternion.
-pub(super) fn turn([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+/// Rotates `v` by a unit quaternion.
+pub(super) fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let t = [2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])];
     [
         v[0] + w * t[0] + (y * t[2] - z * t[1]),
@@ -117,5 +115,5 @@ fn normalized(v: [f64; 3]) -> [f64; 3] {
     v.map(|x| x / norm)
 }
 
-/// The direction that a chunk starts from.
+/// Pole of the first Gaussian of a chunk.
 pub(super) const FIRST_POLE: [f64; 3] = [0.0, 0.0, 1.0];

@@ -1,19 +1,19 @@
-//! One Gaussian after the other: [`RowCoder`] codes the numbers of a row and returns the row that
-//! a decoder gets. Both directions run this code.
+//! [`RowCoder`]: codes one Gaussian after the other, for encoder and decoder alike. It returns the
+//! decoded row.
 
 use super::{
-    Chunk,
+    chunk::Chunk,
     math::{exp, half_octaves, ln, round},
     model::{BitTree, Coding, Quantity},
     neighbors::{History, Neighbors},
+    observer::Attribute,
     range::Symbols,
-    rotation::{self, Shape},
+    rotation::{self, RotationQuantiser},
     trajectory::{self, Span},
-    watch::Part,
 };
-use crate::{SH_C0, fixed::Columns, rows::Rows, sh_coefficients};
+use crate::{SH_C0, columns::Columns, rows::Rows, sh_coefficients};
 
-/// Steps of the attributes, in units of what their visibility allows; found by minimising the
+/// Steps of the attributes relative to the step that the quantiser indices give. Found by minimising
 /// size at equal fidelity on captured fields. Format.
 const OPACITY: f64 = 1.2;
 const ROTATION: f64 = 1.9;
@@ -21,54 +21,52 @@ const COLOR: f64 = 1.45;
 const CHROMA: f64 = 1.6;
 const SH: f64 = 1.8;
 
-/// Coarsest steps: of the logarithms of opacity and scale, of a colour. Format.
+/// Coarsest steps of the logarithms of opacity and scale, and of a colour. Format.
 const OPACITY_STEP_MAX: f64 = 0.4;
 const SCALE_STEP_MAX: f64 = 0.5;
 const COLOR_STEP_MAX: f64 = 0.5;
 
-/// Coarsest step of a position, and largest number of a Gaussian, in source units: larger ones
-/// are cut to it. Format.
+/// Coarsest step of a position in source units, and magnitude to which the numbers of a Gaussian are
+/// cut. Format.
 const POSITION_STEP_MAX: f64 = 1e10;
 const NUMBER_MAX: f64 = 1e30;
 
-/// Largest logarithm of a width on screen. Format.
+/// Largest logarithm of a blurred standard deviation. Format.
 pub(super) const LOG_EXTENT_MAX: f64 = 44.0;
 
-/// How far predictions follow the neighbours, away from the mean. Format.
+/// Weight of the neighbours' mean, against the mean of all, in predictions. Format.
 const SCALE_PULL: f64 = 0.3;
 const COLOR_PULL: f64 = 0.4;
 
-/// Squared steps of error in a spherical-harmonic coefficient that saving a bit is worth. The
-/// slope at high rates is ln 2 / 6 = 0.12; here most coefficients take a bit or two.
+/// Rate-distortion trade-off of a spherical-harmonic coefficient: squared error, in steps, that is
+/// worth a bit. The slope at high rates is ln 2 / 6 = 0.12; most coefficients take a bit or two.
 const SH_LAMBDA: f64 = 0.15;
 
-/// Bits of the classes of visibility and of contrast. Format.
-pub(super) const CLASS_BITS: u32 = 5;
-pub(super) const CONTRAST_BITS: u32 = 4;
+/// Bits of the visibility index and of the geometry index. Format.
+pub(super) const VISIBILITY_BITS: u32 = 5;
+pub(super) const GEOMETRY_BITS: u32 = 4;
 
-/// What the encoder wants coded.
+/// A Gaussian for the encoder, in the coordinates that are coded.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<'a> {
-    /// Half octaves that the colour's step is above the finest of the chunk.
-    pub(super) class: u32,
-    /// Half octaves that the geometry's step is above the colour's.
-    pub(super) contrast: u32,
-    /// Multiples of their steps: minus the logarithm of the opacity, the number of the window's
-    /// width, and its centre relative to the middle of the clip.
+    /// Half octaves from the finest colour step of the chunk to this colour step.
+    pub(super) visibility_index: u32,
+    /// Half octaves from the colour step to the geometry step.
+    pub(super) geometry_index: u32,
+    /// Multiples of their steps: minus the logarithm of the opacity, the number of the window width,
+    /// and the window centre relative to the centre of the clip.
     pub(super) window: [f64; 3],
-    /// Logarithms of the standard deviations, widest first, and the axes they belong to, as
-    /// vectors of the world.
+    /// Logarithms of the standard deviations, widest first, and their axes as world vectors.
     pub(super) log_scales: [f64; 3],
     pub(super) axes: [[f64; 3]; 3],
     /// Coefficients of the orthogonal polynomials of the trajectory.
     pub(super) trajectory: [[f64; 3]; 4],
-    /// The quaternion that multiplied from the left by the rotation is its rate; its vector part
-    /// in the axes of the world.
-    pub(super) spin: [f64; 4],
+    /// The quaternion `inverse(rotation) * rate`, with its vector part rotated to world axes.
+    pub(super) angular_rate: [f64; 4],
     pub(super) sh: &'a [[f32; 3]],
 }
 
-/// A Gaussian as it is decoded.
+/// A decoded Gaussian.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Row {
     pub(super) center: [f32; 3],
@@ -82,24 +80,26 @@ pub(super) struct Row {
     pub(super) rotation_rate: [f32; 4],
 }
 
-/// The models of a chunk, and what it remembers.
+/// The models of a chunk.
 pub(super) struct RowCoder<'a> {
     chunk: &'a Chunk,
     columns: Columns,
-    classes: Vec<BitTree>,
-    contrasts: Vec<BitTree>,
+    /// By the last visibility index.
+    visibility_indices: Vec<BitTree>,
+    /// By visibility index and last geometry index, a quarter of each.
+    geometry_indices: Vec<BitTree>,
     opacity: Quantity,
     scales: [Quantity; 3],
     directions: Vec<BitTree>,
     width: Quantity,
     center: Quantity,
     motion: Vec<Quantity>,
-    spin: Vec<Quantity>,
+    angular_rate: Vec<Quantity>,
     colors: [Quantity; 3],
     sh: Vec<Quantity>,
     neighbors: Neighbors,
-    last_class: u32,
-    last_contrast: u32,
+    last_visibility: u32,
+    last_geometry: u32,
     row: Row,
 }
 
@@ -111,90 +111,95 @@ impl<'a> RowCoder<'a> {
         RowCoder {
             chunk,
             columns,
-            classes: vec![BitTree::new(CLASS_BITS); 1 << CLASS_BITS],
-            contrasts: vec![BitTree::new(CONTRAST_BITS); 1 << (CLASS_BITS - 2 + CONTRAST_BITS - 2)],
+            visibility_indices: vec![BitTree::new(VISIBILITY_BITS); 1 << VISIBILITY_BITS],
+            geometry_indices: vec![
+                BitTree::new(GEOMETRY_BITS);
+                1 << (VISIBILITY_BITS - 2 + GEOMETRY_BITS - 2)
+            ],
             opacity: quantity.clone(),
             scales: std::array::from_fn(|_| quantity.clone()),
             directions: (0..2 * (DIRECTION_LEVELS + 1)).map(|i| BitTree::new(2 * (i / 2))).collect(),
             width: quantity.clone(),
             center: quantity.clone(),
             motion: vec![quantity.clone(); 3 * usize::from(temporal.motion_order)],
-            spin: vec![quantity.clone(); if temporal.rotation_rates { 4 } else { 0 }],
+            angular_rate: vec![quantity.clone(); if temporal.rotation_rates { 4 } else { 0 }],
             colors: std::array::from_fn(|_| quantity.clone()),
             sh: vec![quantity; 3 * (sh - 1)],
             neighbors: Neighbors::default(),
-            last_class: 0,
-            last_contrast: 0,
+            last_visibility: 0,
+            last_geometry: 0,
             row: Row { sh: vec![[0.0; 3]; sh], ..Row::default() },
         }
     }
 
     /// Codes the Gaussian in `cell` and returns it as decoded; `None` if a number is out of range,
-    /// which happens in damaged streams only. `wanted` is there if symbols are encoded.
+    /// in damaged streams only. The encoder passes `target`.
     pub(super) fn code<S: Symbols>(
         &mut self,
         symbols: &mut S,
         cell: [u32; 3],
-        wanted: Option<&Target>,
+        target: Option<&Target>,
     ) -> Option<&Row> {
         self.neighbors.find(cell);
-        let mut past = History { cell, ..History::default() };
-        let (color_step, step) = self.code_classes(symbols, wanted);
-        self.code_window(symbols, step, wanted);
-        let (sigma, shape) = self.code_shape(symbols, step, wanted, &mut past)?;
-        self.code_trajectory(symbols, sigma, shape, step, cell, wanted);
-        self.code_colors(symbols, color_step, wanted, &mut past);
-        self.neighbors.push(past);
+        let mut history = History { cell, ..History::default() };
+        let (color_step, step) = self.code_indices(symbols, target);
+        self.code_window(symbols, step, target);
+        let (extents, quantiser) = self.code_shape(symbols, step, target, &mut history)?;
+        self.code_trajectory(symbols, extents, &quantiser, step, cell, target);
+        self.code_colors(symbols, color_step, target, &mut history);
+        self.neighbors.push(history);
         self.row.is_valid().then_some(&self.row)
     }
 
-    /// The steps of colour and geometry.
-    fn code_classes<S: Symbols>(&mut self, symbols: &mut S, wanted: Option<&Target>) -> (f64, f64) {
-        symbols.begin(Part::Classes, 0);
-        let class = self.classes[self.last_class as usize].code(symbols, wanted.map_or(0, |w| w.class));
-        symbols.number(class as i32, class as i32);
-        symbols.begin(Part::Classes, 1);
-        let context = 4 * (class / 4) + self.last_contrast / 4;
-        let contrast = self.contrasts[context as usize].code(symbols, wanted.map_or(0, |w| w.contrast));
-        symbols.number(contrast as i32, contrast as i32);
-        (self.last_class, self.last_contrast) = (class, contrast);
-        let color_step = f64::from(self.chunk.step) * half_octaves(class);
-        (color_step, color_step * half_octaves(contrast))
+    /// Codes the quantiser indices, and returns the steps of colour and geometry.
+    fn code_indices<S: Symbols>(&mut self, symbols: &mut S, target: Option<&Target>) -> (f64, f64) {
+        symbols.begin(Attribute::QuantiserIndices, 0);
+        let visibility = self.visibility_indices[self.last_visibility as usize]
+            .code(symbols, target.map_or(0, |t| t.visibility_index));
+        symbols.number(visibility as i32, visibility as i32);
+        symbols.begin(Attribute::QuantiserIndices, 1);
+        let context = 4 * (visibility / 4) + self.last_geometry / 4;
+        let geometry =
+            self.geometry_indices[context as usize].code(symbols, target.map_or(0, |t| t.geometry_index));
+        symbols.number(geometry as i32, geometry as i32);
+        (self.last_visibility, self.last_geometry) = (visibility, geometry);
+        let color_step = f64::from(self.chunk.step) * half_octaves(visibility);
+        (color_step, color_step * half_octaves(geometry))
     }
 
-    /// Opacity and window.
-    fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, wanted: Option<&Target>) {
-        let [opacity, width, center] = wanted.map_or([0.0; 3], |w| w.window);
-        // Zero stands for opaque and, of widths, for always on: nothing else is as frequent.
+    /// Codes opacity and window.
+    fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, target: Option<&Target>) {
+        let [opacity, width, center] = target.map_or([0.0; 3], |t| t.window);
+        // Code 0 means opaque and, for widths, always on: the most frequent values.
         let unit = opacity_step(step);
-        symbols.begin(Part::Opacity, 0);
+        symbols.begin(Attribute::Opacity, 0);
         let code = self.opacity.code(symbols, opacity, Coding::near(unit, 0.0));
         self.row.opacity = decoded_opacity(f64::from(code) * unit);
         if self.columns.temporal.is_none() {
             return;
         }
         let unit = trajectory::width_step(step);
-        symbols.begin(Part::Window, 0);
+        symbols.begin(Attribute::Window, 0);
         let code = self.width.code(symbols, width, Coding::near(unit, 0.0));
         self.row.s = trajectory::width(f64::from(code) * unit) as f32;
         self.row.tau = 0.5;
         if self.row.s.is_finite() {
             let unit = trajectory::center_step(f64::from(self.row.s), step);
-            symbols.begin(Part::Window, 1);
+            symbols.begin(Attribute::Window, 1);
             let code = self.center.code(symbols, center, Coding::near(unit, self.center.mean()));
             self.row.tau = decoded_tau(f64::from(code) * unit);
         }
     }
 
-    /// Scales and rotation; the standard deviations as they look at the resolution of the chunk,
-    /// widest first.
+    /// Codes scales and rotation, and returns the standard deviations blurred by the footprint, widest
+    /// first.
     fn code_shape<S: Symbols>(
         &mut self,
         symbols: &mut S,
         step: f64,
-        wanted: Option<&Target>,
-        past: &mut History,
-    ) -> Option<([f64; 3], Shape)> {
+        target: Option<&Target>,
+        history: &mut History,
+    ) -> Option<([f64; 3], RotationQuantiser)> {
         let footprint = f64::from(self.chunk.footprint);
         let base = ln(footprint);
         let unit = step.min(SCALE_STEP_MAX);
@@ -202,86 +207,86 @@ impl<'a> RowCoder<'a> {
         let mut log_scales = [0.0; 3];
         let mut last = base;
         for (r, quantity) in self.scales.iter_mut().enumerate() {
-            let number = wanted.map_or(0.0, |w| log_extent(w.log_scales[r], footprint) - last);
+            let number = target.map_or(0.0, |t| log_extent(t.log_scales[r], footprint) - last);
             let mean = quantity.mean();
-            let pull = SCALE_PULL * (self.neighbors.mean(mean, |past| past.scales[r]) - mean);
-            symbols.begin(Part::Scales, r);
+            let pull = SCALE_PULL * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
+            symbols.begin(Attribute::Scales, r);
             let code = quantity.code(symbols, number, Coding::near(unit, mean + pull));
             let extent = (last + f64::from(code) * unit).max(base);
             if extent > LOG_EXTENT_MAX {
                 return None;
             }
-            past.scales[r] = extent - last;
+            history.scales[r] = extent - last;
             last = extent;
             extents[r] = exp(extent);
-            let thin = extents[r] * extents[r] - footprint * footprint;
-            log_scales[r] = 0.5 * ln(thin.max(footprint * footprint / 1024.0));
+            let variance = extents[r] * extents[r] - footprint * footprint;
+            log_scales[r] = 0.5 * ln(variance.max(footprint * footprint / 1024.0));
         }
 
-        let shape = Shape::new(extents, ROTATION * step);
-        symbols.begin(Part::Rotation, 0);
-        symbols.choice(f64::from(shape.direction_codes).powi(2) * f64::from(shape.roll_codes));
-        let pole = self.neighbors.nearest().map_or(rotation::FIRST_POLE, |past| past.direction);
-        let wanted_axes = wanted.map(|w| shape.axes.map(|axis| w.axes[axis]));
-        let place = self.code_direction(symbols, &shape, wanted_axes.map(|axes| axes[2]), pole);
-        let direction = rotation::direction(place, pole, shape.direction_codes);
-        let roll = wanted_axes.map_or(0, |axes| roll_code(direction, axes[0], shape.roll_codes));
-        let roll = symbols.uniform(shape.roll_codes, roll);
-        past.direction = direction;
-        self.row.rotation = rotation::quaternion(direction, roll, shape.roll_codes).map(|x| x as f32);
-        self.row.log_scales = shape.axes.map(|axis| log_scales[axis] as f32);
-        Some((extents, shape))
+        let quantiser = RotationQuantiser::new(extents, ROTATION * step);
+        symbols.begin(Attribute::Rotation, 0);
+        symbols.choice(f64::from(quantiser.direction_codes).powi(2) * f64::from(quantiser.roll_codes));
+        let pole = self.neighbors.nearest().map_or(rotation::FIRST_POLE, |history| history.direction);
+        let target_axes = target.map(|t| quantiser.axes.map(|axis| t.axes[axis]));
+        let direction_codes = self.code_direction(symbols, &quantiser, target_axes.map(|axes| axes[2]), pole);
+        let direction = rotation::direction(direction_codes, pole, quantiser.direction_codes);
+        let roll = target_axes.map_or(0, |axes| roll_code(direction, axes[0], quantiser.roll_codes));
+        let roll = symbols.uniform(quantiser.roll_codes, roll);
+        history.direction = direction;
+        self.row.rotation = rotation::quaternion(direction, roll, quantiser.roll_codes).map(|x| x as f32);
+        self.row.log_scales = quantiser.axes.map(|axis| log_scales[axis] as f32);
+        Some((extents, quantiser))
     }
 
-    /// The codes of a direction: which of the parts of the hemisphere, then where in it.
+    /// Codes a direction: a square of the octahedral map by a tree, then the position within it.
     fn code_direction<S: Symbols>(
         &mut self,
         symbols: &mut S,
-        shape: &Shape,
-        wanted: Option<[f64; 3]>,
+        quantiser: &RotationQuantiser,
+        target: Option<[f64; 3]>,
         pole: [f64; 3],
     ) -> [u32; 2] {
-        let codes = shape.direction_codes;
-        let wanted = wanted.map_or([0; 2], |direction| rotation::direction_codes(direction, pole, codes));
+        let codes = quantiser.direction_codes;
+        let target = target.map_or([0; 2], |direction| rotation::direction_codes(direction, pole, codes));
         let level = codes.ilog2().min(DIRECTION_LEVELS);
-        let part = wanted.map(|x| (x << level) / codes);
-        // The bits of both coordinates in turn, so that the tree halves the square both ways.
+        let part = target.map(|x| (x << level) / codes);
+        // Interleaves the bits of both coordinates, so that the tree halves the map both ways.
         let morton =
             (0..level).rev().fold(0, |m, bit| m << 2 | (part[0] >> bit & 1) << 1 | part[1] >> bit & 1);
-        let tree = &mut self.directions[(2 * level + u32::from(shape.is_needle())) as usize];
+        let tree = &mut self.directions[(2 * level + u32::from(quantiser.is_needle())) as usize];
         let morton = tree.code(symbols, morton);
         let axis = |shift: u32| (0..level).fold(0, |x, bit| x | (morton >> (2 * bit + shift) & 1) << bit);
-        let mut place = [axis(1), axis(0)];
-        for (x, wanted) in place.iter_mut().zip(wanted) {
+        let mut direction_codes = [axis(1), axis(0)];
+        for (x, target) in direction_codes.iter_mut().zip(target) {
             let start = (*x * codes).div_ceil(1 << level);
             let end = ((*x + 1) * codes).div_ceil(1 << level);
-            *x = start + symbols.uniform(end - start, wanted.wrapping_sub(start));
+            *x = start + symbols.uniform(end - start, target.wrapping_sub(start));
         }
-        place
+        direction_codes
     }
 
-    /// Position, motion and spin.
+    /// Codes position, motion and angular rate.
     fn code_trajectory<S: Symbols>(
         &mut self,
         symbols: &mut S,
         extents: [f64; 3],
-        shape: Shape,
+        quantiser: &RotationQuantiser,
         step: f64,
         cell: [u32; 3],
-        wanted: Option<&Target>,
+        target: Option<&Target>,
     ) {
         let unit = (step * size_of(extents)).min(POSITION_STEP_MAX);
         let cell_size = f64::from(self.chunk.cell_size);
         let parts = round(cell_size / unit).clamp(1.0, 65536.0);
-        symbols.begin(Part::Position, 0);
+        symbols.begin(Attribute::Position, 0);
         symbols.choice(parts.powi(3));
         let mut c = [[0.0; 3]; 4];
         for axis in 0..3 {
             let origin = f64::from(self.chunk.origin[axis]);
             let corner = origin + f64::from(cell[axis]) * cell_size;
-            let part = wanted.map_or(0, |w| {
-                let place = (w.trajectory[0][axis] - corner) / cell_size * parts;
-                (place.max(0.0) as u32).min(parts as u32 - 1)
+            let part = target.map_or(0, |t| {
+                let position = (t.trajectory[0][axis] - corner) / cell_size * parts;
+                (position.max(0.0) as u32).min(parts as u32 - 1)
             });
             let part = symbols.uniform(parts as u32, part);
             c[0][axis] = corner + (f64::from(part) + 0.5) / parts * cell_size;
@@ -296,8 +301,8 @@ impl<'a> RowCoder<'a> {
         for (i, quantity) in self.motion.iter_mut().enumerate() {
             let (power, axis) = (1 + i / 3, i % 3);
             let unit = unit / span.size[power];
-            let number = wanted.map_or(0.0, |w| w.trajectory[power][axis]);
-            symbols.begin(Part::Motion, i);
+            let number = target.map_or(0.0, |t| t.trajectory[power][axis]);
+            symbols.begin(Attribute::Motion, i);
             let code = energy.code(symbols, quantity, number, unit, 0.0);
             c[power][axis] = f64::from(code) * unit;
         }
@@ -309,51 +314,57 @@ impl<'a> RowCoder<'a> {
             }
         }
         if temporal.rotation_rates {
-            self.code_spin(symbols, &shape, span.reach, wanted);
+            self.code_angular_rate(symbols, quantiser, span.support_radius, target);
         }
     }
 
-    /// The rate of the quaternion, in the Gaussian's own axes.
-    fn code_spin<S: Symbols>(&mut self, symbols: &mut S, shape: &Shape, reach: f64, wanted: Option<&Target>) {
+    /// Codes the rotation rate as an angular rate in the Gaussian's own axes.
+    fn code_angular_rate<S: Symbols>(
+        &mut self,
+        symbols: &mut S,
+        quantiser: &RotationQuantiser,
+        support_radius: f64,
+        target: Option<&Target>,
+    ) {
         let q = self.row.rotation.map(f64::from);
-        // Root mean square of the time from tau, as over an even span on both sides.
-        let time = 0.577 * reach.max(1e-3);
-        let (direction, roll) = (0.5 * shape.direction_step / time, 0.5 * shape.roll_step / time);
-        let own = wanted.map_or([0.0; 4], |w| {
-            let [scalar, rest @ ..] = w.spin;
+        // Root mean square of |t - tau| over a symmetric span: the radius / sqrt 3.
+        let time = 0.577 * support_radius.max(1e-3);
+        let (direction, roll) = (0.5 * quantiser.direction_step / time, 0.5 * quantiser.roll_step / time);
+        let number = target.map_or([0.0; 4], |t| {
+            let [scalar, rest @ ..] = t.angular_rate;
             let inverse = [q[0], -q[1], -q[2], -q[3]];
-            let [x, y, z] = rotation::turn(inverse, rest);
+            let [x, y, z] = rotation::rotate(inverse, rest);
             [scalar, x, y, z]
         });
         let units = [direction.min(roll), direction, direction, roll];
         let mut rate = [0.0; 4];
         for i in 0..4 {
-            symbols.begin(Part::Spin, i);
-            let code = self.spin[i].code(symbols, own[i], Coding::near(units[i], 0.0));
+            symbols.begin(Attribute::AngularRate, i);
+            let code = self.angular_rate[i].code(symbols, number[i], Coding::near(units[i], 0.0));
             rate[i] = f64::from(code) * units[i];
         }
         self.row.rotation_rate = product(q, rate).map(narrowed);
     }
 
-    /// Colour and spherical harmonics.
+    /// Codes colour and spherical harmonics.
     fn code_colors<S: Symbols>(
         &mut self,
         symbols: &mut S,
         step: f64,
-        wanted: Option<&Target>,
-        past: &mut History,
+        target: Option<&Target>,
+        history: &mut History,
     ) {
-        let number = |k: usize| wanted.map_or([0.0; 3], |w| w.sh[k].map(f64::from));
+        let number = |k: usize| target.map_or([0.0; 3], |t| t.sh[k].map(f64::from));
         let color = luma_chroma(number(0).map(|x| x * SH_C0));
         for (i, quantity) in self.colors.iter_mut().enumerate() {
             let unit = (step * if i == 0 { COLOR } else { COLOR * CHROMA }).min(COLOR_STEP_MAX);
             let mean = quantity.mean();
-            let pull = COLOR_PULL * (self.neighbors.mean(mean, |past| past.color[i]) - mean);
-            symbols.begin(Part::Color, i);
+            let pull = COLOR_PULL * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
+            symbols.begin(Attribute::Color, i);
             let code = quantity.code(symbols, color[i], Coding::near(unit, mean + pull));
-            past.color[i] = f64::from(code) * unit;
+            history.color[i] = f64::from(code) * unit;
         }
-        self.row.sh[0] = rgb(past.color).map(|x| narrowed(x / SH_C0));
+        self.row.sh[0] = rgb(history.color).map(|x| narrowed(x / SH_C0));
 
         let unit = SH * step / SH_C0;
         let mut energy = Energy::default();
@@ -361,7 +372,7 @@ impl<'a> RowCoder<'a> {
             let opponents = opponents(number(k));
             let mut coded = [0.0; 3];
             for (i, quantity) in quantities.iter_mut().enumerate() {
-                symbols.begin(Part::Harmonics, 3 * k + i);
+                symbols.begin(Attribute::Harmonics, 3 * k + i);
                 coded[i] = f64::from(energy.code(symbols, quantity, opponents[i], unit, SH_LAMBDA)) * unit;
             }
             self.row.sh[k] = channels(coded).map(narrowed);
@@ -388,7 +399,7 @@ impl Row {
         }
     }
 
-    /// Whether every number is what a field allows.
+    /// Whether every number satisfies [`Field::check`](crate::Field::check).
     fn is_valid(&self) -> bool {
         let finite = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
         finite(&self.center)
@@ -402,15 +413,15 @@ impl Row {
     }
 }
 
-/// A number of a Gaussian.
+/// Rounds a number of a Gaussian to `f32`, cut to [`NUMBER_MAX`].
 fn narrowed(x: f64) -> f32 {
     x.clamp(-NUMBER_MAX, NUMBER_MAX) as f32
 }
 
-/// Levels of halving of both coordinates of a direction that adapt. Format.
+/// Upper bits of both coordinates of a direction that adapt. Format.
 const DIRECTION_LEVELS: u32 = 4;
 
-/// Step of the logarithm of the opacity.
+/// Quantisation step of the logarithm of the opacity.
 pub(super) fn opacity_step(step: f64) -> f64 {
     (OPACITY * step).min(OPACITY_STEP_MAX)
 }
@@ -425,34 +436,34 @@ pub(super) fn decoded_tau(number: f64) -> f32 {
     (0.5 + number) as f32
 }
 
-/// The size of a Gaussian that its position is coded in proportion to.
+/// Size of a Gaussian, to which its position step is proportional.
 fn size_of(extents: [f64; 3]) -> f64 {
     0.5 * (extents[0] * extents[1]).sqrt() + 0.5 * extents[2]
 }
 
-/// Step of the position, but for the rounding of the scales.
+/// Quantisation step of the position, before the scales are rounded.
 #[cfg(feature = "encode")]
-pub(super) fn position_step(chunk: &Chunk, wanted: &Target) -> f64 {
-    let step = f64::from(chunk.step) * half_octaves(wanted.class) * half_octaves(wanted.contrast);
-    step * size_of(wanted.log_scales.map(|x| exp(log_extent(x, f64::from(chunk.footprint)))))
+pub(super) fn position_step(chunk: &Chunk, target: &Target) -> f64 {
+    let step =
+        f64::from(chunk.step) * half_octaves(target.visibility_index) * half_octaves(target.geometry_index);
+    step * size_of(target.log_scales.map(|x| exp(log_extent(x, f64::from(chunk.footprint)))))
 }
 
-/// The rate of a quaternion as in [`Target::spin`].
+/// [`Target::angular_rate`] of a quaternion `q` and its rate.
 #[cfg(feature = "encode")]
-pub(super) fn spin(q: [f64; 4], rate: [f64; 4]) -> [f64; 4] {
+pub(super) fn angular_rate(q: [f64; 4], rate: [f64; 4]) -> [f64; 4] {
     let [scalar, rest @ ..] = product([q[0], -q[1], -q[2], -q[3]], rate);
-    let [x, y, z] = rotation::turn(q, rest);
+    let [x, y, z] = rotation::rotate(q, rest);
     [scalar, x, y, z]
 }
 
-/// Logarithm of the width on screen of a standard deviation with logarithm `log_scale`.
+/// Logarithm of a standard deviation, given by its logarithm, once blurred by the footprint.
 fn log_extent(log_scale: f64, footprint: f64) -> f64 {
     let sigma = exp(log_scale);
     0.5 * ln(sigma * sigma + footprint * footprint)
 }
 
-/// How much larger than expected the numbers of a Gaussian are that are already coded: its next
-/// ones will be too.
+/// Ratio of coded to expected magnitudes in a Gaussian, which predicts its next numbers.
 #[derive(Default)]
 struct Energy {
     coded: f64,
@@ -478,12 +489,12 @@ impl Energy {
     }
 }
 
-/// Luma and two differences of a colour, lifted so that one less step keeps all three.
+/// Luma and two colour differences, by a lifting transform.
 fn luma_chroma([r, g, b]: [f64; 3]) -> [f64; 3] {
     [(r + 2.0 * g + b) * 0.25, r - b, g - (r + b) * 0.5]
 }
 
-/// The way back from [`luma_chroma`].
+/// Inverse of [`luma_chroma`].
 fn rgb([y, red_blue, green]: [f64; 3]) -> [f64; 3] {
     let g = y + green * 0.5;
     let sum = 2.0 * (g - green);
@@ -493,12 +504,12 @@ fn rgb([y, red_blue, green]: [f64; 3]) -> [f64; 3] {
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 const SQRT_6: f64 = 2.449_489_742_783_178;
 
-/// An orthonormal transform of the channels: sum and two differences.
+/// Sum and two differences of the channels, by an orthonormal transform.
 fn opponents([r, g, b]: [f64; 3]) -> [f64; 3] {
     [(r + g + b) / SQRT_3, (r - b) / std::f64::consts::SQRT_2, (r - 2.0 * g + b) / SQRT_6]
 }
 
-/// The way back from [`opponents`].
+/// Inverse of [`opponents`].
 fn channels([sum, red_blue, green]: [f64; 3]) -> [f64; 3] {
     let (s, d, e) = (sum / SQRT_3, red_blue / std::f64::consts::SQRT_2, green / SQRT_6);
     [s + d + e, s - 2.0 * e, s - d + e]
@@ -514,8 +525,8 @@ fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// The roll that turns the first axis nearest to `axis`. Only the encoder asks, and what it gets
-/// is coded, so that the last bits of the arc tangent do not matter to the decoder.
+/// The roll that brings the first axis nearest to `axis`. Runs in the encoder only, so the last bits
+/// of the arc tangent may differ between machines.
 fn roll_code(direction: [f64; 3], axis: [f64; 3], codes: u32) -> u32 {
     let [x, y] =
         rotation::roll_axes(direction).map(|e: [f64; 3]| e[0] * axis[0] + e[1] * axis[1] + e[2] * axis[2]);

@@ -1,38 +1,38 @@
-//! Windows and trajectories in the coordinates in which an error is as visible anywhere.
+//! Windows and trajectories in coordinates in which errors are equally visible.
 //!
-//! A trajectory is re-centred to the middle of the time in which its Gaussian is alive and written
-//! in polynomials orthogonal over that time, weighted by how visible the Gaussian is: Legendre's
-//! for a wide window, Hermite's for a narrow one, and a blend of both in between. Then
-//! errors of the coefficients add up as squares, and each has the step of a position.
+//! A trajectory is expressed in polynomials about the centre of its Gaussian's alive interval,
+//! orthogonal over that interval under the weight of the Gaussian's visibility: Legendre polynomials
+//! for a wide window, Hermite polynomials for a narrow one, a blend in between. So the squared errors
+//! of the coefficients add up, and each coefficient has the step of a position.
 
 use super::math::{exp, ln};
 use crate::ALPHA_MIN;
 
-/// Width of a window, in clip time, above which it is coded by the square of its inverse, so that
-/// infinity has a code. Format.
+/// Window width in clip time above which its inverse square is coded, so that infinity has a code.
+/// Format.
 const WIDE: f64 = 0.4;
 
-/// Logarithm of the narrowest window. Format.
+/// Logarithm of the width of the narrowest window. Format.
 const NARROWEST: f64 = -20.0;
 
-/// Coarsest step of a width, and finest and coarsest step of a centre in clip time. Format.
+/// Coarsest step of a width; finest and coarsest step of a window centre in clip time. Format.
 const WIDTH_STEP_MAX: f64 = 0.3;
 const CENTER_STEP: (f64, f64) = (1.0 / 1_048_576.0, 0.5);
 
-/// Shortest half of a span. Format.
+/// Smallest half length of a span. Format.
 const SPAN_MIN: f64 = 1e-4;
 
-/// Code 0: always on.
+/// Folded width of code 0, always on.
 fn widest() -> f64 {
     ln(WIDE) + 0.5
 }
 
-/// Step of the widths of windows.
+/// Quantisation step of window widths.
 pub(super) fn width_step(step: f64) -> f64 {
     step.min(WIDTH_STEP_MAX)
 }
 
-/// What is coded of a window's width: 0 for an infinite one.
+/// The coded number of a window width; 0 for an infinite one.
 #[cfg(feature = "encode")]
 pub(super) fn width_number(s: f64) -> f64 {
     let folded =
@@ -40,7 +40,7 @@ pub(super) fn width_number(s: f64) -> f64 {
     widest() - folded
 }
 
-/// The width of a coded number.
+/// The window width of a coded number.
 pub(super) fn width(number: f64) -> f64 {
     let folded = (widest() - number).max(NARROWEST);
     if folded < ln(WIDE) {
@@ -50,32 +50,32 @@ pub(super) fn width(number: f64) -> f64 {
     if left <= 1e-9 { f64::INFINITY } else { WIDE / left.sqrt() }
 }
 
-/// Step of the centre of a window of finite width `s`.
+/// Quantisation step of the centre of a window of finite width `s`.
 pub(super) fn center_step(s: f64, step: f64) -> f64 {
     (step * s * (s / WIDE).max(1.0)).clamp(CENTER_STEP.0, CENTER_STEP.1)
 }
 
-/// The time in which a Gaussian is alive, and what is orthogonal over it.
+/// The alive interval of a Gaussian, and orthogonal polynomials over it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
-    /// Middle and half length, in clip time.
-    pub(super) middle: f64,
+    /// Centre and half length, in clip time.
+    pub(super) center: f64,
     pub(super) half: f64,
-    /// Of `u = (t - middle) / half`: the polynomials are 1, u, u^2 - a and u^3 - b u.
+    /// Parameters of the polynomials 1, u, u^2 - a and u^3 - b u in `u = (t - center) / half`.
     a: f64,
     b: f64,
-    /// Their root mean squares.
+    /// Root mean squares of the polynomials.
     pub(super) size: [f64; 4],
-    /// Farthest that the span gets from the centre of the window.
-    pub(super) reach: f64,
+    /// Largest distance of the span from the window centre.
+    pub(super) support_radius: f64,
 }
 
 impl Span {
     /// The span of a Gaussian with these decoded numbers.
     pub(super) fn new(opacity: f64, tau: f64, s: f64) -> Span {
-        let reach = s * (2.0 * ln(opacity / ALPHA_MIN).max(0.0)).sqrt();
-        // Infinity times zero is no number, and no limit.
-        let (mut start, mut end) = ((tau - reach).max(0.0), (tau + reach).min(1.0));
+        let support_radius = s * (2.0 * ln(opacity / ALPHA_MIN).max(0.0)).sqrt();
+        // Infinity times zero is NaN, which max and min ignore.
+        let (mut start, mut end) = ((tau - support_radius).max(0.0), (tau + support_radius).min(1.0));
         if start >= end {
             start = tau.clamp(0.0, 1.0);
             end = start;
@@ -83,8 +83,8 @@ impl Span {
         let half = (0.5 * (end - start)).max(SPAN_MIN);
         let ratio = half / s;
         let narrow = ratio * ratio;
-        // Mean of u^2 is a, of u^4 a b, of u^6 a b c: 1/3, 3/5, 5/7 over an evenly visible span;
-        // 1, 3 and 5 halves of the squared width where the window is much narrower.
+        // The means of u^2, u^4 and u^6 are a, a b and a b c. a, b, c are 1/3, 3/5, 5/7 over an evenly
+        // visible span, and 1, 3, 5 halves of the squared width if the window is much narrower.
         let blend = |even: f64, multiple: f64| {
             let far = narrow / multiple;
             1.0 / (1.0 / (even * even) + far * far).sqrt()
@@ -93,20 +93,20 @@ impl Span {
         let quadratic = (a * b - a * a).max(1e-9);
         let cubic = (a * b * c - a * b * b).max(1e-9);
         Span {
-            middle: 0.5 * (start + end),
+            center: 0.5 * (start + end),
             half,
             a,
             b,
             size: [1.0, a.sqrt(), quadratic.sqrt(), cubic.sqrt()],
-            reach: (start - tau).abs().max((end - tau).abs()),
+            support_radius: (start - tau).abs().max((end - tau).abs()),
         }
     }
 
-    /// Coefficients of the orthogonal polynomials, of a trajectory `p[0] + p[1] d + ...` in
-    /// `d = t - tau`.
+    /// Converts a trajectory `p[0] + p[1] d + ...` in `d = t - tau` to coefficients of the orthogonal
+    /// polynomials.
     #[cfg(feature = "encode")]
     pub(super) fn orthogonal(&self, p: [f64; 4], tau: f64) -> [f64; 4] {
-        let (d, h) = (self.middle - tau, self.half);
+        let (d, h) = (self.center - tau, self.half);
         let [p0, p1, p2, p3] = p;
         let c0 = p0 + d * (p1 + d * (p2 + d * p3));
         let c1 = (p1 + d * (2.0 * p2 + 3.0 * p3 * d)) * h;
@@ -115,9 +115,9 @@ impl Span {
         [c0 + c2 * self.a, c1 + c3 * self.b, c2, c3]
     }
 
-    /// The way back from [`Span::orthogonal`].
+    /// Converts back from `Span::orthogonal`.
     pub(super) fn powers(&self, c: [f64; 4], tau: f64) -> [f64; 4] {
-        let (d, h) = (tau - self.middle, self.half);
+        let (d, h) = (tau - self.center, self.half);
         let p0 = c[0] - c[2] * self.a;
         let p1 = (c[1] - c[3] * self.b) / h;
         let p2 = c[2] / (h * h);

@@ -1,41 +1,40 @@
-//! The writing half of the coder `fixed`.
+//! Encodes chunks with the coder `fixed`.
 
-use super::{Columns, Ranges, TemporalColumns, raw_bytes};
+use super::ranges::{Ranges, raw_bytes};
 use crate::{
     Field,
     bytes::Writer,
+    columns::{Columns, TemporalColumns},
     quant::{Range8, Signed, f16_finite, f16_positive, opacity_code, rotation_codes},
     sh_coefficients,
 };
 
-/// Level of zstd: the last that does not ask for more memory to decode.
+/// Level of zstd: the highest that needs no additional memory to decode.
 const ZSTD_LEVEL: i32 = 19;
 
-/// Axes thinner than e^-16 of the widest in their chunk are widened to that: nothing shows it,
-/// and the step of the log-scales stays at or below 16 / 255, so that a scale is off by no more
-/// than 3.2 %.
+/// Range of the log-scales of a chunk. Axes thinner than e^-16 of the widest are widened to that,
+/// which is invisible; the step stays at or below 16 / 255, an error of at most 3.2 % of a scale.
 const LOG_SCALE_SPAN: f32 = 16.0;
 
-/// Finest step of a spherical-harmonic coefficient. Over all directions, rounding all 15 of a
-/// channel to it changes the colour by step / sqrt(12) * sqrt(15 / 4 pi) RMS: a twelfth of a step
-/// of an 8-bit pixel.
+/// Finest step of a spherical-harmonic coefficient. Rounding all 15 of a channel changes the colour
+/// by step / sqrt(12) * sqrt(15 / 4 pi) RMS over all directions: a twelfth of an 8-bit step.
 const FINEST_SH: f32 = 1.0 / 1024.0;
 
-/// Finest step of a motion coefficient, in extents of the chunk: a 512th of an FP16 step at the
-/// edge.
+/// Finest step of a motion coefficient, relative to the extent of the chunk: 1/512 of an FP16 step
+/// at its edge.
 const FINEST_MOTION: f32 = 1.0 / 1_048_576.0;
 
-/// Finest step of a rotation rate: half of it turns by less in the whole clip than the rounding
-/// of the INT8 quaternion.
+/// Finest step of a rotation rate. Half of it turns a Gaussian less in the whole clip than the
+/// rounding of the INT8 quaternion.
 const FINEST_RATE: f32 = 1.0 / 512.0;
 
 impl Ranges {
-    /// Ranges of the columns of `chunk`, which is not empty. A column whose every number rounds
-    /// to zero has a step of zero.
+    /// Ranges of the columns of `chunk`, which is not empty. A column whose numbers all round to
+    /// zero has a step of zero.
     fn over(chunk: &Field) -> Ranges {
         let mut ranges = Ranges::default();
         for axis in 0..3 {
-            // The median: an outlier must not take precision from where most centres are.
+            // The median, so that outliers do not cost the other centres precision.
             let mut column: Vec<f32> = chunk.centers.iter().map(|c| c[axis]).collect();
             let median = *column.select_nth_unstable_by(chunk.len() / 2, f32::total_cmp).1;
             ranges.origin[axis] = median;
@@ -82,8 +81,8 @@ impl Ranges {
     }
 }
 
-/// The columns of `chunk` that are not zero throughout once coded.
-pub(crate) fn columns_needed(chunk: &Field) -> Columns {
+/// The columns in which `chunk` is not zero once coded.
+pub(crate) fn nonzero_columns(chunk: &Field) -> Columns {
     let ranges = Ranges::over(chunk);
     let last_used = |used: &[bool]| used.iter().rposition(|used| *used).map_or(0, |i| i as u8 + 1);
     Columns {
@@ -95,11 +94,11 @@ pub(crate) fn columns_needed(chunk: &Field) -> Columns {
     }
 }
 
-/// The payload of `chunk` with the columns named, of which `chunk` has no fewer, and its length
-/// before compression.
+/// Encodes the given columns of `chunk`, which has them all. Also returns the length before
+/// compression.
 pub(crate) fn encode(chunk: &Field, columns: Columns) -> (Vec<u8>, usize) {
     let raw = encode_raw(chunk, columns);
-    debug_assert_eq!(raw.len(), raw_bytes(columns, chunk.len()), "raw_bytes must agree");
+    debug_assert_eq!(raw.len(), raw_bytes(columns, chunk.len()), "raw_bytes is the length");
     let payload = zstd::bulk::compress(&raw, ZSTD_LEVEL).expect("the buffer has the size zstd asks for");
     (payload, raw.len())
 }
@@ -171,7 +170,7 @@ fn encode_raw(chunk: &Field, columns: Columns) -> Vec<u8> {
         if let (Some(rates), true) = (&temporal.rotation_rates, columns.rotation_rates) {
             for component in 0..4 {
                 let code = |(rate, (_, negated)): (&[f32; 4], &([u8; 4], bool))| {
-                    // The rate follows the sign that its quaternion is stored with.
+                    // The rate has the sign of the stored quaternion.
                     let sign = if *negated { -1.0 } else { 1.0 };
                     ranges.rates.code(sign * rate[component]) as u8
                 };

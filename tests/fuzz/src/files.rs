@@ -47,7 +47,7 @@ impl Desk {
 /// # Panics
 /// If it is a defect, or says more.
 pub(crate) fn check_refusal(error: &anyhow::Error) {
-    let fault = error.downcast_ref::<studio::fault::Fault>().unwrap_or_else(|| panic!("a defect: {error:?}"));
+    let fault = error.downcast_ref::<program::Fault>().unwrap_or_else(|| panic!("a defect: {error:?}"));
     assert_eq!(fault.exit_code(), 3, "{fault}");
     let text = fault.to_string();
     assert!(!text.is_empty() && !text.contains('\n'), "one line: {text}");

@@ -11,8 +11,5 @@ mod files;
 mod parts;
 
 // The downloader names what it is of the player.
-#[path = "../../../client/src/fault.rs"]
-#[allow(dead_code, reason = "the player uses the rest")]
-pub mod fault;
 #[path = "../../../client/src/progress.rs"]
 pub mod progress;

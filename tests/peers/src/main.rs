@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use studio::export;
-use studio::fault::Fault;
+use program::Fault;
 use studio::machine::machine;
 
 use material::Material;

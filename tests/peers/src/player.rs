@@ -10,7 +10,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use anyhow::Context;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
-use studio::fault::Fault;
+use program::Fault;
 
 /// What a player is asked.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -14,7 +14,7 @@ use aarc_tests::playing::measure;
 use anyhow::Context;
 use codec::Limits;
 use glam::UVec2;
-use studio::fault::Fault;
+use program::Fault;
 use studio::input::read_package;
 use studio::report::Subject;
 use studio::report::playing::Message;

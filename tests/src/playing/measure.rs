@@ -7,13 +7,13 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use client::fault::Fault;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
 use glam::UVec2;
 use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
+use program::Fault;
 use refine::image::Image;
 use refine::prune::PosedView;
 use shaders::CORNERS;

@@ -145,7 +145,7 @@ fn measure(
     gpu: &Gpu,
     meter: &mut Meter,
 ) -> Result<f64, String> {
-    let fault = |fault: client::fault::Fault| fault.to_string();
+    let fault = |fault: program::Fault| fault.to_string();
     let settings = RenderSettings { sort: scene.sort, ..RenderSettings::default() };
     let uploaded = meter.count(|| GpuClip::upload(gpu, clip)).map_err(fault)?;
     meter.gpu_bytes = uploaded.bytes();

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::Context;
-use studio::fault::Fault;
+use program::Fault;
 use xtask::workspace;
 
 /// What the player is built for.

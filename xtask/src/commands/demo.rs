@@ -12,10 +12,9 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use codec::{Camera, Clip, Limits, Viewpoint};
 use image::{RgbImage, imageops};
+use program::{Fault, output};
 use refine::reference::{self, Order, Radius, coverage};
 use serde_json::json;
-use studio::fault::Fault;
-use studio::output;
 use studio::package::{self, package};
 use studio::scene::Scene;
 use studio::synth::juggler;
@@ -138,7 +137,7 @@ impl Pictures {
             let picture = image::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
             pictures.push(picture.into_rgb8());
         }
-        output::write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
+        write_picture(&self.sheet, &tiled(&pictures, SHEET.0))?;
         Ok(true)
     }
 
@@ -171,7 +170,7 @@ impl Pictures {
                 "draw_ms": draw_ms,
             }));
         }
-        output::write_png(&self.sheet, &tiled(&pictures, SHEET.0))?;
+        write_picture(&self.sheet, &tiled(&pictures, SHEET.0))?;
         let distance = EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit);
         // What lies ahead of the middle is to the right of the left eye.
         let eyes = [0.5, -0.5].map(|side| {
@@ -179,7 +178,7 @@ impl Pictures {
             camera.camera_from_world[0][3] += side * distance;
             draw(&camera, self.stereo_time)
         });
-        output::write_png(&self.stereo, &tiled(&eyes, 2))?;
+        write_picture(&self.stereo, &tiled(&eyes, 2))?;
         let stats = json!({ "adapter": null, "driver": "reference renderer, on the CPU", "frames": frames });
         output::write(&self.stats, format!("{stats:#}\n").as_bytes())?;
         Ok(())
@@ -196,6 +195,10 @@ fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
         imageops::replace(&mut sheet, picture, (column * width).into(), (row * height).into());
     }
     sheet
+}
+
+fn write_picture(path: &Path, picture: &RgbImage) -> Result<(), Fault> {
+    output::write_png(path, picture, picture.dimensions())
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 use std::sync::LazyLock;
 
 use clap::{Parser, Subcommand};
+use program::Fault;
 
 use crate::commands;
-use crate::fault::Fault;
 
 /// The version of the program, and those of the files that it reads and writes.
 pub static VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -92,12 +92,6 @@ impl Command {
             Command::Serve(args) => commands::serve::run(args),
         }
     }
-}
-
-/// Ends the program quietly where the reader of its output stops reading, as `head` does.
-pub fn end_on_closed_pipe() {
-    #[cfg(unix)]
-    sigpipe::reset();
 }
 
 /// Prints the error of a command, if any, and returns its exit code.

@@ -6,10 +6,10 @@ use std::io::Read;
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
+use program::Fault;
 use refine::reference;
 
 use crate::export;
-use crate::fault::Fault;
 use crate::scene::{Scene, frames_of};
 
 /// First bytes of a package.

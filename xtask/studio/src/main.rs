@@ -6,6 +6,6 @@ use clap::Parser;
 use studio::cli::{self, Cli};
 
 fn main() -> ExitCode {
-    cli::end_on_closed_pipe();
+    program::exit_on_closed_pipe();
     cli::exit_code(Cli::parse().command.run())
 }

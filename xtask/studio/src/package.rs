@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 use clap::ValueEnum;
 use codec::{ALPHA_MIN, Field};
 use indicatif::ProgressBar;
+use program::Fault;
 use refine::prune::Ranking;
 use serde::Serialize;
 
-use crate::fault::Fault;
 use crate::fit::{FineTuned, FineTuning};
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;

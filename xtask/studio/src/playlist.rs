@@ -1,8 +1,7 @@
 //! A playlist, as the player reads it: see `xtask/PLAYLIST.md`.
 
+use program::Fault;
 use serde_json::json;
-
-use crate::fault::Fault;
 
 /// Most bytes of a playlist that the player reads.
 const BYTES_MAX: usize = 1 << 20;

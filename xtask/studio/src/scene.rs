@@ -24,9 +24,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
+use program::Fault;
 use serde::Deserialize;
 
-use crate::fault::Fault;
 use crate::import::{FORMATS, Hints, Imported, Repairs, import};
 
 /// Length of a clip in seconds where nobody says it: clip time then reads as seconds.

@@ -43,7 +43,7 @@ fn must_be_valid_if_accepted(name: &str, bytes: &[u8]) -> bool {
             true
         }
         Err(error) => {
-            assert!(error.is::<studio::fault::Fault>(), "{error}");
+            assert!(error.is::<program::Fault>(), "{error}");
             false
         }
     }

@@ -11,7 +11,8 @@ pub(crate) mod vulkan;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::ThreadId;
 
-use crate::fault::Fault;
+use program::Fault;
+
 pub(super) use loss::{Fragile, Loss};
 
 /// What to log unless `RUST_LOG` says otherwise: what drivers and loaders say matters only to

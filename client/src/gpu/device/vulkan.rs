@@ -9,10 +9,10 @@
 
 use ash::vk;
 use glam::UVec2;
+use program::Fault;
 use wgpu_hal::vulkan::Api as Vulkan;
 
 use super::{Gpu, Wanted};
-use crate::fault::Fault;
 
 /// The version of Vulkan to ask for. With a device of 1.3 the shader compiler emits SPIR-V 1.6,
 /// which no instance of a lower version may be given.

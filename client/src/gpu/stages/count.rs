@@ -1,11 +1,11 @@
 //! Stage `count`: how many fragments every rectangle covers, exactly and the same on every run.
 
 use glam::DVec3;
+use program::Fault;
 use shaders::{COUNTS, Purpose};
 
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
-use crate::fault::Fault;
 use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
 use crate::gpu::drawn_set::DrawnSet;

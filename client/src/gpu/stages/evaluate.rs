@@ -4,10 +4,10 @@
 use std::mem::size_of;
 
 use codec::Field;
+use program::Fault;
 use shaders::layout::{Gaussian, Ranges};
 use shaders::{Features, GAUSSIANS, MOTION, ORDER, RANGES, SH, sh_words};
 
-use crate::fault::Fault;
 use crate::gpu::device::Gpu;
 use crate::gpu::pack::Packed;
 

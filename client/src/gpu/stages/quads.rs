@@ -1,8 +1,8 @@
 //! [`Quads`]: rectangles by the thousand, two triangles each.
 
+use program::Fault;
 use shaders::{BATCH, CORNERS};
 
-use crate::fault::Fault;
 use crate::gpu::device::Gpu;
 
 /// The triangles of a rectangle, by its corners.

@@ -9,10 +9,10 @@ use std::sync::OnceLock;
 use android_activity::AndroidApp;
 use log::LevelFilter;
 use ndk::asset::AssetManager;
+use program::Fault;
 
 use super::intent;
 use super::system::System;
-use crate::fault::Fault;
 use crate::xr::request::command_line;
 
 /// What the log shows: what this program has to say, and the complaints of everything else.

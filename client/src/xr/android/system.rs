@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use openxr as xr;
+use program::Fault;
 
-use crate::fault::Fault;
 use crate::xr::interaction::PlacementStore;
 
 /// How long to rest at a time while another program has the headset.

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use codec::Field;
 use studio::export;
-use studio::fault::Fault;
+use program::Fault;
 use studio::import::import;
 
 use super::Theirs;

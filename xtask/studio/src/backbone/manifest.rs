@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use image::RgbImage;
+use program::Fault;
 use serde::Deserialize;
-
-use crate::fault::Fault;
 
 /// Name of the file.
 const FILE: &str = "backbone.json";

@@ -16,9 +16,9 @@ use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use ort::session::{Session, SessionInputValue};
 use ort::value::{TensorElementType, TensorRef, ValueType};
+use program::Fault;
 use refine::anchor::DepthMap;
 
-use crate::fault::Fault;
 use manifest::Manifest;
 use runtime::one_line;
 

@@ -9,8 +9,7 @@ use ort::environment::Environment;
 use ort::ep::CPU;
 use ort::logging::LogLevel;
 use ort::session::Session;
-
-use crate::fault::Fault;
+use program::Fault;
 
 /// Variable of the environment that says where the library is.
 const VARIABLE: &str = "ORT_DYLIB_PATH";

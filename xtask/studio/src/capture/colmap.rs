@@ -6,10 +6,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat};
+use program::Fault;
 use refine::capture::Lens;
 
 use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
-use crate::fault::Fault;
 
 /// Folders that a model can be in.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];

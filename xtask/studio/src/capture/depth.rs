@@ -9,11 +9,11 @@ use std::path::Path;
 use codec::Camera;
 use half::f16;
 use image::DynamicImage;
+use program::Fault;
 use refine::anchor::DepthMap;
 use refine::capture::{CalibratedCamera, CaptureShot, Lens};
 
 use super::{Footage, bad, read};
-use crate::fault::Fault;
 
 /// Metres, or whatever the capture's unit is, for each step of a 16-bit image.
 const PNG_STEP: f32 = 1e-3;

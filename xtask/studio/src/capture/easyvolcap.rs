@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
+use program::Fault;
 use refine::capture::{Lens, even_times};
 
 use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
-use crate::fault::Fault;
 
 /// File of the intrinsics, by which the layout is known.
 pub(super) const INTRINSICS: &str = "intri.yml";

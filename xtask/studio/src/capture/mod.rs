@@ -14,13 +14,12 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use codec::Camera;
 use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
+use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, CaptureShot, Lens, Photo};
 use refine::image::Image;
 
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
-
-use crate::fault::Fault;
 
 /// Endings of the files that photographs are read from.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];

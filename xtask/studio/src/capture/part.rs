@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use codec::Camera;
+use program::Fault;
 
 use super::Footage;
-use crate::fault::Fault;
 
 impl Footage {
     /// Keeps the cameras with these names.

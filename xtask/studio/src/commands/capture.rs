@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::fit::Shots;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use program::Fault;
 use refine::capture;
 use refine::fit::Lpips;
 

@@ -24,7 +24,7 @@ pub struct Args {
 
 #[cfg(not(feature = "onnx"))]
 pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
-    anyhow::bail!(crate::fault::Fault::Usage(
+    anyhow::bail!(program::Fault::Usage(
         "depths: this build runs no networks; \
          run `cargo run --release --package xtask --features onnx -- depths ...`"
             .into(),
@@ -35,10 +35,9 @@ pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use crate::backbone::Backbone;
     use crate::capture::pfm_file;
-    use crate::fault::Fault;
-    use crate::output;
     use anyhow::bail;
     use indicatif::{ProgressBar, ProgressStyle};
+    use program::{Fault, output};
     use refine::capture::{CaptureShot, Split};
 
     let footage = args.cut.open(&args.capture)?;

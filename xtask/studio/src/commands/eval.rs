@@ -7,12 +7,10 @@ use crate::eval::{
     self, Baseline, Ladder, SplitMeasures, Strips, Subject, baseline_rows, csv, free_views, judge,
     judge_baselines, ladder, means, over_scenes, quarter_frames, scenes_table, swiftest, table,
 };
-use crate::fault::Fault;
 use crate::input::Input;
-use crate::output;
 use anyhow::bail;
-use image::RgbImage;
 use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
 use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
@@ -231,7 +229,6 @@ fn more_pictures(
     Ok(ladder)
 }
 
-fn write_picture(path: &Path, image: &Image) -> anyhow::Result<()> {
-    let rgb = RgbImage::from_raw(image.width, image.height, image.to_rgb8()).expect("three bytes per pixel");
-    output::write_png(path, &rgb)
+fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
+    output::write_png(path, &image.to_rgb8(), (image.width, image.height))
 }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::fault::Fault;
+use crate::export;
 use crate::input::{Input, clip_time};
-use crate::{export, output};
 use clap::ArgGroup;
+use program::{Fault, output};
 
 /// Write a clip or field in another format.
 #[derive(clap::Args)]

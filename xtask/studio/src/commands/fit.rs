@@ -6,15 +6,14 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Footage;
 use crate::export::field_file;
-use crate::fault::Fault;
 use crate::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
 use crate::input::Input;
-use crate::output;
 use crate::scene::DEFAULT_FPS;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};

@@ -6,9 +6,9 @@ mod left_out;
 
 use std::path::{Path, PathBuf};
 
-use crate::fault::Fault;
 use crate::input::read_package;
 use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use program::Fault;
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};

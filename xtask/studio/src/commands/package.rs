@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::fit::{self, FineTuned, FineTuning, Settings, Shots};
-use crate::output;
 use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
 use crate::playlist;
 use crate::scene::Scene;
@@ -16,6 +14,7 @@ use crate::takes::{List, Record, Standing, Take, key};
 use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use program::{Fault, output};
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 

@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::fault::Fault;
 use crate::input::{Input, clip_time};
-use crate::output;
 use codec::Camera;
-use image::RgbImage;
+use program::{Fault, output};
 use refine::reference::{self, Order};
 
 /// Size of the image where nothing says another.
@@ -56,8 +54,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return Err(Fault::Usage(format!("an image of {width}x{height} has more than {most} pixels")).into());
     }
     let image = reference::render(&input.to_reference(), &camera, t, Order::Depth);
-    let rgb = RgbImage::from_raw(width, height, image.to_rgb8()).expect("three bytes per pixel");
-    output::write_png(&args.out, &rgb)?;
+    output::write_png(&args.out, &image.to_rgb8(), (width, height))?;
     println!("{}: {width}x{height}, {} s", args.out.display(), args.time);
     Ok(())
 }

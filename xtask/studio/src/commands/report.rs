@@ -5,16 +5,14 @@ mod page;
 mod program;
 mod stability;
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
-
-use crate::fault::Fault;
-use crate::output;
 use crate::report::{ReportFile, Subject, rd};
+use ::program::{Fault, output};
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use super::render::size;
 

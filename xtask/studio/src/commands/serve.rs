@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
-use crate::fault::Fault;
+use program::Fault;
 
 /// Most bytes of a request.
 const REQUEST_BYTES: u64 = 16 << 10;

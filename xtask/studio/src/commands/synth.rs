@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::export;
 use crate::synth::{juggler, limbs, stage};
-use crate::{export, output};
 use clap::Subcommand;
 use codec::{ClipInfo, Field};
 use indicatif::{ProgressBar, ProgressStyle};
+use program::output;
 
 use super::render::size;
 

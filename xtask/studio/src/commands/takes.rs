@@ -1,17 +1,15 @@
 //! `--list`: a command for each of many takes, and what came of them.
 
+use crate::takes::{List, Record, Shard, Standing, Take, key};
+use anyhow::{anyhow, bail};
+use program::{Fault, output};
+use serde::Serialize;
+use serde_json::{Value, json};
 use std::any::Any;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-use crate::fault::Fault;
-use crate::output;
-use crate::takes::{List, Record, Shard, Standing, Take, key};
-use anyhow::{anyhow, bail};
-use serde::Serialize;
-use serde_json::{Value, json};
 
 /// Which takes.
 #[derive(clap::Args, Clone, Debug, Default)]

@@ -5,6 +5,7 @@
 //! other.
 
 use codec::Camera;
+use program::Fault;
 use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 use refine::image::Image;
@@ -13,7 +14,6 @@ use refine::reference::{self, Order};
 
 use super::{Judged, photo_for, splits};
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::input::Input;
 
 /// A guess at a held frame.

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use codec::{Clip, Limits};
+use program::Fault;
 use refine::capture::{CaptureShot, Holdout, Split};
 use refine::image::Image;
 use refine::metrics::Measures;
@@ -15,7 +16,6 @@ use super::means::mean;
 use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::input::{prefix_bytes, read_package};
 
 /// Most photographs that each layer is compared with.

@@ -16,6 +16,7 @@ mod strips;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use program::Fault;
 use refine::capture::{CaptureShot, Holdout, Photo, Split};
 use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
@@ -23,7 +24,6 @@ use refine::metrics::Measures;
 use refine::reference::{self, Order};
 
 use crate::capture::{Footage, find_image, read_picture};
-use crate::fault::Fault;
 use crate::input::Input;
 
 pub use baselines::{Baseline, judge_baselines};

@@ -1,6 +1,7 @@
 //! [`quarter_frames`]: pictures between captured frames, at quarters of a frame (the paper's
 //! appendix "Rendering Between Captured Frames").
 
+use program::Fault;
 use refine::capture::{CaptureShot, Holdout, Photo, Split};
 use refine::image::Image;
 use refine::reference::{self, Order};
@@ -8,7 +9,6 @@ use refine::reference::{self, Order};
 use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::input::Input;
 
 /// Most frames from one that is fitted to until the next, where some are missing.

@@ -1,12 +1,12 @@
 //! [`Strips`]: photographs, pictures and their differences side by side.
 
+use program::Fault;
 use refine::capture::{CaptureShot, Holdout, Split};
 use refine::image::Image;
 
 use super::sheet::sheet;
 use super::{Look, Subject, splits};
 use crate::capture::Footage;
-use crate::fault::Fault;
 
 /// How much brighter the differences are than they are.
 const DIFFERENCE_GAIN: f64 = 4.0;

@@ -1,6 +1,6 @@
 //! Exporters: a field as a file, in this project's format or another program's.
 //!
-//! Each takes values and gives the bytes of a file; [`crate::output::write`] writes them.
+//! Each takes values and gives the bytes of a file; [`program::output::write`] writes them.
 
 mod field_file;
 mod ply;

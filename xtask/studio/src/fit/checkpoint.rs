@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use program::{Fault, output};
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
 use super::log::{Density, Entry, beside};
 use super::{Settings, crc};
-use crate::fault::Fault;
-use crate::output;
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
 const MAGIC: [u8; 8] = *b"aarcfit\x02";

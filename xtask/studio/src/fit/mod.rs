@@ -18,14 +18,13 @@ use std::time::{Duration, Instant};
 
 use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
+use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
 use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, Picture, Run, Shot};
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Footage;
-use crate::fault::Fault;
-use crate::output;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
 pub use fine_tune::{FineTuned, FineTuning};
@@ -195,7 +194,8 @@ pub fn fit(
             });
             tally = Tally::default();
             output::write(&log::table_path(out), log::csv(&entries).as_bytes())?;
-            output::write_png(&log::preview_path(out), &preview(&mut run, shots, &pictures)?)?;
+            let preview = preview(&mut run, shots, &pictures)?;
+            output::write_png(&log::preview_path(out), &preview, preview.dimensions())?;
         }
         if saved.elapsed() >= checkpoint_every && !run.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use codec::Camera;
+use program::Fault;
 use rayon::prelude::*;
 use refine::capture::{CaptureShot, Holdout, Split};
 use refine::fit::{Clock, Photograph, Shot};
 
 use crate::capture::Footage;
-use crate::fault::Fault;
 
 /// Most held photographs that a fit is measured by as it goes.
 const CHECKED: usize = 8;

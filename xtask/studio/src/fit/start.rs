@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
+use program::Fault;
 use refine::anchor::{
     Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
 };
@@ -13,7 +14,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{Settings, Shots};
 use crate::capture::Footage;
-use crate::fault::Fault;
 use crate::input::Input;
 
 /// What a fit starts from.

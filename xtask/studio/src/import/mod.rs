@@ -21,8 +21,7 @@ use std::fs;
 use std::path::Path;
 
 use codec::{Field, SH_C0, Viewpoint};
-
-use crate::fault::Fault;
+use program::Fault;
 
 pub use field_file::VERSION as FIELD_FILE_VERSION;
 

@@ -4,12 +4,12 @@
 use anyhow::ensure;
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Precision, Source};
 use indicatif::ProgressBar;
+use program::Fault;
 use refine::code::{CodeError, TRIALS, code};
 use refine::prune::Pictures;
 use refine::reference;
 
 use super::whole::{CODED_SIZE, RANKING_PLACES, compared_shots, scene_of, shots_of};
-use crate::fault::Fault;
 use crate::scene::Scene;
 
 /// Where layers end, as far as there are Gaussians; the last one ends at the last Gaussian.

@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use program::Fault;
+
 use super::knob::{Errors, Knob, Point, Spread, Stage};
-use crate::fault::Fault;
 use crate::fit::log::{Entry, parse, table_path};
 
 /// Longest table that is read: a line for each of a million steps.

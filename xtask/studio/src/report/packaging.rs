@@ -50,7 +50,7 @@ pub fn work(subject: &Subject) -> u64 {
 /// Measures the knobs. `progress` advances by [`work`].
 ///
 /// # Errors
-/// [`Fault::Data`](crate::fault::Fault::Data) where the field cannot be coded. Any other error is a
+/// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
 /// defect of this program.
 pub fn measure(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Vec<Knob>> {
     let mut knobs = vec![precision(subject, progress)?];

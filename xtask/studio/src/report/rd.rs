@@ -10,13 +10,13 @@ mod text;
 
 use codec::{Field, Sensitivity, Source};
 use indicatif::ProgressBar;
+use program::Fault;
 use refine::code::{CodeError, TRIALS, code_knowing};
 use refine::prune::{Floor, Kept, Measure, Pictures, PosedView, Ranking, Selection, instants, posed_views};
 use refine::reference::{self, sensitivities};
 use serde::Serialize;
 
 use super::Subject;
-use crate::fault::Fault;
 use crate::package::Settings;
 use crate::package::coding::{LAYERS, QUALITY_DB};
 use crate::package::whole::{

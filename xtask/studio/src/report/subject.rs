@@ -4,10 +4,10 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use codec::Field;
+use program::Fault;
 use refine::reference;
 
 use crate::export;
-use crate::fault::Fault;
 use crate::input::Input;
 use crate::package::visible;
 use crate::package::whole::scene_of;

@@ -4,10 +4,10 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use program::Fault;
 use sha2::{Digest, Sha256};
 
 use crate::capture::Footage;
-use crate::fault::Fault;
 
 /// Bytes that are read at a time.
 const BUFFER_BYTES: usize = 1 << 20;

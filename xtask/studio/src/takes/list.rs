@@ -6,7 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::fault::Fault;
+use program::Fault;
+
 use crate::scene::name_of;
 
 /// Most takes of a list: as many as a playlist may hold.

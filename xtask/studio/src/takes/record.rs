@@ -8,12 +8,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use program::{Fault, output};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::key::file_sum;
-use crate::fault::Fault;
-use crate::output;
 
 /// Most bytes of a record.
 const RECORD_BYTES: u64 = 16 << 20;

@@ -21,7 +21,7 @@ pub(crate) fn import_bytes(name: &str, bytes: &[u8]) -> anyhow::Result<Imported>
 /// The message of an import that must fail for its data.
 pub(crate) fn import_error(name: &str, bytes: &[u8]) -> String {
     let error = import_bytes(name, bytes).expect_err("the file is bad");
-    let fault = error.downcast_ref::<studio::fault::Fault>().expect("bad data is a fault, not a defect");
+    let fault = error.downcast_ref::<program::Fault>().expect("bad data is a fault, not a defect");
     assert_eq!(fault.exit_code(), 3, "{fault}");
     assert!(!fault.to_string().contains('\n'), "one line: {fault}");
     fault.to_string()

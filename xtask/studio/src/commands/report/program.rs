@@ -6,8 +6,8 @@ use std::io::{BufRead, BufReader};
 use std::process::{ChildStderr, Command, Stdio};
 use std::thread;
 
-use crate::fault::Fault;
 use anyhow::{Context, bail};
+use program::Fault;
 
 #[path = "../../../../src/workspace.rs"]
 #[allow(dead_code, unreachable_pub, reason = "until measurement runs in this process")]

@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
 use codec::Camera;
+use program::Fault;
 
-use crate::fault::Fault;
 pub use write::write;
 
 /// How much is made.

@@ -6,6 +6,7 @@ use std::{fs, io};
 
 use codec::Camera;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use program::Fault;
 use rayon::prelude::*;
 use refine::capture::even_times;
 use serde_json::json;
@@ -13,7 +14,6 @@ use serde_json::json;
 use super::figure::{Part, figure};
 use super::trace::picture;
 use super::{Settings, is_held, rig};
-use crate::fault::Fault;
 
 /// Where a picture lies in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";

@@ -1,46 +1,47 @@
-//! Where the bits of a chunk go: [`BitObserver`], which a decoder tells, and [`BitStats`], which counts.
+//! The bits that each attribute of a chunk takes: [`BitObserver`] sees the symbols of a decoder,
+//! `BitStats` counts them.
 
 #[cfg(feature = "encode")]
 use std::collections::HashMap;
 
-/// What numbers are for.
+/// Attributes, in the order in which they are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Part {
+pub(crate) enum Attribute {
     /// Cells of the grid.
     Cells,
-    /// Places in them.
+    /// Positions within the cells.
     Position,
-    /// Classes of visibility and of contrast.
-    Classes,
+    /// Quantiser indices of visibility and geometry.
+    QuantiserIndices,
     Opacity,
     Window,
     Scales,
     Rotation,
     Motion,
-    Spin,
+    AngularRate,
     Color,
     /// Spherical harmonics from degree 1.
     Harmonics,
 }
 
-/// Who is told of the symbols that a decoder reads. `()` does not listen.
+/// Sees the symbols that a decoder reads. `()` ignores them.
 pub(crate) trait BitObserver {
-    /// The next symbols are for a component of a part.
-    fn begin(&mut self, _: Part, _component: usize) {}
+    /// The next symbols belong to a component of an attribute.
+    fn begin(&mut self, _: Attribute, _component: usize) {}
 
-    /// A symbol took so many bits.
+    /// A symbol took this many bits.
     fn coded(&mut self, _bits: impl FnOnce() -> f64) {}
 
-    /// The last symbols made a number, so far from its prediction.
+    /// The last symbols made a number with this residual from its prediction.
     fn number(&mut self, _: i32, _residual: i32) {}
 
-    /// The symbols are one of so many values, none likelier than another.
+    /// The next symbols choose one of `count` equally likely values.
     fn choice(&mut self, _count: f64) {}
 }
 
 impl BitObserver for () {}
 
-/// How often each number came.
+/// Frequencies of numbers.
 #[cfg(feature = "encode")]
 #[derive(Debug, Default)]
 struct Histogram {
@@ -55,55 +56,56 @@ impl Histogram {
         self.total += 1;
     }
 
-    /// Bits of all numbers if each takes what its share of them asks for.
+    /// Order-0 entropy of all numbers in bits.
     fn entropy(&self) -> f64 {
-        // Sorted, so that the sum does not depend on the order of a hash table.
+        // Sorted, so that the sum does not depend on the order of the hash table.
         let mut counts: Vec<f64> = self.counts.values().map(|&count| f64::from(count)).collect();
         counts.sort_by(f64::total_cmp);
         counts.iter().map(|count| count * (f64::from(self.total) / count).log2()).sum()
     }
 }
 
-/// The numbers of a component of a part.
+/// The numbers of a component of an attribute.
 #[cfg(feature = "encode")]
 #[derive(Debug, Default)]
 struct Component {
     codes: Histogram,
     residuals: Histogram,
-    /// Bits of choices.
+    /// Bits of choices among equally likely values.
     choices: f64,
     coded: f64,
 }
 
-/// Counts bits.
+/// Counts the bits of each attribute.
 #[cfg(feature = "encode")]
 #[derive(Debug, Default)]
 pub(crate) struct BitStats {
-    components: HashMap<(Part, usize), Component>,
-    current: Option<(Part, usize)>,
+    components: HashMap<(Attribute, usize), Component>,
+    current: Option<(Attribute, usize)>,
 }
 
-/// Bits of a part.
+/// Bits of an attribute under three codings. Choices among equally likely values take the same in
+/// the first two.
 #[cfg(feature = "encode")]
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PartBits {
-    /// By the frequencies of the numbers; choices at what they are.
+pub(crate) struct AttributeBits {
+    /// Order-0 entropy of the numbers.
     pub(crate) order_0: f64,
-    /// By the frequencies of their distances from the predictions; choices at what they are.
+    /// Order-0 entropy of the residuals.
     pub(crate) predicted: f64,
-    /// As they are coded.
+    /// As coded.
     pub(crate) coded: f64,
 }
 
 #[cfg(feature = "encode")]
 impl BitStats {
-    /// Bits of a part; nothing where it does not occur.
-    pub(crate) fn bits(&self, part: Part) -> Option<PartBits> {
-        let mut components: Vec<_> = self.components.iter().filter(|(key, _)| key.0 == part).collect();
+    /// Bits of an attribute; `None` if it does not occur.
+    pub(crate) fn bits(&self, attribute: Attribute) -> Option<AttributeBits> {
+        let mut components: Vec<_> = self.components.iter().filter(|(key, _)| key.0 == attribute).collect();
         components.sort_by_key(|(key, _)| **key);
         components.into_iter().map(|(_, component)| component).fold(None, |sum, component| {
-            let PartBits { order_0, predicted, coded } = sum.unwrap_or_default();
-            Some(PartBits {
+            let AttributeBits { order_0, predicted, coded } = sum.unwrap_or_default();
+            Some(AttributeBits {
                 order_0: order_0 + component.choices + component.codes.entropy(),
                 predicted: predicted + component.choices + component.residuals.entropy(),
                 coded: coded + component.coded,
@@ -112,15 +114,15 @@ impl BitStats {
     }
 
     fn component(&mut self) -> &mut Component {
-        let current = self.current.expect("a part begins before its symbols");
+        let current = self.current.expect("begin precedes the symbols");
         self.components.entry(current).or_default()
     }
 }
 
 #[cfg(feature = "encode")]
 impl BitObserver for &mut BitStats {
-    fn begin(&mut self, part: Part, component: usize) {
-        self.current = Some((part, component));
+    fn begin(&mut self, attribute: Attribute, component: usize) {
+        self.current = Some((attribute, component));
     }
 
     fn coded(&mut self, bits: impl FnOnce() -> f64) {

@@ -1,4 +1,7 @@
-//! Files written whole or not at all.
+//! Output files, written completely or not at all.
+//!
+//! A file is written under a temporary name in its folder and then renamed. Its path never holds an
+//! incomplete file, and a file that was there before stays until the new one is complete.
 
 use std::io::Write;
 use std::path::Path;
@@ -6,88 +9,86 @@ use std::path::Path;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use tempfile::{Builder, NamedTempFile};
 
-use crate::fault::Fault;
+use crate::Fault;
 
-/// Checks, before any work is done, that a file can be written to `path`.
+/// Checks before any work is done that a file can be written to `path`.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names the path and the reason.
+/// [`Fault::Usage`] with the path and the reason.
 pub fn check(path: &Path) -> Result<(), Fault> {
-    if path.is_dir() || path.file_name().is_none() {
-        return Err(Fault::Usage(format!("cannot write {}: it is a folder, name a file", path.display())));
-    }
     temporary(path).map(drop)
 }
 
-/// Checks, before any work is done, that [`make_folder`] can make the folder `path` and files can
-/// be written there.
+/// Checks before any work is done that [`make_folder`] can create the folder `path` and that files can be
+/// written there.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names the path and the reason.
+/// [`Fault::Usage`] with the path and the reason.
 pub fn check_folder(path: &Path) -> Result<(), Fault> {
-    // The nearest folder that is there already decides.
     match path.ancestors().find(|folder| folder.exists()) {
-        Some(there) if there.is_dir() => temporary(&there.join("frame")).map(drop),
+        Some(folder) if folder.is_dir() => temporary(&folder.join("file")).map(drop),
         Some(file) => Err(Fault::Usage(format!(
             "cannot write to the folder {}: {} is a file",
             path.display(),
             file.display()
         ))),
-        None => temporary(Path::new("frame")).map(drop),
+        None => temporary(Path::new("file")).map(drop),
     }
 }
 
-/// Makes the folder `path` if need be.
+/// Creates the folder `path` and its parents where they do not exist.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names the path and the reason.
+/// [`Fault::Usage`] with the path and the reason.
 pub fn make_folder(path: &Path) -> Result<(), Fault> {
     std::fs::create_dir_all(path)
         .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", path.display())))
 }
 
-/// Writes `bytes` to `path` through a temporary file in the same folder.
+/// Writes `bytes` to `path`.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names the path and the reason.
+/// [`Fault::Usage`] with the path and the reason.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
-    let fault = |error: std::io::Error| Fault::Usage(format!("cannot write {}: {error}", path.display()));
     let mut file = temporary(path)?;
-    file.write_all(bytes).map_err(fault)?;
-    file.persist(path).map_err(|error| fault(error.error))?;
+    file.write_all(bytes).map_err(|error| cannot_write(path, error))?;
+    file.persist(path).map_err(|error| cannot_write(path, error.error))?;
     Ok(())
 }
 
-/// Writes an image of `width * height * 3` bytes, red, green, blue, as a PNG.
+/// Writes a PNG to `path`. `rgb` holds 3 bytes for each of `width * height` pixels.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names the path and the reason.
-pub fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32) -> Result<(), Fault> {
+/// [`Fault::Usage`] with the path and the reason.
+pub fn write_png(path: &Path, rgb: &[u8], (width, height): (u32, u32)) -> Result<(), Fault> {
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
         .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-        .map_err(|error| Fault::Usage(format!("cannot write {}: {error}", path.display())))?;
+        .map_err(|error| cannot_write(path, error))?;
     write(path, &png)
 }
 
-/// An empty file beside `path` that disappears unless it is given that name.
+/// An empty file in the folder of `path`. Dropping it removes it.
 fn temporary(path: &Path) -> Result<NamedTempFile, Fault> {
+    if path.is_dir() || path.file_name().is_none() {
+        return Err(cannot_write(path, "it is a folder, name a file"));
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
-        let (path, folder) = (path.display(), folder.display());
-        return Err(Fault::Usage(format!("cannot write {path}: there is no folder {folder}")));
+        return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
     }
     let mut builder = Builder::new();
     #[cfg(unix)]
     {
-        // What other programs get for a new file; the user's umask still applies.
+        // The mode that other programs give to a new file; the user's umask still applies.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder
-        .prefix(".writing-")
-        .tempfile_in(folder)
-        .map_err(|error| Fault::Usage(format!("cannot write {}: {}", path.display(), error)))
+    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, error))
+}
+
+fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {
+    Fault::Usage(format!("cannot write {}: {reason}", path.display()))
 }
 
 #[cfg(test)]
@@ -135,7 +136,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let rgb = [1, 2, 3, 250, 251, 252];
-        write_png(&path, &rgb, 2, 1).unwrap();
+        write_png(&path, &rgb, (2, 1)).unwrap();
         let read = image::open(&path).unwrap().to_rgb8();
         assert_eq!((read.dimensions(), read.as_raw().as_slice()), ((2, 1), &rgb[..]));
     }

@@ -1,18 +1,17 @@
-//! [`Fault`]: whose fault an error is, which decides the exit code.
+//! [`Fault`]: an expected error, with the exit code that tells scripts its cause.
 
 use std::fmt;
 
-/// An error with the exit code that it ends the program with. Anything else that reaches `main`
-/// is a defect of this program and ends it with code 1.
+/// An expected error. Any other error that reaches `main` is a defect of the program, with exit code 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The command line asks for something impossible, or an output cannot be written. Exit code 2.
     Usage(String),
-    /// An input is missing, unreadable or not what it should be. Exit code 3.
+    /// An input is missing, unreadable or malformed. Exit code 3.
     Data(String),
     /// An input could not be fetched. Exit code 4.
     Network(String),
-    /// No display or no graphics device, or one that cannot do what is asked. Exit code 5.
+    /// A display, a graphics device or a program is missing, or the device failed. Exit code 5.
     Device(String),
 }
 
@@ -27,9 +26,8 @@ impl Fault {
         }
     }
 
-    /// The same fault, saying what it is about.
-    #[cfg(any(feature = "net", not(target_os = "android")))]
-    pub(crate) fn about(mut self, subject: &str) -> Fault {
+    /// The same fault with its message prefixed by `subject` and a colon.
+    pub fn about(mut self, subject: &str) -> Fault {
         let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
             &mut self;
         message.insert_str(0, &format!("{subject}: "));
@@ -37,8 +35,8 @@ impl Fault {
     }
 }
 
-/// One line, whatever servers and drivers put into it: what would end it or control a terminal is
-/// shown as an escape.
+/// One line. Control characters, which messages of servers, drivers and file names may contain, are
+/// escaped.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
@@ -51,3 +49,19 @@ impl fmt::Display for Fault {
 }
 
 impl std::error::Error for Fault {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_one_line() {
+        assert_eq!(Fault::Data("é a\nb\u{1b}[2J".into()).to_string(), "é a\\nb\\u{1b}[2J");
+    }
+
+    #[test]
+    fn a_subject_comes_first() {
+        let fault = Fault::Network("timed out".into()).about("a.aarc");
+        assert_eq!(fault, Fault::Network("a.aarc: timed out".into()));
+    }
+}

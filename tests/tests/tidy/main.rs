@@ -1,9 +1,22 @@
 //! The rules that the sources keep, checked by reading them.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use xtask::workspace::root;
+mod modules;
+mod tokens;
+mod words;
+
+use tokens::Kind;
+
+/// The root of the repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+/// The folder of these tests, which names what it looks for.
+const TIDY: &str = "tests/tests/tidy/";
 
 /// Every file of the repository with one of the extensions, its path relative to the root.
 fn files(extensions: &[&str]) -> Vec<(String, String)> {
@@ -56,8 +69,7 @@ fn only_their_folders_name_the_graphics_and_headset_interfaces() {
         let graphics = ["client/src/gpu/", "codec/refine/src/fit/gpu/", "tests/peers/src/native/viewer.rs"];
         let homes: [(&str, &[&str]); 2] = [("wgpu", &graphics), ("openxr", &["client/src/xr/"])];
         for (word, homes) in homes {
-            // This file has to name them to look for them.
-            if homes.iter().any(|home| path.starts_with(home)) || path == "tests/tests/tidy.rs" {
+            if homes.iter().any(|home| path.starts_with(home)) || path.starts_with(TIDY) {
                 continue;
             }
             let may = homes.join(" and ");
@@ -85,7 +97,7 @@ fn only_their_folders_name_the_graphics_and_headset_interfaces() {
 fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs"]) {
-        if path == "tests/tests/tidy.rs" {
+        if path.starts_with(TIDY) {
             continue;
         }
         // The example is a Vulkan layer, which speaks the loader's C interface; no program contains it.
@@ -107,6 +119,99 @@ fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
         let text = fs::read_to_string(root().join(library)).unwrap();
         assert!(text.contains("#![forbid(unsafe_code)]"), "{library} does not forbid unsafe code");
     }
+}
+
+/// Packages whose files still use each other in cycles.
+const CYCLIC: [&str; 8] =
+    ["client", "codec", "codec/refine", "tests", "tests/fuzz", "tests/peers", "xtask", "xtask/studio"];
+
+#[test]
+fn files_use_each_other_one_way() {
+    let mut offences = Vec::new();
+    let mut packages = 0;
+    for (manifest, _) in files(&["Cargo.toml"]) {
+        let package = manifest.trim_end_matches("/Cargo.toml");
+        packages += 1;
+        if CYCLIC.contains(&package) {
+            continue;
+        }
+        let src = root().join(package).join("src");
+        for crate_root in modules::roots(&src) {
+            let name = |path: &PathBuf| path.strip_prefix(&src).unwrap_or(path).display().to_string();
+            for (group, example) in modules::cycles(&modules::edges(&crate_root)) {
+                let way: Vec<String> = example.iter().map(name).collect();
+                offences.push(format!("{package}: {} files, as {}", group.len(), way.join(" -> ")));
+            }
+        }
+    }
+    assert!(packages > 5, "packages have a Cargo.toml");
+    assert_none("files use each other one way", &offences);
+}
+
+#[test]
+#[ignore = "until the words of house.md are in the code"]
+fn names_in_code_are_the_words_of_the_field() {
+    let mut offences = Vec::new();
+    for (path, text) in files(&["rs"]).iter().filter(|(path, _)| !path.starts_with(TIDY)) {
+        let found = words::avoided(path, &tokens::tokens(text));
+        let list = found.iter().map(|(line, name, term)| format!("{path}:{line}: {name}: {}", term.prefer));
+        offences.extend(list);
+    }
+    assert_none("names in code are the words of the field", &offences);
+}
+
+#[test]
+#[ignore = "until every type has one meaning"]
+fn a_type_name_has_one_meaning() {
+    let mut places: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    let sources = files(&["rs"]);
+    for (path, text) in sources.iter().filter(|(path, _)| path.contains("src/")) {
+        let tokens = tokens::without_tests(&tokens::tokens(text));
+        for pair in tokens.windows(2) {
+            let defines = matches!(pair[0].text, "struct" | "enum" | "union" | "trait");
+            let is_one =
+                ["Part", "Scene", "Settings", "View", "Shot", "Fault", "Step"].contains(&pair[1].text);
+            if defines && is_one {
+                places.entry(pair[1].text).or_default().push(format!("{path}:{}", pair[1].line));
+            }
+        }
+    }
+    places.retain(|_, places| places.len() > 1);
+    let offences: Vec<String> =
+        places.iter().map(|(name, places)| format!("{name}: {}", places.join(", "))).collect();
+    assert_none("a type name has one meaning", &offences);
+}
+
+/// Longest function that needs no reason for its length, in lines.
+const LINES_MAX: usize = 60;
+
+#[test]
+#[ignore = "until long functions are split or say why not"]
+fn a_long_function_says_why() {
+    let mut offences = Vec::new();
+    for (path, text) in files(&["rs"]) {
+        if path.contains("tests/") && !path.contains("src/") || path.ends_with("/tests.rs") {
+            continue;
+        }
+        let lines: Vec<&str> = text.lines().collect();
+        let tokens = tokens::without_tests(&tokens::tokens(&text));
+        for (i, pair) in tokens.windows(2).enumerate() {
+            if pair[0].text != "fn" || pair[1].kind != Kind::Word {
+                continue;
+            }
+            let first = pair[0].line;
+            let length = tokens[tokens::item_end(&tokens, i) - 1].line + 1 - first;
+            // Above it, or at the start of its body.
+            let is_note = |line: &&&str| line.trim_start().starts_with(['/', '#']);
+            let above = lines[..first - 1].iter().rev().take_while(is_note);
+            let body = tokens[i..].iter().find(|token| token.text == "{").map_or(first, |token| token.line);
+            let mut notes = above.chain(lines[body..].iter().take_while(is_note));
+            if length > LINES_MAX && !notes.any(|line| line.contains("// Long: ")) {
+                offences.push(format!("{path}:{first}: {} has {length} lines", pair[1].text));
+            }
+        }
+    }
+    assert_none(&format!("a function above {LINES_MAX} lines has a comment `// Long: reason`"), &offences);
 }
 
 #[test]
@@ -178,5 +283,11 @@ fn the_rules_catch_what_they_forbid() {
     assert!(names("let x: wgpu::Device;", "wgpu") && !names("use egui_wgpu::Renderer;", "wgpu"));
     assert_eq!(without_strings("get(\"wgpu\", wgpu::A)"), "get(, wgpu::A)");
     assert_eq!(code("a // unsafe\n// b").collect::<Vec<_>>(), [(1, "a "), (2, "")]);
-    assert!(Path::new(root()).join("tests/tests/tidy.rs").is_file());
+    assert!(root().join(TIDY).join("main.rs").is_file());
+    let source = "/* a */ let r = b\"\\\"\"; // c\nfn f<'a>(x: &'a T) -> [u8; 2] { x.0..1.5 }";
+    let texts: Vec<&str> = tokens::tokens(source).iter().map(|token| token.text).collect();
+    assert_eq!(texts[..5], ["let", "r", "=", "b\"\\\"\"", ";"]);
+    assert_eq!(texts[texts.len() - 7..], ["x", ".", "0", ".", ".", "1.5", "}"]);
+    assert_eq!(["BTreeMap", "sh_degree", "MAX_PX"].map(words::snake), ["b_tree_map", "sh_degree", "max_px"]);
+    assert_eq!(words::avoided("a.rs", &tokens::tokens("struct Knobs; // knob\nlet a = \"knob\";")).len(), 1);
 }

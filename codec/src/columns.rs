@@ -1,0 +1,81 @@
+//! [`Columns`]: which columns the Gaussians of a region have.
+
+use crate::{Error, Field, Temporal, limits::Budget, sh_coefficients};
+#[cfg(feature = "encode")]
+use crate::{MOTION_ORDER_MAX, SH_DEGREE_MAX};
+
+/// Which columns the Gaussians of a region have.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Columns {
+    pub(crate) sh_degree: u8,
+    pub(crate) temporal: Option<TemporalColumns>,
+}
+
+/// Which of the optional temporal columns Gaussians have; tau and s are always there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct TemporalColumns {
+    pub(crate) motion_order: u8,
+    pub(crate) rotation_rates: bool,
+}
+
+impl Columns {
+    /// A field of `rows` rows of zeros with these columns.
+    ///
+    /// # Errors
+    /// [`Error::Limits`] if `budget` does not suffice.
+    pub(crate) fn zeros(self, rows: usize, budget: &mut Budget) -> Result<Field, Error> {
+        Ok(Field {
+            centers: budget.zeros(rows)?,
+            rotations: budget.zeros(rows)?,
+            log_scales: budget.zeros(rows)?,
+            opacities: budget.zeros(rows)?,
+            sh_degree: self.sh_degree,
+            sh: budget.zeros(rows * sh_coefficients(self.sh_degree))?,
+            temporal: match self.temporal {
+                None => None,
+                Some(TemporalColumns { motion_order, rotation_rates }) => Some(Temporal {
+                    tau: budget.zeros(rows)?,
+                    s: budget.zeros(rows)?,
+                    motion_order,
+                    motion: budget.zeros(rows * usize::from(motion_order))?,
+                    rotation_rates: if rotation_rates { Some(budget.zeros(rows)?) } else { None },
+                }),
+            },
+        })
+    }
+
+    /// The columns in which some of `rows` are not zero, temporal ones only `with_temporal`.
+    #[cfg(feature = "encode")]
+    pub(crate) fn nonzero(field: &Field, rows: &[usize], with_temporal: bool) -> Columns {
+        let is_zero = |v: &[f32; 3]| *v == [0.0; 3];
+        let has_degree = |degree: &u8| {
+            *degree <= field.sh_degree
+                && rows.iter().any(|&i| !field.sh_of(i)[sh_coefficients(degree - 1)..].iter().all(is_zero))
+        };
+        let temporal =
+            field.temporal.as_ref().filter(|_| with_temporal && !rows.is_empty()).map(|temporal| {
+                let has_order = |order: &u8| {
+                    *order <= temporal.motion_order
+                        && rows.iter().any(|&i| !is_zero(&temporal.motion_of(i)[usize::from(order - 1)]))
+                };
+                let rates = temporal.rotation_rates.as_ref();
+                TemporalColumns {
+                    motion_order: (1..=MOTION_ORDER_MAX).rev().find(has_order).unwrap_or(0),
+                    rotation_rates: rates.is_some_and(|rates| rows.iter().any(|&i| rates[i] != [0.0; 4])),
+                }
+            });
+        Columns { sh_degree: (1..=SH_DEGREE_MAX).rev().find(has_degree).unwrap_or(0), temporal }
+    }
+
+    /// The columns that either has.
+    #[cfg(feature = "encode")]
+    pub(crate) fn union(self, other: Columns) -> Columns {
+        Columns {
+            sh_degree: self.sh_degree.max(other.sh_degree),
+            temporal: self.temporal.into_iter().chain(other.temporal).reduce(|a, b| TemporalColumns {
+                motion_order: a.motion_order.max(b.motion_order),
+                rotation_rates: a.rotation_rates || b.rotation_rates,
+            }),
+        }
+    }
+}

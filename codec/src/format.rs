@@ -1,0 +1,36 @@
+//! Constants of the package format that more than one module needs. Changing one breaks every
+//! package in existence; FORMAT.md specifies them.
+
+/// First bytes of every package.
+pub(crate) const MAGIC: [u8; 4] = *b"AARC";
+
+/// Major version of the package format. A reader refuses any other.
+pub const VERSION_MAJOR: u16 = 1;
+
+/// Minor version of the package format that is written. A later minor version may add sections
+/// that are not critical; readers skip those.
+pub const VERSION_MINOR: u16 = 0;
+
+/// Bytes up to and including the length of the head.
+pub(crate) const PREFIX_BYTES: usize = 12;
+
+/// Bytes of the head whose length does not vary: offset of the counts per layer.
+pub(crate) const FIXED_BYTES: usize = 76;
+
+/// Offset of the counts that determine the memory of a decoded clip.
+pub(crate) const COUNTS_OFFSET: usize = 68;
+
+/// Bytes of one entry of the section table.
+pub(crate) const ENTRY_BYTES: usize = 24;
+
+/// Largest number of viewpoints.
+pub(crate) const VIEWPOINTS_MAX: usize = 64;
+
+/// Largest length of a viewpoint's name in bytes.
+pub(crate) const NAME_BYTES_MAX: usize = 63;
+
+/// Largest number of layers.
+pub(crate) const LAYERS_MAX: usize = 16;
+
+/// Gaussians per chunk; the last chunk of a region in a layer holds the rest.
+pub(crate) const CHUNK_ROWS: usize = 4096;
