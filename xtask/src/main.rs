@@ -34,6 +34,8 @@ enum Command {
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
     cli::exit_code(match Cli::parse().command {
+        // Measuring links the renderer: a build of its own, optimised.
+        Command::Studio(cli::Command::Report(_)) => return commands::report::run(),
         Command::Studio(command) => command.run(),
         Command::Demo(args) => commands::demo::run(&args),
         Command::Bench(args) => commands::bench::run(&args),

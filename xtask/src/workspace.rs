@@ -54,22 +54,32 @@ pub fn cargo() -> Command {
 /// what they compile. `profile` is `dev` or `release`.
 ///
 /// # Errors
-/// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
+/// [`Fault::Device`] where Cargo cannot run or cannot build the program.
 pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("bin", program, profile)
+    build_target("bin", program, profile, &["--workspace"])
 }
 
-/// As [`build`], for an example: a program or a library to be loaded.
+/// As [`build`], for an example: a program or a library.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_example(name: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("example", name, profile)
+    build_target("example", name, profile, &["--workspace"])
 }
 
-fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fault> {
+/// Builds a program of `package` with `features` of it alone, and returns the path of its executable.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with(package: &str, program: &str, features: &str, profile: &str) -> Result<PathBuf, Fault> {
+    build_target("bin", program, profile, &["--package", package, "--features", features])
+}
+
+fn build_target(kind: &str, name: &str, profile: &str, selection: &[&str]) -> Result<PathBuf, Fault> {
     let output = cargo()
-        .args(["build", "--workspace", &format!("--{kind}"), program, "--profile", profile])
+        .arg("build")
+        .args(selection)
+        .args([&format!("--{kind}"), name, "--profile", profile])
         .arg("--message-format=json-render-diagnostics")
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
@@ -77,13 +87,13 @@ fn build_target(kind: &str, program: &str, profile: &str) -> Result<PathBuf, Fau
         .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
     let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
-        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == kind;
-        let made = message["executable"].as_str().or(message["filenames"][0].as_str());
-        made.filter(|_| is_program).map(PathBuf::from)
+        let is_target = message["target"]["name"] == name && message["target"]["kind"][0] == kind;
+        let path = message["executable"].as_str().or(message["filenames"][0].as_str());
+        path.filter(|_| is_target).map(PathBuf::from)
     });
     match executable {
         Some(path) if output.status.success() => Ok(path),
-        _ => Err(Fault::Device(format!("cargo could not build {program}; its messages are above"))),
+        _ => Err(Fault::Device(format!("cargo could not build {name}; its messages are above"))),
     }
 }
 

@@ -51,7 +51,7 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
             "shaders",
             "--all-targets",
             "--features",
-            "studio/gpu,studio/onnx,shaders/fit",
+            "studio/gpu,studio/measure,studio/onnx,shaders/fit",
         ],
     ),
     ("camera files", &["--package", "codec", "--features", "serde"]),

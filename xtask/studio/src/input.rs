@@ -6,11 +6,10 @@ use std::io::Read;
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
-use program::Fault;
 use refine::reference;
 
-use crate::export;
 use crate::scene::{Scene, frames_of};
+use program::Fault;
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
@@ -88,7 +87,7 @@ impl Input {
     /// All Gaussians but the background's as one field, and the metadata.
     pub fn into_field(self) -> (Field, ClipInfo) {
         match self {
-            Input::Package(clip) => (export::merged(&clip), clip.info),
+            Input::Package(clip) => (clip.merged(), clip.info),
             Input::Scene(scene) => (scene.subject.field, scene.info),
         }
     }

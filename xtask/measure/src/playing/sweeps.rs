@@ -1,13 +1,13 @@
-//! The knobs of the player, and their values from the finest to the coarsest.
+//! The parameters of the player, and their values from the finest to the coarsest.
 
 use client::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 use codec::Clip;
 use glam::UVec2;
 
-use super::measure::{Content, Variant};
+use super::bench::{Variant, VariantContent};
 use super::reduce::{to_motion_order, to_sh_degree, without_rotation};
 
-/// A knob to sweep.
+/// A parameter to sweep.
 pub(super) struct Sweep {
     pub(super) name: &'static str,
     pub(super) about: &'static str,
@@ -32,7 +32,7 @@ const MIN_CONTRIBUTION_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
 /// Least opacities at the instant, in 255ths.
 const LEAST_ALIVE: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// The knobs that make a difference to `clip`, in pictures of `size` pixels.
+/// The parameters that make a difference to `clip`, in pictures of `size` pixels.
 pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
     let mut sweeps = vec![
         layers(clip),
@@ -70,7 +70,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
             values: with_default(
                 "1/255",
                 LEAST_ALIVE.map(|least| {
-                    let content = Content::Alive(least / 255.0);
+                    let content = VariantContent::Alive(least / 255.0);
                     (format!("{least}/255"), Variant { content, ..Variant::default() })
                 }),
             ),
@@ -102,7 +102,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
         |order| to_motion_order(clip, order),
     ));
     if clip.dynamic_field.temporal.as_ref().is_some_and(|temporal| temporal.rotation_rates.is_some()) {
-        let content = Content::Other(Box::new(without_rotation(clip)));
+        let content = VariantContent::Other(Box::new(without_rotation(clip)));
         sweeps.push(Sweep {
             name: "rotation over time",
             about: "Whether Gaussians turn; without, they stay as in the middle of their life.",
@@ -120,7 +120,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
     sweeps
 }
 
-/// The values of a knob: what the player takes, then others.
+/// The values of a parameter: what the player takes, then others.
 fn with_default(default: &str, others: impl IntoIterator<Item = (String, Variant)>) -> Vec<Value> {
     let other = |(label, variant): (String, Variant)| Value { label, default: false, variant: Some(variant) };
     let mut values = vec![Value { label: default.into(), default: true, variant: None }];
@@ -141,7 +141,7 @@ fn settings(
 /// A sweep over what is in the clip, from `most` down to 0; none where `most` is 0.
 fn content(name: &'static str, about: &'static str, most: u8, reduced: impl Fn(u8) -> Clip) -> Option<Sweep> {
     let variant = |value: u8| {
-        let content = Content::Other(Box::new(reduced(value)));
+        let content = VariantContent::Other(Box::new(reduced(value)));
         (value.to_string(), Variant { content, ..Variant::default() })
     };
     let values = with_default(&most.to_string(), (0..most).rev().map(variant));
@@ -175,7 +175,7 @@ fn levels(clip: &Clip, size: UVec2) -> Sweep {
     Sweep {
         name: "quality",
         about: "The ladder that the player goes down in a headset while frames take too long; several of \
-                the other knobs at once.",
+                the other parameters at once.",
         values: with_default(Level::Exact.name(), Level::ALL.into_iter().skip(1).map(variant)),
     }
 }
@@ -188,7 +188,7 @@ fn target() -> Sweep {
     Sweep {
         name: "target",
         about: "Bits per channel of what is drawn into. Images are made with 16, windows and headsets show 8; \
-                all other knobs are measured with 16.",
+                all other parameters are measured with 16.",
         values,
     }
 }

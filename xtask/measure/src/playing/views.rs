@@ -20,7 +20,7 @@ const TURN_FPS: f64 = 90.0;
 const TURN_DEG: f64 = 1.0;
 
 /// All pictures.
-pub(super) struct Shots {
+pub(super) struct ViewSet {
     /// Each from a place and at an instant of its own.
     pub(super) pictures: Vec<PosedView>,
     /// From the first viewpoint while the clip plays and the head turns.
@@ -28,14 +28,14 @@ pub(super) struct Shots {
 }
 
 /// The pictures of a clip.
-pub(super) fn shots(clip: &Clip, size: UVec2) -> Shots {
+pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
     let viewpoint = &viewpoints(clip)[0];
     let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
     let picture = |(camera, t): (&Camera, f64)| PosedView { camera: camera.clone(), t };
     let middle = PosedView { camera: cameras[0].clone(), t: 0.5 };
     let duration_s = f64::from(clip.info.duration_s);
     let turned = |i: usize| frames_later(&middle, i as f64 - 0.5 * (TURN_FRAMES - 1) as f64, duration_s);
-    Shots {
+    ViewSet {
         pictures: cameras.iter().zip(instants()).map(picture).collect(),
         turn: (0..TURN_FRAMES).map(turned).collect(),
     }
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_head_turns_about_its_eye() {
-        let Shots { pictures, turn } = shots(&clip(), UVec2::new(64, 48));
+        let ViewSet { pictures, turn } = view_set(&clip(), UVec2::new(64, 48));
         let distance = |a: &PosedView, b: &PosedView| {
             let (a, b) = (a.camera.position(), b.camera.position());
             (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()

@@ -1,41 +1,39 @@
-//! The optional parts of clips: what this clip needs of each, and what it saves by doing without.
+//! The optional features of clips: what this clip needs of each, and what it saves by doing without.
 //!
-//! What is saved is measured: the part is switched on, in columns that say nothing, and the clip is
+//! What is saved is measured: the feature is switched on, in columns that say nothing, and the clip is
 //! drawn, counted and packaged with it. In a package a column of zeros is left out whatever anybody
 //! asks for, so that there one Gaussian is made to need it.
 
 use std::collections::BTreeMap;
 
+use super::result::{ClipFeature, ResourceUse};
 use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
 use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
 use shaders::{Features, Motion, Purpose, compose};
-use studio::export::merged;
-use studio::package::LAYERS;
-use studio::report::playing::{Part, Taken};
 
-use super::Measured;
-use super::measure::{Content, Eyes, Variant};
+use super::bench::{EyeMode, Variant, VariantContent};
+use super::measured::MeasuredVariant;
 use super::pad;
-use super::shots::instants;
+use super::views::instants;
 
-/// A part, and how to switch it on.
-pub(super) struct Switched {
-    part: String,
+/// A feature, and how to switch it on.
+pub(super) struct FeatureToggle {
+    name: String,
     left_out: bool,
     needs: String,
     switched_on: String,
-    /// What is known without drawing: of the clip as it is, and with the part.
+    /// What is known without drawing: of the clip as it is, and with the feature.
     counts: [BTreeMap<String, f64>; 2],
-    /// How the clip is drawn without the part, if not as it is.
+    /// How the clip is drawn without the feature, if not as it is.
     without: Option<Variant>,
     /// How it is drawn with it; `None` where drawing is the same or nothing is switched on.
     with: Option<Variant>,
-    /// Makes what a package with the part is made of.
+    /// Makes what a package with the feature is made of.
     package: Option<Packing>,
 }
 
-/// Makes of a clip what a package with a part is made of.
+/// Makes of a clip what a package with a feature is made of.
 type Packing = Box<dyn Fn(&Clip) -> Packable>;
 
 /// What a package is made of.
@@ -45,30 +43,30 @@ struct Packable {
     layers: Vec<usize>,
 }
 
-impl Switched {
+impl FeatureToggle {
     /// What is drawn for it.
     pub(super) fn variants(&self) -> impl Iterator<Item = &Variant> {
         self.without.iter().chain(&self.with)
     }
 
-    /// Whether there is a package with the part to be made.
+    /// Whether there is a package with the feature to be made.
     pub(super) fn packages(&self) -> bool {
         self.package.is_some()
     }
 
-    /// The part as it was measured: `base` as the clip is, `results` of [`Switched::variants`].
+    /// The feature as it was measured: `base` as the clip is, `results` of [`FeatureToggle::variants`].
     ///
     /// # Errors
     /// If a package cannot be made.
-    pub(super) fn into_part(
+    pub(super) fn into_feature(
         self,
         clip: &Clip,
-        base: &Measured,
-        results: &[Measured],
-    ) -> anyhow::Result<Part> {
-        let [mut without, mut with] = self.counts.map(|counts| Taken { counts, frame_ms: None });
-        let drawn = |taken: &mut Taken, measured: &Measured| {
-            taken.counts.extend(measured.looked.counts.clone());
+        base: &MeasuredVariant,
+        results: &[MeasuredVariant],
+    ) -> anyhow::Result<ClipFeature> {
+        let [mut without, mut with] = self.counts.map(|counts| ResourceUse { counts, frame_ms: None });
+        let drawn = |taken: &mut ResourceUse, measured: &MeasuredVariant| {
+            taken.counts.extend(measured.inspection.counts.clone());
             taken.frame_ms = Some(measured.frame_ms());
         };
         if let (Some(_), Some(measured)) = (&self.with, results.last()) {
@@ -80,27 +78,27 @@ impl Switched {
             without.counts.extend(package_bytes(clip, &as_it_is)?);
             with.counts.extend(package_bytes(clip, &package(clip))?);
         }
-        let Switched { part, left_out, needs, switched_on, .. } = self;
-        Ok(Part { part, left_out, needs, switched_on, without, with })
+        let FeatureToggle { name, left_out, needs, switched_on, .. } = self;
+        Ok(ClipFeature { name, left_out, needs, switched_on, without, with })
     }
 }
 
-/// All optional parts of clips.
-pub(super) fn parts(clip: &Clip, gpu: &Gpu) -> Vec<Switched> {
-    let mut parts = Vec::new();
-    sh(clip, &mut parts);
-    motion(clip, &mut parts);
-    rotation(clip, &mut parts);
-    parts.extend([still(clip), index(clip), plate(clip), layered(clip)]);
-    eyes(gpu, &mut parts);
-    parts.push(sort_width(clip));
-    parts
+/// All optional features of clips.
+pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureToggle> {
+    let mut features = Vec::new();
+    sh(clip, &mut features);
+    motion(clip, &mut features);
+    rotation(clip, &mut features);
+    features.extend([still(clip), index(clip), plate(clip), layered(clip, layers)]);
+    eyes(gpu, &mut features);
+    features.push(sort_width(clip));
+    features
 }
 
-/// A part that is needed.
-fn needed(part: String, needs: String) -> Switched {
-    Switched {
-        part,
+/// A feature that is needed.
+fn needed(name: String, needs: String) -> FeatureToggle {
+    FeatureToggle {
+        name,
         left_out: false,
         needs,
         switched_on: String::new(),
@@ -111,19 +109,19 @@ fn needed(part: String, needs: String) -> Switched {
     }
 }
 
-/// A part that the clip does without, and what it is with the part.
-fn left_out(part: String, needs: String, switched_on: &str, clip: &Clip, with: Clip) -> Switched {
-    let name = format!("with {part}");
-    Switched {
+/// A feature that the clip does without, and what it is with the feature.
+fn left_out(feature: String, needs: String, switched_on: &str, clip: &Clip, with: Clip) -> FeatureToggle {
+    let name = format!("with {feature}");
+    FeatureToggle {
         left_out: true,
         switched_on: switched_on.into(),
         counts: [counts(clip), counts(&with)],
-        with: Some(Variant { name, content: Content::Other(Box::new(with)), ..Variant::default() }),
-        ..needed(part, needs)
+        with: Some(Variant { name, content: VariantContent::Other(Box::new(with)), ..Variant::default() }),
+        ..needed(feature, needs)
     }
 }
 
-fn sh(clip: &Clip, parts: &mut Vec<Switched>) {
+fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let depends = |field: &Field| {
         let varies = |i: &usize| field.sh_of(*i)[1..].iter().any(|c| *c != [0.0; 3]);
         (0..field.len()).filter(varies).count()
@@ -132,18 +130,19 @@ fn sh(clip: &Clip, parts: &mut Vec<Switched>) {
     if of_clip > 0 {
         let count = depends(&clip.static_field) + depends(&clip.dynamic_field);
         let needs = format!("{count} of {} Gaussians look different from other sides", clip.len());
-        parts.push(needed(format!("SH up to degree {of_clip}"), needs));
+        features.push(needed(format!("SH up to degree {of_clip}"), needs));
     }
     for degree in of_clip + 1..=SH_DEGREE_MAX {
         let needs = format!("no: nothing varies with the view beyond degree {of_clip}");
         let with = pad::with_sh_degree(clip, degree);
-        let mut part = left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
-        part.package = Some(Box::new(move |clip| {
+        let mut feature =
+            left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
+        feature.package = Some(Box::new(move |clip| {
             let mut field = ordered(&pad::with_sh_degree(clip, degree));
             field.sh[sh_coefficients(degree) - 1] = [0.2; 3];
             packable(clip, field)
         }));
-        parts.push(part);
+        features.push(feature);
     }
 }
 
@@ -152,19 +151,19 @@ fn able_to_move(clip: &Clip) -> Clip {
     if clip.dynamic_field.is_empty() { pad::all_moving(clip) } else { clip.clone() }
 }
 
-fn motion(clip: &Clip, parts: &mut Vec<Switched>) {
+fn motion(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let moving = clip.dynamic_field.len();
     let order = if moving > 0 { clip.dynamic_field.motion_order() } else { 0 };
     if order > 0 {
         let needs = format!("{moving} of {} Gaussians move or fade", clip.len());
-        parts.push(needed(format!("motion up to power {order}"), needs));
+        features.push(needed(format!("motion up to power {order}"), needs));
     }
     let switched_on = if moving > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
     for order in order + 1..=MOTION_ORDER_MAX {
         let needs = "no: trajectories are of a lower power, if there are any".into();
         let with = pad::with_motion_order(&able_to_move(clip), order);
-        let mut part = left_out(format!("motion of power {order}"), needs, switched_on, clip, with);
-        part.package = Some(Box::new(move |clip| {
+        let mut feature = left_out(format!("motion of power {order}"), needs, switched_on, clip, with);
+        feature.package = Some(Box::new(move |clip| {
             let mut field = windowed(ordered(&pad::with_motion_order(&able_to_move(clip), order)));
             let [low, high] = field.bounds();
             if let Some(temporal) = &mut field.temporal {
@@ -173,54 +172,54 @@ fn motion(clip: &Clip, parts: &mut Vec<Switched>) {
             }
             packable(clip, field)
         }));
-        parts.push(part);
+        features.push(feature);
     }
 }
 
-fn rotation(clip: &Clip, parts: &mut Vec<Switched>) {
+fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let rates = clip.dynamic_field.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
     if let Some(rates) = rates {
         let count = rates.iter().filter(|rate| **rate != [0.0; 4]).count();
         let needs = format!("{count} of {} Gaussians turn", clip.len());
-        return parts.push(needed("rotation over time".into(), needs));
+        return features.push(needed("rotation over time".into(), needs));
     }
     let with = pad::with_rotation(&able_to_move(clip));
-    let mut part =
+    let mut feature =
         left_out("rotation over time".into(), "no: nothing turns".into(), "rates of zero", clip, with);
-    part.package = Some(Box::new(|clip| {
+    feature.package = Some(Box::new(|clip| {
         let mut field = windowed(ordered(&pad::with_rotation(&able_to_move(clip))));
         if let Some(rates) = field.temporal.as_mut().and_then(|temporal| temporal.rotation_rates.as_mut()) {
             rates[0] = [0.0, 0.5, 0.0, 0.0];
         }
         packable(clip, field)
     }));
-    parts.push(part);
+    features.push(feature);
 }
 
 /// Windows and motion of the Gaussians that are always there and never move.
-fn still(clip: &Clip) -> Switched {
+fn still(clip: &Clip) -> FeatureToggle {
     let (still, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
     if still == 0 {
         return needed(name, "every Gaussian moves or fades".into());
     }
     let needs = format!("no: {still} of {} Gaussians neither move nor fade", clip.len());
     let without = pad::without_index(clip);
-    let mut part =
+    let mut feature =
         left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_moving(clip));
-    // All that move are then asked at every instant, which is another part.
-    part.without = Some(Variant {
+    // All that move are then asked at every instant, which is another feature.
+    feature.without = Some(Variant {
         name: "without time index".into(),
-        content: Content::Other(Box::new(without)),
+        content: VariantContent::Other(Box::new(without)),
         ..Variant::default()
     });
-    part.package = Some(Box::new(|clip| {
+    feature.package = Some(Box::new(|clip| {
         let field = ordered(&pad::all_moving(clip));
         packable(clip, windowed(field))
     }));
-    part
+    feature
 }
 
-fn index(clip: &Clip) -> Switched {
+fn index(clip: &Clip) -> FeatureToggle {
     let name = "Gaussians of other times".to_owned();
     if clip.dynamic_field.is_empty() {
         return needed(name, "all are always alive; there is no time index".into());
@@ -230,28 +229,28 @@ fn index(clip: &Clip) -> Switched {
     left_out(name, needs, "every Gaussian is tested in every frame", clip, pad::without_index(clip))
 }
 
-fn plate(clip: &Clip) -> Switched {
+fn plate(clip: &Clip) -> FeatureToggle {
     let name = "plate".to_owned();
     if let Some(plate) = &clip.plate {
         return needed(name, format!("{} Gaussians are behind all others", plate.len()));
     }
     let with = pad::with_plate(clip);
-    let mut part = left_out(name, "no: there is none".into(), "one Gaussian that nobody sees", clip, with);
-    part.package = Some(Box::new(|clip| Packable {
+    let mut feature = left_out(name, "no: there is none".into(), "one Gaussian that nobody sees", clip, with);
+    feature.package = Some(Box::new(|clip| Packable {
         plate: pad::with_plate(clip).plate,
         ..packable(clip, ordered(clip))
     }));
-    part
+    feature
 }
 
-fn layered(clip: &Clip) -> Switched {
-    let name = "layers".to_owned();
+fn layered(clip: &Clip, ends: &[usize]) -> FeatureToggle {
+    let (name, ends) = ("layers".to_owned(), ends.to_vec());
     match clip.layers.len() {
-        1 => Switched {
+        1 => FeatureToggle {
             left_out: true,
             switched_on: "ends of layers as `package` sets them".into(),
-            package: Some(Box::new(|clip| Packable {
-                layers: LAYERS.to_vec(),
+            package: Some(Box::new(move |clip| Packable {
+                layers: ends.clone(),
                 ..packable(clip, ordered(clip))
             })),
             ..needed(name, "no: all comes at once".into())
@@ -260,28 +259,28 @@ fn layered(clip: &Clip) -> Switched {
     }
 }
 
-fn eyes(gpu: &Gpu, parts: &mut Vec<Switched>) {
+fn eyes(gpu: &Gpu, features: &mut Vec<FeatureToggle>) {
     let two = |name: &str, eyes| Variant { name: name.into(), eyes, ..Variant::default() };
-    parts.push(Switched {
+    features.push(FeatureToggle {
         left_out: true,
         switched_on: "two eyes, in one pass where the device can".into(),
-        with: Some(two("two eyes", Eyes::TwoAtOnce)),
+        with: Some(two("two eyes", EyeMode::TwoAtOnce)),
         ..needed("second eye".into(), "no: a window has one eye; a headset sorts once for two".into())
     });
     if !gpu.caps.multiview {
         return;
     }
-    parts.push(Switched {
+    features.push(FeatureToggle {
         left_out: true,
         switched_on: "two eyes, one after the other".into(),
-        without: Some(two("two eyes at once", Eyes::TwoAtOnce)),
-        with: Some(two("two eyes in turn", Eyes::TwoInTurn)),
+        without: Some(two("two eyes at once", EyeMode::TwoAtOnce)),
+        with: Some(two("two eyes in turn", EyeMode::TwoInTurn)),
         ..needed("second pass".into(), "no: this device draws both eyes of a headset in one".into())
     });
 }
 
 /// Digits in which the depths of all Gaussians agree need no pass of the sort.
-fn sort_width(clip: &Clip) -> Switched {
+fn sort_width(clip: &Clip) -> FeatureToggle {
     let viewpoint = &viewpoints(clip)[0];
     let camera = viewpoint.camera(clip.info.up, 1, 1).camera_from_world;
     let [x, y, z, w] = camera[2];
@@ -303,7 +302,7 @@ fn sort_width(clip: &Clip) -> Switched {
     let bits = u32::BITS - differ.leading_zeros();
     let most = SORT_DIGITS as f64;
     let count = |passes: f64| BTreeMap::from([("sort_passes".to_owned(), passes)]);
-    Switched {
+    FeatureToggle {
         left_out: passes < most,
         counts: [count(passes), count(most)],
         switched_on: format!("a pass for each {SORT_DIGIT_BITS} of 32 bits"),
@@ -342,7 +341,7 @@ fn ordered(clip: &Clip) -> Field {
         rows.extend((start.dynamic_count..end.dynamic_count).map(|row| still + row));
         start = *end;
     }
-    merged(clip).select(&rows)
+    clip.merged().select(&rows)
 }
 
 /// Where the layers of the clip end.

@@ -3,15 +3,17 @@
 
 use codec::Field;
 
-use super::rows::{Row, crowd, field, normalized, still_crowd};
-use super::{Case, DISTANCE, Scene, Shot, at, case, look};
+use super::gaussians::{Gaussian, crowd, field, normalized, still_crowd};
+use refine::prune::PosedView;
+
+use super::case::{DISTANCE, StabilityCase, StabilityScene, at, case, look};
 
 const GROUP: &str = "stiff in space";
 
 /// The half instant: most cases do not move.
 const T: [f64; 1] = [0.5];
 
-pub(super) fn cases() -> Vec<Case> {
+pub(super) fn cases() -> Vec<StabilityCase> {
     vec![
         case(
             GROUP,
@@ -21,10 +23,10 @@ pub(super) fn cases() -> Vec<Case> {
             || {
                 let row = |k: i32| {
                     let center = [0.2 * (k + 1) as f32, 0.1 * (k % 3) as f32, 0.05 * k as f32];
-                    Row { center, opacity: 0.3, ..Row::default() }.sized([10f32.powi(k); 3])
+                    Gaussian { center, opacity: 0.3, ..Gaussian::default() }.sized([10f32.powi(k); 3])
                 };
-                let rows: Vec<Row> = (-8..=6).map(row).collect();
-                Scene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                let rows: Vec<Gaussian> = (-8..=6).map(row).collect();
+                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
             },
         ),
         case(
@@ -34,10 +36,13 @@ pub(super) fn cases() -> Vec<Case> {
             "cut to e^20 and e^-20 when packed",
             || {
                 let rows = |limit: f32| {
-                    let scaled = |x: f32| Row { log_scales: [x.clamp(-limit, limit); 3], ..Row::default() };
+                    let scaled =
+                        |x: f32| Gaussian { log_scales: [x.clamp(-limit, limit); 3], ..Gaussian::default() };
                     [vec![scaled(3e38), scaled(1e3), scaled(-3e38)], still_crowd(20)].concat()
                 };
-                Scene::new(field(&rows(f32::MAX)), at(&T)).meant(field(&rows(20.0))).refused("log_scales")
+                StabilityScene::new(field(&rows(f32::MAX)), at(&T))
+                    .meant(field(&rows(20.0)))
+                    .refused("log_scales")
             },
         ),
         case(
@@ -72,8 +77,8 @@ pub(super) fn cases() -> Vec<Case> {
                 let center = [[-0.9f32, 0.0, 0.0], [0.0; 3], [0.9, 0.0, 0.0], [0.0, 0.6, 0.0]];
                 // Towards the eye, a disc through it, a point, a line.
                 let sizes = [[1e-7, 1e-7, 2.0], [1e-7, 0.4, 0.4], [1e-8; 3], [0.5, 1e-8, 1e-8]];
-                let row = |i: usize| Row { center: center[i], ..Row::default() }.sized(sizes[i]);
-                Scene::new(field(&[0, 1, 2, 3].map(row)), at(&T))
+                let row = |i: usize| Gaussian { center: center[i], ..Gaussian::default() }.sized(sizes[i]);
+                StabilityScene::new(field(&[0, 1, 2, 3].map(row)), at(&T))
             },
         ),
         case(
@@ -86,7 +91,7 @@ pub(super) fn cases() -> Vec<Case> {
                 let around = [[0.02, 0.0, 0.05], [-3.0, 1.0, 0.4], [0.0, -40.0, 0.011], [200.0, 0.0, 9.0]]
                     .map(|p| ahead(p, [1.0, 2.0, 0.7]));
                 let rows = [behind.to_vec(), around.to_vec(), still_crowd(20)].concat();
-                Scene::new(field(&rows), at(&T))
+                StabilityScene::new(field(&rows), at(&T))
             },
         ),
         case(
@@ -97,8 +102,8 @@ pub(super) fn cases() -> Vec<Case> {
             || {
                 let row = |(i, z): (usize, f32)| ahead([0.002 * (i as f32 - 2.0), 0.001, z], [4e-4; 3]);
                 let depths = [0.0099, 0.00999, 0.01001, 0.0101, 0.0105];
-                let rows: Vec<Row> = depths.into_iter().enumerate().map(row).collect();
-                Scene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                let rows: Vec<Gaussian> = depths.into_iter().enumerate().map(row).collect();
+                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
                     .untried("rounding moves it through the plane")
             },
         ),
@@ -115,7 +120,7 @@ pub(super) fn cases() -> Vec<Case> {
                     ahead([50.0, 0.3, 1.0], [20.0, 0.1, 0.5]),
                     ahead([-3e5, -2.0, 4.0], [1e5, 1.0, 1.0]),
                 ];
-                Scene::new(field(&[rows.to_vec(), still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[rows.to_vec(), still_crowd(20)].concat()), at(&T))
                     .untried("cells of the grid are larger than all else")
             },
         ),
@@ -131,8 +136,8 @@ pub(super) fn cases() -> Vec<Case> {
                     ahead([1e8, -1e8, 0.02], [1e8; 3]),
                     ahead([3e5, 0.0, 0.0102], [1e5, 4e8, 1e-3]),
                 ];
-                let faint = rows.map(|row| Row { opacity: 0.35, ..row });
-                Scene::new(field(&[faint.to_vec(), still_crowd(20)].concat()), at(&T))
+                let faint = rows.map(|row| Gaussian { opacity: 0.35, ..row });
+                StabilityScene::new(field(&[faint.to_vec(), still_crowd(20)].concat()), at(&T))
                     .untried("cells of the grid are larger than all else")
             },
         ),
@@ -151,14 +156,15 @@ pub(super) fn cases() -> Vec<Case> {
             || {
                 let mut scene = from_the_origin(1e6);
                 let mut rows = moved(1e6);
-                rows.push(Row { center: [1e30, -1e30, 1e30], ..Row::default() });
-                scene.clip = super::exact(field(&rows));
+                rows.push(Gaussian { center: [1e30, -1e30, 1e30], ..Gaussian::default() });
+                scene.clip = super::case::exact(field(&rows));
                 scene.refused("centers")
             },
         ),
         case(GROUP, "smaller than a pixel", 2.5, "0.3 px^2 of blur: it never falls between pixels", || {
-            let rows: Vec<Row> = crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
-            Scene::new(field(&rows), at(&[0.3, 0.6]))
+            let rows: Vec<Gaussian> =
+                crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
+            StabilityScene::new(field(&rows), at(&[0.3, 0.6]))
         }),
         case(
             GROUP,
@@ -166,34 +172,34 @@ pub(super) fn cases() -> Vec<Case> {
             2.0,
             "no side of a rectangle reaches beyond the farthest corner of the image",
             || {
-                let large = |i: usize| Row {
+                let large = |i: usize| Gaussian {
                     center: [i as f32 - 2.0, 0.5 * i as f32, 3.0 + i as f32],
                     opacity: [1.0, 0.2, 0.6][i % 3],
                     color: [0.1 + 0.2 * i as f32, 0.9 - 0.2 * i as f32, 0.5],
-                    ..Row::default()
+                    ..Gaussian::default()
                 };
-                let rows: Vec<Row> = (0..5).map(|i| large(i).sized([100.0, 30.0, 8.0])).collect();
-                Scene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                let rows: Vec<Gaussian> = (0..5).map(|i| large(i).sized([100.0, 30.0, 8.0])).collect();
+                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
             },
         ),
         case(GROUP, "quaternions almost of length 1", 1.5, "normalised when packed", || {
-            Scene::new(turned_by([1.0004, 0.9997]), at(&T))
+            StabilityScene::new(turned_by([1.0004, 0.9997]), at(&T))
         }),
         case(GROUP, "quaternions of any length", 1.5, "normalised when packed", || {
-            Scene::new(turned_by([3.0, 0.2]), at(&T)).refused("column rotations")
+            StabilityScene::new(turned_by([3.0, 0.2]), at(&T)).refused("column rotations")
         }),
         case(GROUP, "quaternions that are zero or not finite", 1.5, "packed as no rotation", || {
             let with = |rotations: [[f32; 4]; 3]| {
-                let row = |i: usize| Row {
+                let row = |i: usize| Gaussian {
                     center: [i as f32 - 1.0, 0.0, 0.0],
                     rotation: rotations[i],
-                    ..Row::default()
+                    ..Gaussian::default()
                 };
                 field(&[0, 1, 2].map(|i| row(i).sized([0.3, 0.1, 0.1])))
             };
             let broken = [[0.0; 4], [f32::NAN; 4], [f32::INFINITY, 0.0, -1.0, 0.0]];
             let meant = with([[1.0, 0.0, 0.0, 0.0]; 3]);
-            Scene::new(with(broken), at(&T)).meant(meant).refused("column rotations")
+            StabilityScene::new(with(broken), at(&T)).meant(meant).refused("column rotations")
         }),
         case(
             GROUP,
@@ -204,43 +210,43 @@ pub(super) fn cases() -> Vec<Case> {
                 let mut field = field(&still_crowd(20));
                 field.sh[3] = [1e30, 0.0, -1e30];
                 field.sh[4] = [1e30; 3];
-                Scene::new(field, at(&T)).refused("column sh")
+                StabilityScene::new(field, at(&T)).refused("column sh")
             },
         ),
     ]
 }
 
 /// A Gaussian that the usual camera sees at `p`, in its own axes.
-fn ahead(p: [f32; 3], scales: [f32; 3]) -> Row {
+fn ahead(p: [f32; 3], scales: [f32; 3]) -> Gaussian {
     let center = [p[0], p[1], (f64::from(p[2]) - DISTANCE) as f32];
-    Row { center, opacity: 0.5, ..Row::default() }.sized(scales)
+    Gaussian { center, opacity: 0.5, ..Gaussian::default() }.sized(scales)
 }
 
 /// Needles along x, y and z, and a disc, turned by `rotations`.
-fn needles(rotations: [[f32; 4]; 4], length: f32, width: f32) -> Scene {
+fn needles(rotations: [[f32; 4]; 4], length: f32, width: f32) -> StabilityScene {
     let sizes =
         [[length, width, width], [width, length, width], [width, width, length], [length, length, width]];
-    let row = |i: usize| Row {
+    let row = |i: usize| Gaussian {
         center: [0.1 * i as f32 - 0.15, 0.05 * i as f32, 0.3 * i as f32 - 0.4],
         rotation: rotations[i],
         opacity: 0.6,
-        ..Row::default()
+        ..Gaussian::default()
     };
-    Scene::new(field(&[0, 1, 2, 3].map(|i| row(i).sized(sizes[i]))), at(&T))
+    StabilityScene::new(field(&[0, 1, 2, 3].map(|i| row(i).sized(sizes[i]))), at(&T))
 }
 
 /// The crowd `distance` from the origin along all axes.
-fn moved(distance: f32) -> Vec<Row> {
+fn moved(distance: f32) -> Vec<Gaussian> {
     let mut rows = crowd(60);
     rows.iter_mut().for_each(|row| row.center = row.center.map(|x| x + distance));
     rows
 }
 
-fn from_the_origin(distance: f32) -> Scene {
+fn from_the_origin(distance: f32) -> StabilityScene {
     let d = f64::from(distance);
     let shots = [[0.1, 0.0, -4.0], [2.3, -1.0, -2.9]]
-        .map(|eye: [f64; 3]| Shot { camera: look(eye.map(|x| x + d), [d; 3]), t: 0.4 });
-    Scene::new(field(&moved(distance)), shots.to_vec())
+        .map(|eye: [f64; 3]| PosedView { camera: look(eye.map(|x| x + d), [d; 3]), t: 0.4 });
+    StabilityScene::new(field(&moved(distance)), shots.to_vec())
 }
 
 /// Usual Gaussians with quaternions of these lengths in turn.

@@ -1,8 +1,8 @@
 //! Stiff in time: windows from a millionth to a million of the clip, centres outside it, movements
 //! that overflow or cancel.
 
-use super::rows::{Row, crowd, field};
-use super::{Case, Scene, at, case};
+use super::case::{StabilityCase, StabilityScene, at, case};
+use super::gaussians::{Gaussian, crowd, field};
 
 const GROUP: &str = "stiff in time";
 
@@ -16,7 +16,7 @@ fn place(i: usize) -> [f32; 3] {
     [0.55 * (i % 5) as f32 - 1.1, 0.55 * (i / 5) as f32 - 0.8, 0.0]
 }
 
-pub(super) fn cases() -> Vec<Case> {
+pub(super) fn cases() -> Vec<StabilityCase> {
     vec![
         case(
             GROUP,
@@ -24,15 +24,20 @@ pub(super) fn cases() -> Vec<Case> {
             2.0,
             "time in two f32; records about an instant in the window, 1/s in f16 with a unit of its own",
             || {
-                let row = |(i, s)| Row { center: place(i), tau: 0.5 + 0.013 * i as f32, s, ..Row::default() };
-                let rows: Vec<Row> =
+                let row = |(i, s)| Gaussian {
+                    center: place(i),
+                    tau: 0.5 + 0.013 * i as f32,
+                    s,
+                    ..Gaussian::default()
+                };
+                let rows: Vec<Gaussian> =
                     widths().enumerate().map(|(i, s)| row((i, s)).sized([0.12; 3])).collect();
-                let around = |row: &Row| {
+                let around = |row: &Gaussian| {
                     let (tau, s) = (f64::from(row.tau), f64::from(row.s));
                     [-2.5, -1.0, 0.0, 0.7, 2.0].map(|z| (tau + z * s).clamp(0.0, 1.0))
                 };
                 let instants: Vec<f64> = rows.iter().flat_map(around).collect();
-                Scene::new(field(&rows), at(&instants))
+                StabilityScene::new(field(&rows), at(&instants))
             },
         ),
         case(
@@ -41,28 +46,31 @@ pub(super) fn cases() -> Vec<Case> {
             2.0,
             "narrower than 5e-7 of the clip: shown at its instant and gone beside it, not faded",
             || {
-                let rows = [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Row { s, ..Row::default() });
+                let rows =
+                    [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Gaussian { s, ..Gaussian::default() });
                 // At one of the records' instants, and between two.
                 let tau = [0.5f32, 0.3];
-                let rows = tau.into_iter().flat_map(|tau| rows.map(|row| Row { tau, ..row }));
-                let rows: Vec<Row> =
-                    (0..).zip(rows).map(|(i, row)| Row { center: place(i), ..row }).collect();
+                let rows = tau.into_iter().flat_map(|tau| rows.map(|row| Gaussian { tau, ..row }));
+                let rows: Vec<Gaussian> =
+                    (0..).zip(rows).map(|(i, row)| Gaussian { center: place(i), ..row }).collect();
                 let between = f64::from(tau[1]);
                 let instants = [0.5, 0.5 + 1e-6, 0.5 - 1e-6, 0.2, between, between + 1e-6, between - 1e-6];
-                Scene::new(field(&[rows, crowd(20)].concat()), at(&instants))
+                StabilityScene::new(field(&[rows, crowd(20)].concat()), at(&instants))
                     .untried("coders move a window by more than such a one is wide")
             },
         ),
-        case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || Scene {
-            blank: true,
-            ..Scene::new(between_frames(), at(&FRAMES.map(|k| k / 30.0)))
+        case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || {
+            StabilityScene {
+                blank: true,
+                ..StabilityScene::new(between_frames(), at(&FRAMES.map(|k| k / 30.0)))
+            }
         }),
         case(
             GROUP,
             "windows between two frames, between them",
             1.5,
             "the time index finds them at any instant",
-            || Scene::new(between_frames(), at(&FRAMES.map(|k| (k + 0.5) / 30.0))),
+            || StabilityScene::new(between_frames(), at(&FRAMES.map(|k| (k + 0.5) / 30.0))),
         ),
         case(
             GROUP,
@@ -77,12 +85,12 @@ pub(super) fn cases() -> Vec<Case> {
                     let v = [0.9, -0.4, 0.6];
                     let start: [f32; 3] = std::array::from_fn(|axis| center[axis] - v[axis] * at);
                     let motion = [v, [0.0; 3], [0.0; 3]];
-                    Row { center: start, tau, s, motion, ..Row::default() }.sized([0.2; 3])
+                    Gaussian { center: start, tau, s, motion, ..Gaussian::default() }.sized([0.2; 3])
                 };
                 let windows =
                     [(-3.0, 1.2), (-0.4, 0.2), (1.3, 0.15), (5.0, 2.0), (-40.0, 15.0), (900.0, 400.0)];
-                let rows: Vec<Row> = windows.into_iter().enumerate().map(row).collect();
-                Scene::new(field(&[rows, crowd(20)].concat()), at(&[0.0, 0.1, 0.5, 0.9, 1.0]))
+                let rows: Vec<Gaussian> = windows.into_iter().enumerate().map(row).collect();
+                StabilityScene::new(field(&[rows, crowd(20)].concat()), at(&[0.0, 0.1, 0.5, 0.9, 1.0]))
             },
         ),
         case(
@@ -93,7 +101,7 @@ pub(super) fn cases() -> Vec<Case> {
             || {
                 let instants = [0.0, -1e-9, -1.0, -1e300, 1.0, 1.0 + 1e-9, 2.0];
                 let others = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
-                Scene::new(field(&crowd(80)), at(&[&instants[..], &others].concat()))
+                StabilityScene::new(field(&crowd(80)), at(&[&instants[..], &others].concat()))
             },
         ),
         case(
@@ -117,9 +125,10 @@ pub(super) fn cases() -> Vec<Case> {
             "only rows that are alive reach the GPU; what is not a number on the CPU is not in sight",
             || {
                 let motion = [[f32::MAX, -f32::MAX, f32::MAX]; 3];
-                let row = Row { tau: 0.25, s: 1e-12, motion, ..Row::default() };
+                let row = Gaussian { tau: 0.25, s: 1e-12, motion, ..Gaussian::default() };
                 let instants = at(&[0.25, 0.0, 0.3, 1.0]);
-                Scene::new(field(&[vec![row], crowd(20)].concat()), instants).refused("column motion")
+                StabilityScene::new(field(&[vec![row], crowd(20)].concat()), instants)
+                    .refused("column motion")
             },
         ),
         case(
@@ -134,17 +143,17 @@ pub(super) fn cases() -> Vec<Case> {
                     let place = place(i + 5);
                     let start = a + 2.0 * a * a - 3.0 * a * a * a;
                     let v = [1.0 + 4.0 * a - 9.0 * a * a, 2.0 - 9.0 * a, -3.0];
-                    Row {
+                    Gaussian {
                         center: place.map(|x| (f64::from(x) + start) as f32),
                         tau: tau as f32,
                         s: (0.5 * a.abs()) as f32,
                         motion: v.map(|v| [v as f32; 3]),
-                        ..Row::default()
+                        ..Gaussian::default()
                     }
                     .sized([0.2; 3])
                 };
-                let rows: Vec<Row> = [-9.5, -31.5, -99.5].into_iter().enumerate().map(row).collect();
-                Scene::new(field(&[rows, crowd(20)].concat()), at(&[0.0, 0.3, 0.5, 0.7, 1.0]))
+                let rows: Vec<Gaussian> = [-9.5, -31.5, -99.5].into_iter().enumerate().map(row).collect();
+                StabilityScene::new(field(&[rows, crowd(20)].concat()), at(&[0.0, 0.3, 0.5, 0.7, 1.0]))
                     .untried("rounding the centre moves it out of sight")
             },
         ),
@@ -169,7 +178,8 @@ pub(super) fn cases() -> Vec<Case> {
             "turned in f64 to the record's instant; rates are cut to 2^24 per width",
             || {
                 let turning = |i: usize, s: f32, rotation: [f32; 4], rate: [f32; 4]| {
-                    Row { center: place(i), s, rotation, rate, ..Row::default() }.sized([0.25, 0.05, 0.1])
+                    Gaussian { center: place(i), s, rotation, rate, ..Gaussian::default() }
+                        .sized([0.25, 0.05, 0.1])
                 };
                 let unit = [1.0, 0.0, 0.0, 0.0];
                 let rows = vec![
@@ -180,7 +190,7 @@ pub(super) fn cases() -> Vec<Case> {
                     turning(8, 1.0, [0.6, 0.0, 0.0, 0.8], [-2.4, 0.0, 0.0, -3.2]),
                 ];
                 let rows = [rows, crowd(20)].concat();
-                Scene::new(field(&rows), at(&[0.5, 0.50005, 0.6, 0.25, 0.9]))
+                StabilityScene::new(field(&rows), at(&[0.5, 0.50005, 0.6, 0.25, 0.9]))
                     .untried("1e9 is beside all else")
             },
         ),
@@ -193,28 +203,28 @@ const FRAMES: [f64; 4] = [0.0, 7.0, 14.0, 29.0];
 /// Windows of a clip of 30 frames that are open only between two of them.
 fn between_frames() -> codec::Field {
     let row = |k: usize| {
-        Row { center: place(k % 20), tau: (k as f32 + 0.5) / 30.0, s: 0.002, ..Row::default() }
+        Gaussian { center: place(k % 20), tau: (k as f32 + 0.5) / 30.0, s: 0.002, ..Gaussian::default() }
             .sized([0.2; 3])
     };
     field(&(0..30).map(row).collect::<Vec<_>>())
 }
 
 /// A jerk that moves a Gaussian by some of its sizes within its window and far away outside.
-fn jerk(v3: f32, s: f32) -> Scene {
+fn jerk(v3: f32, s: f32) -> StabilityScene {
     let motion = [[0.0; 3], [0.0; 3], [v3, -0.5 * v3, 0.0]];
-    let row = Row { s, motion, ..Row::default() };
+    let row = Gaussian { s, motion, ..Gaussian::default() };
     let widths = [-2.0, -1.0, -0.5, 0.0, 0.4, 0.8];
     let mut instants: Vec<f64> = widths.map(|z| 0.5 + z * f64::from(s) * 0.4).to_vec();
     instants.extend([0.0, 0.2, 1.0]);
-    Scene::new(field(&[vec![row], crowd(20)].concat()), at(&instants))
+    StabilityScene::new(field(&[vec![row], crowd(20)].concat()), at(&instants))
 }
 
 /// Small Gaussians with very short windows, centred where `tau` puts each part of them.
-fn short_windows(tau: impl Fn(f32) -> f32) -> Scene {
+fn short_windows(tau: impl Fn(f32) -> f32) -> StabilityScene {
     const COUNT: usize = 5000;
     let mut rows = crowd(COUNT);
     for (i, row) in rows.iter_mut().enumerate() {
-        *row = Row {
+        *row = Gaussian {
             tau: tau((i as f32 + 0.5) / COUNT as f32),
             s: 1e-4,
             motion: [[0.0; 3]; 3],
@@ -223,5 +233,5 @@ fn short_windows(tau: impl Fn(f32) -> f32) -> Scene {
         }
         .sized([0.04; 3]);
     }
-    Scene::new(field(&rows), at(&[0.5, 0.50012, 0.4999, 0.2501]))
+    StabilityScene::new(field(&rows), at(&[0.5, 0.50012, 0.4999, 0.2501]))
 }

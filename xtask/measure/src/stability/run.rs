@@ -3,15 +3,17 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::result::CaseResult;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
 use refine::reference::{self, Order, render};
-use studio::report::stability::Row;
 
-use super::{Case, Coding, Measure, Scene, Shot, field_of};
-use crate::gpu::Drawing;
+use refine::prune::PosedView;
+
+use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, field_of};
+use crate::device::Drawing;
 use crate::scene::info;
 
 /// Seconds that drawing a case may take, on any device: what takes longer hangs.
@@ -29,27 +31,22 @@ const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
 /// Largest alpha that counts as something to see, in 255ths.
 const SHOWS: f64 = 10.0;
 
-/// What drawing takes: time, and memory of the program's own heap.
-pub struct Meter {
-    heap: &'static PeakAlloc,
+/// Seconds and bytes that drawing takes.
+#[derive(Default)]
+struct Meter {
     seconds: f64,
     heap_bytes: usize,
     gpu_bytes: u64,
 }
 
 impl Meter {
-    /// A meter that reads `heap`, the program's allocator.
-    pub fn new(heap: &'static PeakAlloc) -> Meter {
-        Meter { heap, seconds: 0.0, heap_bytes: 0, gpu_bytes: 0 }
-    }
-
     /// Counts what `draw` takes: its time on top of what there is, its memory as a peak.
     fn count<T>(&mut self, draw: impl FnOnce() -> T) -> T {
-        self.heap.reset_peak_usage();
-        let (before, start) = (self.heap.current_usage(), Instant::now());
+        PeakAlloc.reset_peak_usage();
+        let (before, start) = (PeakAlloc.current_usage(), Instant::now());
         let drawn = draw();
         self.seconds += start.elapsed().as_secs_f64();
-        self.heap_bytes = self.heap_bytes.max(self.heap.peak_usage().saturating_sub(before));
+        self.heap_bytes = self.heap_bytes.max(PeakAlloc.peak_usage().saturating_sub(before));
         drawn
     }
 
@@ -59,13 +56,16 @@ impl Meter {
 }
 
 /// Measures `case` on `gpu`.
-pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
+///
+/// Heap bytes are counted only in programs whose global allocator is [`PeakAlloc`].
+pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
+    let mut meter = Meter::default();
     let scene = (case.scene)();
     let mut measured = measure(case.measure, &scene, &scene.clip, gpu, &mut meter);
     let mut packaged = 0.0;
     let coded = match scene.coding {
-        Coding::Untried(reason) => format!("not tried: {reason}"),
-        Coding::Refused(words) => match (packages(&scene), &measured) {
+        PackageExpectation::Untried(reason) => format!("not tried: {reason}"),
+        PackageExpectation::Refused(words) => match (packages(&scene), &measured) {
             (Err(message), _) if message.contains(words) => format!("refused: {message}"),
             (Err(message), _) => {
                 measured = Err(format!("the encoder does not speak of {words:?}: {message}"));
@@ -76,9 +76,9 @@ pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
                 "taken".into()
             }
         },
-        Coding::Taken => {
+        PackageExpectation::Taken => {
             let drawn = packages(&scene).and_then(|clips| {
-                let of = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::new(meter.heap));
+                let of = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::default());
                 clips.iter().map(of).collect::<Result<Vec<f64>, String>>()
             });
             match drawn {
@@ -109,7 +109,7 @@ pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
         }
         Ok(_) => None,
     };
-    Row {
+    CaseResult {
         group: case.group.into(),
         case: case.name.clone(),
         outcome: if problem.is_none() { "holds" } else { "fails" }.into(),
@@ -127,7 +127,7 @@ pub fn run(case: &Case, gpu: &Gpu, mut meter: Meter) -> Row {
 }
 
 /// The scene, packaged by each coder and decoded.
-fn packages(scene: &Scene) -> Result<Vec<Clip>, String> {
+fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
     let package = |coder| {
         let options = EncodeOptions { coder, ..EncodeOptions::default() };
         let source = Source { info: &info(), field: field_of(&scene.clip), plate: None };
@@ -139,8 +139,8 @@ fn packages(scene: &Scene) -> Result<Vec<Clip>, String> {
 
 /// The deviation of the pictures of `clip`, which is that of the scene or a package of it.
 fn measure(
-    measure: Measure,
-    scene: &Scene,
+    measure: DeviationKind,
+    scene: &StabilityScene,
     clip: &Clip,
     gpu: &Gpu,
     meter: &mut Meter,
@@ -161,10 +161,10 @@ fn measure(
         let image = images.pop().ok_or("no picture")?;
         check_bounded(&image).map_err(|what| format!("at {}: {what}", shot.t))?;
         let deviation = match measure {
-            Measure::Largest => difference(&image, &expected(scene, clip, shot), f64::max),
-            Measure::Mean => root_mean_square(&image, &expected(scene, clip, shot)),
-            Measure::Change => before.map_or(0.0, |before| difference(&image, &before, f64::max)),
-            Measure::Place => off_its_place(&image, clip, shot),
+            DeviationKind::Largest => difference(&image, &expected(scene, clip, shot), f64::max),
+            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, shot)),
+            DeviationKind::Change => before.map_or(0.0, |before| difference(&image, &before, f64::max)),
+            DeviationKind::Place => off_its_place(&image, clip, shot),
         };
         shows |= image.pixels.iter().any(|pixel| 255.0 * pixel[3] > SHOWS);
         if deviation.is_nan() {
@@ -180,7 +180,7 @@ fn measure(
 }
 
 /// What the reference draws. Before and after the clip, it is as at its ends.
-fn expected(scene: &Scene, clip: &Clip, shot: &Shot) -> Image {
+fn expected(scene: &StabilityScene, clip: &Clip, shot: &PosedView) -> Image {
     let order = match scene.sort {
         SortOrder::Depth => Order::Depth,
         SortOrder::Radial => Order::Radial,
@@ -215,7 +215,7 @@ fn root_mean_square(a: &Image, b: &Image) -> f64 {
 }
 
 /// Distance in pixels of the centroid of alpha from where the equation puts the only Gaussian.
-fn off_its_place(image: &Image, clip: &Clip, shot: &Shot) -> f64 {
+fn off_its_place(image: &Image, clip: &Clip, shot: &PosedView) -> f64 {
     let [mut sum, mut x, mut y] = [0.0; 3];
     for (i, pixel) in (0u32..).zip(&image.pixels) {
         sum += pixel[3];

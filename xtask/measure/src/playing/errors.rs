@@ -1,10 +1,10 @@
 //! How far pictures are from those of the reference.
 
+use crate::parameter::ImageErrors;
 use codec::Camera;
 use glam::{DMat3, DVec2, DVec3};
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
-use studio::report::knob::Errors;
 
 /// Width and height in pixels of the tiles of which the worst is told.
 const TILE: u32 = 32;
@@ -21,12 +21,12 @@ pub(super) struct Expected {
 
 impl Expected {
     /// The errors of as many pictures of the same sizes.
-    pub(super) fn errors(&self, pictures: &[Image], turn: &[Image]) -> Errors {
+    pub(super) fn errors(&self, pictures: &[Image], turn: &[Image]) -> ImageErrors {
         let pairs = || self.pictures.iter().zip(pictures);
         let squares: f64 = pairs().map(|(a, b)| a.squared_error(b)).sum();
         let pixels: usize = self.pictures.iter().map(|image| image.pixels.len()).sum();
         let worst = pairs().map(|(a, b)| worst_tile(a, b)).fold(f64::INFINITY, f64::min);
-        Errors {
+        ImageErrors {
             psnr_db: Some(psnr(squares, pixels)).filter(|db| db.is_finite()),
             ssim: Some(pairs().map(|(a, b)| ssim(a, b)).sum::<f64>() / pictures.len() as f64),
             worst_tile_db: Some(worst).filter(|db| db.is_finite()),

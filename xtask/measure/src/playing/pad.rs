@@ -2,7 +2,6 @@
 //! needs it.
 
 use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
-use studio::export::merged;
 
 /// The clip with columns for view-dependent colour up to `degree`, of zeros.
 pub(super) fn with_sh_degree(clip: &Clip, degree: u8) -> Clip {
@@ -59,7 +58,7 @@ pub(super) fn with_temporal(mut field: Field) -> Field {
 
 /// The clip with its motionless Gaussians among the others, and without a time index.
 pub(super) fn all_moving(clip: &Clip) -> Clip {
-    let moving = with_temporal(merged(clip));
+    let moving = with_temporal(clip.merged());
     let rows = moving.len();
     Clip {
         static_field: Field { sh_degree: clip.static_field.sh_degree, ..Field::default() },

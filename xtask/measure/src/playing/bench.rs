@@ -7,6 +7,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::parameter::ImageErrors;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::{EYE_DISTANCE_M, View};
 use codec::{Clip, Field};
@@ -18,12 +19,12 @@ use refine::image::Image;
 use refine::prune::PosedView;
 use shaders::CORNERS;
 use shaders::layout::Ranges;
-use studio::report::knob::Errors;
 
 use super::errors::Expected;
+use super::measured::{FrameTiming, Inspection};
 use super::reduce;
-use super::shots::Shots;
-use crate::gpu::{Passes, device};
+use super::views::ViewSet;
+use crate::device::{Passes, device};
 
 /// How often each picture is timed.
 pub(super) const ROUNDS: usize = 7;
@@ -33,7 +34,7 @@ pub(super) struct Variant {
     /// What it is called.
     pub(super) name: String,
     /// What is drawn.
-    pub(super) content: Content,
+    pub(super) content: VariantContent,
     /// How.
     pub(super) settings: RenderSettings,
     /// The size that is drawn, if another than that of the pictures.
@@ -41,25 +42,25 @@ pub(super) struct Variant {
     /// Bits per channel.
     pub(super) depth: ChannelDepth,
     /// For how many eyes.
-    pub(super) eyes: Eyes,
+    pub(super) eyes: EyeMode,
 }
 
 impl Default for Variant {
     fn default() -> Variant {
         Variant {
             name: String::new(),
-            content: Content::default(),
+            content: VariantContent::default(),
             settings: RenderSettings::default(),
             size: None,
             depth: ChannelDepth::Sixteen,
-            eyes: Eyes::default(),
+            eyes: EyeMode::default(),
         }
     }
 }
 
 /// What a variant draws.
 #[derive(Default)]
-pub(super) enum Content {
+pub(super) enum VariantContent {
     /// The clip.
     #[default]
     Whole,
@@ -71,7 +72,7 @@ pub(super) enum Content {
 
 /// For how many eyes a variant draws.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(super) enum Eyes {
+pub(super) enum EyeMode {
     #[default]
     One,
     /// Two in one pass, where the device can.
@@ -80,34 +81,14 @@ pub(super) enum Eyes {
     TwoInTurn,
 }
 
-/// What was seen and counted of a variant.
-pub(super) struct Looked {
-    pub(super) errors: Errors,
-    /// Means of a picture.
-    pub(super) counts: BTreeMap<String, f64>,
-    /// The pictures; of two eyes there are none.
-    pub(super) images: Vec<Image>,
-    /// Those of the turning head.
-    pub(super) turn: Vec<Image>,
-}
-
-/// Milliseconds of a frame, the mean of all pictures.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sample {
-    pub(super) frame_ms: f64,
-    pub(super) alive_ms: f64,
-    pub(super) sort_ms: f64,
-    pub(super) draw_ms: f64,
-}
-
 /// Draws variants.
 pub(super) struct Bench<'a> {
     gpu: &'static Gpu,
     clip: &'a Clip,
     size: UVec2,
-    shots: &'a Shots,
-    /// What each variant that was looked at is drawn with.
-    placed: Vec<Placed>,
+    views: &'a ViewSet,
+    /// The setup of each inspected variant.
+    placed: Vec<VariantSetups>,
     /// The clip in the memory of each device that draws it whole.
     wholes: Vec<(&'static Gpu, Arc<GpuClip>)>,
     /// What is drawn into.
@@ -124,14 +105,14 @@ struct Canvas {
 }
 
 /// What a variant is drawn with.
-struct Placed {
+struct VariantSetups {
     settings: RenderSettings,
     /// One for all pictures, or one for each.
-    stands: Vec<Stand>,
+    setups: Vec<DrawSetup>,
 }
 
 /// A clip, ready to be drawn.
-struct Stand {
+struct DrawSetup {
     gpu: &'static Gpu,
     renderer: Renderer,
     target: Rc<Offscreen>,
@@ -143,77 +124,78 @@ struct Stand {
 }
 
 impl<'a> Bench<'a> {
-    pub(super) fn new(gpu: &'static Gpu, clip: &'a Clip, size: UVec2, shots: &'a Shots) -> Bench<'a> {
-        Bench { gpu, clip, size, shots, placed: Vec::new(), wholes: Vec::new(), canvases: Vec::new() }
+    pub(super) fn new(gpu: &'static Gpu, clip: &'a Clip, size: UVec2, views: &'a ViewSet) -> Bench<'a> {
+        Bench { gpu, clip, size, views, placed: Vec::new(), wholes: Vec::new(), canvases: Vec::new() }
     }
 
-    /// Draws a variant for the first time, looks at it and counts.
-    pub(super) fn look(&mut self, variant: &Variant, expected: &Expected) -> Result<Looked, Fault> {
-        let mut stands = match variant.content {
-            Content::Alive(_) => {
-                let shots = self.shots.pictures.iter();
-                shots.map(|shot| self.stand(variant, shot.t)).collect::<Result<_, _>>()?
+    /// Draws a variant for the first time, compares its pictures and counts its work.
+    pub(super) fn inspect(&mut self, variant: &Variant, expected: &Expected) -> Result<Inspection, Fault> {
+        let mut setups = match variant.content {
+            VariantContent::Alive(_) => {
+                let views = self.views.pictures.iter();
+                views.map(|shot| self.setup(variant, shot.t)).collect::<Result<_, _>>()?
             }
-            Content::Whole | Content::Other(_) => vec![self.stand(variant, 0.0)?],
+            VariantContent::Whole | VariantContent::Other(_) => vec![self.setup(variant, 0.0)?],
         };
         let (mut images, mut counts) = (Vec::new(), BTreeMap::new());
-        for (i, shot) in self.shots.pictures.iter().enumerate() {
-            let stand = of_shot(&mut stands, i);
-            images.push(stand.image(shot, &variant.settings, self.size)?);
-            for (name, count) in stand.counts(shot, &variant.settings)? {
-                *counts.entry(name.to_owned()).or_default() += count / self.shots.pictures.len() as f64;
+        for (i, shot) in self.views.pictures.iter().enumerate() {
+            let setup = of_view(&mut setups, i);
+            images.push(setup.image(shot, &variant.settings, self.size)?);
+            for (name, count) in setup.counts(shot, &variant.settings)? {
+                *counts.entry(name.to_owned()).or_default() += count / self.views.pictures.len() as f64;
             }
         }
-        let mut looked = Looked { errors: Errors::default(), counts, images: Vec::new(), turn: Vec::new() };
-        if variant.eyes == Eyes::One {
-            for shot in &self.shots.turn {
+        let mut inspection =
+            Inspection { errors: ImageErrors::default(), counts, images: Vec::new(), turn: Vec::new() };
+        if variant.eyes == EyeMode::One {
+            for shot in &self.views.turn {
                 let mut own = match variant.content {
-                    Content::Alive(_) => Some(self.stand(variant, shot.t)?),
-                    Content::Whole | Content::Other(_) => None,
+                    VariantContent::Alive(_) => Some(self.setup(variant, shot.t)?),
+                    VariantContent::Whole | VariantContent::Other(_) => None,
                 };
-                let stand = own.as_mut().unwrap_or(&mut stands[0]);
-                looked.turn.push(stand.image(shot, &variant.settings, self.size)?);
+                let setup = own.as_mut().unwrap_or(&mut setups[0]);
+                inspection.turn.push(setup.image(shot, &variant.settings, self.size)?);
             }
-            looked.errors = expected.errors(&images, &looked.turn);
-            looked.images = images;
+            inspection.errors = expected.errors(&images, &inspection.turn);
+            inspection.images = images;
         }
-        self.placed.push(Placed { settings: variant.settings, stands });
-        Ok(looked)
+        self.placed.push(VariantSetups { settings: variant.settings, setups });
+        Ok(inspection)
     }
 
-    /// Draws all pictures of variant `i`, in the order in which they were looked at.
-    pub(super) fn time(&mut self, i: usize) -> Result<Sample, Fault> {
-        let Placed { settings, stands } = &mut self.placed[i];
-        let mut mean = Sample::default();
-        for (i, shot) in self.shots.pictures.iter().enumerate() {
-            let sample = of_shot(stands, i).time(shot, settings)?;
-            let part = |value: f64| value / self.shots.pictures.len() as f64;
-            mean.frame_ms += part(sample.frame_ms);
-            mean.alive_ms += part(sample.alive_ms);
-            mean.sort_ms += part(sample.sort_ms);
-            mean.draw_ms += part(sample.draw_ms);
+    /// Draws all pictures of variant `i`, in the order of [`Bench::inspect`].
+    pub(super) fn time(&mut self, i: usize) -> Result<FrameTiming, Fault> {
+        let VariantSetups { settings, setups } = &mut self.placed[i];
+        let mut mean = FrameTiming::default();
+        for (i, shot) in self.views.pictures.iter().enumerate() {
+            let sample = of_view(setups, i).time(shot, settings)?;
+            let share = |value: f64| value / self.views.pictures.len() as f64;
+            mean.frame_ms += share(sample.frame_ms);
+            mean.alive_ms += share(sample.alive_ms);
+            mean.sort_ms += share(sample.sort_ms);
+            mean.draw_ms += share(sample.draw_ms);
         }
         Ok(mean)
     }
 
     /// What `variant` is drawn with at clip time `t`.
-    fn stand(&mut self, variant: &Variant, t: f64) -> Result<Stand, Fault> {
+    fn setup(&mut self, variant: &Variant, t: f64) -> Result<DrawSetup, Fault> {
         let gpu = match variant.eyes {
-            Eyes::TwoInTurn => device(Passes::PerEye)?,
-            Eyes::One | Eyes::TwoAtOnce => self.gpu,
+            EyeMode::TwoInTurn => device(Passes::PerEye)?,
+            EyeMode::One | EyeMode::TwoAtOnce => self.gpu,
         };
         let rows = |clip: &Clip| clip.len() + clip.plate.as_ref().map_or(0, Field::len);
         let upload = |clip: &Clip| GpuClip::upload(gpu, clip).map(|on_gpu| (Arc::new(on_gpu), rows(clip)));
         let (clip, rows) = match &variant.content {
-            Content::Whole => (self.whole(gpu)?, rows(self.clip)),
-            Content::Other(clip) => upload(clip)?,
-            Content::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
+            VariantContent::Whole => (self.whole(gpu)?, rows(self.clip)),
+            VariantContent::Other(clip) => upload(clip)?,
+            VariantContent::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
         };
         let depth = variant.depth;
-        let apart = (variant.eyes != Eyes::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
+        let apart = (variant.eyes != EyeMode::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
         let eyes = 1 + usize::from(apart.is_some());
         let size = variant.size.unwrap_or(self.size);
-        Ok(Stand {
+        Ok(DrawSetup {
             gpu,
             renderer: Renderer::new(gpu, clip, depth.format(), eyes)?,
             target: self.target(gpu, size, depth, eyes)?,
@@ -253,12 +235,12 @@ impl<'a> Bench<'a> {
     }
 }
 
-fn of_shot(stands: &mut [Stand], shot: usize) -> &mut Stand {
-    let last = stands.len() - 1;
-    &mut stands[shot.min(last)]
+fn of_view(setups: &mut [DrawSetup], shot: usize) -> &mut DrawSetup {
+    let last = setups.len() - 1;
+    &mut setups[shot.min(last)]
 }
 
-impl Stand {
+impl DrawSetup {
     fn views(&self, shot: &PosedView) -> Vec<View> {
         let view = View::from_camera(&shot.camera);
         let scale = self.size.as_vec2() / view.size.as_vec2();
@@ -313,13 +295,13 @@ impl Stand {
         size_of::<u32>() as f64 + (clip.bytes() as f64 - ranges) / self.rows.max(1) as f64
     }
 
-    fn time(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<Sample, Fault> {
+    fn time(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<FrameTiming, Fault> {
         let views = self.views(shot);
         let start = Instant::now();
         let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         let (alive_ms, sort_ms) = (counts.alive_ms, counts.sort_ms);
         let draw_ms = self.renderer.gpu_ms().unwrap_or(frame_ms - alive_ms - sort_ms);
-        Ok(Sample { frame_ms, alive_ms, sort_ms, draw_ms })
+        Ok(FrameTiming { frame_ms, alive_ms, sort_ms, draw_ms })
     }
 }

@@ -1,11 +1,11 @@
-//! [`Row`]: one Gaussian, and fields made of them.
+//! [`Gaussian`]: one Gaussian, and fields made of them.
 
 use codec::{Field, Temporal};
 use fastrand::Rng;
 
 /// A Gaussian; the default is a still ball in the middle of the usual picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct Gaussian {
     pub(super) center: [f32; 3],
     pub(super) rotation: [f32; 4],
     /// Natural logarithms of the standard deviations.
@@ -18,9 +18,9 @@ pub(super) struct Row {
     pub(super) rate: [f32; 4],
 }
 
-impl Default for Row {
-    fn default() -> Row {
-        Row {
+impl Default for Gaussian {
+    fn default() -> Gaussian {
+        Gaussian {
             center: [0.0; 3],
             rotation: [1.0, 0.0, 0.0, 0.0],
             log_scales: [0.3f32.ln(); 3],
@@ -34,15 +34,15 @@ impl Default for Row {
     }
 }
 
-impl Row {
+impl Gaussian {
     /// The same with these standard deviations.
-    pub(super) fn sized(self, scales: [f32; 3]) -> Row {
-        Row { log_scales: scales.map(f32::ln), ..self }
+    pub(super) fn sized(self, scales: [f32; 3]) -> Gaussian {
+        Gaussian { log_scales: scales.map(f32::ln), ..self }
     }
 }
 
 /// The field of `rows`, with temporal columns only where they say something.
-pub(super) fn field(rows: &[Row]) -> Field {
+pub(super) fn field(rows: &[Gaussian]) -> Field {
     let y0 = 0.5 / std::f32::consts::PI.sqrt();
     let order = (1..=3).rev().find(|&power| rows.iter().any(|row| row.motion[power - 1] != [0.0; 3]));
     let order = order.unwrap_or(0);
@@ -68,14 +68,14 @@ pub(super) fn field(rows: &[Row]) -> Field {
 
 /// Usual Gaussians around the origin, some of them moving: whatever stands among them must leave
 /// them as they are.
-pub(super) fn crowd(count: usize) -> Vec<Row> {
+pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
     let mut rng = Rng::with_seed(5);
     let mut spread = move |reach: f32| (2.0 * rng.f32() - 1.0) * reach;
     let row = |i: usize| {
         let mut vector = |reach: f32| [0; 3].map(|_| spread(reach));
         let (center, size, color) = (vector(1.2), vector(0.8), vector(0.45));
         let still = i.is_multiple_of(3);
-        Row {
+        Gaussian {
             center,
             rotation: normalized([0; 4].map(|_| vector(1.0)[0])),
             log_scales: size.map(|x| x - 2.4),
@@ -91,8 +91,8 @@ pub(super) fn crowd(count: usize) -> Vec<Row> {
 }
 
 /// The same without any change over time.
-pub(super) fn still_crowd(count: usize) -> Vec<Row> {
-    let still = |row| Row { s: f32::INFINITY, motion: [[0.0; 3]; 3], ..row };
+pub(super) fn still_crowd(count: usize) -> Vec<Gaussian> {
+    let still = |row| Gaussian { s: f32::INFINITY, motion: [[0.0; 3]; 3], ..row };
     crowd(count).into_iter().map(still).collect()
 }
 

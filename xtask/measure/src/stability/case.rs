@@ -1,29 +1,13 @@
-//! Stability: the GPU's pictures of stiff and extreme fields against the f64 reference's.
-//!
-//! The cases are data: a field, what to look at, and how far the GPU's picture may be from the
-//! reference's. [`cases`] lists them, [`run()`] measures one. `cargo xtask report --stability` prints
-//! all as a table, and the test `stability` runs the same ones.
-//!
-//! The GPU gets the field itself, without a package between: most of what is here no package can
-//! hold. Where one can, it is also drawn packaged, by each coder; where none can, the encoder has to
-//! say so.
+//! A [`StabilityCase`]: what is drawn, and how far the GPU's picture may be from the reference's.
 
-mod amount;
-mod precision;
-mod rows;
-mod run;
-mod space;
-mod time;
-
+use client::gpu::SortOrder;
 use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
-pub use precision::along;
-pub use run::{Meter, run};
+use refine::prune::PosedView;
 
 use crate::scene::info;
-use client::gpu::SortOrder;
 
 /// A case: what is drawn, and what of it is measured.
-pub struct Case {
+pub struct StabilityCase {
     /// What makes it hard.
     pub group: &'static str,
     /// Unique among the cases.
@@ -33,16 +17,16 @@ pub struct Case {
     /// Largest deviation that is allowed, in the unit of the measure.
     pub bound: f64,
     /// What is measured.
-    pub measure: Measure,
+    pub measure: DeviationKind,
     /// Whether it takes seconds where the GPU is a program.
     pub slow: bool,
     /// Makes the scene.
-    pub scene: Box<dyn Fn() -> Scene + Send + Sync>,
+    pub scene: Box<dyn Fn() -> StabilityScene + Send + Sync>,
 }
 
 /// What of the pictures is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measure {
+pub enum DeviationKind {
     /// The largest difference of a channel from the reference, alpha among them, in 255ths.
     Largest,
     /// The root mean square of these differences over a picture, in 255ths.
@@ -53,46 +37,37 @@ pub enum Measure {
     Place,
 }
 
-impl Measure {
+impl DeviationKind {
     /// The unit of the deviation.
     pub fn unit(self) -> &'static str {
         match self {
-            Measure::Largest => "/255",
-            Measure::Mean => "/255 rms",
-            Measure::Change => "/255 a frame",
-            Measure::Place => "px",
+            DeviationKind::Largest => "/255",
+            DeviationKind::Mean => "/255 rms",
+            DeviationKind::Change => "/255 a frame",
+            DeviationKind::Place => "px",
         }
     }
 }
 
 /// What is drawn.
-pub struct Scene {
+pub struct StabilityScene {
     /// The Gaussians.
     pub clip: Clip,
     /// What they are meant to look like, where that is not what the reference makes of `clip`.
     pub meant: Option<Clip>,
     /// From where and when; all of one size.
-    pub shots: Vec<Shot>,
+    pub shots: Vec<PosedView>,
     /// What they are sorted by.
     pub sort: SortOrder,
     /// Whether a package can hold them.
-    pub coding: Coding,
+    pub coding: PackageExpectation,
     /// Whether nothing is to be seen. Otherwise a picture that shows nothing fails: it tests nothing.
     pub blank: bool,
 }
 
-/// One picture.
-#[derive(Clone, Debug)]
-pub struct Shot {
-    /// From where.
-    pub camera: Camera,
-    /// Clip time.
-    pub t: f64,
-}
-
 /// Whether a package can hold a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Coding {
+pub enum PackageExpectation {
     /// Both coders take it; what they decode to is drawn, too.
     Taken,
     /// The encoder says that it cannot, in words that hold these.
@@ -101,61 +76,56 @@ pub enum Coding {
     Untried(&'static str),
 }
 
-/// All cases that need no files.
-pub fn cases() -> Vec<Case> {
-    [time::cases(), space::cases(), amount::cases(), precision::cases()].into_iter().flatten().collect()
-}
-
 /// A case of the largest difference.
-fn case(
+pub(super) fn case(
     group: &'static str,
     name: impl Into<String>,
     bound: f64,
     how: &'static str,
-    scene: impl Fn() -> Scene + Send + Sync + 'static,
-) -> Case {
-    Case {
+    scene: impl Fn() -> StabilityScene + Send + Sync + 'static,
+) -> StabilityCase {
+    StabilityCase {
         group,
         name: name.into(),
         how,
         bound,
-        measure: Measure::Largest,
+        measure: DeviationKind::Largest,
         slow: false,
         scene: Box::new(scene),
     }
 }
 
-impl Scene {
+impl StabilityScene {
     /// A field that both coders take, seen as `shots` say.
-    fn new(field: Field, shots: Vec<Shot>) -> Scene {
-        Scene {
+    pub(super) fn new(field: Field, shots: Vec<PosedView>) -> StabilityScene {
+        StabilityScene {
             clip: exact(field),
             meant: None,
             shots,
             sort: SortOrder::Depth,
-            coding: Coding::Taken,
+            coding: PackageExpectation::Taken,
             blank: false,
         }
     }
 
     /// The same, refused by the encoder.
-    fn refused(self, words: &'static str) -> Scene {
-        Scene { coding: Coding::Refused(words), ..self }
+    pub(super) fn refused(self, words: &'static str) -> StabilityScene {
+        StabilityScene { coding: PackageExpectation::Refused(words), ..self }
     }
 
     /// The same, not packaged for this reason.
-    fn untried(self, reason: &'static str) -> Scene {
-        Scene { coding: Coding::Untried(reason), ..self }
+    pub(super) fn untried(self, reason: &'static str) -> StabilityScene {
+        StabilityScene { coding: PackageExpectation::Untried(reason), ..self }
     }
 
     /// The same, meant to look like `field`.
-    fn meant(self, field: Field) -> Scene {
-        Scene { meant: Some(exact(field)), ..self }
+    pub(super) fn meant(self, field: Field) -> StabilityScene {
+        StabilityScene { meant: Some(exact(field)), ..self }
     }
 }
 
 /// A field as a clip, to the last bit, whatever its numbers: no coder is between.
-fn exact(field: Field) -> Clip {
+pub(super) fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
     let (still, moving) =
         if field.temporal.is_some() { (Field::default(), field) } else { (field, Field::default()) };
@@ -173,7 +143,7 @@ fn exact(field: Field) -> Clip {
 }
 
 /// The field that [`exact`] made a clip of.
-fn field_of(clip: &Clip) -> &Field {
+pub(super) fn field_of(clip: &Clip) -> &Field {
     if clip.dynamic_field.is_empty() { &clip.static_field } else { &clip.dynamic_field }
 }
 
@@ -181,7 +151,7 @@ fn field_of(clip: &Clip) -> &Field {
 const SIZE: (u32, u32) = (96, 72);
 
 /// How far in front of the origin the usual camera stands, and its vertical field of view.
-const DISTANCE: f64 = 4.0;
+pub(super) const DISTANCE: f64 = 4.0;
 const FOV_Y: f64 = 0.8;
 
 /// The usual camera: on the z axis, looking along it at the origin; x right, y down.
@@ -190,26 +160,11 @@ fn front() -> Camera {
 }
 
 /// A camera with y down.
-fn look(position: [f64; 3], target: [f64; 3]) -> Camera {
+pub(super) fn look(position: [f64; 3], target: [f64; 3]) -> Camera {
     Camera::look_at(position, target, [0.0, -1.0, 0.0], FOV_Y, SIZE.0, SIZE.1)
 }
 
 /// The usual camera at these instants.
-fn at(instants: &[f64]) -> Vec<Shot> {
-    instants.iter().map(|&t| Shot { camera: front(), t }).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-
-    #[test]
-    fn names_are_unique_and_bounds_are_bounds() {
-        let cases = cases();
-        let names: BTreeSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-        assert_eq!(names.len(), cases.len());
-        assert!(cases.iter().all(|case| case.bound > 0.0 && case.bound < 8.0 && !case.how.is_empty()));
-    }
+pub(super) fn at(instants: &[f64]) -> Vec<PosedView> {
+    instants.iter().map(|&t| PosedView { camera: front(), t }).collect()
 }
