@@ -8,7 +8,7 @@ use program::Fault;
 use refine::anchor::{
     Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
 };
-use refine::capture::CaptureShot;
+use refine::capture::PhotoId;
 use refine::fit::{Fit, Parameters, Photograph, Shot};
 use serde::{Deserialize, Serialize};
 
@@ -78,7 +78,7 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
         gaussians: settings.gaussians,
         mirror: settings.mirror,
         sh_degree: settings.sh_degree,
-        ..Anchor::default()
+        ..AnchorSettings::default()
     };
     let parameters = match &settings.start {
         Start::Hull => {
@@ -138,11 +138,11 @@ fn anchored(
     shots: &Shots,
     depths: Option<&Path>,
 ) -> Result<Parameters<f32>, Fault> {
-    let mut frames: BTreeMap<usize, Vec<&(CaptureShot, Shot)>> = BTreeMap::new();
+    let mut frames: BTreeMap<usize, Vec<&(PhotoId, Shot)>> = BTreeMap::new();
     for shot in &shots.train {
         frames.entry(shot.0.frame).or_default().push(shot);
     }
-    let view = |(taken, shot): &(CaptureShot, Shot)| {
+    let view = |(taken, shot): &(PhotoId, Shot)| {
         let depths = match depths {
             Some(folder) => footage.depth(folder, *taken).map_err(Stop::Fault)?,
             None => None,
@@ -174,7 +174,7 @@ mod tests {
     use super::*;
 
     /// A photograph of a frame whose alpha is this, from left to right.
-    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (CaptureShot, Shot) {
+    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (PhotoId, Shot) {
         let photograph = Photograph {
             width: 2,
             height: 1,
@@ -182,7 +182,7 @@ mod tests {
             seen: Vec::new(),
         };
         let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
-        (CaptureShot { camera, frame }, Shot { camera: camera_of, frame: frame as f64, photograph })
+        (PhotoId { camera, frame }, Shot { camera: camera_of, frame: frame as f64, photograph })
     }
 
     #[test]

@@ -107,10 +107,10 @@ fn push(field: &mut Field, center: DVec3, sigma: f64, opacity: f32, color: [f64;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use refine::prune::{Floor, FloorSettings, Kept, Measure, Ranking, by_importance};
+    use refine::prune::{Floor, FloorSettings, Measure, Ranking, Retained, by_importance};
 
     /// What visibility mass with the floor keeps of the figure.
-    fn kept(measure: Measure) -> Kept {
+    fn retained(measure: Measure) -> Retained {
         let (field, _) = figure();
         field.check().unwrap();
         let floor = Floor::new(&field, FloorSettings { measure, ..FloorSettings::default() }).unwrap();
@@ -121,15 +121,15 @@ mod tests {
 
     #[test]
     fn mass_deletes_the_beads_and_the_floor_brings_them_back() {
-        let kept = kept(Measure::Recall);
-        assert_eq!((kept.pruned.matched, kept.topology.matched), (1 + LIMBS / 2, 1 + LIMBS));
-        assert_eq!(kept.rows.len(), 5_000);
-        assert!(kept.restored < 100, "{}", kept.restored);
+        let retained = retained(Measure::Recall);
+        assert_eq!((retained.pruned.matched, retained.topology.matched), (1 + LIMBS / 2, 1 + LIMBS));
+        assert_eq!(retained.rows.len(), 5_000);
+        assert!(retained.restored < 100, "{}", retained.restored);
     }
 
     #[test]
     fn the_strict_measure_sees_that_fists_are_cut_off() {
-        let [paper, strict] = [Measure::Recall, Measure::Strict].map(kept);
+        let [paper, strict] = [Measure::Recall, Measure::Strict].map(retained);
         assert_eq!((paper.topology.recall(), strict.topology.recall()), (1.0, 1.0));
         assert!(paper.topology.preserved(Measure::Strict) < 0.8);
         assert!(strict.topology.deepened < paper.topology.deepened);
