@@ -1,8 +1,8 @@
-//! The renderer: the only part that knows the graphics API.
+//! The renderer: the only module that uses the graphics API.
 //!
-//! Once per clip: [`GpuClip::upload`] packs it into buffers, [`Renderer::new`] builds the
-//! pipelines it needs. Per frame: [`Renderer::draw`] runs the stages `alive` and `sort` on the
-//! CPU, `evaluate` and `splat` on the GPU.
+//! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds its pipelines.
+//! Per frame, [`Renderer::draw`] runs the stages `alive` and `sort` on the CPU, then `evaluate` and `splat`
+//! on the GPU.
 
 mod clip;
 mod counts;

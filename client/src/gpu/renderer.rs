@@ -1,4 +1,4 @@
-//! [`Renderer`]: draws frames of a clip, independent of what they are drawn into.
+//! [`Renderer`]: draws frames of a clip into any render target.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -19,7 +19,7 @@ use super::stages::splat::{PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
 use crate::view::View;
 
-/// The pipelines that a clip needs, and the memory of a frame.
+/// The pipelines of a clip, and the memory of a frame.
 pub struct Renderer {
     clip: Arc<GpuClip>,
     eyes: usize,
@@ -34,8 +34,8 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Builds what drawing `clip` for `eyes` eyes, 1 or 2, into targets of `format` needs. Both
-    /// eyes are drawn in one pass where [`Caps::multiview`](super::Caps::multiview) is set.
+    /// Builds the pipelines and buffers to draw `clip` for `eyes` eyes, 1 or 2, into targets of `format`.
+    /// Both eyes are drawn in one pass if [`Caps::multiview`](super::Caps::multiview) is set.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -72,30 +72,29 @@ impl Renderer {
         })
     }
 
-    /// The clip being drawn.
+    /// The clip.
     pub fn clip(&self) -> &Arc<GpuClip> {
         &self.clip
     }
 
-    /// Number of eyes that one pass draws: the layers of each of its targets.
+    /// Number of eyes per pass, and of layers per target.
     pub fn eyes_per_pass(&self) -> u32 {
         self.eyes_per_pass
     }
 
-    /// Number of pipelines built for drawing.
+    /// Number of render pipelines.
     pub fn pipelines(&self) -> usize {
         self.sets.len()
     }
 
-    /// Records a frame at clip time `t`, cut to `[0, 1]`, into `encoder`: the targets are cleared to transparent
-    /// black and the clip is drawn over. `targets` has a target for each pass, with
-    /// [`Renderer::eyes_per_pass`] layers. The views are of one size, and fill the targets or a part
-    /// of them in the upper left corner.
+    /// Records a frame at clip time `t`, clamped to 0 to 1, into `encoder`: clears the targets to transparent
+    /// black and draws the clip. `targets` has one target of [`Renderer::eyes_per_pass`] layers per pass.
+    /// All `views` have the same size; the viewport is the upper left corner of the targets.
     ///
     /// Submit `encoder` before the next call.
     ///
     /// # Panics
-    /// If the number of views or targets is not what the renderer was built for.
+    /// If the number of views or targets does not match the renderer.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
@@ -132,17 +131,17 @@ impl Renderer {
         counts
     }
 
-    /// Milliseconds that the GPU took for the latest frame of which it is known; `None` where the
-    /// GPU cannot tell or no frame is done. Does not wait.
+    /// GPU time of the latest measured frame in milliseconds; `None` without timestamps or before the first
+    /// result. Does not wait.
     pub fn gpu_ms(&mut self) -> Option<f64> {
         self.timer.as_mut().and_then(GpuTimer::latest_ms)
     }
 
-    /// Counts, exactly, what the frame drawn last covers; its arguments must be given again.
-    /// Takes a separate drawing and waits for it: for measuring, not for playing.
+    /// Counts the fragments of the latest frame exactly; the arguments must be those of its
+    /// [`Renderer::draw`]. Draws again and waits for the GPU: for measuring, not for playing.
     ///
     /// # Errors
-    /// [`Fault::Device`] if the device was lost or has not enough memory.
+    /// [`Fault::Device`] if the device was lost or is out of memory.
     pub fn count(
         &mut self,
         gpu: &Gpu,
@@ -160,7 +159,7 @@ impl Renderer {
         coverage
     }
 
-    /// The stages `alive` and `sort` of all sets, up to the upload of the sorted rows.
+    /// Runs the stages `alive` and `sort` for all sets and uploads the sorted rows.
     fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &RenderSettings) -> FrameCounts {
         let mut counts = FrameCounts::default();
         for (set, drawn) in self.clip.sets().zip(&mut self.sets) {
@@ -168,10 +167,10 @@ impl Renderer {
             let seen = set.rows.alive(t, views, settings, &mut self.items);
             counts.alive += seen.alive;
             counts.culled += seen.culled;
-            let middle = Instant::now();
+            let alive_end = Instant::now();
             self.sorter.sort(&mut self.items, &mut drawn.order);
-            counts.alive_ms += (middle - start).as_secs_f64() * 1e3;
-            counts.sort_ms += middle.elapsed().as_secs_f64() * 1e3;
+            counts.alive_ms += (alive_end - start).as_secs_f64() * 1e3;
+            counts.sort_ms += alive_end.elapsed().as_secs_f64() * 1e3;
             counts.sorted += drawn.order.len() as u32;
             gpu.queue.write_buffer(&drawn.order_buffer, 0, bytemuck::cast_slice(&drawn.order));
         }
@@ -212,8 +211,7 @@ impl Renderer {
     }
 }
 
-/// Records are about instants of the clip: before and after it, it is as at its ends.
+/// Clamps a time to the clip, which the records are valid for; NaN becomes 0.
 fn within_clip(t: f64) -> f64 {
-    // NaN counts as the start.
     if t > 0.0 { t.min(1.0) } else { 0.0 }
 }

@@ -81,7 +81,7 @@ fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let runtime = Runtime::open(system)?;
     let (gpu, handles) = Gpu::from_vulkan(&runtime)?;
     let gpu = Arc::new(gpu);
-    let failures = Failures::watch(&gpu);
+    let failures = Failures::collect(&gpu);
     // A run of a number of frames is for measuring: it neither adapts nor remembers.
     let (adapts, store) = match args.frames {
         None => (true, system.store()),

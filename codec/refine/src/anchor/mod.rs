@@ -40,7 +40,7 @@ pub use scatter::scatter;
 pub use settings::{AnchorSettings, DepthSource, Mirror};
 pub use sweep::SweepSettings;
 
-use crate::fit::{Clock, Parameters};
+use crate::fit::{Parameters, Timeline};
 use mirror::Plane;
 use sources::FrameSurfaces;
 
@@ -58,7 +58,7 @@ const SHORT: usize = 9;
 /// that the capture does not provide.
 pub fn anchor<E: From<AnchorError>>(
     settings: &AnchorSettings,
-    timeline: Clock,
+    timeline: Timeline,
     frames: impl ExactSizeIterator<Item = Result<AnchorFrame, E>>,
 ) -> Result<Parameters<f32>, E> {
     let gaussians_per_frame = settings.gaussians as f64 / frames.len().max(1) as f64;
@@ -84,7 +84,7 @@ pub fn anchor<E: From<AnchorError>>(
 /// determines it.
 fn anchor_frame(
     settings: &AnchorSettings,
-    timeline: Clock,
+    timeline: Timeline,
     frame: &AnchorFrame,
     gaussians_per_frame: f64,
     scale: &mut Option<f64>,
