@@ -28,6 +28,7 @@ mod ui;
 
 pub use clip::GpuClip;
 pub use counts::{Coverage, FrameCounts};
+pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER};
 pub use level::Level;
 pub use readback::Pixels;

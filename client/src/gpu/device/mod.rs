@@ -18,6 +18,14 @@ pub(super) use loss::{Fragile, Loss};
 /// Default log filter, without `RUST_LOG`: messages of drivers and loaders are off.
 pub const LOG_FILTER: &str = "error,wgpu_hal=off";
 
+/// Message once another device has replaced a lost one.
+pub(crate) const DEVICE_REPLACED: &str =
+    "the graphics device stopped working: the clip goes on with another one";
+
+/// Frames that a device must have drawn before its loss to be replaced. A device that is lost at once would
+/// be lost again and again.
+const LASTING_FRAMES: u64 = 50;
+
 /// Optional capabilities and limits of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caps {
@@ -233,6 +241,11 @@ impl Gpu {
     fn lost_fault(&self, why: &str) -> Fault {
         let name = &self.adapter_name;
         Fault::Device(format!("graphics device {name} stopped working ({why}): start again"))
+    }
+
+    /// Whether the device is lost after drawing enough `frames` that another device is likely to work.
+    pub(crate) fn is_worth_replacing(&self, frames: u64) -> bool {
+        self.loss.why().is_some() && frames >= LASTING_FRAMES
     }
 
     /// Whether the device is lost.
