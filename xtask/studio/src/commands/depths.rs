@@ -38,13 +38,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use anyhow::bail;
     use indicatif::{ProgressBar, ProgressStyle};
     use program::{Fault, output};
-    use refine::capture::{CaptureShot, Split};
+    use refine::capture::{PhotoId, Split};
 
     let footage = args.cut.open(&args.capture)?;
     let splits = Split::assign(&footage.capture, args.cut.holdout())
         .map_err(|error| Fault::Data(error.to_string()))?;
     let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
-    let mut shots: Vec<CaptureShot> = train.map(|(shot, _)| shot).collect();
+    let mut shots: Vec<PhotoId> = train.map(|(shot, _)| shot).collect();
     shots.sort();
     let mut backbone = Backbone::open(&args.backbone)?;
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left")?;

@@ -143,7 +143,7 @@ impl Scene<'_> {
         }
         let style =
             ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
-        let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
+        let progress = ProgressBar::new(footage.capture.photos.len() as u64).with_style(style);
         let mut strips = Strips::new(&subject, &footage, holdout)?;
         let judged = judge(&subject, &footage, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {
@@ -153,9 +153,9 @@ impl Scene<'_> {
         })?;
         progress.finish_and_clear();
 
-        let missing = footage.capture.shots.len() - judged.len();
+        let missing = footage.capture.photos.len() - judged.len();
         if missing > 0 {
-            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.shots.len());
+            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.photos.len());
         }
         let means = means(&judged);
         let held = footage.capture.cameras.iter().filter(|camera| camera.held);

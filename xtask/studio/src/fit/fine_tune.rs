@@ -79,7 +79,7 @@ fn held_psnr(run: &mut Run, shots: &Shots) -> Result<Option<f64>, DeviceError> {
 mod tests {
     use super::*;
     use codec::{Camera, Temporal};
-    use refine::capture::CaptureShot;
+    use refine::capture::PhotoId;
     use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
 
     const TIMELINE: Timeline = Timeline { frames: 3 };
@@ -117,8 +117,8 @@ mod tests {
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
             TrainingView { camera, frame, photograph }
         };
-        let train = (0..4)
-            .flat_map(|camera| [0, 2].map(|frame| (CaptureShot { frame, camera }, shot(camera, frame))));
+        let train =
+            (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, shot(camera, frame))));
         Shots {
             train: train.collect(),
             held: (0..4).map(|camera| shot(camera, 1)).collect(),

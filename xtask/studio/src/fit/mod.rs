@@ -409,14 +409,14 @@ fn fingerprint(footage: &Footage) -> String {
         crc.update(format!("{camera:?}").as_bytes());
     }
     crc.update(format!("{:?}", capture.times).as_bytes());
-    for shot in &capture.shots {
+    for shot in &capture.photos {
         crc.update(footage.name(*shot).as_bytes());
     }
     format!(
         "{} cameras, {} frames, {} photographs, {:08x}",
         capture.cameras.len(),
         capture.times.len(),
-        capture.shots.len(),
+        capture.photos.len(),
         crc.sum()
     )
 }

@@ -118,8 +118,8 @@ pub(super) fn choose(
 
     let whole = Whole::look(scene, field, plate, settings, progress)?;
     let selection = whole.select(budget)?;
-    let Candidate { ranking, kept, psnr_db } = &selection.candidates[selection.best];
-    let mut chosen = field.select(&kept.rows);
+    let Candidate { ranking, retained, psnr_db } = &selection.candidates[selection.best];
+    let mut chosen = field.select(&retained.rows);
     let mut refit_gain_db = None;
     if settings.refit {
         progress.set_message("colours");
@@ -138,7 +138,7 @@ pub(super) fn choose(
     Ok(Choice {
         coded,
         ranking: *ranking,
-        topology: Preserved::from(&kept.topology),
+        topology: Preserved::from(&retained.topology),
         psnr_db: Some(psnr_db),
         tried: tried(&selection),
         why: Some(why(&selection)),
@@ -201,11 +201,11 @@ fn fine_tuning_work(fine_tuning: Option<&FineTuning>) -> u64 {
 fn tried(selection: &Selection) -> Vec<Tried> {
     let tried = |(i, candidate): (usize, &Candidate)| Tried {
         ranking: candidate.ranking.name(),
-        floor: candidate.kept.restored > 0,
+        floor: candidate.retained.restored > 0,
         chosen: i == selection.best,
         psnr_db: candidate.psnr_db,
-        topology: Preserved::from(&candidate.kept.topology),
-        restored: candidate.kept.restored,
+        topology: Preserved::from(&candidate.retained.topology),
+        restored: candidate.retained.restored,
     };
     selection.candidates.iter().enumerate().map(tried).collect()
 }
@@ -213,11 +213,11 @@ fn tried(selection: &Selection) -> Vec<Tried> {
 /// Why the best candidate is the best, and why the floor has a part in it or not.
 fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
     let chosen = &candidates[*best];
-    let name = |candidate: &Candidate| match candidate.kept.restored {
+    let name = |candidate: &Candidate| match candidate.retained.restored {
         0 => candidate.ranking.name().to_owned(),
         _ => format!("{} with the floor", candidate.ranking.name()),
     };
-    let preserved = |candidate: &Candidate| candidate.kept.topology.preserved(Measure::Strict);
+    let preserved = |candidate: &Candidate| candidate.retained.topology.preserved(Measure::Strict);
     let rival = &candidates[*most_faithful];
     let mut why = if best != most_faithful {
         format!(
@@ -252,7 +252,7 @@ fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
     };
     let twin = candidates.iter().enumerate().find(|(i, other)| i != best && other.ranking == chosen.ranking);
     match twin {
-        Some((_, twin)) if chosen.kept.restored == 0 => {
+        Some((_, twin)) if chosen.retained.restored == 0 => {
             why += &format!(
                 "; the floor would preserve {:.3} of the topology instead of {:.3} and cost {:.2} dB",
                 preserved(twin),

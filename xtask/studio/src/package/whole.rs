@@ -5,7 +5,7 @@
 use codec::{Camera, Clip, Field};
 use indicatif::ProgressBar;
 use refine::prune::{
-    Floor, FloorSettings, Kept, Measure, Pictures, PosedView, ROUNDS, Ranking, Selection, by_importance,
+    Floor, FloorSettings, Measure, Pictures, PosedView, ROUNDS, Ranking, Retained, Selection, by_importance,
     contributions_to, dome, instants, posed_views, select, steps_aside,
 };
 use refine::reference::{self, Contribution};
@@ -190,7 +190,7 @@ pub(crate) fn enforce(
     order: &[usize],
     budget: usize,
     progress: &ProgressBar,
-) -> Kept {
+) -> Retained {
     showing_rounds(field, progress, |on_verified| floor.enforce(order, budget, on_verified))
 }
 

@@ -169,15 +169,15 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let Selection { candidates, best, .. } = whole.select(budget)?;
     let chosen = &candidates[best];
     let ranked = |(i, candidate): (usize, &Candidate)| {
-        let floor = if candidate.kept.restored > 0 { " with floor" } else { "" };
-        let recall = candidate.kept.topology.recall();
+        let floor = if candidate.retained.restored > 0 { " with floor" } else { "" };
+        let recall = candidate.retained.topology.recall();
         let label = format!("{}{floor}", candidate.ranking.name());
         ParameterValue {
             cost: Quartiles::exactly(1.0 - recall),
             counts: counts([
-                ("gaussians", candidate.kept.rows.len() as f64),
+                ("gaussians", candidate.retained.rows.len() as f64),
                 ("features_preserved", recall),
-                ("restored", candidate.kept.restored as f64),
+                ("restored", candidate.retained.restored as f64),
             ]),
             ..point(&label, i == best, candidate.psnr_db)
         }
@@ -198,7 +198,7 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let pictured = || progress.inc(PICTURE_WORK);
     let start = Instant::now();
     let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
-    let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
+    let refitted = recolor(&field.select(&chosen.retained.rows), plate.as_ref(), &pictures, pictured);
     let seconds = start.elapsed().as_secs_f64();
     let anew = ParameterValue {
         cost: Quartiles::exactly(seconds),

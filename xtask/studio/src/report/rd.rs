@@ -12,7 +12,9 @@ use codec::{Field, Sensitivity, Source};
 use indicatif::ProgressBar;
 use program::Fault;
 use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Floor, Kept, Measure, Pictures, PosedView, Ranking, Selection, instants, posed_views};
+use refine::prune::{
+    Floor, Measure, Pictures, PosedView, Ranking, Retained, Selection, instants, posed_views,
+};
 use refine::reference::{self, sensitivities};
 use serde::Serialize;
 
@@ -232,7 +234,7 @@ struct Coded {
 struct Choice {
     row: Row,
     ranking: Ranking,
-    kept: Kept,
+    kept: Retained,
 }
 
 impl<'a> Bench<'a> {
@@ -268,14 +270,14 @@ impl<'a> Bench<'a> {
             leave(Row::RadSplat, Ranking::BlendMax),
             leave(Row::Mass, Ranking::Mass),
             Choice { row: Row::MassFloor, ranking: Ranking::Mass, kept: floored },
-            Choice { row: Row::Ours, ranking: best.ranking, kept: best.kept },
+            Choice { row: Row::Ours, ranking: best.ranking, kept: best.retained },
         ];
         let mut packages = Vec::new();
         choices.into_iter().map(|choice| self.point(choice, &mut packages)).collect()
     }
 
     fn point(&self, choice: Choice, packages: &mut Vec<Coded>) -> anyhow::Result<Point> {
-        let Choice { row, ranking, kept: Kept { rows, topology, restored, .. } } = choice;
+        let Choice { row, ranking, kept: Retained { rows, topology, restored, .. } } = choice;
         let same = packages.iter().position(|package| package.rows == rows);
         let package = match same {
             Some(package) => {
