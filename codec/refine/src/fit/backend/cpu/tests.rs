@@ -227,7 +227,7 @@ fn gradients_are_right_where_the_jacobian_is_not_taken_at_the_centre() {
     for row in 0..2 {
         let window = projection.window(&parameters, row).unwrap();
         let projected = projection.project(&parameters, row, window).unwrap();
-        assert_eq!(projected.is_inside, [false, row == 0]);
+        assert_eq!(projected.footprint.is_inside, [false, row == 0]);
     }
 }
 
