@@ -226,7 +226,9 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
         Stage::Bin => &[uniforms, splat, ellipse, include_str!("../fit/bin.wgsl")],
         Stage::Rasterize => &[uniforms, splat, footprint, include_str!("../fit/rasterize.wgsl")],
         Stage::Loss => &[uniforms, include_str!("../fit/loss.wgsl")],
-        Stage::RasterizeBackward => &[uniforms, splat, footprint, include_str!("../fit/rasterize_backward.wgsl")],
+        Stage::RasterizeBackward => {
+            &[uniforms, splat, footprint, include_str!("../fit/rasterize_backward.wgsl")]
+        }
         Stage::ProjectBackward => {
             let project_backward = include_str!("../fit/project_backward.wgsl");
             &[uniforms, splat, places, parameters, harmonics, projection, statistics, project_backward]

@@ -105,10 +105,23 @@ fn structs_have_the_layout_of_their_counterparts() {
     let adam = &module(Stage::Adam);
     assert_layout!(adam, Statistics { screen_gradient, images, visits, is_usable });
     // The Rust structs end in explicit padding, which WGSL adds by itself.
-    assert_layout!(adam, StepUniforms {
-        view_from_world, eye, frame, focal, principal, slope_min, slope_max, size, tiles, gaussians,
-        pair_capacity, detach_tau
-    });
+    assert_layout!(
+        adam,
+        StepUniforms {
+            view_from_world,
+            eye,
+            frame,
+            focal,
+            principal,
+            slope_min,
+            slope_max,
+            size,
+            tiles,
+            gaussians,
+            pair_capacity,
+            detach_tau
+        }
+    );
     assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max });
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
     assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);

@@ -191,9 +191,8 @@ impl<T: Real> Projection<T> {
         let at_center = [x / z, y / z];
         let slope = [0, 1].map(|axis| at_center[axis].max(low[axis]).min(high[axis]));
         // Rows of the Jacobian times the axes.
-        let images = [0, 1].map(|axis| {
-            scaled(add(axes[axis], scaled(axes[2], -slope[axis])), self.focal[axis] / z)
-        });
+        let images =
+            [0, 1].map(|axis| scaled(add(axes[axis], scaled(axes[2], -slope[axis])), self.focal[axis] / z));
         let blur = T::from_f64(BLUR);
         let [x_image, y_image] = images;
         let (xx, yy) = (dot(x_image, x_image), dot(y_image, y_image));

@@ -35,8 +35,9 @@ pub(super) fn rasterize<T: Real>(
     height: u32,
 ) -> (RenderedImage<T>, Vec<u32>) {
     let size = [width as usize, height as usize];
-    let composite =
-        |tile| arch.dispatch(Composite { splats, order: tiles.splats(tile), corner: tiles.corner(tile), size });
+    let composite = |tile| {
+        arch.dispatch(Composite { splats, order: tiles.splats(tile), corner: tiles.corner(tile), size })
+    };
     let drawn: Vec<_> = (0..tiles.len()).into_par_iter().map(composite).collect();
     let mut pixels = vec![[T::zero(); 4]; size[0] * size[1]];
     let bands = pixels.par_chunks_mut(TILE * size[0]).zip(drawn.par_chunks(size[0].div_ceil(TILE)));

@@ -73,8 +73,7 @@ impl Gpu {
         let mut places: Vec<usize> = (0..drawn).collect();
         places.sort_unstable_by_key(|place| order[*place]);
         let rows: Vec<u32> = places.iter().map(|place| order[*place]).collect();
-        let screen =
-            |row: &u32| after[*row as usize].screen_gradient - before[*row as usize].screen_gradient;
+        let screen = |row: &u32| after[*row as usize].screen_gradient - before[*row as usize].screen_gradient;
         Ok(Gradient {
             values: values.select(&places),
             screen: rows.iter().map(screen).collect(),
