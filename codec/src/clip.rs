@@ -2,7 +2,7 @@
 
 use crate::camera::{cross, norm};
 use crate::format::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
-use crate::{Camera, Field, TimeIndex};
+use crate::{Camera, Field, Temporal, TimeIndex, sh_coefficients};
 
 /// Metadata of a clip: everything a player needs besides the Gaussians.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,6 +149,34 @@ impl LayerEnd {
 }
 
 impl Clip {
+    /// Both regions as one field, static Gaussians first, without the plate.
+    pub fn merged(&self) -> Field {
+        let (first, second) = (&self.static_field, &self.dynamic_field);
+        let both = |a: &[[f32; 3]], b: &[[f32; 3]]| [a, b].concat();
+        let sh_degree = self.sh_degree();
+        Field {
+            centers: both(&first.centers, &second.centers),
+            rotations: [&first.rotations[..], &second.rotations].concat(),
+            log_scales: both(&first.log_scales, &second.log_scales),
+            opacities: [&first.opacities[..], &second.opacities].concat(),
+            sh_degree,
+            sh: both(&sh_at_degree(first, sh_degree), &sh_at_degree(second, sh_degree)),
+            temporal: second.temporal.as_ref().filter(|_| !second.is_empty()).map(|temporal| {
+                let n = first.len();
+                Temporal {
+                    tau: [&vec![0.0; n][..], &temporal.tau].concat(),
+                    s: [&vec![f32::INFINITY; n][..], &temporal.s].concat(),
+                    motion_order: temporal.motion_order,
+                    motion: both(&vec![[0.0; 3]; n * usize::from(temporal.motion_order)], &temporal.motion),
+                    rotation_rates: temporal
+                        .rotation_rates
+                        .as_ref()
+                        .map(|rates| [&vec![[0.0; 4]; n][..], rates].concat()),
+                }
+            }),
+        }
+    }
+
     /// Number of Gaussians without the plate.
     pub fn len(&self) -> usize {
         self.static_field.len() + self.dynamic_field.len()
@@ -163,6 +191,16 @@ impl Clip {
     pub fn sh_degree(&self) -> u8 {
         self.dynamic_field.sh_degree.max(self.static_field.sh_degree)
     }
+}
+
+/// The SH column of a field, widened with zeros to `degree`.
+fn sh_at_degree(field: &Field, degree: u8) -> Vec<[f32; 3]> {
+    let mut sh = Vec::with_capacity(field.len() * sh_coefficients(degree));
+    for i in 0..field.len() {
+        sh.extend_from_slice(field.sh_of(i));
+        sh.resize((i + 1) * sh_coefficients(degree), [0.0; 3]);
+    }
+    sh
 }
 
 #[cfg(test)]

@@ -1,39 +1,10 @@
-//! Drawing with the GPU in tests, or saying that there is none.
+//! Tests that draw with the GPU, and are ignored where there is none.
 
 use std::process::ExitCode;
-use std::sync::{Arc, OnceLock};
 
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
-use client::view::View;
-use codec::{Camera, Clip};
-use glam::UVec2;
+use client::gpu::Gpu;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
-use program::Fault;
-use refine::image::Image;
-
-/// How the eyes of a frame are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Passes {
-    /// All in one pass where the device can, as players do.
-    Shared,
-    /// One pass for each eye, as devices without multiview must.
-    PerEye,
-}
-
-/// The device of this machine, opened once; with [`Passes::PerEye`] made to draw without
-/// multiview.
-///
-/// # Errors
-/// Why there is none.
-pub fn device(passes: Passes) -> Result<&'static Gpu, Fault> {
-    static DEVICES: [OnceLock<Result<Gpu, Fault>>; 2] = [OnceLock::new(), OnceLock::new()];
-    let device = DEVICES[passes as usize].get_or_init(|| {
-        let mut gpu = Gpu::new_headless()?;
-        gpu.caps.multiview &= passes == Passes::Shared;
-        Ok(gpu)
-    });
-    device.as_ref().map_err(Clone::clone)
-}
+pub use measure::device::{Drawing, Passes, device, draw};
 
 /// A test that needs a device, and several where it needs them at once: ignored where there is
 /// none.
@@ -80,71 +51,4 @@ fn run_with(arguments: Arguments, trials: Vec<Trial>) -> ExitCode {
         println!("\ndrawing with {}, {}", gpu.adapter_name, gpu.driver);
     }
     libtest_mimic::run(&arguments, trials).exit_code()
-}
-
-/// Draws one frame of a clip, at clip time `t`, for one camera or for two that look the same way.
-///
-/// # Errors
-/// What the renderer reports.
-pub fn draw(
-    gpu: &Gpu,
-    clip: &Clip,
-    cameras: &[Camera],
-    t: f64,
-    settings: &RenderSettings,
-    depth: ChannelDepth,
-) -> Result<Vec<Image>, Fault> {
-    let clip = Arc::new(GpuClip::upload(gpu, clip)?);
-    Drawing::new(gpu, clip, cameras, depth)?.frame(t, settings)
-}
-
-/// What drawing several frames of a clip for the same cameras takes.
-pub struct Drawing<'a> {
-    gpu: &'a Gpu,
-    renderer: Renderer,
-    target: Offscreen,
-    views: Vec<View>,
-}
-
-impl<'a> Drawing<'a> {
-    /// Sets drawing up.
-    ///
-    /// # Errors
-    /// What the renderer reports.
-    pub fn new(
-        gpu: &'a Gpu,
-        clip: Arc<GpuClip>,
-        cameras: &[Camera],
-        depth: ChannelDepth,
-    ) -> Result<Drawing<'a>, Fault> {
-        let size = UVec2::new(cameras[0].width, cameras[0].height);
-        Ok(Drawing {
-            gpu,
-            renderer: Renderer::new(gpu, clip, depth.format(), cameras.len())?,
-            target: Offscreen::new(gpu, size, cameras.len() as u32, depth)?,
-            views: cameras.iter().map(View::from_camera).collect(),
-        })
-    }
-
-    /// Turns to other cameras, as many and with images of the same size.
-    pub fn look(&mut self, cameras: &[Camera]) {
-        self.views = cameras.iter().map(View::from_camera).collect();
-    }
-
-    /// Draws a frame and reads it back, an image for each camera.
-    ///
-    /// # Errors
-    /// What the renderer reports.
-    pub fn frame(&mut self, t: f64, settings: &RenderSettings) -> Result<Vec<Image>, Fault> {
-        self.target.render(self.gpu, &mut self.renderer, t, &self.views, settings)?;
-        Ok(self.target.read(self.gpu)?.iter().map(image).collect())
-    }
-}
-
-fn image(pixels: &Pixels) -> Image {
-    Image {
-        width: pixels.size.x,
-        height: pixels.size.y,
-        pixels: pixels.rgba.iter().map(|pixel| pixel.map(f64::from)).collect(),
-    }
 }

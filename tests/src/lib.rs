@@ -6,15 +6,13 @@
 
 pub mod data;
 pub mod display;
-pub mod ending;
 pub mod gpu;
 pub mod headset;
 pub mod image;
-pub mod playing;
 pub mod programs;
 pub mod remote;
-pub mod scene;
 pub mod server;
 pub mod slurm;
 pub mod soak;
-pub mod stability;
+
+pub use measure::scene;

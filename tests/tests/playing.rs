@@ -1,23 +1,23 @@
-//! What the report says of playing: knobs cost and keep what they must, and parts that a clip does
+//! What the report says of playing: parameters cost and keep what they must, and features that a clip does
 //! without are what they would take.
 
 use std::process::ExitCode;
 
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::playing::measure;
 use aarc_tests::scene::{Motion, Recipe, decoded_with};
 use client::gpu::Gpu;
 use codec::{Clip, Field};
 use glam::UVec2;
+use measure::parameter::{Parameter, ParameterValue};
+use measure::playing::{self, ClipFeature, Playing};
 use refine::reference::RenderScene;
 use shaders::sh_words;
-use studio::report::knob::{Knob, Point};
-use studio::report::playing::{Message, Part, Playing};
+use studio::package::LAYERS;
 
 fn main() -> ExitCode {
     gpu::run_in_turn(vec![
-        gpu::trial("knobs trade error for work", Passes::Shared, knobs_trade),
-        gpu::trial("parts that are left out", Passes::Shared, parts_left_out),
+        gpu::trial("parameters trade error for work", Passes::Shared, knobs_trade),
+        gpu::trial("features that are left out", Passes::Shared, features_left_out),
         gpu::trial("a static clip", Passes::Shared, a_static_clip),
     ])
 }
@@ -27,22 +27,14 @@ const COUNT: usize = 300;
 const RECIPE: Recipe =
     Recipe { count: COUNT, sh_degree: 1, motion: Motion::Mixed, motion_order: 2, turning: true, seed: 6 };
 
-/// Measures a clip of `field`; how many steps were announced and done, and what was measured.
-fn played(gpu: &'static Gpu, field: &Field) -> Result<(Clip, Playing), String> {
+/// Packages `field` and measures the clip.
+fn measured(gpu: &'static Gpu, field: &Field) -> Result<(Clip, Playing), String> {
     let clip = decoded_with(field, None, &[100]);
-    let (mut playing, mut steps) = (None, 0);
-    let mut tell = |message| {
-        match (message, &mut playing) {
-            (Message::Begin(setup), _) => playing = Some(Playing::begin(setup)),
-            (Message::Step(_), _) => steps += 1,
-            (message, Some(playing)) => playing.add(message),
-            (_, None) => anyhow::bail!("nothing has begun"),
-        }
-        Ok(())
-    };
-    measure(gpu, &clip, &RenderScene::from(field), UVec2::new(96, 72), &mut tell)
+    let mut steps = 0;
+    let mut on_step = |_: &str, _| steps += 1;
+    let whole = RenderScene::from(field);
+    let playing = playing::measure(gpu, &clip, &whole, UVec2::new(96, 72), &LAYERS, &mut on_step)
         .map_err(|error| format!("{error:#}"))?;
-    let playing = playing.ok_or("nothing was measured")?;
     expect("steps are as announced", playing.setup.steps == steps)?;
     Ok((clip, playing))
 }
@@ -51,31 +43,33 @@ fn expect(what: &str, holds: bool) -> Result<(), String> {
     if holds { Ok(()) } else { Err(what.into()) }
 }
 
-fn knob<'a>(playing: &'a Playing, name: &str) -> Result<&'a Knob, String> {
-    playing.knobs.iter().find(|knob| knob.name == name).ok_or(format!("no knob {name}"))
+fn parameter<'a>(playing: &'a Playing, name: &str) -> Result<&'a Parameter, String> {
+    playing.parameters.iter().find(|parameter| parameter.name == name).ok_or(format!("no parameter {name}"))
 }
 
-fn part<'a>(playing: &'a Playing, name: &str) -> Result<&'a Part, String> {
-    playing.parts.iter().find(|part| part.part == name).ok_or(format!("no part {name}"))
+fn feature<'a>(playing: &'a Playing, name: &str) -> Result<&'a ClipFeature, String> {
+    playing.features.iter().find(|feature| feature.name == name).ok_or(format!("no feature {name}"))
 }
 
-/// How much more of a count there is with a part than without.
-fn saved(part: &Part, count: &str) -> Result<f64, String> {
-    let missing = || format!("no {count} of {}", part.part);
+/// How much more of a count there is with a feature than without.
+fn saved(feature: &ClipFeature, count: &str) -> Result<f64, String> {
+    let missing = || format!("no {count} of {}", feature.name);
     let of = |counts: &std::collections::BTreeMap<String, f64>| counts.get(count).copied();
-    Ok(of(&part.with.counts).ok_or_else(missing)? - of(&part.without.counts).ok_or_else(missing)?)
+    Ok(of(&feature.with.counts).ok_or_else(missing)? - of(&feature.without.counts).ok_or_else(missing)?)
 }
 
 fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
-    let (_, playing) = played(gpu, &RECIPE.field())?;
-    for knob in &playing.knobs {
-        let [default, others @ ..] = knob.points.as_slice() else { return Err("a knob of no values".into()) };
-        let (finest, name) = (default.psnr_db(), &knob.name);
+    let (_, playing) = measured(gpu, &RECIPE.field())?;
+    for parameter in &playing.parameters {
+        let [default, others @ ..] = parameter.points.as_slice() else {
+            return Err("a parameter of no values".into());
+        };
+        let (finest, name) = (default.psnr_db(), &parameter.name);
         expect(&format!("{name}: {finest} dB by default"), default.default && finest > 40.0)?;
-        let coarsest = others.last().ok_or("a knob of one value")?;
+        let coarsest = others.last().ok_or("a parameter of one value")?;
         expect(&format!("{name}: {} dB at its end", coarsest.psnr_db()), coarsest.psnr_db() < finest)?;
-        let timed = |point: &Point| point.run_time_ms.is_some_and(|time| time.low > 0.0);
-        expect(&format!("{name}: it takes time"), knob.points.iter().all(timed))?;
+        let timed = |point: &ParameterValue| point.run_time_ms.is_some_and(|time| time.low > 0.0);
+        expect(&format!("{name}: it takes time"), parameter.points.iter().all(timed))?;
     }
     for (name, count) in [
         ("layers", "sorted_keys"),
@@ -87,19 +81,23 @@ fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
         ("motion order", "gpu_bytes"),
         ("rotation over time", "gpu_bytes"),
     ] {
-        let counts: Vec<f64> = knob(&playing, name)?.points.iter().map(|point| point.counts[count]).collect();
+        let counts: Vec<f64> =
+            parameter(&playing, name)?.points.iter().map(|point| point.counts[count]).collect();
         let falls = counts.is_sorted_by(|a, b| a >= b) && counts[0] > counts[counts.len() - 1];
         expect(&format!("{name}: {count} {counts:?}"), falls)?;
     }
-    let sort = knob(&playing, "sort")?;
-    let flicker = |point: &Point| point.errors.flicker.unwrap_or(f64::NAN);
+    let sort = parameter(&playing, "sort")?;
+    let flicker = |point: &ParameterValue| point.errors.flicker.unwrap_or(f64::NAN);
     let (depth, radial) = (flicker(&sort.points[0]), flicker(&sort.points[1]));
     expect(&format!("depth flickers by {depth}, radial by {radial}"), radial < depth)?;
-    expect("the reference, the player and each knob's end", playing.pictures.len() == 2 + playing.knobs.len())
+    expect(
+        "the reference, the player and each parameter's end",
+        playing.pictures.len() == 2 + playing.parameters.len(),
+    )
 }
 
-fn parts_left_out(gpu: &'static Gpu) -> Result<(), String> {
-    let (clip, playing) = played(gpu, &RECIPE.field())?;
+fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
+    let (clip, playing) = measured(gpu, &RECIPE.field())?;
     let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
     let words = |order, rotates| shaders::Motion { order, rotates }.words();
     for (name, bytes) in [
@@ -108,19 +106,19 @@ fn parts_left_out(gpu: &'static Gpu) -> Result<(), String> {
         ("motion of power 3", moving * 4 * (words(3, true) - words(2, true))),
         ("temporal columns of still Gaussians", still * 4 * words(2, true)),
     ] {
-        let part = part(&playing, name)?;
-        let saves = saved(part, "gpu_bytes")?;
+        let feature = feature(&playing, name)?;
+        let saves = saved(feature, "gpu_bytes")?;
         expect(&format!("{name}: {saves} bytes of the GPU for {bytes}"), saves == bytes as f64)?;
-        expect(&format!("{name}: it is left out"), part.left_out)?;
-        let fixed = saved(part, "package_bytes_fixed")?;
+        expect(&format!("{name}: it is left out"), feature.left_out)?;
+        let fixed = saved(feature, "package_bytes_fixed")?;
         expect(&format!("{name}: {fixed} bytes of a package"), fixed > 0.0)?;
     }
-    expect("SH is needed", !part(&playing, "SH up to degree 1")?.left_out)?;
-    expect("turning is needed", !part(&playing, "rotation over time")?.left_out)?;
-    let tested = saved(part(&playing, "Gaussians of other times")?, "rows_tested")?;
+    expect("SH is needed", !feature(&playing, "SH up to degree 1")?.left_out)?;
+    expect("turning is needed", !feature(&playing, "rotation over time")?.left_out)?;
+    let tested = saved(feature(&playing, "Gaussians of other times")?, "rows_tested")?;
     expect(&format!("the time index saves {tested} tests"), tested > 0.0)?;
-    expect("a plate takes a pipeline", saved(part(&playing, "plate")?, "pipelines")? == 1.0)?;
-    let eye = part(&playing, "second eye")?;
+    expect("a plate takes a pipeline", saved(feature(&playing, "plate")?, "pipelines")? == 1.0)?;
+    let eye = feature(&playing, "second eye")?;
     let more = saved(eye, "vertex_invocations")?;
     expect(&format!("a second eye takes {more} vertices"), more > 0.0)
 }
@@ -128,18 +126,21 @@ fn parts_left_out(gpu: &'static Gpu) -> Result<(), String> {
 /// Whoever needs nothing carries nothing.
 fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
     let field = Recipe { sh_degree: 0, motion: Motion::Still, ..RECIPE }.field();
-    let (clip, playing) = played(gpu, &field)?;
+    let (clip, playing) = measured(gpu, &field)?;
     expect("there is nothing to move", clip.dynamic_field.is_empty())?;
     let absent = ["SH degree", "motion order", "rotation over time"];
-    expect("no knobs of what is not there", absent.iter().all(|name| knob(&playing, name).is_err()))?;
+    expect(
+        "no parameters of what is not there",
+        absent.iter().all(|name| parameter(&playing, name).is_err()),
+    )?;
     let words = shaders::Motion { order: 0, rotates: false }.words();
-    let windows = part(&playing, "temporal columns of still Gaussians")?;
+    let windows = feature(&playing, "temporal columns of still Gaussians")?;
     expect("windows are left out", saved(windows, "gpu_bytes")? == (COUNT * 4 * words) as f64)?;
     expect("and their binding", saved(windows, "bindings")? == 1.0)?;
     for degree in 1..=3 {
-        let part = part(&playing, &format!("SH of degree {degree}"))?;
-        expect("SH is left out", saved(part, "gpu_bytes")? == (COUNT * 4 * sh_words(degree)) as f64)?;
-        expect("and its binding", saved(part, "bindings")? == 1.0)?;
+        let feature = feature(&playing, &format!("SH of degree {degree}"))?;
+        expect("SH is left out", saved(feature, "gpu_bytes")? == (COUNT * 4 * sh_words(degree)) as f64)?;
+        expect("and its binding", saved(feature, "bindings")? == 1.0)?;
     }
-    expect("there is no time index", !part(&playing, "Gaussians of other times")?.left_out)
+    expect("there is no time index", !feature(&playing, "Gaussians of other times")?.left_out)
 }

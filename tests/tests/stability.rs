@@ -3,15 +3,15 @@
 use std::process::ExitCode;
 
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::stability::{Case, Meter, cases, run};
 use client::gpu::Gpu;
+use measure::stability::{StabilityCase, cases, run};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
 
 fn main() -> ExitCode {
-    let trial = |case: Case| {
+    let trial = |case: StabilityCase| {
         let name = format!("{}: {}", case.group, case.name);
         // `cargo xtask report --stability` runs those, too.
         let slow = case.slow;
@@ -21,8 +21,8 @@ fn main() -> ExitCode {
     gpu::run_in_turn(cases().into_iter().map(trial).collect())
 }
 
-fn holds(case: &Case, gpu: &Gpu) -> Result<(), String> {
-    let row = run(case, gpu, Meter::new(&HEAP));
+fn holds(case: &StabilityCase, gpu: &Gpu) -> Result<(), String> {
+    let row = run(case, gpu);
     match row.problem {
         None => Ok(()),
         Some(problem) => Err(format!(

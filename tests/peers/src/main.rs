@@ -108,7 +108,7 @@ fn run(args: &Measure) -> anyhow::Result<()> {
     let viewpoint = &info.viewpoints[0];
     let moving = Work::swinging(viewpoint, info, args.size, FRAMES, |part| part);
     let frozen = Work::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
-    let played = export::merged(clip);
+    let played = clip.merged();
     let splatv = export::splatv(&played, info);
     let ply = export::static_ply(&export::frozen(&played, INSTANT));
     let coded = made(&args.out.join("coding"))?;

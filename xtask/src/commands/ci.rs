@@ -1,13 +1,16 @@
 //! `cargo xtask ci`: the checks that only contributors need.
 //!
-//! Every step runs, also after one has failed, so that one run shows everything there is to mend.
-//! The rules that the sources keep (which crate may name what, where `unsafe` may stand) are tests
-//! and run with `cargo xtask test`. What a machine cannot check is listed at the end.
+//! Every step runs, even after a failure, so that one run shows all problems. Steps of the
+//! workspace run beside those of the workspaces with target folders of their own: while one links or
+//! tests on one core, the other compiles. The rules of the sources (which crate may name what, where
+//! `unsafe` is allowed) are tests and run with `cargo xtask test`. Checks that this machine cannot run
+//! are listed at the end.
 
 mod android;
 
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
+use std::thread;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -26,10 +29,10 @@ pub(crate) struct Args {
     link: bool,
 }
 
-/// Sets of packages and features that are built by someone on their own: what one set needs, a
-/// build of the whole workspace can hide.
-const FEATURE_SETS: [(&str, &[&str]); 10] = [
-    ("whole workspace", &["--workspace", "--all-targets"]),
+/// Sets of packages and features that users build: a build of the whole workspace can hide a dependency or
+/// a feature that one of them lacks.
+const FEATURE_SETS: [(&str, &[&str]); 9] = [
+    ("whole workspace", &["--workspace", "--all-targets", "--features", workspace::FEATURES]),
     ("the player", &["--package", "client"]),
     (
         "the player in a window alone",
@@ -40,37 +43,18 @@ const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("decoding alone", &["--package", "codec"]),
     ("encoding", &["--package", "codec", "--features", "encode"]),
     ("the host tool", &["--package", "studio"]),
-    (
-        "the host tool with all it can",
-        &[
-            "--package",
-            "studio",
-            "--package",
-            "refine",
-            "--package",
-            "shaders",
-            "--all-targets",
-            "--features",
-            "studio/gpu,studio/onnx,shaders/fit",
-        ],
-    ),
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
-/// Tests of what the host tool can only where it is built for it.
-const HOST_TOOL_TESTS: [(&str, &[&str]); 2] =
-    [("networks that see depth", &["depths"]), ("fitting on a graphics device", &["fit_gpu"])];
-
-/// The packages of the workspace in codec/fuzz, with the folder of each, the program that writes what
-/// to start from, and those that look for inputs that break something.
+/// Packages of the workspace codec/fuzz: name, folder, the program that writes the seeds, the fuzz
+/// targets.
 const FUZZERS: [(&str, &str, &str, &[&str]); 2] = [
     ("codec-fuzz", "codec/fuzz", "seeds", &["decode", "roundtrip"]),
     ("aarc-fuzz", "tests/fuzz", "tool-seeds", &["import", "scene", "capture", "net"]),
 ];
 
-/// How long each looks, on one core, from what random numbers, so that luck does not fail a change,
-/// and what it may use: bytes of an input, seconds for one, MB of memory. The workspace limits the
-/// address space.
+/// Seconds per target, on one core; a fixed seed, so that runs are comparable; limits of input bytes,
+/// seconds per input and MB of memory. The workspace limits the address space.
 const FUZZ_LIMITS: [&str; 5] =
     ["-max_total_time=20", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
 
@@ -82,35 +66,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (Need::AndroidCompiler, "nothing is checked for Android"),
         (Need::ApkTools, "only the packer's own checks look at an APK"),
     ]);
-    let mut steps = Steps::default();
-    steps.run("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
-    for (name, selection) in FEATURE_SETS {
-        let mut clippy = workspace::cargo();
-        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
-        steps.run(&format!("lints, {name}"), &mut clippy);
-    }
-    steps.run(
-        "documentation",
-        workspace::cargo()
-            .args(["doc", "--quiet", "--locked", "--workspace", "--no-deps", "--document-private-items"])
-            .env("RUSTDOCFLAGS", "--deny warnings"),
-    );
-    steps.run(
-        "tests in a headset",
-        workspace::cargo().args(["test", "--locked", "--workspace", "--test", "xr"]),
-    );
-    for (name, test) in HOST_TOOL_TESTS {
-        let mut cargo = workspace::cargo();
-        cargo
-            .args(["test", "--locked", "--package", "studio", "--features", "gpu,onnx", "--test"])
-            .args(test);
-        steps.run(name, &mut cargo);
-    }
-    packer(&mut steps);
-    android::check(&mut steps, args.link);
-    fuzz(&mut steps);
-    deny(&mut steps);
-    oldest_rust(&mut steps);
+    // A lane each, as Cargo locks a target folder.
+    let (mut steps, others) = thread::scope(|scope| {
+        let others = scope.spawn(|| {
+            let mut steps = Steps { is_captured: true, ..Steps::default() };
+            packer(&mut steps);
+            android::check(&mut steps, args.link);
+            fuzz(&mut steps);
+            steps
+        });
+        let mut steps = Steps::default();
+        check_workspace(&mut steps);
+        (steps, others.join().expect("no panic"))
+    });
+    steps.failed.extend(others.failed);
+    steps.skipped.extend(others.skipped);
     for skipped in &steps.skipped {
         eprintln!("ci: not checked here: {skipped}");
     }
@@ -120,19 +90,52 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The steps so far.
+/// Checks formatting, lints, documentation and dependencies of the workspace, and runs the tests that need an
+/// OpenXR runtime.
+fn check_workspace(steps: &mut Steps) {
+    steps.run("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
+    for (name, selection) in FEATURE_SETS {
+        let mut clippy = workspace::cargo();
+        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
+        steps.run(&format!("lints, {name}"), &mut clippy);
+    }
+    let features = ["--locked", "--workspace", "--features", workspace::FEATURES];
+    steps.run(
+        "documentation",
+        workspace::cargo()
+            .args(["doc", "--quiet", "--no-deps", "--document-private-items"])
+            .args(features)
+            .env("RUSTDOCFLAGS", "--deny warnings"),
+    );
+    steps.run("tests in a headset", workspace::cargo().arg("test").args(features).args(["--test", "xr"]));
+    deny(steps);
+    oldest_rust(steps);
+}
+
+/// The outcomes of the steps so far.
 #[derive(Default)]
 struct Steps {
+    /// Print the output of a step when it has ended, not between that of other steps.
+    is_captured: bool,
     failed: Vec<String>,
     skipped: Vec<String>,
 }
 
 impl Steps {
-    /// Runs a step; whether it passed.
+    /// Runs a step and returns whether it passed.
     fn run(&mut self, name: &str, command: &mut Command) -> bool {
         let start = Instant::now();
         eprintln!("ci: {name}");
-        let passed = command.stdin(Stdio::null()).status().is_ok_and(|status| status.success());
+        command.stdin(Stdio::null());
+        let status = if self.is_captured {
+            command.output().map(|output| {
+                eprint!("{}", String::from_utf8_lossy(&[output.stdout, output.stderr].concat()));
+                output.status
+            })
+        } else {
+            command.status()
+        };
+        let passed = status.is_ok_and(|status| status.success());
         let seconds = start.elapsed().as_secs_f64();
         eprintln!("ci: {name}: {} after {seconds:.1} s", if passed { "ok" } else { "FAILED" });
         if !passed {
@@ -141,14 +144,13 @@ impl Steps {
         passed
     }
 
-    /// Notes a step that cannot be run, and why.
+    /// Records a step that cannot run, and why.
     fn skip(&mut self, name: &str, reason: &str) {
         self.skipped.push(format!("{name}: {reason}"));
     }
 }
 
-/// Checks the packer of APKs, a workspace of its own: its tests pack stub libraries and read the
-/// APK back.
+/// Checks the APK packer, a workspace of its own: its tests pack stub libraries and read the APK back.
 fn packer(steps: &mut Steps) {
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
@@ -161,15 +163,15 @@ fn packer(steps: &mut Steps) {
     steps.run("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
 }
 
-/// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
-/// that they write, what earlier runs found and the committed regressions. An input that breaks one
-/// is left in target/fuzz, under the path that is printed.
+/// Checks codec/fuzz, a workspace of its own, and runs its targets from their seeds, earlier corpora and
+/// the committed regressions. An input that breaks a target is written to target/fuzz; libFuzzer prints
+/// its path.
 fn fuzz(steps: &mut Steps) {
     let folder = workspace::root().join("codec/fuzz");
     let out = workspace::target_folder().join("fuzz");
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
-        // These flags would take the place of those that fuzzing needs.
+        // These would override the flags that fuzzing needs.
         cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         cargo
     };
@@ -200,8 +202,8 @@ fn fuzz(steps: &mut Steps) {
     }
 }
 
-/// Checks licences, sources and known vulnerabilities of dependencies where cargo-deny is installed,
-/// which takes longer to build than everything here. Licences and sources are also tested without.
+/// Checks licences, sources and known vulnerabilities of dependencies, if cargo-deny is installed; its
+/// build would take longer than everything here. A test checks licences and sources without it.
 fn deny(steps: &mut Steps) {
     let is_there = workspace::cargo().args(["deny", "--version"]).output();
     if !is_there.is_ok_and(|output| output.status.success()) {
@@ -209,7 +211,7 @@ fn deny(steps: &mut Steps) {
         return;
     }
     steps.run("dependencies", workspace::cargo().args(["deny", "check", "bans", "licenses", "sources"]));
-    // Their list comes over the network: without one, an older list would pass what is known by now.
+    // Without the network, an outdated list would miss newer vulnerabilities.
     let fetched =
         workspace::cargo().args(["deny", "fetch", "db"]).status().is_ok_and(|status| status.success());
     if fetched {
@@ -218,13 +220,12 @@ fn deny(steps: &mut Steps) {
             workspace::cargo().args(["deny", "check", "advisories"]),
         );
     } else {
-        steps.skip("known vulnerabilities of dependencies", "their list cannot be fetched");
+        steps.skip("known vulnerabilities of dependencies", "the list cannot be downloaded");
     }
 }
 
-/// Compiles the workspace, without its tests and optional features, with the oldest Rust that the
-/// packages say they need, where this one is newer. The other workspaces are not: their
-/// `rust-version` is only held to the same.
+/// Compiles the workspace, without tests and optional features, with the oldest supported Rust, if the
+/// current one is newer. Of the other workspaces only the `rust-version` is checked, by a test.
 fn oldest_rust(steps: &mut Steps) {
     let oldest = env!("CARGO_PKG_RUST_VERSION");
     let version = Command::new("rustc").arg("--version").output();
@@ -236,7 +237,7 @@ fn oldest_rust(steps: &mut Steps) {
     let name = format!("the workspace with the oldest Rust, {oldest}");
     let has_it = Command::new("rustup").args(["run", oldest, "rustc", "--version"]).output();
     if !has_it.is_ok_and(|output| output.status.success()) {
-        steps.skip(&name, "rustup does not have it");
+        steps.skip(&name, "rustup has not installed it");
         return;
     }
     let mut check = Command::new("rustup");
@@ -244,7 +245,7 @@ fn oldest_rust(steps: &mut Steps) {
     steps.run(&name, &mut check);
 }
 
-/// Installs the toolchain's formatter and linter where a minimal toolchain lacks them.
+/// Installs formatter and linter if the toolchain lacks them.
 fn install_components() {
     for (subcommand, component) in [("fmt", "rustfmt"), ("clippy", "clippy")] {
         let is_there = workspace::cargo()
@@ -253,7 +254,7 @@ fn install_components() {
             .is_ok_and(|output| output.status.success());
         if !is_there {
             eprintln!("ci: rustup component add {component}");
-            // Where this fails, the step that needs the component fails, and says so.
+            // If this fails, the step that needs the component fails and reports it.
             let _ =
                 Command::new("rustup").args(["component", "add", component]).stdin(Stdio::null()).status();
         }

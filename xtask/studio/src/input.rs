@@ -6,11 +6,10 @@ use std::io::Read;
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
-use program::Fault;
 use refine::reference;
 
-use crate::export;
 use crate::scene::{Scene, frames_of};
+use program::Fault;
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
@@ -85,10 +84,20 @@ impl Input {
         }
     }
 
+    /// Number of Gaussians, the background's included.
+    pub fn gaussians(&self) -> usize {
+        match self {
+            Input::Package(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            Input::Scene(scene) => {
+                scene.subject.field.len() + scene.plate.as_ref().map_or(0, |plate| plate.field.len())
+            }
+        }
+    }
+
     /// All Gaussians but the background's as one field, and the metadata.
     pub fn into_field(self) -> (Field, ClipInfo) {
         match self {
-            Input::Package(clip) => (export::merged(&clip), clip.info),
+            Input::Package(clip) => (clip.merged(), clip.info),
             Input::Scene(scene) => (scene.subject.field, scene.info),
         }
     }

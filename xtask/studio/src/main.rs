@@ -5,6 +5,11 @@ use std::process::ExitCode;
 use clap::Parser;
 use studio::cli::{self, Cli};
 
+/// Counts the heap for the stability suite.
+#[cfg(feature = "measure")]
+#[global_allocator]
+static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
+
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
     cli::exit_code(Cli::parse().command.run())

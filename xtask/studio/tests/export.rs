@@ -3,7 +3,7 @@
 mod support;
 
 use codec::{ALPHA_MIN, Field};
-use studio::export::{field_file, frozen, merged, splatv, spz, static_ply};
+use studio::export::{field_file, frozen, splatv, spz, static_ply};
 use studio::import::import;
 use support::{assert_close, assert_same_rotations, field, import_bytes, info};
 
@@ -198,7 +198,7 @@ fn merged_clip_has_both_regions() {
         time_index: codec::TimeIndex::default(),
         plate: None,
     };
-    let both = merged(&clip(&still, &moving));
+    let both = clip(&still, &moving).merged();
     both.check().expect("a valid field");
     for (row, (source, i)) in (0..5).map(|i| (&still, i)).chain((0..7).map(|i| (&moving, i))).enumerate() {
         for t in [0.0, 0.4, 1.0] {
@@ -211,5 +211,5 @@ fn merged_clip_has_both_regions() {
         assert!(both.sh_of(row)[sh.len()..].iter().all(|c| *c == [0.0; 3]));
     }
     let nothing_moves = Field { temporal: Some(codec::Temporal::default()), ..Field::default() };
-    assert_eq!(merged(&clip(&still, &nothing_moves)), still);
+    assert_eq!(clip(&still, &nothing_moves).merged(), still);
 }

@@ -1,8 +1,9 @@
 //! `cargo xtask report`: what playing, packaging and fitting a clip costs and keeps, what the
 //! packages of fields do at every budget, and how stable the renderer is, measured.
 
+#[cfg(feature = "measure")]
 mod page;
-mod program;
+#[cfg(feature = "measure")]
 mod stability;
 
 use crate::report::{ReportFile, Subject, rd};
@@ -63,18 +64,27 @@ struct Report {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     check_folder(&args.out)?;
+    let page_of = args.page_of()?;
+    #[cfg(not(feature = "measure"))]
+    if args.stability || page_of.is_some() {
+        let how = "this build does not measure: run `cargo run --release --package studio --features measure -- report`";
+        return Err(Fault::Usage(how.into()).into());
+    }
     let mut report = Report::default();
-    if args.rd || args.stability {
+    #[cfg(feature = "measure")]
+    if let Some(path) = page_of {
+        report.add_page(path, args)?;
+    }
+    if page_of.is_none() {
         let subjects =
             args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
             report.add_rd(&subjects)?;
         }
+        #[cfg(feature = "measure")]
         if args.stability {
-            report.add_stability(&args.fields)?;
+            report.add_stability(&subjects)?;
         }
-    } else {
-        report.add_page(args)?;
     }
     write(&args.out, &report.files)?;
     if args.json {
@@ -91,17 +101,28 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-impl Report {
-    fn add_page(&mut self, args: &Args) -> anyhow::Result<()> {
-        let [path] = args.fields.as_slice() else {
+impl Args {
+    /// The clip or field of the page; `None` with `--rd` or `--stability`.
+    fn page_of(&self) -> Result<Option<&Path>, Fault> {
+        if self.rd || self.stability {
+            return Ok(None);
+        }
+        let [path] = self.fields.as_slice() else {
             let what = "a page is of one clip or field: name one, or choose --rd or --stability";
-            return Err(Fault::Usage(what.into()).into());
+            return Err(Fault::Usage(what.into()));
         };
-        let [width, height] = args.size;
+        let [width, height] = self.size;
         if u64::from(width) * u64::from(height) > PIXELS_MAX {
             let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
-            return Err(Fault::Usage(what).into());
+            return Err(Fault::Usage(what));
         }
+        Ok(Some(path))
+    }
+}
+
+impl Report {
+    #[cfg(feature = "measure")]
+    fn add_page(&mut self, path: &Path, args: &Args) -> anyhow::Result<()> {
         let findings = page::measure(path, args.size, &args.fit_log)?;
         self.text += &findings.table();
         self.files.extend(findings.files()?);
@@ -125,8 +146,9 @@ impl Report {
         Ok(())
     }
 
-    fn add_stability(&mut self, fields: &[PathBuf]) -> anyhow::Result<()> {
-        let measured = stability::run(fields)?;
+    #[cfg(feature = "measure")]
+    fn add_stability(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
+        let measured = stability::run(subjects)?;
         self.text += &measured.table();
         self.files.extend(crate::report::stability::files(&measured)?);
         self.failed = Some((measured.failures(), measured.stability.len()));

@@ -5,10 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use program::Fault;
-
-use super::knob::{Errors, Knob, Point, Spread, Stage};
 use crate::fit::log::{Entry, parse, table_path};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
+use program::Fault;
 
 /// Longest table that is read: a line for each of a million steps.
 const BYTES_MAX: u64 = 100 << 20;
@@ -75,7 +74,7 @@ pub fn load(path: &Path) -> Result<FitLog, Fault> {
 }
 
 /// How far the fits were at each line of their tables, as far as photographs were held.
-pub fn knob(logs: &[FitLog]) -> Option<Knob> {
+pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
     let point = |log: &FitLog, entry: &Entry| {
         let psnr_db = entry.held_psnr_db?;
         let counts = [
@@ -83,22 +82,22 @@ pub fn knob(logs: &[FitLog]) -> Option<Knob> {
             ("gaussians", entry.gaussians as f64),
             ("gaussians_in_a_picture", entry.drawn as f64),
         ];
-        Some(Point {
+        Some(ParameterValue {
             value: format!("{} at step {}", log.name, entry.step),
             default: false,
             on_front: false,
-            cost: Spread::exactly(entry.seconds),
-            errors: Errors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..Errors::default() },
-            run_time_ms: Some(Spread::exactly(1e3 * entry.seconds)),
+            cost: Quartiles::exactly(entry.seconds),
+            errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
+            run_time_ms: Some(Quartiles::exactly(1e3 * entry.seconds)),
             stages_ms: BTreeMap::new(),
             counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
         })
     };
-    let points: Vec<Point> =
+    let points: Vec<ParameterValue> =
         logs.iter().flat_map(|log| log.entries.iter().filter_map(move |entry| point(log, entry))).collect();
     (!points.is_empty()).then(|| {
-        Knob {
-            stage: Stage::Fitting,
+        Parameter {
+            stage: FlowStage::Fitting,
             name: "fit".into(),
             about: "Held photographs while fits went on: PSNR of the subject.".into(),
             cost: "s".into(),
@@ -139,9 +138,9 @@ mod tests {
 
         let log = load(&table).unwrap();
         assert_eq!((log.name.as_str(), log.entries.len()), ("a", 2));
-        let knob = knob(&[log]).unwrap();
-        assert_eq!(knob.points[1].value, "a at step 200");
-        assert!(knob.points.iter().all(|point| point.on_front));
+        let parameter = parameter(&[log]).unwrap();
+        assert_eq!(parameter.points[1].value, "a at step 200");
+        assert!(parameter.points.iter().all(|point| point.on_front));
         std::fs::write(&table, "nonsense").unwrap();
         let error = load(&table).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("a.fit.csv"), "{error}");
@@ -154,6 +153,6 @@ mod tests {
 
     #[test]
     fn a_fit_that_held_nothing_has_no_points() {
-        assert_eq!(knob(&[FitLog { name: "a".into(), entries: vec![entry(100, None)] }]), None);
+        assert_eq!(parameter(&[FitLog { name: "a".into(), entries: vec![entry(100, None)] }]), None);
     }
 }

@@ -1,17 +1,20 @@
-//! Reports: what playing, packaging and fitting a clip costs and keeps, what packages of every
-//! budget do, and how stable the renderer is, measured, as a page or text to read, tables for
-//! programs, and plots.
+//! Reports, as a page or text to read, tables for programs, and plots: what packages of every budget
+//! cost and keep, and with the feature `measure` what playing, packaging and fitting a clip costs and
+//! keeps, and how stable the renderer is.
 
+#[cfg(feature = "measure")]
 pub mod fitting;
-pub mod knob;
+#[cfg(feature = "measure")]
 pub mod packaging;
+#[cfg(feature = "measure")]
 mod page;
-pub mod playing;
 mod plot;
 pub mod rd;
+#[cfg(feature = "measure")]
 pub mod stability;
 mod subject;
 
+#[cfg(feature = "measure")]
 pub use page::Findings;
 pub use subject::Subject;
 

@@ -1,4 +1,4 @@
-//! The knobs of making a package: how exactly it is coded, what chooses the Gaussians that a budget
+//! The parameters of making a package: how exactly it is coded, what chooses the Gaussians that a budget
 //! keeps, and whether their colours are fitted anew.
 //!
 //! Coding is held against what was coded, choosing against the whole field, each in the pictures in
@@ -14,11 +14,11 @@ use refine::prune::{Candidate, PASSES, Pictures, Ranking, Selection, by_importan
 use refine::reference::{self, sensitivities};
 
 use super::Subject;
-use super::knob::{Errors, Knob, Point, Spread, Stage};
 use super::rd::{SEEN_WORK, coded_shots, refused, seen_shots};
 use crate::package::Settings;
 use crate::package::coding::{LAYERS, QUALITY_DB};
 use crate::package::whole::{CODE_WORK, PICTURE_WORK, Whole, ranking_shots, scene_of};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
 /// PSNRs to code to, in dB, from the finest to the coarsest.
 const TARGETS_DB: [f64; 8] = [55.0, 52.5, QUALITY_DB, 50.0, 47.5, 45.0, 42.5, 40.0];
@@ -47,17 +47,17 @@ pub fn work(subject: &Subject) -> u64 {
     coded + chosen
 }
 
-/// Measures the knobs. `progress` advances by [`work`].
+/// Measures the parameters. `progress` advances by [`work`].
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
 /// defect of this program.
-pub fn measure(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Vec<Knob>> {
-    let mut knobs = vec![precision(subject, progress)?];
+pub fn measure(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Vec<Parameter>> {
+    let mut parameters = vec![precision(subject, progress)?];
     if let Some(budget) = budget(&subject.field) {
-        knobs.extend(choosing(subject, budget, progress)?);
+        parameters.extend(choosing(subject, budget, progress)?);
     }
-    Ok(knobs)
+    Ok(parameters)
 }
 
 /// The largest layer of packages that leaves something out.
@@ -77,7 +77,7 @@ fn refit_work(subject: &Subject) -> u64 {
 }
 
 /// What the precision of the coder costs and keeps.
-fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Knob> {
+fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Parameter> {
     progress.set_message("coding");
     let Subject { scene, field, plate } = subject;
     let mut rows = by_importance(&Ranking::Mass.scores(field, &[]));
@@ -105,8 +105,8 @@ fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Knob> 
     let clip = decode(&bytes)?;
     points.push(package("fixed", false, &bytes, judge.psnr(&reference::RenderScene::from(&clip), || ()))?);
     tried();
-    Ok(Knob {
-        stage: Stage::Packaging,
+    Ok(Parameter {
+        stage: FlowStage::Packaging,
         name: "coder precision".into(),
         about: format!(
             "How exactly the coder `context` keeps the Gaussians, as PSNR of the decoded package against what was \
@@ -126,7 +126,7 @@ fn decode(bytes: &[u8]) -> anyhow::Result<Clip> {
 }
 
 /// A package as a point.
-fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Result<Point> {
+fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Result<ParameterValue> {
     let mut times = Vec::new();
     let mut gaussians = 0;
     for _ in 0..DECODINGS {
@@ -135,22 +135,22 @@ fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Re
         times.push(start.elapsed().as_secs_f64() * 1e3);
     }
     let size = bytes.len() as f64;
-    Ok(Point {
-        cost: Spread::exactly(size),
-        run_time_ms: Some(Spread::of(times)),
+    Ok(ParameterValue {
+        cost: Quartiles::exactly(size),
+        run_time_ms: Some(Quartiles::of(times)),
         counts: counts([("bytes", size), ("bytes_per_gaussian", size / gaussians as f64)]),
         ..point(value, default, psnr_db)
     })
 }
 
 /// A point of which nothing but its error is known.
-fn point(value: &str, default: bool, psnr_db: f64) -> Point {
-    Point {
+fn point(value: &str, default: bool, psnr_db: f64) -> ParameterValue {
+    ParameterValue {
         value: value.into(),
         default,
         on_front: false,
-        cost: Spread::default(),
-        errors: Errors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..Errors::default() },
+        cost: Quartiles::default(),
+        errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
         run_time_ms: None,
         stages_ms: BTreeMap::new(),
         counts: BTreeMap::new(),
@@ -162,7 +162,7 @@ fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
 }
 
 /// What chooses the Gaussians of a budget, and whether their colours are fitted anew.
-fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow::Result<[Knob; 2]> {
+fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow::Result<[Parameter; 2]> {
     let Subject { scene, field, plate } = subject;
     let settings = Settings::default();
     let whole = Whole::look(scene, field, plate.as_ref(), &settings, progress)?;
@@ -172,8 +172,8 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
         let floor = if candidate.kept.restored > 0 { " with floor" } else { "" };
         let recall = candidate.kept.topology.recall();
         let label = format!("{}{floor}", candidate.ranking.name());
-        Point {
-            cost: Spread::exactly(1.0 - recall),
+        ParameterValue {
+            cost: Quartiles::exactly(1.0 - recall),
             counts: counts([
                 ("gaussians", candidate.kept.rows.len() as f64),
                 ("features_preserved", recall),
@@ -182,8 +182,8 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
             ..point(&label, i == best, candidate.psnr_db)
         }
     };
-    let ranking = Knob {
-        stage: Stage::Packaging,
+    let ranking = Parameter {
+        stage: FlowStage::Packaging,
         name: "ranking".into(),
         about: format!(
             "What chooses the {budget} Gaussians of a budget, by itself and with the topology floor where that \
@@ -200,10 +200,12 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
     let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
     let seconds = start.elapsed().as_secs_f64();
-    let anew =
-        Point { cost: Spread::exactly(seconds), ..point("fitted anew", false, whole.draft_psnr(&refitted)?) };
-    let colours = Knob {
-        stage: Stage::Packaging,
+    let anew = ParameterValue {
+        cost: Quartiles::exactly(seconds),
+        ..point("fitted anew", false, whole.draft_psnr(&refitted)?)
+    };
+    let colours = Parameter {
+        stage: FlowStage::Packaging,
         name: "colour refit".into(),
         about: format!(
             "Whether the colours of the {budget} Gaussians are fitted to pictures of the whole field \
@@ -212,5 +214,5 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
         cost: "s of packaging".into(),
         points: vec![point("as they were", true, chosen.psnr_db), anew],
     };
-    Ok([ranking, colours].map(Knob::mark_front))
+    Ok([ranking, colours].map(Parameter::mark_front))
 }

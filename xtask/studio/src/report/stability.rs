@@ -1,57 +1,14 @@
 //! Stability of the renderer: stiff and extreme fields, each with how far the GPU's pictures were
 //! from the f64 reference's and how far they may be.
 //!
-//! The suite itself is a program of the package `aarc-tests`, which has a renderer; it prints the
-//! types of this module.
+//! The crate `measure` runs the suite; this module writes its tables.
 
 use std::fmt::Write;
 
-use serde::{Deserialize, Serialize};
+use measure::stability::CaseResult;
+use serde::Serialize;
 
 use super::ReportFile;
-
-/// What the suite says first.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Header {
-    /// Name of the graphics adapter.
-    pub adapter: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Number of cases.
-    pub cases: usize,
-}
-
-/// A case, measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// What makes it hard.
-    pub group: String,
-    /// Its name.
-    pub case: String,
-    /// `holds` or `fails`.
-    pub outcome: String,
-    /// What was measured; nothing where it came to no number.
-    pub deviation: Option<f64>,
-    /// The most that is allowed.
-    pub bound: f64,
-    /// Unit of both.
-    pub unit: String,
-    /// What the encoder does with it: `taken`, and the deviation of a package by each coder;
-    /// `refused` and why; or `not tried` and why.
-    pub package: String,
-    /// Number of Gaussians.
-    pub gaussians: usize,
-    /// Number of pictures.
-    pub pictures: usize,
-    /// Seconds that the GPU's pictures took.
-    pub seconds: f64,
-    /// Bytes that they took at most, of the heap and of GPU buffers.
-    pub bytes: u64,
-    /// How the renderer handles it.
-    pub how: String,
-    /// What is wrong, where it fails.
-    pub problem: Option<String>,
-}
 
 /// A run of the suite.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -63,23 +20,13 @@ pub struct Stability {
     /// Name and version of its driver.
     pub driver: String,
     /// The cases.
-    pub stability: Vec<Row>,
-}
-
-impl Row {
-    fn holds(&self) -> bool {
-        self.problem.is_none()
-    }
-
-    fn deviation(&self) -> String {
-        self.deviation.map_or_else(|| "none".into(), |deviation| format!("{deviation:.3}"))
-    }
+    pub stability: Vec<CaseResult>,
 }
 
 impl Stability {
     /// Number of cases that fail.
     pub fn failures(&self) -> usize {
-        self.stability.iter().filter(|row| !row.holds()).count()
+        self.stability.iter().filter(|row| row.problem.is_some()).count()
     }
 
     /// The table for a terminal.
@@ -92,7 +39,7 @@ impl Stability {
                 group = &row.group;
                 let _ = writeln!(text, "\n{group:<68}{:>10}{:>8}", "deviation", "bound");
             }
-            let (deviation, Row { case, bound, unit, outcome, .. }) = (row.deviation(), row);
+            let (deviation, CaseResult { case, bound, unit, outcome, .. }) = (deviation(row), row);
             let _ = writeln!(text, "  {outcome:<7}{case:<59}{deviation:>10}{bound:>8} {unit}");
             if let Some(problem) = &row.problem {
                 let _ = writeln!(text, "         {problem}");
@@ -143,8 +90,8 @@ them, packages by both coders are within the bound as well; where none can, the 
                  |---|---|--:|--:|---|---|--:|--:|--:|--:|\n"
             );
         }
-        let (deviation, Row { case, bound, unit, package, gaussians, pictures, seconds, how, .. }) =
-            (row.deviation(), row);
+        let (deviation, CaseResult { case, bound, unit, package, gaussians, pictures, seconds, how, .. }) =
+            (deviation(row), row);
         let outcome = match &row.problem {
             None => row.outcome.clone(),
             Some(problem) => format!("**{}**: {}", row.outcome, cell(problem)),
@@ -161,12 +108,17 @@ them, packages by both coders are within the bound as well; where none can, the 
     text
 }
 
+/// The deviation as a table shows it.
+fn deviation(row: &CaseResult) -> String {
+    row.deviation.map_or_else(|| "none".into(), |deviation| format!("{deviation:.3}"))
+}
+
 /// Text that does not end a cell of a table.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
 
-fn csv(rows: &[Row]) -> String {
+fn csv(rows: &[CaseResult]) -> String {
     let mut text = String::from(
         "group,case,outcome,deviation,bound,unit,package,gaussians,pictures,seconds,bytes,how,problem\n",
     );
@@ -198,7 +150,7 @@ mod tests {
     use super::*;
 
     fn run() -> Stability {
-        let good = Row {
+        let good = CaseResult {
             group: "stiff in time".into(),
             case: "a \"window\"".into(),
             outcome: "holds".into(),
@@ -213,7 +165,7 @@ mod tests {
             how: "|v3 d^3| is small".into(),
             problem: None,
         };
-        let bad = Row {
+        let bad = CaseResult {
             case: "other".into(),
             outcome: "fails".into(),
             deviation: None,

@@ -4,14 +4,13 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use codec::Field;
-use program::Fault;
 use refine::reference;
 
-use crate::export;
 use crate::input::Input;
 use crate::package::visible;
 use crate::package::whole::scene_of;
 use crate::scene::Scene;
+use program::Fault;
 
 /// A field, unpruned and uncoded as far as there is such a thing: of a package, what it decodes to.
 #[derive(Debug)]
@@ -38,7 +37,7 @@ impl Subject {
                 let made = |field| Scene::made(&name, field, clip.info.clone());
                 let plate = clip.plate.clone().map(|plate| made(plate).subject);
                 let assumed = if clip.info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
-                Scene { plate, assumed, ..made(export::merged(&clip)) }
+                Scene { plate, assumed, ..made(clip.merged()) }
             }
         };
         let (field, _) = visible(&scene.subject);

@@ -1,33 +1,29 @@
-//! Runs the stability suite, and gathers what it prints.
+//! Runs the stability suite.
 
-use std::path::PathBuf;
+use indicatif::{ProgressBar, ProgressStyle};
+use measure::device::{Passes, device};
+use measure::stability::{along, cases, run_suite};
 
 use crate::machine::machine;
-use crate::report::stability::{Header, Row, Stability};
-use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::report::Subject;
+use crate::report::stability::Stability;
 
-use super::program;
-
-/// Runs all cases, and one along each of `fields`.
-pub(super) fn run(fields: &[PathBuf]) -> anyhow::Result<Stability> {
-    // Drawn on a terminal's standard error only.
-    let bar = ProgressBar::new(1).with_style(ProgressStyle::with_template("{bar:30} {pos} of {len}  {msg}")?);
-    let mut header: Option<Header> = None;
-    let mut rows: Vec<Row> = Vec::new();
-    program::run("stability", "dev", fields, |line| {
-        if header.is_none() {
-            let first: Header = serde_json::from_str(line)?;
-            bar.set_length(first.cases as u64);
-            header = Some(first);
-            return Ok(());
-        }
-        rows.push(serde_json::from_str(line)?);
+/// Runs all cases, and one along each of `subjects`.
+pub(super) fn run(subjects: &[Subject]) -> anyhow::Result<Stability> {
+    let gpu = device(Passes::Shared)?;
+    let of_subject =
+        |Subject { scene, field, plate }: &Subject| along(&scene.name, &scene.info, field, plate.as_ref());
+    let cases: Vec<_> = cases().into_iter().chain(subjects.iter().map(of_subject)).collect();
+    // Drawn only where standard error is a terminal.
+    let style = ProgressStyle::with_template("{bar:30} {pos} of {len}  {msg}")?;
+    let bar = ProgressBar::new(cases.len() as u64).with_style(style);
+    let mut results = Vec::new();
+    run_suite(cases, gpu, |result| {
         bar.inc(1);
-        bar.set_message(rows[rows.len() - 1].case.clone());
-        Ok(())
-    })?;
+        bar.set_message(result.case.clone());
+        results.push(result);
+    });
     bar.finish_and_clear();
-    let Header { adapter, driver, .. } = header.context("the stability suite said nothing")?;
-    Ok(Stability { machine: machine(), adapter, driver, stability: rows })
+    let (adapter, driver) = (gpu.adapter_name.clone(), gpu.driver.clone());
+    Ok(Stability { machine: machine(), adapter, driver, stability: results })
 }

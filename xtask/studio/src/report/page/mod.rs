@@ -8,12 +8,12 @@ mod text;
 use std::fmt::Write;
 
 use anyhow::Context;
+use measure::parameter::{FlowStage, Parameter, ParameterValue};
+use measure::playing::Playing;
 use refine::prune::RESOLUTION_DB;
 
 use super::ReportFile;
 use super::fitting::{self, FitLog};
-use super::knob::{Knob, Point, Stage};
-use super::playing::Playing;
 use super::plot::{self as lines, Line, Panel};
 use crate::fit::log::Entry;
 use front::{Chart, Mark, svg};
@@ -28,14 +28,14 @@ pub struct Findings {
     pub machine: String,
     /// What playing it costs and keeps.
     pub playing: Playing,
-    /// The knobs of making a package of it.
-    pub packaging: Vec<Knob>,
+    /// The parameters of making a package of it.
+    pub packaging: Vec<Parameter>,
     /// Fits of it.
     pub fits: Vec<FitLog>,
 }
 
 /// Knobs that a player may have, and why this one has not.
-const NO_KNOBS: [(&str, &str); 6] = [
+const NO_PARAMETERS: [(&str, &str); 6] = [
     (
         "16-bit sort keys",
         "Depths are sorted to their last bit, in passes of the digits in which they differ; the column <i>sort</i> says \
@@ -64,36 +64,42 @@ const NO_KNOBS: [(&str, &str); 6] = [
 ];
 
 impl Findings {
-    /// All knobs.
-    fn knobs(&self) -> Vec<Knob> {
-        let mut knobs = self.playing.knobs.clone();
-        knobs.extend(self.packaging.clone());
-        knobs.extend(fitting::knob(&self.fits));
-        knobs
+    /// All parameters.
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut parameters = self.playing.parameters.clone();
+        parameters.extend(self.packaging.clone());
+        parameters.extend(fitting::parameter(&self.fits));
+        parameters
     }
 
-    /// The defaults that are off the front of their knob, each in a sentence.
+    /// The defaults that are off the front of their parameter, each in a sentence.
     pub fn beaten_defaults(&self) -> Vec<String> {
-        let told = |(knob, default, by): (&Knob, &Point, Vec<&Point>)| {
-            let value = |point: &Point| {
+        let told = |(parameter, default, by): (&Parameter, &ParameterValue, Vec<&ParameterValue>)| {
+            let value = |point: &ParameterValue| {
                 let psnr = point.errors.psnr_db.map_or_else(|| "no error".into(), |db| format!("{db:.2} dB"));
-                format!("{} ({psnr} at {:.2} {})", point.value, point.cost.median, knob.cost)
+                format!("{} ({psnr} at {:.2} {})", point.value, point.cost.median, parameter.cost)
             };
             let by: Vec<String> = by.into_iter().map(value).collect();
-            format!("{}: {} is beaten by {}", knob.name, value(default), by.join(", "))
+            format!("{}: {} is beaten by {}", parameter.name, value(default), by.join(", "))
         };
-        let knobs = self.knobs();
-        let beaten = |knob| Knob::beaten_defaults(knob).map(move |(default, by)| (knob, default, by));
-        knobs.iter().flat_map(beaten).map(told).collect()
+        let parameters = self.parameters();
+        let beaten = |parameter| {
+            Parameter::beaten_defaults(parameter).map(move |(default, by)| (parameter, default, by))
+        };
+        parameters.iter().flat_map(beaten).map(told).collect()
     }
 
-    /// What a terminal shows: each knob's values, a line each.
+    /// What a terminal shows: each parameter's values, a line each.
     pub fn table(&self) -> String {
         let setup = &self.playing.setup;
         let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
-        for knob in self.knobs().iter().filter(|knob| knob.stage != Stage::Fitting) {
-            let _ = writeln!(text, "\n{:<34}{:>10}{:>14}  {}", knob.name, "PSNR, dB", "cost", knob.cost);
-            for point in &knob.points {
+        for parameter in self.parameters().iter().filter(|parameter| parameter.stage != FlowStage::Fitting) {
+            let _ = writeln!(
+                text,
+                "\n{:<34}{:>10}{:>14}  {}",
+                parameter.name, "PSNR, dB", "cost", parameter.cost
+            );
+            for point in &parameter.points {
                 let mark = if point.default { '*' } else { ' ' };
                 let off = if point.on_front { "" } else { "  off the front" };
                 let psnr = point.errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
@@ -115,7 +121,7 @@ impl Findings {
         let json = format!("{:#}\n", serde_json::Value::Object(self.to_json()?));
         Ok(vec![
             ReportFile { name: "report.html".into(), text: self.html().context("the page")? },
-            ReportFile { name: "report.csv".into(), text: rows::csv(&self.knobs()) },
+            ReportFile { name: "report.csv".into(), text: rows::csv(&self.parameters()) },
             ReportFile { name: "report.json".into(), text: json },
         ])
     }
@@ -125,7 +131,7 @@ impl Findings {
     /// # Errors
     /// If they are none that JSON has.
     pub fn to_json(&self) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
-        rows::json(self, &self.knobs())
+        rows::json(self, &self.parameters())
     }
 
     fn html(&self) -> anyhow::Result<String> {
@@ -139,11 +145,11 @@ impl Findings {
         );
         self.introduce(&mut text);
         text += "<h2>Playing</h2>\n";
-        for knob in &self.playing.knobs {
-            section(&mut text, knob)?;
+        for parameter in &self.playing.parameters {
+            section(&mut text, parameter)?;
         }
-        text += "<h3>Not knobs</h3>\n<ul>\n";
-        for (name, why) in NO_KNOBS {
+        text += "<h3>Not parameters</h3>\n<ul>\n";
+        for (name, why) in NO_PARAMETERS {
             let _ = writeln!(text, "<li><b>{name}</b>: {why}</li>");
         }
         text += "</ul>\n";
@@ -152,10 +158,10 @@ impl Findings {
              <p>What the clip does without was switched on, in columns that change no pixel, drawn, counted and \
              packaged: the numbers are what it saves by doing without. Gray rows are parts that it needs. The last column is a frame without and with the \
              part.</p>\n<div class=parts>";
-        text += &tables::parts(&self.playing.parts);
+        text += &tables::features(&self.playing.features);
         text += "</div>\n<h2>Packaging</h2>\n";
-        for knob in &self.packaging {
-            section(&mut text, knob)?;
+        for parameter in &self.packaging {
+            section(&mut text, parameter)?;
         }
         text += "<h2>Fitting</h2>\n";
         if self.fits.is_empty() {
@@ -190,7 +196,7 @@ impl Findings {
              variant once. \
              <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
              on no machine; fetched bytes are those of the mean record and of the order, once an instance.</p>\n\
-             <p>Blue points are on the Pareto front: no other value of the knob is cheaper and no less exact, or more exact \
+             <p>Blue points are on the Pareto front: no other value of the parameter is cheaper and no less exact, or more exact \
              and no dearer. Cheaper is what the middle halves of both show, more exact is by more than {RESOLUTION_DB} dB. \
              The ring is what is taken where nobody says.</p>",
             grouped(setup.gaussians as f64),
@@ -203,9 +209,9 @@ impl Findings {
         );
         let beaten = self.beaten_defaults();
         if beaten.is_empty() {
-            *text += "<p class=good>Every default is on the front of its knob.</p>\n";
+            *text += "<p class=good>Every default is on the front of its parameter.</p>\n";
         } else {
-            *text += "<div class=warning>Defaults that are off the front of their knob:<ul>\n";
+            *text += "<div class=warning>Defaults that are off the front of their parameter:<ul>\n";
             for beaten in beaten {
                 let _ = writeln!(text, "<li>{}</li>", escape(&beaten));
             }
@@ -226,7 +232,7 @@ impl Findings {
         let _ = writeln!(
             text,
             "<h2>Pictures</h2>\n<p>The first picture by the reference, by the player as it is, and at the end of each \
-             knob. Slide over them, or look at their difference, eight times as bright.</p>\n\
+             parameter. Slide over them, or look at their difference, eight times as bright.</p>\n\
              <div class=controls><label>left <select></select></label><label>right <select></select></label>\
              <input type=range min=0 max=100 step=0.1 value=50 aria-label=\"where the pictures meet\">\
              <label><input type=checkbox> difference</label></div>\n\
@@ -260,36 +266,36 @@ impl Findings {
     }
 }
 
-/// A knob: what it does, its front, its table.
-fn section(text: &mut String, knob: &Knob) -> anyhow::Result<()> {
-    let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&knob.name), prose(&knob.about));
-    let mark = |point: &Point, y: f64, on_front: bool| Mark {
+/// A parameter: what it does, its front, its table.
+fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
+    let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&parameter.name), prose(&parameter.about));
+    let mark = |point: &ParameterValue, y: f64, on_front: bool| Mark {
         label: point.value.clone(),
         x: [point.cost.median, point.cost.low, point.cost.high],
         y,
         default: point.default,
         on_front,
     };
-    let psnr = |point: &Point| mark(point, point.psnr_db(), point.on_front);
+    let psnr = |point: &ParameterValue| mark(point, point.psnr_db(), point.on_front);
     let mut charts = vec![Chart {
         title: "PSNR (dB)".into(),
-        x: knob.cost.clone(),
-        marks: knob.points.iter().map(psnr).collect(),
+        x: parameter.cost.clone(),
+        marks: parameter.points.iter().map(psnr).collect(),
     }];
-    if knob.points.iter().any(|point| point.errors.flicker.is_some()) {
-        let flicker = |point: &Point| {
-            let of = |point: &Point| point.errors.flicker.unwrap_or(f64::NAN);
-            let beaten = |other: &Point| other.cost.high < point.cost.low && of(other) <= of(point);
-            mark(point, of(point), !knob.points.iter().any(beaten))
+    if parameter.points.iter().any(|point| point.errors.flicker.is_some()) {
+        let flicker = |point: &ParameterValue| {
+            let of = |point: &ParameterValue| point.errors.flicker.unwrap_or(f64::NAN);
+            let beaten = |other: &ParameterValue| other.cost.high < point.cost.low && of(other) <= of(point);
+            mark(point, of(point), !parameter.points.iter().any(beaten))
         };
         charts.push(Chart {
             title: "flicker while the head turns (/255, less is better)".into(),
-            x: knob.cost.clone(),
-            marks: knob.points.iter().map(flicker).collect(),
+            x: parameter.cost.clone(),
+            marks: parameter.points.iter().map(flicker).collect(),
         });
     }
     *text += &svg(&charts)?;
-    *text += &tables::knob(knob);
+    *text += &tables::parameter(parameter);
     Ok(())
 }
 

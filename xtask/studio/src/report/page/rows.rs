@@ -1,4 +1,4 @@
-//! The numbers of a report for programs: a row for each value of each knob.
+//! The numbers of a report for programs: a row for each value of each parameter.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -7,12 +7,12 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::Findings;
-use crate::report::knob::{Errors, Knob, Point, Spread, Stage};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
-/// A value of a knob; the fields are the keys of the JSON.
+/// A value of a parameter; the fields are the keys of the JSON.
 #[derive(Serialize)]
 struct Row<'a> {
-    stage: Stage,
+    stage: FlowStage,
     name: &'a str,
     value: &'a str,
     /// PSNR in dB; none where there is no error.
@@ -33,12 +33,12 @@ struct Row<'a> {
     on_front: bool,
 }
 
-fn rows(knobs: &[Knob]) -> impl Iterator<Item = Row<'_>> {
-    let row = |knob, point| {
-        let Knob { stage, name, cost: cost_unit, .. }: &Knob = knob;
-        let Point { value, default, on_front, cost, errors, run_time_ms, stages_ms, counts }: &Point = point;
-        let Errors { psnr_db, ssim, worst_tile_db, flicker } = *errors;
-        let time = |of: fn(Spread) -> f64| run_time_ms.map(of);
+fn rows(parameters: &[Parameter]) -> impl Iterator<Item = Row<'_>> {
+    let row = |parameter, point| {
+        let Parameter { stage, name, cost: cost_unit, .. }: &Parameter = parameter;
+        let ParameterValue { value, default, on_front, cost, errors, run_time_ms, stages_ms, counts }: &ParameterValue = point;
+        let ImageErrors { psnr_db, ssim, worst_tile_db, flicker } = *errors;
+        let time = |of: fn(Quartiles) -> f64| run_time_ms.map(of);
         Row {
             stage: *stage,
             name,
@@ -58,25 +58,27 @@ fn rows(knobs: &[Knob]) -> impl Iterator<Item = Row<'_>> {
             on_front: *on_front,
         }
     };
-    knobs.iter().flat_map(move |knob| knob.points.iter().map(move |point| row(knob, point)))
+    parameters
+        .iter()
+        .flat_map(move |parameter| parameter.points.iter().map(move |point| row(parameter, point)))
 }
 
-pub(super) fn json(findings: &Findings, knobs: &[Knob]) -> anyhow::Result<Map<String, Value>> {
+pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Result<Map<String, Value>> {
     let Findings { name, machine, playing, .. } = findings;
     let values = [
         ("subject", Value::from(name.as_str())),
         ("machine", Value::from(machine.as_str())),
         ("setup", serde_json::to_value(&playing.setup)?),
-        ("knobs", serde_json::to_value(rows(knobs).collect::<Vec<_>>())?),
-        ("parts", serde_json::to_value(&playing.parts)?),
+        ("knobs", serde_json::to_value(rows(parameters).collect::<Vec<_>>())?),
+        ("parts", serde_json::to_value(&playing.features)?),
         ("beaten_defaults", findings.beaten_defaults().into()),
     ];
     Ok(values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
-pub(super) fn csv(knobs: &[Knob]) -> String {
-    let keys = |of: fn(&Point) -> Vec<&String>| -> BTreeSet<&String> {
-        knobs.iter().flat_map(|knob| &knob.points).flat_map(of).collect()
+pub(super) fn csv(parameters: &[Parameter]) -> String {
+    let keys = |of: fn(&ParameterValue) -> Vec<&String>| -> BTreeSet<&String> {
+        parameters.iter().flat_map(|parameter| &parameter.points).flat_map(of).collect()
     };
     let stages = keys(|point| point.stages_ms.keys().collect());
     let counts = keys(|point| point.counts.keys().collect());
@@ -89,11 +91,11 @@ pub(super) fn csv(knobs: &[Knob]) -> String {
     text.push('\n');
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
-    for row in rows(knobs) {
+    for row in rows(parameters) {
         let stage = match row.stage {
-            Stage::Playing => "playing",
-            Stage::Packaging => "packaging",
-            Stage::Fitting => "fitting",
+            FlowStage::Playing => "playing",
+            FlowStage::Packaging => "packaging",
+            FlowStage::Fitting => "fitting",
         };
         let numbers = [
             row.error_db,

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use super::text::{decimals, escape, grouped};
 use crate::report::fitting::FitLog;
-use crate::report::knob::{Knob, Point, Spread, Stage};
-use crate::report::playing::{Part, Taken};
+use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
+use measure::playing::{ClipFeature, ResourceUse};
 
 /// What counts are called, in the order of the columns.
 const COUNTS: [(&str, &str); 15] = [
@@ -26,30 +26,31 @@ const COUNTS: [(&str, &str); 15] = [
     ("sort_passes", "sort passes"),
 ];
 
-/// Counts that tell of a part what is built for it.
+/// Counts of the code and bindings of a feature.
 const BUILT: [(&str, &str); 2] = [("shader_lines", "shader lines"), ("bindings", "bindings")];
 
 /// Counts that are no whole numbers.
 const FRACTIONS: [&str; 4] = ["bytes_per_gaussian", "features_preserved", "sort_passes", "passes"];
 
-/// Of a knob, what each value costs and keeps.
-pub(super) fn knob(knob: &Knob) -> String {
-    let any = |of: fn(&Point) -> Option<f64>| knob.points.iter().any(|point| of(point).is_some());
+/// Of a parameter, what each value costs and keeps.
+pub(super) fn parameter(parameter: &Parameter) -> String {
+    let any =
+        |of: fn(&ParameterValue) -> Option<f64>| parameter.points.iter().any(|point| of(point).is_some());
     let (ssim, tile) = (any(|point| point.errors.ssim), any(|point| point.errors.worst_tile_db));
     let flicker = any(|point| point.errors.flicker);
-    let time = match knob.stage {
-        Stage::Playing => "frame, ms",
-        Stage::Packaging => "decoding, ms",
-        Stage::Fitting => "fit, ms",
+    let time = match parameter.stage {
+        FlowStage::Playing => "frame, ms",
+        FlowStage::Packaging => "decoding, ms",
+        FlowStage::Fitting => "fit, ms",
     };
-    let timed = knob.points.iter().any(|point| point.run_time_ms.is_some());
-    let mut stages: Vec<&String> = knob.points.iter().flat_map(|point| point.stages_ms.keys()).collect();
+    let timed = parameter.points.iter().any(|point| point.run_time_ms.is_some());
+    let mut stages: Vec<&String> = parameter.points.iter().flat_map(|point| point.stages_ms.keys()).collect();
     stages.sort();
     stages.dedup();
-    let counts: Vec<_> = COUNTS.iter().filter(|(key, _)| is_told(knob, key)).collect();
+    let counts: Vec<_> = COUNTS.iter().filter(|(key, _)| is_in_table(parameter, key)).collect();
 
-    let mut head = vec![escape(&knob.name), "PSNR, dB".into()];
-    let mut add = |shown: bool, name: &str| head.extend(shown.then(|| name.to_owned()));
+    let mut head = vec![escape(&parameter.name), "PSNR, dB".into()];
+    let mut add = |visible: bool, name: &str| head.extend(visible.then(|| name.to_owned()));
     add(ssim, "SSIM");
     add(tile, "worst tile, dB");
     add(flicker, "flicker, /255");
@@ -57,10 +58,10 @@ pub(super) fn knob(knob: &Knob) -> String {
     stages.iter().for_each(|stage| add(true, stage));
     counts.iter().for_each(|(_, name)| add(true, name));
     if !timed {
-        head.push(escape(&knob.cost));
+        head.push(escape(&parameter.cost));
     }
     let mut text = row("th", &head, "");
-    for point in &knob.points {
+    for point in &parameter.points {
         let mut marks = String::new();
         if point.default {
             marks += " <span class=default>default</span>";
@@ -71,7 +72,7 @@ pub(super) fn knob(knob: &Knob) -> String {
         let errors = &point.errors;
         let psnr = errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
         let mut cells = vec![escape(&point.value) + &marks, psnr];
-        let mut add = |shown: bool, value: String| cells.extend(shown.then_some(value));
+        let mut add = |visible: bool, value: String| cells.extend(visible.then_some(value));
         add(ssim, decimals(errors.ssim, 5));
         add(tile, decimals(errors.worst_tile_db, 1));
         add(flicker, decimals(errors.flicker, 3));
@@ -88,22 +89,22 @@ pub(super) fn knob(knob: &Knob) -> String {
     table(&text)
 }
 
-/// Whether a count says something of the knob.
-fn is_told(knob: &Knob, key: &str) -> bool {
-    let mut values = knob.points.iter().map(|point| point.counts.get(key));
+/// Whether a count says something of the parameter.
+fn is_in_table(parameter: &Parameter, key: &str) -> bool {
+    let mut values = parameter.points.iter().map(|point| point.counts.get(key));
     let first = values.next().flatten();
     let is_constant = values.all(|value| value == first);
     first.is_some() && !(is_constant && ["gpu_bytes", "pipelines", "passes"].contains(&key))
 }
 
-/// Of the optional parts, what the clip needs, and what it saves by doing without the others.
-pub(super) fn parts(parts: &[Part]) -> String {
+/// The optional features: what the clip needs of each, and what it saves without it.
+pub(super) fn features(features: &[ClipFeature]) -> String {
     let columns: Vec<_> = COUNTS
         .iter()
         .chain(&BUILT)
         .filter(|(key, _)| {
-            let saves = |part: &Part| saved(part, key).is_some_and(|saved| saved != 0.0);
-            parts.iter().any(saves)
+            let saves = |feature: &ClipFeature| saved(feature, key).is_some_and(|saved| saved != 0.0);
+            features.iter().any(saves)
         })
         .collect();
     let mut head: Vec<String> =
@@ -111,10 +112,10 @@ pub(super) fn parts(parts: &[Part]) -> String {
     head.extend(columns.iter().map(|(_, name)| (*name).to_owned()));
     head.push("frame, ms".into());
     let mut text = row("th", &head, "");
-    for part in parts {
-        let Part { part: name, needs, switched_on, left_out, without, with } = part;
+    for feature in features {
+        let ClipFeature { name, needs, switched_on, left_out, without, with } = feature;
         let mut cells = [name, needs, switched_on].map(|text| escape(text)).to_vec();
-        cells.extend(columns.iter().map(|(key, _)| match saved(part, key) {
+        cells.extend(columns.iter().map(|(key, _)| match saved(feature, key) {
             None => String::new(),
             Some(saved) => count(key, saved),
         }));
@@ -127,10 +128,10 @@ pub(super) fn parts(parts: &[Part]) -> String {
     table(&text)
 }
 
-/// How much more of a count there is with a part than without.
-fn saved(part: &Part, key: &str) -> Option<f64> {
-    let of = |taken: &Taken| taken.counts.get(key).copied();
-    Some(of(&part.with)? - of(&part.without)?)
+/// The count with the feature minus the count without it.
+fn saved(feature: &ClipFeature, key: &str) -> Option<f64> {
+    let of = |taken: &ResourceUse| taken.counts.get(key).copied();
+    Some(of(&feature.with)? - of(&feature.without)?)
 }
 
 /// Where each fit came to.
@@ -167,7 +168,7 @@ fn count(key: &str, value: f64) -> String {
 }
 
 /// Median, and the ends of the middle half.
-fn spread(Spread { low, median, high }: Spread) -> String {
+fn spread(Quartiles { low, median, high }: Quartiles) -> String {
     match low == high {
         true => format!("{median:.2}"),
         false => format!("{median:.2} <small>{low:.2} to {high:.2}</small>"),

@@ -4,51 +4,53 @@ use std::collections::BTreeMap;
 
 use super::*;
 use crate::fit::log::{Density, Entry};
-use crate::report::knob::{Errors, Spread};
-use crate::report::playing::{Part, Picture, Setup, Taken};
+use measure::parameter::{ImageErrors, Quartiles};
+use measure::playing::{ClipFeature, NamedPicture, PlayingSetup, ResourceUse};
 
 fn counts(counts: &[(&str, f64)]) -> BTreeMap<String, f64> {
     counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
 }
 
-fn point(value: &str, cost: f64, psnr_db: f64) -> Point {
-    let time = Spread { low: cost - 0.25, median: cost, high: cost + 0.25 };
-    Point {
+fn point(value: &str, cost: f64, psnr_db: f64) -> ParameterValue {
+    let time = Quartiles { low: cost - 0.25, median: cost, high: cost + 0.25 };
+    ParameterValue {
         value: value.into(),
         default: value == "exact",
         on_front: false,
         cost: time,
-        errors: Errors {
+        errors: ImageErrors {
             psnr_db: psnr_db.is_finite().then_some(psnr_db),
             ssim: Some(0.99),
             worst_tile_db: Some(30.5),
             flicker: Some(0.125),
         },
         run_time_ms: Some(time),
-        stages_ms: [("sort".to_owned(), Spread::exactly(1.5))].into(),
+        stages_ms: [("sort".to_owned(), Quartiles::exactly(1.5))].into(),
         counts: counts(&[("covered_fragments", 12_345_678.0), ("pipelines", 1.0)]),
     }
 }
 
 fn findings() -> Findings {
-    let knob = Knob {
-        stage: Stage::Playing,
+    let parameter = Parameter {
+        stage: FlowStage::Playing,
         name: "cut < off".into(),
         about: "How far.".into(),
         cost: "ms a frame".into(),
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
-    let taken =
-        |bytes: f64| Taken { counts: counts(&[("gpu_bytes", bytes)]), frame_ms: Some(Spread::exactly(3.0)) };
-    let part = Part {
-        part: "SH of degree 1".into(),
+    let taken = |bytes: f64| ResourceUse {
+        counts: counts(&[("gpu_bytes", bytes)]),
+        frame_ms: Some(Quartiles::exactly(3.0)),
+    };
+    let feature = ClipFeature {
+        name: "SH of degree 1".into(),
         left_out: true,
         needs: "no".into(),
         switched_on: "zeros".into(),
         without: taken(1000.0),
         with: taken(5000.0),
     };
-    let setup = Setup {
+    let setup = PlayingSetup {
         adapter: "a device".into(),
         driver: "Mesa".into(),
         gpu_timed: true,
@@ -59,7 +61,8 @@ fn findings() -> Findings {
         rounds: 7,
         steps: 1,
     };
-    let pictures = ["reference", "</script>"].map(|name| Picture { name: name.into(), png: "AAAA".into() });
+    let pictures =
+        ["reference", "</script>"].map(|name| NamedPicture { name: name.into(), png: "AAAA".into() });
     let entry = |step: u64, held: f64| Entry {
         step,
         seconds: step as f64,
@@ -75,8 +78,8 @@ fn findings() -> Findings {
         machine: "two cores".into(),
         playing: Playing {
             setup,
-            knobs: vec![knob.mark_front()],
-            parts: vec![part],
+            parameters: vec![parameter.mark_front()],
+            features: vec![feature],
             pictures: pictures.into(),
         },
         packaging: Vec::new(),
@@ -97,7 +100,7 @@ fn the_page_is_whole_by_itself_and_says_which_default_is_beaten() {
     {
         assert!(page.contains(expected), "no {expected} in {page}");
     }
-    // A plot a knob, one of fits over steps, one over time.
+    // A plot a parameter, one of fits over steps, one over time.
     assert_eq!(page.matches("<svg").count(), 3);
     // Pictures cannot end the script, and nothing comes from elsewhere.
     assert_eq!(page.matches("</script>").count(), 1);

@@ -1,0 +1,307 @@
+//! [`Bench`]: draws variants, and looks, counts and times.
+
+use std::collections::BTreeMap;
+use std::mem::size_of;
+use std::ptr;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::parameter::ImageErrors;
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::view::{EYE_DISTANCE_M, View};
+use codec::{Clip, Field};
+use glam::UVec2;
+use image::Rgba32FImage;
+use image::imageops::{FilterType, resize};
+use program::Fault;
+use refine::image::Image;
+use refine::prune::PosedView;
+use shaders::CORNERS;
+use shaders::layout::Ranges;
+
+use super::errors::Expected;
+use super::measured::{FrameTiming, Inspection};
+use super::reduce;
+use super::views::ViewSet;
+use crate::device::{Passes, device};
+
+/// How often each picture is timed.
+pub(super) const ROUNDS: usize = 7;
+
+/// A way to draw the clip. The default is the player as it is, for images.
+pub(super) struct Variant {
+    /// What it is called.
+    pub(super) name: String,
+    /// What is drawn.
+    pub(super) content: VariantContent,
+    /// How.
+    pub(super) settings: RenderSettings,
+    /// The size that is drawn, if another than that of the pictures.
+    pub(super) size: Option<UVec2>,
+    /// Bits per channel.
+    pub(super) depth: ChannelDepth,
+    /// For how many eyes.
+    pub(super) eyes: EyeMode,
+}
+
+impl Default for Variant {
+    fn default() -> Variant {
+        Variant {
+            name: String::new(),
+            content: VariantContent::default(),
+            settings: RenderSettings::default(),
+            size: None,
+            depth: ChannelDepth::Sixteen,
+            eyes: EyeMode::default(),
+        }
+    }
+}
+
+/// What a variant draws.
+#[derive(Default)]
+pub(super) enum VariantContent {
+    /// The clip.
+    #[default]
+    Whole,
+    /// Another.
+    Other(Box<Clip>),
+    /// At each instant those Gaussians of the clip whose opacity is at least this.
+    Alive(f64),
+}
+
+/// For how many eyes a variant draws.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum EyeMode {
+    #[default]
+    One,
+    /// Two in one pass, where the device can.
+    TwoAtOnce,
+    /// Two in a pass each.
+    TwoInTurn,
+}
+
+/// Draws variants.
+pub(super) struct Bench<'a> {
+    gpu: &'static Gpu,
+    clip: &'a Clip,
+    size: UVec2,
+    views: &'a ViewSet,
+    /// The setup of each inspected variant.
+    placed: Vec<VariantSetups>,
+    /// The clip in the memory of each device that draws it whole.
+    wholes: Vec<(&'static Gpu, Arc<GpuClip>)>,
+    /// What is drawn into.
+    canvases: Vec<Canvas>,
+}
+
+/// What variants of the same device, size, depth and number of eyes are drawn into.
+struct Canvas {
+    gpu: &'static Gpu,
+    size: UVec2,
+    depth: ChannelDepth,
+    eyes: usize,
+    target: Rc<Offscreen>,
+}
+
+/// What a variant is drawn with.
+struct VariantSetups {
+    settings: RenderSettings,
+    /// One for all pictures, or one for each.
+    setups: Vec<DrawSetup>,
+}
+
+/// A clip, ready to be drawn.
+struct DrawSetup {
+    gpu: &'static Gpu,
+    renderer: Renderer,
+    target: Rc<Offscreen>,
+    size: UVec2,
+    /// Gaussians, the plate's among them.
+    rows: usize,
+    /// Distance between two eyes in units of the clip; `None` for one.
+    apart: Option<f32>,
+}
+
+impl<'a> Bench<'a> {
+    pub(super) fn new(gpu: &'static Gpu, clip: &'a Clip, size: UVec2, views: &'a ViewSet) -> Bench<'a> {
+        Bench { gpu, clip, size, views, placed: Vec::new(), wholes: Vec::new(), canvases: Vec::new() }
+    }
+
+    /// Draws a variant for the first time, compares its pictures and counts its work.
+    pub(super) fn inspect(&mut self, variant: &Variant, expected: &Expected) -> Result<Inspection, Fault> {
+        let mut setups = match variant.content {
+            VariantContent::Alive(_) => {
+                let views = self.views.pictures.iter();
+                views.map(|shot| self.setup(variant, shot.t)).collect::<Result<_, _>>()?
+            }
+            VariantContent::Whole | VariantContent::Other(_) => vec![self.setup(variant, 0.0)?],
+        };
+        let (mut images, mut counts) = (Vec::new(), BTreeMap::new());
+        for (i, shot) in self.views.pictures.iter().enumerate() {
+            let setup = of_view(&mut setups, i);
+            images.push(setup.image(shot, &variant.settings, self.size)?);
+            for (name, count) in setup.counts(shot, &variant.settings)? {
+                *counts.entry(name.to_owned()).or_default() += count / self.views.pictures.len() as f64;
+            }
+        }
+        let mut inspection =
+            Inspection { errors: ImageErrors::default(), counts, images: Vec::new(), turn: Vec::new() };
+        if variant.eyes == EyeMode::One {
+            for shot in &self.views.turn {
+                let mut own = match variant.content {
+                    VariantContent::Alive(_) => Some(self.setup(variant, shot.t)?),
+                    VariantContent::Whole | VariantContent::Other(_) => None,
+                };
+                let setup = own.as_mut().unwrap_or(&mut setups[0]);
+                inspection.turn.push(setup.image(shot, &variant.settings, self.size)?);
+            }
+            inspection.errors = expected.errors(&images, &inspection.turn);
+            inspection.images = images;
+        }
+        self.placed.push(VariantSetups { settings: variant.settings, setups });
+        Ok(inspection)
+    }
+
+    /// Draws all pictures of variant `i`, in the order of [`Bench::inspect`].
+    pub(super) fn time(&mut self, i: usize) -> Result<FrameTiming, Fault> {
+        let VariantSetups { settings, setups } = &mut self.placed[i];
+        let mut mean = FrameTiming::default();
+        for (i, shot) in self.views.pictures.iter().enumerate() {
+            let sample = of_view(setups, i).time(shot, settings)?;
+            let share = |value: f64| value / self.views.pictures.len() as f64;
+            mean.frame_ms += share(sample.frame_ms);
+            mean.alive_ms += share(sample.alive_ms);
+            mean.sort_ms += share(sample.sort_ms);
+            mean.draw_ms += share(sample.draw_ms);
+        }
+        Ok(mean)
+    }
+
+    /// What `variant` is drawn with at clip time `t`.
+    fn setup(&mut self, variant: &Variant, t: f64) -> Result<DrawSetup, Fault> {
+        let gpu = match variant.eyes {
+            EyeMode::TwoInTurn => device(Passes::PerEye)?,
+            EyeMode::One | EyeMode::TwoAtOnce => self.gpu,
+        };
+        let rows = |clip: &Clip| clip.len() + clip.plate.as_ref().map_or(0, Field::len);
+        let upload = |clip: &Clip| GpuClip::upload(gpu, clip).map(|on_gpu| (Arc::new(on_gpu), rows(clip)));
+        let (clip, rows) = match &variant.content {
+            VariantContent::Whole => (self.whole(gpu)?, rows(self.clip)),
+            VariantContent::Other(clip) => upload(clip)?,
+            VariantContent::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
+        };
+        let depth = variant.depth;
+        let apart = (variant.eyes != EyeMode::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
+        let eyes = 1 + usize::from(apart.is_some());
+        let size = variant.size.unwrap_or(self.size);
+        Ok(DrawSetup {
+            gpu,
+            renderer: Renderer::new(gpu, clip, depth.format(), eyes)?,
+            target: self.target(gpu, size, depth, eyes)?,
+            size,
+            rows,
+            apart,
+        })
+    }
+
+    /// The clip in the memory of `gpu`, uploaded once.
+    fn whole(&mut self, gpu: &'static Gpu) -> Result<Arc<GpuClip>, Fault> {
+        if let Some((_, whole)) = self.wholes.iter().find(|(of, _)| ptr::eq(*of, gpu)) {
+            return Ok(whole.clone());
+        }
+        let whole = Arc::new(GpuClip::upload(gpu, self.clip)?);
+        self.wholes.push((gpu, whole.clone()));
+        Ok(whole)
+    }
+
+    /// What is drawn into, made once.
+    fn target(
+        &mut self,
+        gpu: &'static Gpu,
+        size: UVec2,
+        depth: ChannelDepth,
+        eyes: usize,
+    ) -> Result<Rc<Offscreen>, Fault> {
+        let is_it = |canvas: &&Canvas| {
+            ptr::eq(canvas.gpu, gpu) && (canvas.size, canvas.depth, canvas.eyes) == (size, depth, eyes)
+        };
+        if let Some(canvas) = self.canvases.iter().find(is_it) {
+            return Ok(canvas.target.clone());
+        }
+        let target = Rc::new(Offscreen::new(gpu, size, eyes as u32, depth)?);
+        self.canvases.push(Canvas { gpu, size, depth, eyes, target: target.clone() });
+        Ok(target)
+    }
+}
+
+fn of_view(setups: &mut [DrawSetup], shot: usize) -> &mut DrawSetup {
+    let last = setups.len() - 1;
+    &mut setups[shot.min(last)]
+}
+
+impl DrawSetup {
+    fn views(&self, shot: &PosedView) -> Vec<View> {
+        let view = View::from_camera(&shot.camera);
+        let scale = self.size.as_vec2() / view.size.as_vec2();
+        let view =
+            View { focal: view.focal * scale, principal: view.principal * scale, size: self.size, ..view };
+        self.apart.map_or(vec![view], |distance| view.stereo_pair(distance).to_vec())
+    }
+
+    /// The picture of the first eye, at the size `full`.
+    fn image(&mut self, shot: &PosedView, settings: &RenderSettings, full: UVec2) -> Result<Image, Fault> {
+        let views = self.views(shot);
+        self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let pixels = self.target.read(self.gpu)?.swap_remove(0);
+        let drawn = pixels.rgba.into_iter().flatten().collect();
+        let mut image =
+            Rgba32FImage::from_raw(self.size.x, self.size.y, drawn).expect("four numbers a pixel");
+        if self.size != full {
+            // Interpolation between the nearest four, as a compositor does.
+            image = resize(&image, full.x, full.y, FilterType::Triangle);
+        }
+        let pixels = image.pixels().map(|pixel| pixel.0.map(f64::from)).collect();
+        Ok(Image { width: full.x, height: full.y, pixels })
+    }
+
+    fn counts(
+        &mut self,
+        shot: &PosedView,
+        settings: &RenderSettings,
+    ) -> Result<[(&'static str, f64); 9], Fault> {
+        let views = self.views(shot);
+        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let coverage = self.renderer.count(self.gpu, shot.t, &views, settings)?;
+        let instances = f64::from(counts.sorted) * views.len() as f64;
+        Ok([
+            ("alive", f64::from(counts.alive)),
+            ("sorted_keys", f64::from(counts.sorted)),
+            ("drawn", f64::from(coverage.drawn)),
+            ("covered_fragments", coverage.fragments as f64),
+            ("vertex_invocations", f64::from(CORNERS) * instances),
+            ("bytes_fetched", instances * self.bytes_of_instance()),
+            ("gpu_bytes", self.renderer.clip().bytes() as f64),
+            ("pipelines", self.renderer.pipelines() as f64),
+            ("passes", views.len() as f64 / f64::from(self.renderer.eyes_per_pass())),
+        ])
+    }
+
+    /// Bytes that an instance reads, its four corners counted once, as they share what they read: its
+    /// place in the order, and the mean record.
+    fn bytes_of_instance(&self) -> f64 {
+        let clip = self.renderer.clip();
+        let ranges = (self.renderer.pipelines() * size_of::<Ranges>()) as f64;
+        size_of::<u32>() as f64 + (clip.bytes() as f64 - ranges) / self.rows.max(1) as f64
+    }
+
+    fn time(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<FrameTiming, Fault> {
+        let views = self.views(shot);
+        let start = Instant::now();
+        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let (alive_ms, sort_ms) = (counts.alive_ms, counts.sort_ms);
+        let draw_ms = self.renderer.gpu_ms().unwrap_or(frame_ms - alive_ms - sort_ms);
+        Ok(FrameTiming { frame_ms, alive_ms, sort_ms, draw_ms })
+    }
+}

@@ -1,0 +1,375 @@
+//! The optional features of clips: what this clip needs of each, and what it saves by doing without.
+//!
+//! What is saved is measured: the feature is switched on, in columns that say nothing, and the clip is
+//! drawn, counted and packaged with it. In a package a column of zeros is left out whatever anybody
+//! asks for, so that there one Gaussian is made to need it.
+
+use std::collections::BTreeMap;
+
+use super::result::{ClipFeature, ResourceUse};
+use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
+use client::viewpoint::viewpoints;
+use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
+use shaders::{Features, Motion, Purpose, compose};
+
+use super::bench::{EyeMode, Variant, VariantContent};
+use super::measured::MeasuredVariant;
+use super::pad;
+use super::views::instants;
+
+/// A feature, and how to switch it on.
+pub(super) struct FeatureToggle {
+    name: String,
+    left_out: bool,
+    needs: String,
+    switched_on: String,
+    /// What is known without drawing: of the clip as it is, and with the feature.
+    counts: [BTreeMap<String, f64>; 2],
+    /// How the clip is drawn without the feature, if not as it is.
+    without: Option<Variant>,
+    /// How it is drawn with it; `None` where drawing is the same or nothing is switched on.
+    with: Option<Variant>,
+    /// Makes what a package with the feature is made of.
+    package: Option<Packing>,
+}
+
+/// Makes of a clip what a package with a feature is made of.
+type Packing = Box<dyn Fn(&Clip) -> Packable>;
+
+/// What a package is made of.
+struct Packable {
+    field: Field,
+    plate: Option<Field>,
+    layers: Vec<usize>,
+}
+
+impl FeatureToggle {
+    /// What is drawn for it.
+    pub(super) fn variants(&self) -> impl Iterator<Item = &Variant> {
+        self.without.iter().chain(&self.with)
+    }
+
+    /// Whether there is a package with the feature to be made.
+    pub(super) fn packages(&self) -> bool {
+        self.package.is_some()
+    }
+
+    /// The feature as it was measured: `base` as the clip is, `results` of [`FeatureToggle::variants`].
+    ///
+    /// # Errors
+    /// If a package cannot be made.
+    pub(super) fn into_feature(
+        self,
+        clip: &Clip,
+        base: &MeasuredVariant,
+        results: &[MeasuredVariant],
+    ) -> anyhow::Result<ClipFeature> {
+        let [mut without, mut with] = self.counts.map(|counts| ResourceUse { counts, frame_ms: None });
+        let drawn = |taken: &mut ResourceUse, measured: &MeasuredVariant| {
+            taken.counts.extend(measured.inspection.counts.clone());
+            taken.frame_ms = Some(measured.frame_ms());
+        };
+        if let (Some(_), Some(measured)) = (&self.with, results.last()) {
+            drawn(&mut with, measured);
+            drawn(&mut without, if self.without.is_some() { &results[0] } else { base });
+        }
+        if let Some(package) = &self.package {
+            let as_it_is = Packable { field: ordered(clip), plate: clip.plate.clone(), layers: layers(clip) };
+            without.counts.extend(package_bytes(clip, &as_it_is)?);
+            with.counts.extend(package_bytes(clip, &package(clip))?);
+        }
+        let FeatureToggle { name, left_out, needs, switched_on, .. } = self;
+        Ok(ClipFeature { name, left_out, needs, switched_on, without, with })
+    }
+}
+
+/// All optional features of clips.
+pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureToggle> {
+    let mut features = Vec::new();
+    sh(clip, &mut features);
+    motion(clip, &mut features);
+    rotation(clip, &mut features);
+    features.extend([still(clip), index(clip), plate(clip), layered(clip, layers)]);
+    eyes(gpu, &mut features);
+    features.push(sort_width(clip));
+    features
+}
+
+/// A feature that is needed.
+fn needed(name: String, needs: String) -> FeatureToggle {
+    FeatureToggle {
+        name,
+        left_out: false,
+        needs,
+        switched_on: String::new(),
+        counts: Default::default(),
+        without: None,
+        with: None,
+        package: None,
+    }
+}
+
+/// A feature that the clip does without, and what it is with the feature.
+fn left_out(feature: String, needs: String, switched_on: &str, clip: &Clip, with: Clip) -> FeatureToggle {
+    let name = format!("with {feature}");
+    FeatureToggle {
+        left_out: true,
+        switched_on: switched_on.into(),
+        counts: [counts(clip), counts(&with)],
+        with: Some(Variant { name, content: VariantContent::Other(Box::new(with)), ..Variant::default() }),
+        ..needed(feature, needs)
+    }
+}
+
+fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
+    let depends = |field: &Field| {
+        let varies = |i: &usize| field.sh_of(*i)[1..].iter().any(|c| *c != [0.0; 3]);
+        (0..field.len()).filter(varies).count()
+    };
+    let of_clip = clip.sh_degree();
+    if of_clip > 0 {
+        let count = depends(&clip.static_field) + depends(&clip.dynamic_field);
+        let needs = format!("{count} of {} Gaussians look different from other sides", clip.len());
+        features.push(needed(format!("SH up to degree {of_clip}"), needs));
+    }
+    for degree in of_clip + 1..=SH_DEGREE_MAX {
+        let needs = format!("no: nothing varies with the view beyond degree {of_clip}");
+        let with = pad::with_sh_degree(clip, degree);
+        let mut feature =
+            left_out(format!("SH of degree {degree}"), needs, "coefficients of zero", clip, with);
+        feature.package = Some(Box::new(move |clip| {
+            let mut field = ordered(&pad::with_sh_degree(clip, degree));
+            field.sh[sh_coefficients(degree) - 1] = [0.2; 3];
+            packable(clip, field)
+        }));
+        features.push(feature);
+    }
+}
+
+/// The clip with a moving region, whatever there is in it.
+fn able_to_move(clip: &Clip) -> Clip {
+    if clip.dynamic_field.is_empty() { pad::all_moving(clip) } else { clip.clone() }
+}
+
+fn motion(clip: &Clip, features: &mut Vec<FeatureToggle>) {
+    let moving = clip.dynamic_field.len();
+    let order = if moving > 0 { clip.dynamic_field.motion_order() } else { 0 };
+    if order > 0 {
+        let needs = format!("{moving} of {} Gaussians move or fade", clip.len());
+        features.push(needed(format!("motion up to power {order}"), needs));
+    }
+    let switched_on = if moving > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
+    for order in order + 1..=MOTION_ORDER_MAX {
+        let needs = "no: trajectories are of a lower power, if there are any".into();
+        let with = pad::with_motion_order(&able_to_move(clip), order);
+        let mut feature = left_out(format!("motion of power {order}"), needs, switched_on, clip, with);
+        feature.package = Some(Box::new(move |clip| {
+            let mut field = windowed(ordered(&pad::with_motion_order(&able_to_move(clip), order)));
+            let [low, high] = field.bounds();
+            if let Some(temporal) = &mut field.temporal {
+                temporal.motion[usize::from(order) - 1] =
+                    [0, 1, 2].map(|axis| 0.02 * (high[axis] - low[axis]));
+            }
+            packable(clip, field)
+        }));
+        features.push(feature);
+    }
+}
+
+fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
+    let rates = clip.dynamic_field.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
+    if let Some(rates) = rates {
+        let count = rates.iter().filter(|rate| **rate != [0.0; 4]).count();
+        let needs = format!("{count} of {} Gaussians turn", clip.len());
+        return features.push(needed("rotation over time".into(), needs));
+    }
+    let with = pad::with_rotation(&able_to_move(clip));
+    let mut feature =
+        left_out("rotation over time".into(), "no: nothing turns".into(), "rates of zero", clip, with);
+    feature.package = Some(Box::new(|clip| {
+        let mut field = windowed(ordered(&pad::with_rotation(&able_to_move(clip))));
+        if let Some(rates) = field.temporal.as_mut().and_then(|temporal| temporal.rotation_rates.as_mut()) {
+            rates[0] = [0.0, 0.5, 0.0, 0.0];
+        }
+        packable(clip, field)
+    }));
+    features.push(feature);
+}
+
+/// Windows and motion of the Gaussians that are always there and never move.
+fn still(clip: &Clip) -> FeatureToggle {
+    let (still, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
+    if still == 0 {
+        return needed(name, "every Gaussian moves or fades".into());
+    }
+    let needs = format!("no: {still} of {} Gaussians neither move nor fade", clip.len());
+    let without = pad::without_index(clip);
+    let mut feature =
+        left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_moving(clip));
+    // All that move are then asked at every instant, which is another feature.
+    feature.without = Some(Variant {
+        name: "without time index".into(),
+        content: VariantContent::Other(Box::new(without)),
+        ..Variant::default()
+    });
+    feature.package = Some(Box::new(|clip| {
+        let field = ordered(&pad::all_moving(clip));
+        packable(clip, windowed(field))
+    }));
+    feature
+}
+
+fn index(clip: &Clip) -> FeatureToggle {
+    let name = "Gaussians of other times".to_owned();
+    if clip.dynamic_field.is_empty() {
+        return needed(name, "all are always alive; there is no time index".into());
+    }
+    let tested = counts(clip)["rows_tested"];
+    let needs = format!("no: of {} Gaussians the time index names {tested:.0} at an instant", clip.len());
+    left_out(name, needs, "every Gaussian is tested in every frame", clip, pad::without_index(clip))
+}
+
+fn plate(clip: &Clip) -> FeatureToggle {
+    let name = "plate".to_owned();
+    if let Some(plate) = &clip.plate {
+        return needed(name, format!("{} Gaussians are behind all others", plate.len()));
+    }
+    let with = pad::with_plate(clip);
+    let mut feature = left_out(name, "no: there is none".into(), "one Gaussian that nobody sees", clip, with);
+    feature.package = Some(Box::new(|clip| Packable {
+        plate: pad::with_plate(clip).plate,
+        ..packable(clip, ordered(clip))
+    }));
+    feature
+}
+
+fn layered(clip: &Clip, ends: &[usize]) -> FeatureToggle {
+    let (name, ends) = ("layers".to_owned(), ends.to_vec());
+    match clip.layers.len() {
+        1 => FeatureToggle {
+            left_out: true,
+            switched_on: "ends of layers as `package` sets them".into(),
+            package: Some(Box::new(move |clip| Packable {
+                layers: ends.clone(),
+                ..packable(clip, ordered(clip))
+            })),
+            ..needed(name, "no: all comes at once".into())
+        },
+        count => needed(name, format!("{count}: it plays from the first on while the others arrive")),
+    }
+}
+
+fn eyes(gpu: &Gpu, features: &mut Vec<FeatureToggle>) {
+    let two = |name: &str, eyes| Variant { name: name.into(), eyes, ..Variant::default() };
+    features.push(FeatureToggle {
+        left_out: true,
+        switched_on: "two eyes, in one pass where the device can".into(),
+        with: Some(two("two eyes", EyeMode::TwoAtOnce)),
+        ..needed("second eye".into(), "no: a window has one eye; a headset sorts once for two".into())
+    });
+    if !gpu.caps.multiview {
+        return;
+    }
+    features.push(FeatureToggle {
+        left_out: true,
+        switched_on: "two eyes, one after the other".into(),
+        without: Some(two("two eyes at once", EyeMode::TwoAtOnce)),
+        with: Some(two("two eyes in turn", EyeMode::TwoInTurn)),
+        ..needed("second pass".into(), "no: this device draws both eyes of a headset in one".into())
+    });
+}
+
+/// Digits in which the depths of all Gaussians agree need no pass of the sort.
+fn sort_width(clip: &Clip) -> FeatureToggle {
+    let viewpoint = &viewpoints(clip)[0];
+    let camera = viewpoint.camera(clip.info.up, 1, 1).camera_from_world;
+    let [x, y, z, w] = camera[2];
+    let (mut passes, mut differ) = (0.0, 0u32);
+    for t in instants() {
+        let keys = [&clip.static_field, &clip.dynamic_field].into_iter().flat_map(|field| {
+            let alive = (0..field.len()).filter(move |&i| field.opacity_at(i, t) >= codec::ALPHA_MIN);
+            alive.map(move |i| field.position_at(i, t))
+        });
+        let keys = keys.map(|p| (x * p[0] + y * p[1] + z * p[2] + w) as f32).filter(|&depth| depth > 0.0);
+        // Of positive numbers, the bits order as the numbers do.
+        let (and, or) = keys.map(f32::to_bits).fold((u32::MAX, 0), |(and, or), key| (and & key, or | key));
+        let differs = or & !and;
+        differ |= differs;
+        let mask = (1 << SORT_DIGIT_BITS) - 1;
+        let is_sorted_by = |&i: &usize| u64::from(differs) >> (i as u32 * SORT_DIGIT_BITS) & mask != 0;
+        passes += (0..SORT_DIGITS).filter(is_sorted_by).count() as f64 / instants().len() as f64;
+    }
+    let bits = u32::BITS - differ.leading_zeros();
+    let most = SORT_DIGITS as f64;
+    let count = |passes: f64| BTreeMap::from([("sort_passes".to_owned(), passes)]);
+    FeatureToggle {
+        left_out: passes < most,
+        counts: [count(passes), count(most)],
+        switched_on: format!("a pass for each {SORT_DIGIT_BITS} of 32 bits"),
+        ..needed("sort passes".into(), format!("depths differ in the last {bits} bits"))
+    }
+}
+
+/// What drawing a clip takes that is known without drawing it.
+fn counts(clip: &Clip) -> BTreeMap<String, f64> {
+    let temporal = clip.dynamic_field.temporal.as_ref().filter(|_| !clip.dynamic_field.is_empty());
+    let motion = temporal
+        .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
+    let features = Features { sh_degree: clip.sh_degree(), motion };
+    let shader = compose(features, Purpose::Draw { views: 1 });
+    let bindings = shader.matches("@binding(").count();
+    let tested = |t: f64| {
+        let candidates = clip.time_index.candidates(t, clip.layers.len()).map(|rows| rows.len());
+        clip.static_field.len() + candidates.sum::<usize>()
+    };
+    let rows_tested = instants().map(tested).sum::<usize>() as f64 / instants().len() as f64;
+    [
+        ("shader_lines", shader.lines().count() as f64),
+        ("bindings", bindings as f64),
+        ("rows_tested", rows_tested),
+    ]
+    .map(|(name, count)| (name.to_owned(), count))
+    .into()
+}
+
+/// The Gaussians of the clip, the most important first as far as its layers tell.
+fn ordered(clip: &Clip) -> Field {
+    let still = clip.static_field.len();
+    let (mut rows, mut start) = (Vec::new(), codec::LayerEnd::default());
+    for end in &clip.layers {
+        rows.extend(start.static_count..end.static_count);
+        rows.extend((start.dynamic_count..end.dynamic_count).map(|row| still + row));
+        start = *end;
+    }
+    clip.merged().select(&rows)
+}
+
+/// Where the layers of the clip end.
+fn layers(clip: &Clip) -> Vec<usize> {
+    clip.layers.iter().map(|end| end.total()).collect()
+}
+
+fn packable(clip: &Clip, field: Field) -> Packable {
+    Packable { field, plate: clip.plate.clone(), layers: layers(clip) }
+}
+
+/// The field with a window for those that have none, which lets them fade a little.
+fn windowed(field: Field) -> Field {
+    let mut field = pad::with_temporal(field);
+    if let Some(temporal) = &mut field.temporal {
+        for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s).filter(|(_, s)| s.is_infinite()) {
+            (*tau, *s) = (0.5, 1.0);
+        }
+    }
+    field
+}
+
+/// Sizes of the package by each coder, at their usual precision.
+fn package_bytes(clip: &Clip, packable: &Packable) -> anyhow::Result<Vec<(String, f64)>> {
+    let source = Source { info: &clip.info, field: &packable.field, plate: packable.plate.as_ref() };
+    let size = |(name, coder): (&str, Coder)| {
+        let options = EncodeOptions { coder, layers: packable.layers.clone(), ..EncodeOptions::default() };
+        Ok((name.to_owned(), codec::encode(&source, &options)?.len() as f64))
+    };
+    [("package_bytes", Coder::Context), ("package_bytes_fixed", Coder::Fixed)].into_iter().map(size).collect()
+}

@@ -1,0 +1,96 @@
+//! The parameter that the renderer does not have: in how many frames Gaussians are found and sorted.
+//!
+//! What holding an order changes is told by the reference, and put on top of the player's pictures:
+//! `player + (reference in the held order - reference)`. What it saves is the part of the stages
+//! `alive` and `sort` that a frame then has no share in.
+
+use crate::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
+use anyhow::Context;
+use refine::image::Image;
+use refine::prune::PosedView;
+use refine::reference::{Order, RenderScene, render, render_held};
+
+use super::errors::Expected;
+use super::measured::{FrameTiming, MeasuredVariant};
+use super::views::{ViewSet, earlier};
+
+/// Frames that an order is held for.
+const FRAMES: [usize; 3] = [2, 4, 8];
+
+/// Number of pictures that [`parameter`] takes.
+pub(super) fn pictures(views: &ViewSet) -> usize {
+    views.turn.len() + FRAMES.len() * (views.pictures.len() + views.turn.len())
+}
+
+/// Measures the parameter against the player as it is, `base`, of a clip of so many seconds. `on_picture`
+/// is called for each of [`pictures`]. With it comes a picture of an order held longest.
+pub(super) fn parameter(
+    whole: &RenderScene,
+    views: &ViewSet,
+    duration_s: f64,
+    expected: &Expected,
+    base: &MeasuredVariant,
+    on_picture: &mut dyn FnMut(),
+) -> anyhow::Result<(Parameter, Image)> {
+    let mut take = |shot: &PosedView, made: &PosedView| {
+        on_picture();
+        match shot == made {
+            true => render(whole, &shot.camera, shot.t, Order::Depth),
+            false => render_held(whole, &shot.camera, shot.t, Order::Depth, (&made.camera, made.t)),
+        }
+    };
+    // That of errors is sorted by distance.
+    let turn = views.turn.iter().map(|shot| take(shot, shot)).collect::<Vec<_>>();
+    let mut points = vec![base.to_value("1", true)];
+    let mut longest = None;
+    for frames in FRAMES {
+        let last = views.pictures.len().saturating_sub(1).max(1);
+        let mut pictures = Vec::new();
+        for (i, shot) in views.pictures.iter().enumerate() {
+            // Pictures are taken evenly long after the order was made, the first one longest.
+            let since = ((last - i.min(last)) * (frames - 1) + last / 2) / last;
+            let held = take(shot, &earlier(shot, since, duration_s));
+            pictures.push(on_top(&base.inspection.images[i], &held, &expected.pictures[i]));
+        }
+        let mut turned = Vec::new();
+        for (i, shot) in views.turn.iter().enumerate() {
+            let held = take(shot, &views.turn[i - i % frames]);
+            turned.push(on_top(&base.inspection.turn[i], &held, &turn[i]));
+        }
+        points.push(held_point(frames, base, expected.errors(&pictures, &turned)));
+        longest = pictures.into_iter().next();
+    }
+    let parameter = Parameter {
+        stage: FlowStage::Playing,
+        name: "frames to a sort".into(),
+        about: "How many frames are drawn in the order, and of the Gaussians, that the first of them found. The \
+                player finds them anew in every frame; what holding changes is the reference's, and what it saves \
+                is the share of the stages `alive` and `sort`."
+            .into(),
+        cost: "ms a frame".into(),
+        points,
+    };
+    Ok((parameter.mark_front(), longest.context("an order is held")?))
+}
+
+fn held_point(frames: usize, base: &MeasuredVariant, errors: ImageErrors) -> ParameterValue {
+    let share = 1.0 / frames as f64;
+    let of =
+        |value: fn(&FrameTiming) -> f64| Quartiles::of(base.timings.iter().map(value).map(|ms| ms * share));
+    let saved = |sample: &FrameTiming| (1.0 - share) * (sample.alive_ms + sample.sort_ms);
+    let frame_ms = Quartiles::of(base.timings.iter().map(|sample| sample.frame_ms - saved(sample)));
+    let mut point = base.to_value(&frames.to_string(), false);
+    point.errors = errors;
+    (point.cost, point.run_time_ms) = (frame_ms, Some(frame_ms));
+    point.stages_ms.insert("alive".into(), of(|sample| sample.alive_ms));
+    point.stages_ms.insert("sort".into(), of(|sample| sample.sort_ms));
+    point.counts.entry("sorted_keys".into()).and_modify(|keys| *keys *= share);
+    point
+}
+
+/// `picture` with what is different between `held` and `exact`.
+fn on_top(picture: &Image, held: &Image, exact: &Image) -> Image {
+    let pixels = picture.pixels.iter().zip(held.pixels.iter().zip(&exact.pixels));
+    let sum = |(a, (b, c)): (&[f64; 4], (&[f64; 4], &[f64; 4]))| [0, 1, 2, 3].map(|i| a[i] + b[i] - c[i]);
+    Image { width: picture.width, height: picture.height, pixels: pixels.map(sum).collect() }
+}

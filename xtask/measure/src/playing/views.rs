@@ -1,0 +1,96 @@
+//! From where and when variants are looked at.
+
+use client::viewpoint::viewpoints;
+use codec::{Camera, Clip};
+use glam::UVec2;
+use refine::prune::{PosedView, steps_aside};
+
+/// Pictures that errors, times and counts are taken of.
+const PICTURES: usize = 4;
+
+/// How far aside of the first viewpoint all but the first of them are taken, in degrees.
+const ASIDE_DEG: f64 = 7.0;
+
+/// Frames of the turning head.
+const TURN_FRAMES: usize = 8;
+
+/// Frames a second that a headset shows, and degrees that a head turns in one: 90 a second, a usual
+/// look around.
+const TURN_FPS: f64 = 90.0;
+const TURN_DEG: f64 = 1.0;
+
+/// All pictures.
+pub(super) struct ViewSet {
+    /// Each from a place and at an instant of its own.
+    pub(super) pictures: Vec<PosedView>,
+    /// From the first viewpoint while the clip plays and the head turns.
+    pub(super) turn: Vec<PosedView>,
+}
+
+/// The pictures of a clip.
+pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
+    let viewpoint = &viewpoints(clip)[0];
+    let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
+    let picture = |(camera, t): (&Camera, f64)| PosedView { camera: camera.clone(), t };
+    let middle = PosedView { camera: cameras[0].clone(), t: 0.5 };
+    let duration_s = f64::from(clip.info.duration_s);
+    let turned = |i: usize| frames_later(&middle, i as f64 - 0.5 * (TURN_FRAMES - 1) as f64, duration_s);
+    ViewSet {
+        pictures: cameras.iter().zip(instants()).map(picture).collect(),
+        turn: (0..TURN_FRAMES).map(turned).collect(),
+    }
+}
+
+/// What the turning head saw so many frames before `shot`, in a clip of so many seconds.
+pub(super) fn earlier(shot: &PosedView, frames: usize, duration_s: f64) -> PosedView {
+    if frames == 0 { shot.clone() } else { frames_later(shot, -(frames as f64), duration_s) }
+}
+
+fn frames_later(shot: &PosedView, frames: f64, duration_s: f64) -> PosedView {
+    let t = shot.t + frames / (TURN_FPS * duration_s);
+    PosedView { camera: turned(&shot.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
+}
+
+/// When pictures are taken: in the middles of equal parts of the clip.
+pub(super) fn instants() -> impl ExactSizeIterator<Item = f64> {
+    (0..PICTURES).map(|i| (i as f64 + 0.5) / PICTURES as f64)
+}
+
+/// The camera, turned to the right by `angle` about its eye.
+fn turned(camera: &Camera, angle: f64) -> Camera {
+    let [right, down, forward, last] = camera.camera_from_world;
+    let (sin, cos) = angle.sin_cos();
+    let mixed = |a: f64, b: f64| [0, 1, 2, 3].map(|i| a * right[i] + b * forward[i]);
+    Camera { camera_from_world: [mixed(cos, -sin), down, mixed(sin, cos), last], ..camera.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Motion, Recipe, decoded_with};
+
+    fn clip() -> Clip {
+        let motion = Motion::Moving;
+        let recipe = Recipe { count: 50, sh_degree: 0, motion, motion_order: 1, turning: false, seed: 3 };
+        decoded_with(&recipe.field(), None, &[])
+    }
+
+    #[test]
+    fn a_head_turns_about_its_eye() {
+        let ViewSet { pictures, turn } = view_set(&clip(), UVec2::new(64, 48));
+        let distance = |a: &PosedView, b: &PosedView| {
+            let (a, b) = (a.camera.position(), b.camera.position());
+            (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        for pair in turn.windows(2) {
+            pair[0].camera.check().unwrap();
+            assert!(distance(&pair[0], &pair[1]) < 1e-9);
+            let forward = |shot: &PosedView| shot.camera.camera_from_world[2];
+            let (a, b) = (forward(&pair[0]), forward(&pair[1]));
+            let cos: f64 = (0..3).map(|axis| a[axis] * b[axis]).sum();
+            assert!((cos.acos().to_degrees() - TURN_DEG).abs() < 1e-3);
+            assert!(pair[0].t < pair[1].t);
+        }
+        assert!(pictures.windows(2).all(|pair| distance(&pair[0], &pair[1]) > 1e-3));
+    }
+}

@@ -1,0 +1,45 @@
+//! Stability: the GPU's pictures of stiff and extreme fields against the f64 reference's.
+//!
+//! The cases are data: a field, the views, and the largest allowed deviation from the reference.
+//! [`cases`] lists them, [`run()`] measures one, [`run_suite`] all. `cargo xtask report --stability`
+//! prints them as a table, and the test `stability` runs the same ones.
+//!
+//! The GPU gets the field itself, without a package between: a package can hold few of these fields.
+//! Those that it can hold are also drawn from packages of each coder; the encoder must refuse the
+//! others.
+
+mod amount;
+mod case;
+mod gaussians;
+mod precision;
+mod result;
+mod run;
+mod space;
+mod suite;
+mod time;
+
+pub use case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene};
+pub use precision::along;
+pub use result::CaseResult;
+pub use run::run;
+pub use suite::run_suite;
+
+/// All cases that need no files.
+pub fn cases() -> Vec<StabilityCase> {
+    [time::cases(), space::cases(), amount::cases(), precision::cases()].into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_bounds_are_bounds() {
+        let cases = cases();
+        let names: BTreeSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+        assert_eq!(names.len(), cases.len());
+        assert!(cases.iter().all(|case| case.bound > 0.0 && case.bound < 8.0 && !case.how.is_empty()));
+    }
+}

@@ -1,0 +1,260 @@
+//! [`run()`]: measures one case.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::result::CaseResult;
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, SortOrder};
+use codec::{Clip, Coder, EncodeOptions, Limits, Source};
+use peak_alloc::PeakAlloc;
+use refine::image::Image;
+use refine::reference::{self, Order, render};
+
+use refine::prune::PosedView;
+
+use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, field_of};
+use crate::device::Drawing;
+use crate::scene::info;
+
+/// Seconds that drawing a case may take, on any device: what takes longer hangs.
+const SECONDS_MAX: f64 = 60.0;
+
+/// Bytes that drawing a case may take beyond those for its Gaussians.
+const BYTES_MAX: u64 = 64 << 20;
+
+/// Bytes that a Gaussian may take: its record, what is kept of it for sorting, and room to sort it.
+const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
+
+/// What packages are made by.
+const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
+
+/// Largest alpha that counts as something to see, in 255ths.
+const SHOWS: f64 = 10.0;
+
+/// Seconds and bytes that drawing takes.
+#[derive(Default)]
+struct Meter {
+    seconds: f64,
+    heap_bytes: usize,
+    gpu_bytes: u64,
+}
+
+impl Meter {
+    /// Counts what `draw` takes: its time on top of what there is, its memory as a peak.
+    fn count<T>(&mut self, draw: impl FnOnce() -> T) -> T {
+        PeakAlloc.reset_peak_usage();
+        let (before, start) = (PeakAlloc.current_usage(), Instant::now());
+        let drawn = draw();
+        self.seconds += start.elapsed().as_secs_f64();
+        self.heap_bytes = self.heap_bytes.max(PeakAlloc.peak_usage().saturating_sub(before));
+        drawn
+    }
+
+    fn bytes(&self) -> u64 {
+        self.heap_bytes as u64 + self.gpu_bytes
+    }
+}
+
+/// Measures `case` on `gpu`.
+///
+/// Heap bytes are counted only in programs whose global allocator is [`PeakAlloc`].
+pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
+    let mut meter = Meter::default();
+    let scene = (case.scene)();
+    let mut measured = measure(case.measure, &scene, &scene.clip, gpu, &mut meter);
+    let mut packaged = 0.0;
+    let coded = match scene.coding {
+        PackageExpectation::Untried(reason) => format!("not tried: {reason}"),
+        PackageExpectation::Refused(words) => match (packages(&scene), &measured) {
+            (Err(message), _) if message.contains(words) => format!("refused: {message}"),
+            (Err(message), _) => {
+                measured = Err(format!("the encoder does not speak of {words:?}: {message}"));
+                format!("refused: {message}")
+            }
+            (Ok(_), _) => {
+                measured = Err("the encoder takes what it has to refuse".into());
+                "taken".into()
+            }
+        },
+        PackageExpectation::Taken => {
+            let drawn = packages(&scene).and_then(|clips| {
+                let of = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::default());
+                clips.iter().map(of).collect::<Result<Vec<f64>, String>>()
+            });
+            match drawn {
+                Ok(deviations) => {
+                    packaged = deviations.iter().copied().fold(0.0, f64::max);
+                    let list: Vec<String> = CODERS
+                        .iter()
+                        .zip(deviations)
+                        .map(|(coder, deviation)| format!("{} {deviation:.3}", coder.name()))
+                        .collect();
+                    format!("taken: {}", list.join(", "))
+                }
+                Err(what) => {
+                    measured = Err(format!("packaged: {what}"));
+                    "taken".into()
+                }
+            }
+        }
+    };
+    let allowed = BYTES_MAX + BYTES_PER_GAUSSIAN * scene.clip.len() as u64;
+    let problem = match &measured {
+        Err(what) => Some(what.clone()),
+        Ok(deviation) if *deviation > case.bound => Some("beyond its bound".into()),
+        Ok(_) if packaged > case.bound => Some(format!("packaged, beyond its bound: {coded}")),
+        Ok(_) if meter.seconds > SECONDS_MAX => Some(format!("took {:.0} s", meter.seconds)),
+        Ok(_) if meter.bytes() > allowed => {
+            Some(format!("took {} MiB where {} are enough", meter.bytes() >> 20, allowed >> 20))
+        }
+        Ok(_) => None,
+    };
+    CaseResult {
+        group: case.group.into(),
+        case: case.name.clone(),
+        outcome: if problem.is_none() { "holds" } else { "fails" }.into(),
+        deviation: measured.ok(),
+        bound: case.bound,
+        unit: case.measure.unit().into(),
+        package: coded,
+        gaussians: scene.clip.len(),
+        pictures: scene.shots.len(),
+        seconds: meter.seconds,
+        bytes: meter.bytes(),
+        how: case.how.into(),
+        problem,
+    }
+}
+
+/// The scene, packaged by each coder and decoded.
+fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
+    let package = |coder| {
+        let options = EncodeOptions { coder, ..EncodeOptions::default() };
+        let source = Source { info: &info(), field: field_of(&scene.clip), plate: None };
+        let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
+        codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
+    };
+    CODERS.into_iter().map(package).collect()
+}
+
+/// The deviation of the pictures of `clip`, which is that of the scene or a package of it.
+fn measure(
+    measure: DeviationKind,
+    scene: &StabilityScene,
+    clip: &Clip,
+    gpu: &Gpu,
+    meter: &mut Meter,
+) -> Result<f64, String> {
+    let fault = |fault: program::Fault| fault.to_string();
+    let settings = RenderSettings { sort: scene.sort, ..RenderSettings::default() };
+    let uploaded = meter.count(|| GpuClip::upload(gpu, clip)).map_err(fault)?;
+    meter.gpu_bytes = uploaded.bytes();
+    let first = std::slice::from_ref(&scene.shots[0].camera);
+    let mut drawing =
+        meter.count(|| Drawing::new(gpu, Arc::new(uploaded), first, ChannelDepth::Sixteen)).map_err(fault)?;
+    let mut largest = 0f64;
+    let mut shows = false;
+    let mut before: Option<Image> = None;
+    for shot in &scene.shots {
+        drawing.look(std::slice::from_ref(&shot.camera));
+        let mut images = meter.count(|| drawing.frame(shot.t, &settings)).map_err(fault)?;
+        let image = images.pop().ok_or("no picture")?;
+        check_bounded(&image).map_err(|what| format!("at {}: {what}", shot.t))?;
+        let deviation = match measure {
+            DeviationKind::Largest => difference(&image, &expected(scene, clip, shot), f64::max),
+            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, shot)),
+            DeviationKind::Change => before.map_or(0.0, |before| difference(&image, &before, f64::max)),
+            DeviationKind::Place => off_its_place(&image, clip, shot),
+        };
+        shows |= image.pixels.iter().any(|pixel| 255.0 * pixel[3] > SHOWS);
+        if deviation.is_nan() {
+            return Err(format!("at {}: no number to measure", shot.t));
+        }
+        largest = largest.max(deviation);
+        before = Some(image);
+    }
+    if shows == scene.blank {
+        return Err(if shows { "something is to be seen" } else { "nothing is to be seen" }.into());
+    }
+    Ok(largest)
+}
+
+/// What the reference draws. Before and after the clip, it is as at its ends.
+fn expected(scene: &StabilityScene, clip: &Clip, shot: &PosedView) -> Image {
+    let order = match scene.sort {
+        SortOrder::Depth => Order::Depth,
+        SortOrder::Radial => Order::Radial,
+    };
+    let t = if shot.t.is_nan() { 0.0 } else { shot.t.clamp(0.0, 1.0) };
+    let drawn = scene.meant.as_ref().unwrap_or(clip);
+    render(&reference::RenderScene::from(drawn), &shot.camera, t, order)
+}
+
+/// Checks that every pixel is a finite premultiplied colour.
+fn check_bounded(image: &Image) -> Result<(), String> {
+    let good =
+        |pixel: &[f64; 4]| pixel.iter().all(|c| c.is_finite() && *c >= 0.0) && pixel[3] <= 1.0 + 1.0 / 1024.0;
+    match image.pixels.iter().position(|pixel| !good(pixel)) {
+        None => Ok(()),
+        Some(i) => {
+            let (x, y) = (i as u32 % image.width, i as u32 / image.width);
+            Err(format!("pixel {x},{y} is {:?}", image.pixels[i]))
+        }
+    }
+}
+
+/// The differences of all channels, colours cut to what is displayed, in 255ths, put together.
+fn difference(a: &Image, b: &Image, together: impl Fn(f64, f64) -> f64) -> f64 {
+    let shown = |c: f64| c.clamp(0.0, 1.0);
+    let pairs = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
+    pairs.map(|(&a, &b)| 255.0 * (shown(a) - shown(b)).abs()).fold(0.0, together)
+}
+
+fn root_mean_square(a: &Image, b: &Image) -> f64 {
+    (difference(a, b, |sum, d| sum + d * d) / (4 * a.pixels.len()) as f64).sqrt()
+}
+
+/// Distance in pixels of the centroid of alpha from where the equation puts the only Gaussian.
+fn off_its_place(image: &Image, clip: &Clip, shot: &PosedView) -> f64 {
+    let [mut sum, mut x, mut y] = [0.0; 3];
+    for (i, pixel) in (0u32..).zip(&image.pixels) {
+        sum += pixel[3];
+        x += pixel[3] * (f64::from(i % image.width) + 0.5);
+        y += pixel[3] * (f64::from(i / image.width) + 0.5);
+    }
+    let p = field_of(clip).position_at(0, shot.t);
+    let m = shot.camera.camera_from_world;
+    let [cx, cy, cz] = [0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3]);
+    let k = shot.camera.k;
+    (x / sum - (k[0][0] * cx / cz + k[0][2])).hypot(y / sum - (k[1][1] * cy / cz + k[1][2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(pixel: [f64; 4]) -> Image {
+        let mut image = Image::new(2, 2);
+        image.pixels[3] = pixel;
+        image
+    }
+
+    #[test]
+    fn pictures_that_are_none_are_found() {
+        assert_eq!(check_bounded(&image([0.3, 0.2, 7.0, 1.0])), Ok(()));
+        for pixel in
+            [[f64::NAN, 0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0, 1.0], [-0.1, 0.0, 0.0, 1.0], [1.1; 4]]
+        {
+            let message = check_bounded(&image(pixel)).unwrap_err();
+            assert!(message.starts_with("pixel 1,1 is"), "{message}");
+        }
+    }
+
+    #[test]
+    fn differences_are_those_of_what_is_displayed_and_of_alpha() {
+        let (a, b) = (image([0.5, 3.0, 0.0, 1.0]), image([0.4, 2.0, 0.0, 0.8]));
+        assert!((difference(&a, &b, f64::max) - 51.0).abs() < 1e-9);
+        let expected = 255.0 * ((0.01 + 0.04) / 16f64).sqrt();
+        assert!((root_mean_square(&a, &b) - expected).abs() < 1e-9);
+    }
+}
