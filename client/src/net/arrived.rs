@@ -43,7 +43,7 @@ impl Arrived {
         self.bytes.extend_from_slice(bytes);
         if self.is_package && self.ends.is_none() {
             let contents = match contents(&self.bytes, &self.limits) {
-                Err(Error::Format { error: FormatError::Cut { needed, .. }, .. }) => {
+                Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. }) => {
                     return self.is_allowed(needed);
                 }
                 Err(Error::Format { error: FormatError::Extra { .. }, offset }) => {
