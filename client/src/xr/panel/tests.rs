@@ -1,5 +1,6 @@
 //! Hands that point at the panel, frame by frame.
 
+use crate::player::Player;
 use egui::pos2;
 use glam::{Quat, Vec3, vec3};
 
@@ -304,7 +305,7 @@ fn a_hidden_panel_takes_no_pointing_and_comes_back_before_the_viewer() {
     let at = bench.place("Timeline");
     bench.aim(Side::Right, at);
     bench.select(Side::Right, true);
-    assert!(bench.panel.apply(Command::TogglePanel, &HEAD) && !bench.panel.is_shown());
+    assert!(bench.panel.apply(Command::TogglePanel, &HEAD) && !bench.panel.is_visible());
     bench.frame();
     assert!(!bench.painted && bench.on_panel == [false; 2] && !bench.panel.is_scrubbing());
     bench.select(Side::Right, false);
