@@ -1,11 +1,11 @@
 //! Hands that point at the panel, frame by frame.
 
-use crate::player::Player;
 use egui::pos2;
 use glam::{Quat, Vec3, vec3};
 
 use super::widgets::id;
 use super::*;
+use crate::player::Player;
 use crate::xr::interaction::{Hand, Hands, Pulse, Side};
 
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
