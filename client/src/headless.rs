@@ -348,11 +348,11 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |news| {
-        if let LoadEvent::Clip(_) = news {
+    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |event| {
+        if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
-        reporter.tell(news);
+        reporter.tell(event);
     })?;
     let whole_ms = elapsed_ms();
     Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
