@@ -71,17 +71,17 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
         let mut rest = clips::open(name, cache_dir())?;
-        let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
+        let clip = rest.wait(Some(layers), |event| reporter.print(event))?;
         Ok(First { origin: name.map(str::to_owned), clip, rest, list })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(args.clip.as_deref(), None, &mut reporter);
     };
-    let queue = Queue::new(playlist::wait(list, cache_dir(), |news| reporter.tell(news))?);
+    let queue = Queue::new(playlist::wait(list, cache_dir(), |event| reporter.print(event))?);
     let mut last = None;
     for Entry { number, name } in queue.all() {
         if let Some(fault) = last.take() {
-            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
         let mut queue = queue.clone();
         queue.go_to(number);
@@ -181,7 +181,7 @@ impl ApplicationHandler<Event> for App {
                     }
                 }
                 Err(fault) => match session.reopen(fault) {
-                    Ok(()) => Reporter::new().tell(&LoadEvent::Note(
+                    Ok(()) => Reporter::new().print(&LoadEvent::Note(
                         "the graphics device stopped working: the clip goes on with another one".into(),
                     )),
                     Err(fault) => self.fail(event_loop, fault),
