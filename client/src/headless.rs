@@ -1,5 +1,5 @@
-//! Renders images and statistics of a clip, through the renderer that a window uses; of a playlist images
-//! alone, by the time that has gone by since its start.
+//! `--headless`: renders images and statistics of a clip with the renderer of the window. Of a playlist it
+//! renders images alone, at times from the start of the playlist.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -17,49 +17,48 @@ use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
 use crate::{clips, viewpoint};
 
-/// Size of images where nothing says another.
+/// Default size of images.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
 
-/// Seconds by which an instant at the change of two clips may be early and still be of the second: times
-/// of a playlist are sums.
-const CHANGE_S: f64 = 1e-6;
+/// Tolerance in seconds at the change between two clips of a playlist, whose times are sums.
+const CHANGE_TOLERANCE_S: f64 = 1e-6;
 
-/// Does what `args` ask for.
+/// Renders what `args` ask for.
 ///
 /// # Errors
-/// The [`Fault`] that says what is wrong; images written before it stay.
+/// The first [`Fault`]; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = Output::check(args)?;
     match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
-        Some(list) => run_list(args, list, &output),
+        Some(list) => run_playlist(args, list, &output),
         None => run_clip(args, &output),
     }
 }
 
-/// Where images go.
+/// The path of the images.
 struct Output<'a> {
     path: &'a Path,
-    /// Whether that is a folder for several.
-    many: bool,
+    /// Whether `path` is a folder for several images.
+    is_folder: bool,
 }
 
 impl Output<'_> {
     fn check(args: &Args) -> Result<Output<'_>, Fault> {
         let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
-        let many = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
-        if many {
+        let is_folder = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
+        if is_folder {
             output::check_folder(path)?;
         } else {
             output::check(path)?;
         }
         args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
-        Ok(Output { path, many })
+        Ok(Output { path, is_folder })
     }
 
     /// Writes image number `i`.
     fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
         let (rgb, size) = side_by_side(eyes);
-        if !self.many {
+        if !self.is_folder {
             return output::write_png(self.path, &rgb, size.into());
         }
         output::make_folder(self.path)?;
@@ -67,8 +66,8 @@ impl Output<'_> {
     }
 }
 
-/// A clip on the device, and what draws it for the eyes that are asked for.
-struct Stage<'a> {
+/// A clip on the device, and its renderer for the eyes of `--stereo` and `--view`.
+struct ClipRenderer<'a> {
     gpu: &'a Gpu,
     clip: Arc<Clip>,
     views: Vec<View>,
@@ -78,38 +77,38 @@ struct Stage<'a> {
     upload_ms: f64,
 }
 
-impl<'a> Stage<'a> {
-    fn new(gpu: &'a Gpu, clip: Arc<Clip>, views: Vec<View>, args: &Args) -> Result<Stage<'a>, Fault> {
+impl<'a> ClipRenderer<'a> {
+    fn new(gpu: &'a Gpu, clip: Arc<Clip>, views: Vec<View>, args: &Args) -> Result<ClipRenderer<'a>, Fault> {
         let settings = settings(args, &clip)?;
         let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let start = Instant::now();
         let on_gpu = Arc::new(GpuClip::upload(gpu, &clip)?);
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
-        Ok(Stage { gpu, clip, views, settings, image, renderer, upload_ms })
+        Ok(ClipRenderer { gpu, clip, views, settings, image, renderer, upload_ms })
     }
 
-    /// Draws the instant `time` seconds from the start of the clip.
-    fn draw(&mut self, time: f64) -> Result<Vec<Pixels>, Fault> {
-        self.render(time)?;
+    /// Renders the clip at `time_s` and reads the pixels of each eye.
+    fn pixels(&mut self, time_s: f64) -> Result<Vec<Pixels>, Fault> {
+        self.render(time_s)?;
         self.image.read(self.gpu)
     }
 
-    fn render(&mut self, time: f64) -> Result<FrameCounts, Fault> {
-        let t = clip_time(&self.clip, time);
+    fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
+        let t = clip_time(&self.clip, time_s);
         self.image.render(self.gpu, &mut self.renderer, t, &self.views, &self.settings)
     }
 
-    /// Draws a frame and measures it.
-    fn measure(&mut self, time: f64) -> Result<FrameStats, Fault> {
+    /// Renders a frame and measures it.
+    fn measure(&mut self, time_s: f64) -> Result<FrameStats, Fault> {
         let start = Instant::now();
-        let counts = self.render(time)?;
+        let counts = self.render(time_s)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
         let draw_ms = self.renderer.gpu_ms().unwrap_or(wall_ms);
-        let t = clip_time(&self.clip, time);
+        let t = clip_time(&self.clip, time_s);
         let coverage = self.renderer.count(self.gpu, t, &self.views, &self.settings)?;
         Ok(FrameStats {
-            time,
+            time: time_s,
             alive: counts.alive,
             sorted: counts.sorted,
             drawn: coverage.drawn,
@@ -119,33 +118,10 @@ impl<'a> Stage<'a> {
             draw_ms,
         })
     }
-}
 
-fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
-    let (clip, loading) = load(args)?;
-    let times = times(args, clip.info.fps.into());
-    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
-    let views = views(args, &clip)?;
-    settings(args, &clip)?;
-    let gpu = Gpu::new_headless()?;
-    let mut stage = Stage::new(&gpu, Arc::new(clip), views, args)?;
-    let mut frames = Vec::new();
-    for (i, &time) in times.iter().enumerate() {
-        if args.stats.is_some() {
-            if i == 0 {
-                // Drivers finish their compiling in the first frame: keep that out of the timings.
-                stage.render(time)?;
-            }
-            frames.push(stage.measure(time)?);
-            output.write(i, &stage.image.read(&gpu)?)?;
-        } else {
-            output.write(i, &stage.draw(time)?)?;
-        }
-    }
-
-    if let Some(path) = &args.stats {
-        let Stage { clip, views, renderer, upload_ms, .. } = stage;
-        let stats = Stats {
+    fn stats(&self, loading: LoadingStats, frames: Vec<FrameStats>) -> Stats {
+        let ClipRenderer { gpu, clip, views, renderer, .. } = self;
+        Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
             width: views[0].size.x,
@@ -156,115 +132,166 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
             gpu_bytes: renderer.clip().bytes(),
             pipelines: renderer.pipelines(),
             loading,
-            upload_ms,
+            upload_ms: self.upload_ms,
             gpu_timed: gpu.caps.timestamps,
             alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
             sort_ms: Summary::of(frames.iter().map(|frame| frame.sort_ms)),
             draw_ms: Summary::of(frames.iter().map(|frame| frame.draw_ms)),
             frames,
-        };
-        let mut json = serde_json::to_vec_pretty(&stats).expect("numbers and strings serialise");
-        json.push(b'\n');
-        output::write(path, &json)?;
+        }
     }
-    Ok(())
 }
 
-/// Renders a playlist: its clips one after the other, as they play. One that cannot be had is told and
-/// skipped, as is one that cannot be drawn. Only clips of which pictures are asked for are on the device,
-/// one at a time.
-fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
+fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
+    let (clip, loading) = load(args)?;
+    let times = times(args, clip.info.fps.into());
+    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
+    let views = views(args, &clip)?;
+    settings(args, &clip)?;
+    let gpu = Gpu::new_headless()?;
+    let mut renderer = ClipRenderer::new(&gpu, Arc::new(clip), views, args)?;
+    let mut frames = Vec::new();
+    for (i, &time_s) in times.iter().enumerate() {
+        if args.stats.is_some() {
+            if i == 0 {
+                // Drivers finish compiling in the first frame, which would distort its timings.
+                renderer.render(time_s)?;
+            }
+            frames.push(renderer.measure(time_s)?);
+            output.write(i, &renderer.image.read(&gpu)?)?;
+        } else {
+            output.write(i, &renderer.pixels(time_s)?)?;
+        }
+    }
+    let Some(path) = &args.stats else { return Ok(()) };
+    let stats = renderer.stats(loading, frames);
+    let mut json = serde_json::to_vec_pretty(&stats).expect("numbers and strings serialise");
+    json.push(b'\n');
+    output::write(path, &json)
+}
+
+/// Renders a playlist, its clips one after the other. Skips and reports a clip that fails to load or has no
+/// such view or layer. Uploads only clips with images to render, one at a time.
+fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
     let mut reporter = Reporter::new();
-    let list = playlist::wait(list, cache_dir(), |news| reporter.tell(news))?;
+    let list = playlist::wait(list, cache_dir(), |event| reporter.print(event))?;
     let gpu = Gpu::new_headless()?;
-    let mut last: Option<Arc<Clip>> = None;
+    let mut run = PlaylistRun { args, output, gpu: &gpu, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
-    let (mut todo, mut start) = (Vec::new(), 0.0);
     for name in &list.clips {
         if let Some(fault) = failed.take() {
-            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        let arrived = clips::open(Some(name), cache_dir())
-            .and_then(|mut arrival| arrival.wait(None, |news| reporter.tell(news)));
-        let clip = match arrived {
-            Ok(clip) => Arc::new(clip),
-            Err(fault) => {
-                failed = Some(fault);
-                continue;
-            }
+        let clip = clips::open(Some(name), cache_dir())
+            .and_then(|mut arrival| arrival.wait(None, |event| reporter.print(event)));
+        failed = match clip.map(|clip| run.render(name, Arc::new(clip))) {
+            Ok(Ok(Rendered::Skipped(fault))) | Err(fault) => Some(fault),
+            Ok(Ok(Rendered::All)) => return Ok(()),
+            Ok(Ok(Rendered::More)) => None,
+            Ok(Err(fault)) => return Err(fault),
         };
-        if last.is_none() {
-            let times = times(args, clip.info.fps.into());
+    }
+    match (run.last.take(), failed) {
+        (Some(clip), failed) => {
+            failed.inspect(|fault| reporter.print(&LoadEvent::Note(format!("{fault}; skipped"))));
+            run.render_end(clip)
+        }
+        (None, Some(fault)) => Err(fault),
+        (None, None) => Err(Fault::Data("there is no clip".into())),
+    }
+}
+
+/// The images of a playlist that are left to render.
+struct PlaylistRun<'a> {
+    args: &'a Args,
+    output: &'a Output<'a>,
+    gpu: &'a Gpu,
+    /// Number and time of each image, known from the first clip on, whose frame rate counts.
+    pending: Vec<(usize, f64)>,
+    /// Where the next clip starts, in seconds.
+    start_s: f64,
+    /// The clip before.
+    last: Option<Arc<Clip>>,
+}
+
+/// Which images are rendered after a clip.
+enum Rendered {
+    /// More images are left.
+    More,
+    /// None is left.
+    All,
+    /// The clip was skipped.
+    Skipped(Fault),
+}
+
+impl PlaylistRun<'_> {
+    /// Renders the images within `clip`.
+    fn render(&mut self, name: &str, clip: Arc<Clip>) -> Result<Rendered, Fault> {
+        if self.last.is_none() {
+            let times = times(self.args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
                 return Err(Fault::Usage(format!("time {time} s is before the start")));
             }
-            todo = times.into_iter().enumerate().collect();
+            self.pending = times.into_iter().enumerate().collect();
         }
-        let end = start + f64::from(clip.info.duration_s);
+        let end_s = self.start_s + f64::from(clip.info.duration_s);
         let (here, later): (Vec<_>, Vec<_>) =
-            todo.iter().copied().partition(|&(_, time)| time < end - CHANGE_S);
-        let stage = views(args, &clip).and_then(|views| {
-            settings(args, &clip)?;
-            (!here.is_empty()).then(|| Stage::new(&gpu, clip.clone(), views, args)).transpose()
+            self.pending.iter().copied().partition(|&(_, time_s)| time_s < end_s - CHANGE_TOLERANCE_S);
+        let renderer = views(self.args, &clip).and_then(|views| {
+            settings(self.args, &clip)?;
+            (!here.is_empty())
+                .then(|| ClipRenderer::new(self.gpu, clip.clone(), views, self.args))
+                .transpose()
         });
-        match stage {
-            Ok(Some(mut stage)) => {
-                for (i, time) in here {
-                    output.write(i, &stage.draw((time - start).max(0.0))?)?;
+        match renderer {
+            Ok(Some(mut renderer)) => {
+                for (i, time_s) in here {
+                    self.output.write(i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
                 }
             }
             Ok(None) => {}
-            Err(fault) => {
-                failed = Some(fault.about(&printable(name)));
-                continue;
-            }
+            Err(fault) => return Ok(Rendered::Skipped(fault.about(&printable(name)))),
         }
-        todo = later;
-        last = Some(clip);
-        start = end;
-        if todo.is_empty() {
-            return Ok(());
-        }
+        (self.pending, self.start_s, self.last) = (later, end_s, Some(clip));
+        Ok(if self.pending.is_empty() { Rendered::All } else { Rendered::More })
     }
-    let clip = match (last, failed) {
-        (Some(clip), failed) => {
-            failed.inspect(|fault| reporter.tell(&LoadEvent::Note(format!("{fault}; skipped"))));
-            clip
+
+    /// Renders the images at the end of the last clip.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if a time is beyond the end.
+    fn render_end(&self, clip: Arc<Clip>) -> Result<(), Fault> {
+        let (fps, duration_s) = (clip.info.fps, clip.info.duration_s);
+        let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
+        check_times(&times, self.start_s, fps.into())?;
+        let views = views(self.args, &clip)?;
+        let mut renderer = ClipRenderer::new(self.gpu, clip, views, self.args)?;
+        for &(i, _) in &self.pending {
+            self.output.write(i, &renderer.pixels(duration_s.into())?)?;
         }
-        (None, Some(fault)) => return Err(fault),
-        (None, None) => return Err(Fault::Data("there is no clip".into())),
-    };
-    // What is left is the very end, or beyond it.
-    let (fps, duration) = (clip.info.fps, clip.info.duration_s);
-    let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
-    check_times(&left, start, fps.into())?;
-    let views = views(args, &clip)?;
-    let mut stage = Stage::new(&gpu, clip, views, args)?;
-    for (i, _) in todo {
-        output.write(i, &stage.draw(duration.into())?)?;
+        Ok(())
     }
-    Ok(())
 }
 
-/// Waits for the whole clip, with its progress on the terminal.
+/// Loads the complete clip, and prints progress.
 fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |news| {
-        if let LoadEvent::Clip(_) = news {
+    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |event| {
+        if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
-        reporter.tell(news);
+        reporter.print(event);
     })?;
     let whole_ms = elapsed_ms();
     Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
 }
 
-/// The times to render, in seconds from the start; `captured_fps` where nothing says another rate.
+/// Times of the images in seconds from the start. `captured_fps` is the default of `--fps`.
 fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     match &args.frames {
         Some(frames) => {
@@ -276,9 +303,9 @@ fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     }
 }
 
-/// Checks that times are within what lasts `duration` seconds.
+/// Checks that `times` are between 0 and `duration`, in seconds.
 fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fault> {
-    // Times are often rounded in text: half a captured frame beyond the end is still the end.
+    // Half a captured frame beyond the end is the end: times in text are rounded.
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
         Some(time) => {
@@ -288,13 +315,13 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
     }
 }
 
-/// Normalised clip time of `time` seconds.
+/// Normalised clip time at `time` seconds, 1 beyond the end.
 fn clip_time(clip: &Clip, time: f64) -> f64 {
     let duration = f64::from(clip.info.duration_s);
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
-/// The eyes to render.
+/// The views of the eyes.
 fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     let camera: Camera = match (&args.camera, &args.view) {
         (Some(path), _) => {
@@ -315,7 +342,10 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     }
 }
 
-/// The settings that `args` ask for.
+/// The render settings of `args` for `clip`.
+///
+/// # Errors
+/// [`Fault::Usage`] if the clip has fewer layers than `--layer`.
 pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
@@ -326,7 +356,7 @@ pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault
     }
 }
 
-/// The images of all eyes from left to right, as bytes red, green, blue; and the size of the whole.
+/// One RGB image of all eyes from left to right, and its size.
 fn side_by_side(eyes: &[Pixels]) -> (Vec<u8>, UVec2) {
     let size = eyes[0].size;
     let row = size.x as usize * 3;

@@ -15,16 +15,16 @@ use aarc_tests::server::{Answer, Request, Server};
 use client::clips::LoadEvent;
 use client::clips::Progress;
 use client::clips::playlist;
-use client::net::{Cache, Download, Options, Patience};
+use client::net::{Cache, Download, Options, RetryPolicy};
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
 
 const ETAG: &str = "\"one\"";
 
 /// That of someone in a hurry, so that tests are.
-const PATIENCE: Patience = Patience {
-    answer: Duration::from_secs(2),
-    silence: Duration::from_secs(3),
+const RETRY: RetryPolicy = RetryPolicy {
+    response_timeout: Duration::from_secs(2),
+    read_timeout: Duration::from_secs(3),
     retries: 3,
     first_retries: 3,
     first_wait: Duration::from_millis(50),
@@ -83,7 +83,7 @@ fn hear(download: Download) -> Heard {
 }
 
 fn options() -> Options {
-    Options { patience: PATIENCE, ..Options::default() }
+    Options { retry: RETRY, ..Options::default() }
 }
 
 fn get(url: &str) -> Heard {
@@ -141,9 +141,9 @@ fn layers_play_before_the_rest_is_sent() {
             gate.lock().unwrap().recv().unwrap();
         }
     });
-    let patience = Patience { silence: Duration::from_secs(30), ..PATIENCE };
+    let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
-    for news in Download::new(&server.url("clip.aarc"), Options { patience, ..Options::default() }) {
+    for news in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
         let LoadEvent::Clip(clip) = news.unwrap() else { continue };
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
@@ -183,9 +183,9 @@ fn a_stall_is_a_cut() {
             answer.file(request, &sent, ETAG, length);
         }
     });
-    let patience = Patience { silence: Duration::from_secs(2), ..PATIENCE };
+    let retry = RetryPolicy { read_timeout: Duration::from_secs(2), ..RETRY };
     let start = Instant::now();
-    let heard = hear(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
+    let heard = hear(Download::new(&server.url("clip.aarc"), Options { retry, ..options() }));
     assert_eq!(heard.clip(), &decoded(&file));
     assert!(start.elapsed() < Duration::from_secs(15), "it does not wait for the server");
     assert_eq!(server.sent(), [0..length / 2, length / 2..length]);
@@ -382,7 +382,7 @@ fn faults_are_one_sentence() {
         assert!(why.starts_with(url) && why.contains(sentence) && !why.contains('\n'), "{url}: {why}");
     };
     for (path, sentence) in [
-        ("status/403", "does not give it out (403 Forbidden)"),
+        ("status/403", "denies access (403 Forbidden)"),
         ("status/404", "no such file (404 Not Found)"),
         ("status/410", "no such file (410 Gone)"),
         ("status/416", "answers 416 Range Not Satisfiable"),
@@ -393,7 +393,7 @@ fn faults_are_one_sentence() {
         ("busy", "asks to wait for 600 s"),
         ("unasked", "answers 206"),
         ("empty", "cut short"),
-        ("packed", "packed (gzip)"),
+        ("packed", "compressed (gzip)"),
         ("smtp", "does not speak HTTP"),
         ("closed", "connection was lost"),
         ("mute", "does not answer"),
@@ -403,7 +403,7 @@ fn faults_are_one_sentence() {
     network(&format!("http://{free_port}/clip.aarc"), "takes no connections");
     network("http://nowhere.invalid/clip.aarc", "name");
     network(&secure, "no secure connection");
-    network("http://", "not an address");
+    network("http://", "not a URL");
     for (path, sentence) in [("page", "not an .aarc package"), ("damaged", "CRC-32")] {
         let heard = get(&server.url(path));
         let Some(Fault::Data(why)) = &heard.fault else { panic!("{path}: {heard:?}") };
@@ -465,7 +465,7 @@ fn what_was_kept_plays_without_the_network() {
     let alone = get_kept(&url, folder.path());
     assert_eq!(alone.clip(), &decoded(&file));
     let [note] = &alone.notes[..] else { panic!("{alone:?}") };
-    assert!(note.contains("takes no connections") && note.contains("kept"), "{note}");
+    assert!(note.contains("takes no connections") && note.contains("cached"), "{note}");
 }
 
 #[test]

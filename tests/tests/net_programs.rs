@@ -115,7 +115,7 @@ fn pictures(_: &Gpu) -> Result<(), String> {
     let sent = server.sent().len();
     drop(server);
     let alone = run(&mut place.player(&url, "alone.png")).success();
-    if sent != 1 || !alone.stderr.contains("kept on this device") {
+    if sent != 1 || !alone.stderr.contains("cached on this device") {
         return Err(format!("sent {sent} times, {alone:?}"));
     }
     let expected = place.picture("file.png")?;

@@ -159,7 +159,7 @@ fn addresses(_: &Gpu) -> Result<(), String> {
     }
     drop(server);
     let alone = place.player(&url, "--frames 0..9 --out alone").success();
-    if !alone.stderr.contains("list.json: the server takes no connections; the version kept") {
+    if !alone.stderr.contains("list.json: the server takes no connections; the version cached") {
         return Err(format!("{alone:?}"));
     }
     let expected = place.pictures("files");

@@ -1,8 +1,7 @@
-//! The desktop preview: a window that plays a clip, with a camera to move and controls.
+//! The desktop preview: a window that plays a clip, with a movable camera and controls.
 //!
-//! `viewer` holds what a person can change and knows neither window nor GPU; `session` joins
-//! it with both and draws the frames; this file passes events on. Frames are drawn only while
-//! something moves.
+//! `viewer` holds the state that input changes, and uses neither window nor GPU. `session` connects it to
+//! both and draws frames, and only while the image changes. This file runs the event loop.
 
 mod bar;
 mod camera;
@@ -17,6 +16,7 @@ mod screen;
 mod screenshot;
 mod session;
 mod style;
+mod viewed_clip;
 mod viewer;
 
 use std::panic::catch_unwind;
@@ -36,11 +36,11 @@ use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
 use session::{Event, Next, Session, Start};
 
-/// Plays the clip that `args` name in a window, until it is closed.
+/// Plays the clip of `args` in a window until it is closed.
 ///
 /// # Errors
-/// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until there is a clip to show;
-/// [`Fault::Device`] without a display or a graphics device that can draw on it.
+/// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until the first clip plays;
+/// [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let First { origin, clip, rest, list } = first_clip(args)?;
     let viewpoints = viewpoint::viewpoints(&clip);
@@ -55,33 +55,32 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     app.result
 }
 
-/// What plays first.
+/// The first clip.
 struct First {
-    /// Where it comes from, as [`clips::open`] takes it.
+    /// Path or URL, as [`clips::open`] takes it.
     origin: Option<String>,
     clip: Clip,
     rest: Arrival,
     list: Option<Queue>,
 }
 
-/// Waits for what plays first: the clip that `args` name, or the first one of their playlist that can be
-/// had. What cannot is told on the terminal.
+/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the others' faults.
 fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
         let mut rest = clips::open(name, cache_dir())?;
-        let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
+        let clip = rest.wait(Some(layers), |event| reporter.print(event))?;
         Ok(First { origin: name.map(str::to_owned), clip, rest, list })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(args.clip.as_deref(), None, &mut reporter);
     };
-    let queue = Queue::new(playlist::wait(list, cache_dir(), |news| reporter.tell(news))?);
+    let queue = Queue::new(playlist::wait(list, cache_dir(), |event| reporter.print(event))?);
     let mut last = None;
     for Entry { number, name } in queue.all() {
         if let Some(fault) = last.take() {
-            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
         let mut queue = queue.clone();
         queue.go_to(number);
@@ -93,13 +92,13 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
     Err(last.expect("a playlist has a clip"))
 }
 
-/// What to do where the libraries of the X server are not installed.
+/// The error if the libraries of X are not installed.
 const LIBRARY_MISSING: &str = "a library is missing, on Debian and Ubuntu: \
                                apt-get install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0";
 
 /// Connects to the display.
 fn open_display() -> Result<EventLoop<Event>, Fault> {
-    // The window library panics where one of the libraries of the X server is missing.
+    // The window library panics if a library of X is missing.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| ()));
     let opened = catch_unwind(|| EventLoop::with_user_event().build());
@@ -115,14 +114,14 @@ fn open_display() -> Result<EventLoop<Event>, Fault> {
     )))
 }
 
-/// Why there is no display: from the environment, and from the error of the window library, which
-/// may begin with a place in that library's source.
+/// Why there is no display, from the environment and from the error of the window library, which may begin
+/// with a line of its source.
 fn no_display(variable: impl Fn(&str) -> Option<String>, error: &str) -> String {
     let set = |name: &str| {
         let value = variable(name).filter(|value| !value.is_empty())?;
         Some(format!("{name}={value}"))
     };
-    // In the order in which they are tried.
+    // In the order in which the window library tries them.
     let Some(display) = ["WAYLAND_DISPLAY", "DISPLAY"].into_iter().find_map(set) else {
         return "neither WAYLAND_DISPLAY nor DISPLAY is set".into();
     };
@@ -133,9 +132,9 @@ fn no_display(variable: impl Fn(&str) -> Option<String>, error: &str) -> String 
     format!("cannot connect to {display} ({cause})")
 }
 
-/// What the event loop drives.
+/// The state of the event loop.
 struct App {
-    /// Until the window is there.
+    /// Until the window opens.
     start: Option<Start>,
     proxy: EventLoopProxy<Event>,
     session: Option<Session>,
@@ -143,7 +142,7 @@ struct App {
 }
 
 impl App {
-    /// Ends the program, once a picture under way is saved.
+    /// Ends the program, after a running screenshot is saved.
     fn fail(&mut self, event_loop: &ActiveEventLoop, fault: Fault) {
         self.result = Err(fault);
         self.session = None;
@@ -181,7 +180,7 @@ impl ApplicationHandler<Event> for App {
                     }
                 }
                 Err(fault) => match session.reopen(fault) {
-                    Ok(()) => Reporter::new().tell(&LoadEvent::Note(
+                    Ok(()) => Reporter::new().print(&LoadEvent::Note(
                         "the graphics device stopped working: the clip goes on with another one".into(),
                     )),
                     Err(fault) => self.fail(event_loop, fault),
@@ -199,7 +198,7 @@ impl ApplicationHandler<Event> for App {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // While the display is still connected.
+        // Dropped while the display is still connected.
         self.session = None;
     }
 }
