@@ -229,7 +229,11 @@ mod tests {
         cache.put("d", "", &[0; 250]).unwrap();
         assert_eq!(cached(&cache, &["a", "b", "c", "d"]), [true, false, true, true]);
         cache.put("e", "", &[0; 1000]).unwrap();
-        assert_eq!(cached(&cache, &["a", "c", "d", "e"]), [true, true, true, false], "larger than the folder");
+        assert_eq!(
+            cached(&cache, &["a", "c", "d", "e"]),
+            [true, true, true, false],
+            "larger than the folder"
+        );
         let bytes: u64 =
             folder.path().read_dir().unwrap().map(|file| file.unwrap().metadata().unwrap().len()).sum();
         assert!(bytes <= 1000, "{bytes}");

@@ -98,8 +98,7 @@ impl Download {
     fn begin(&mut self) -> Flow {
         let (etag, clip) = self.cached_clip().unzip();
         self.has_cached = clip.is_some();
-        let retry =
-            if self.has_cached { self.options.retry.for_revalidation() } else { self.options.retry };
+        let retry = if self.has_cached { self.options.retry.for_revalidation() } else { self.options.retry };
         let etag = etag.filter(|etag| !etag.is_empty());
         let limits = self.options.limits;
         match Fetch::start(&self.url, retry, limits.max_bytes, PartialFile::package(limits), etag) {

@@ -104,7 +104,9 @@ fn request_error(error: Error) -> RequestError {
     let transient = |text: &str| RequestError::Transient(text.into());
     match error {
         Error::HostNotFound => RequestError::UnknownHost("the server's name is not known".into()),
-        Error::Timeout(Timeout::Resolve) => RequestError::UnknownHost("the name service does not answer".into()),
+        Error::Timeout(Timeout::Resolve) => {
+            RequestError::UnknownHost("the name service does not answer".into())
+        }
         Error::Timeout(Timeout::Connect | Timeout::RecvResponse) => transient("the server does not answer"),
         Error::Timeout(_) => transient("the server fell silent"),
         Error::Io(error) => match error.kind() {

@@ -299,7 +299,7 @@ mod tests {
             range(41, 100, "\"a\""),
             range(40, 101, "\"a\""),
             range(40, 100, "\"b\""),
-            Head { range: None, ..part(40, 100, "\"a\"") },
+            Head { range: None, ..range(40, 100, "\"a\"") },
             Head { status: 416, ..Head::default() },
         ];
         for head in wrong {
@@ -311,7 +311,10 @@ mod tests {
         let mut transfer = transfer();
         let request = transfer.next_request();
         for head in [range(0, 100, ""), Head { status: 416, ..Head::default() }] {
-            assert!(matches!(transfer.on_response(&request, &head), Action::Refused(_)), "no range was requested");
+            assert!(
+                matches!(transfer.on_response(&request, &head), Action::Refused(_)),
+                "no range was requested"
+            );
         }
     }
 
@@ -353,7 +356,9 @@ mod tests {
     fn files_beyond_the_limit_are_refused_by_their_announced_and_actual_length() {
         let mut transfer = transfer();
         let request = transfer.next_request();
-        let Action::TooLarge(why) = transfer.on_response(&request, &whole(LIMIT + 1, "")) else { panic!("too large") };
+        let Action::TooLarge(why) = transfer.on_response(&request, &whole(LIMIT + 1, "")) else {
+            panic!("too large")
+        };
         assert!(why.contains("1 MiB"), "{why}");
         let unknown = Head { length: None, ..whole(0, "") };
         assert_eq!(transfer.on_response(&request, &unknown), Action::Read { skip: 0 });
@@ -375,8 +380,13 @@ mod tests {
         let mut transfer = Transfer::new(RetryPolicy::default(), LIMIT, Some("\"k\"".into()));
         let request = transfer.next_request();
         assert_eq!(request.if_none_match.as_deref(), Some("\"k\""));
-        assert_eq!(transfer.on_response(&request, &Head { status: 304, ..Head::default() }), Action::Unchanged);
+        assert_eq!(
+            transfer.on_response(&request, &Head { status: 304, ..Head::default() }),
+            Action::Unchanged
+        );
         let compressed = Head { encoding: Some("gzip".into()), ..whole(9, "") };
-        assert!(matches!(transfer.on_response(&request, &compressed), Action::Refused(why) if why.contains("gzip")));
+        assert!(
+            matches!(transfer.on_response(&request, &compressed), Action::Refused(why) if why.contains("gzip"))
+        );
     }
 }

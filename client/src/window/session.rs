@@ -25,8 +25,9 @@ use super::loader::Loader;
 use super::order::carry_out;
 use super::overlay::Message;
 use super::screen::Screen;
-use super::screenshot::Shot;
-use super::viewer::{Requests, Scene, Viewer};
+use super::screenshot::Screenshot;
+use super::viewed_clip::ViewedClip;
+use super::viewer::{Requests, Viewer};
 use crate::clips::queue::{Entry, List, Queue, Terms};
 use crate::clips::{Arrival, Progress, cache_dir, title};
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
@@ -113,7 +114,7 @@ pub(super) enum Next {
 pub(super) struct Playing {
     /// Where it comes from, as [`clips::open`] takes it.
     origin: Option<String>,
-    scene: Scene,
+    viewed: ViewedClip,
     /// `None` where the device that it was on is gone.
     renderer: Option<Renderer>,
     /// Gaussians in the clip, plate included.
@@ -133,7 +134,7 @@ impl Playing {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
             origin,
-            scene: Scene::of(clip),
+            viewed: ViewedClip::new(clip),
             renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
@@ -196,7 +197,7 @@ impl Session {
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = Playing::new(&screen.gpu, screen.surface.format(), start.origin, &start.clip)?;
-        let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
+        let viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         let loader = {
             let proxy = proxy.clone();
             // Without an event loop there is no window left to tell.
@@ -277,12 +278,12 @@ impl Session {
             list.start_over();
             return self.order_next();
         }
-        if player.over_s().is_none() || !player.is_playing() {
+        if player.overrun_s().is_none() || !player.is_playing() {
             return;
         }
         if let Some(playing) = list.take() {
             self.window.set_title(&playing.title());
-            self.viewer.follow_scene(playing.scene.clone());
+            self.viewer.continue_with(playing.viewed.clone());
             self.playing = playing;
             self.shown = None;
             self.forget_working();
@@ -327,7 +328,7 @@ impl Session {
             }
             Told::New(playing, queue) => {
                 self.window.set_title(&playing.title());
-                self.viewer.change_scene(playing.scene.clone());
+                self.viewer.change_clip(playing.viewed.clone());
                 self.last_frame = None;
                 self.list = queue.map(List::new);
                 self.playing = *playing;
@@ -341,7 +342,7 @@ impl Session {
             Told::Better(playing) => match self.list.as_mut().and_then(List::ready) {
                 Some(next) => *next = *playing,
                 None => {
-                    self.viewer.refine_scene(playing.scene.clone());
+                    self.viewer.update_clip(playing.viewed.clone());
                     self.playing = *playing;
                     self.shown = None;
                 }
@@ -387,7 +388,7 @@ impl Session {
         }
 
         let looping = self.viewer.player.is_looping();
-        self.viewer.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
+        self.viewer.player.set_has_next(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
         let ctx = self.screen.input.egui_ctx().clone();
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
@@ -467,7 +468,7 @@ impl Session {
         }
         let Some(renderer) = &self.playing.renderer else { return };
         let player = &self.viewer.player;
-        let shot = Shot {
+        let screenshot = Screenshot {
             clip: renderer.clip().clone(),
             name: self.playing.title(),
             t: shown.t,
@@ -480,7 +481,7 @@ impl Session {
         self.saving = Some(std::thread::spawn(move || {
             let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
             // Without an event loop there is no window left to tell.
-            let _ = proxy.send_event(Event::Saved(shot.save(&gpu, &folder)));
+            let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folder)));
         }));
     }
 

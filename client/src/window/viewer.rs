@@ -173,8 +173,7 @@ impl Viewer {
         if response.contains_pointer() {
             let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             // A pinch to double size halves the distance: ln 2 / ln(1 / 0.9) notches.
-            let pinch =
-                f64::from(zoom.max(f32::MIN_POSITIVE)).ln() / ZOOM_PER_NOTCH.recip().ln();
+            let pinch = f64::from(zoom.max(f32::MIN_POSITIVE)).ln() / ZOOM_PER_NOTCH.recip().ln();
             self.camera.zoom(f64::from(scroll) / POINTS_PER_NOTCH + pinch);
         }
     }

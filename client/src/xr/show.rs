@@ -297,7 +297,7 @@ impl Show {
             list.start_over();
             return self.go_on_loading();
         }
-        let is_over = self.player.over_s().is_some() && self.player.is_playing();
+        let is_over = self.player.overrun_s().is_some() && self.player.is_playing();
         if !is_over && !self.hurries {
             return Ok(());
         }
@@ -318,8 +318,8 @@ impl Show {
             Err(fault) => return self.load_next().and(Err(fault)),
         };
         let (duration_s, fps) = (loaded.info.duration_s.into(), loaded.info.fps.into());
-        match self.player.over_s() {
-            Some(_) => self.player.follow_with(duration_s, fps),
+        match self.player.overrun_s() {
+            Some(_) => self.player.continue_with(duration_s, fps),
             None => self.player.change_clip(duration_s, fps),
         }
         if let Some(playing) = &mut self.playing {
@@ -471,7 +471,7 @@ impl Show {
         commands.clear();
         self.commands = commands;
         let looping = self.player.is_looping();
-        self.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
+        self.player.set_has_next(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
         if !scrubbing {
             self.player.advance(elapsed_s);
         }
