@@ -61,7 +61,11 @@ impl PartialFile {
 
     fn check_length(&self, needed: usize) -> Result<(), Error> {
         let limit = self.limits.max_bytes;
-        if needed > limit { Err(Error::Limits { offset: 0, quantity: "bytes", needed, limit }) } else { Ok(()) }
+        if needed > limit {
+            Err(Error::Limits { offset: 0, quantity: "bytes", needed, limit })
+        } else {
+            Ok(())
+        }
     }
 
     /// The bytes received so far.
