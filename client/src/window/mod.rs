@@ -5,6 +5,7 @@
 
 mod bar;
 mod camera;
+mod display;
 mod frame_times;
 mod icon;
 mod icons;
@@ -19,14 +20,13 @@ mod style;
 mod viewed_clip;
 mod viewer;
 
-use std::panic::catch_unwind;
 use std::time::Instant;
 
 use codec::Clip;
 use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
     let start = Start { origin, clip, rest, list, viewpoint, settings, size: args.size };
-    let event_loop = open_display()?;
+    let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop
         .run_app(&mut app)
@@ -64,7 +64,8 @@ struct First {
     list: Option<Queue>,
 }
 
-/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the others' faults.
+/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of
+/// those before it.
 fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
@@ -90,46 +91,6 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
         }
     }
     Err(last.expect("a playlist has a clip"))
-}
-
-/// The error if the libraries of X are not installed.
-const LIBRARY_MISSING: &str = "a library is missing, on Debian and Ubuntu: \
-                               apt-get install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0";
-
-/// Connects to the display.
-fn open_display() -> Result<EventLoop<Event>, Fault> {
-    // The window library panics if a library of X is missing.
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| ()));
-    let opened = catch_unwind(|| EventLoop::with_user_event().build());
-    std::panic::set_hook(hook);
-    let reason = match opened {
-        Ok(Ok(event_loop)) => return Ok(event_loop),
-        Ok(Err(error)) if error.to_string().contains("shared libraries") => LIBRARY_MISSING.into(),
-        Ok(Err(error)) => no_display(|name| std::env::var(name).ok(), &error.to_string()),
-        Err(_) => LIBRARY_MISSING.into(),
-    };
-    Err(Fault::Device(format!(
-        "no display to open a window on: {reason}; --headless --out PATH renders images"
-    )))
-}
-
-/// Why there is no display, from the environment and from the error of the window library, which may begin
-/// with a line of its source.
-fn no_display(variable: impl Fn(&str) -> Option<String>, error: &str) -> String {
-    let set = |name: &str| {
-        let value = variable(name).filter(|value| !value.is_empty())?;
-        Some(format!("{name}={value}"))
-    };
-    // In the order in which the window library tries them.
-    let Some(display) = ["WAYLAND_DISPLAY", "DISPLAY"].into_iter().find_map(set) else {
-        return "neither WAYLAND_DISPLAY nor DISPLAY is set".into();
-    };
-    let cause = match error.split_once(".rs:") {
-        Some((_, rest)) => rest.trim_start_matches(|c: char| c.is_ascii_digit()).trim_start_matches(": "),
-        None => error,
-    };
-    format!("cannot connect to {display} ({cause})")
 }
 
 /// The state of the event loop.
@@ -200,22 +161,5 @@ impl ApplicationHandler<Event> for App {
     fn exiting(&mut self, _: &ActiveEventLoop) {
         // Dropped while the display is still connected.
         self.session = None;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_absent_display_is_explained() {
-        assert_eq!(no_display(|_| None, "?"), "neither WAYLAND_DISPLAY nor DISPLAY is set");
-        let empty = |name: &str| Some(if name == "DISPLAY" { ":9" } else { "" }.to_owned());
-        let error = "os error at a/b/mod.rs:788: no server: x: absent";
-        assert_eq!(no_display(empty, error), "cannot connect to DISPLAY=:9 (no server: x: absent)");
-        assert_eq!(
-            no_display(|_| Some("x".into()), "refused"),
-            "cannot connect to WAYLAND_DISPLAY=x (refused)"
-        );
     }
 }
