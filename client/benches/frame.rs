@@ -79,7 +79,8 @@ fn frame(c: &mut Criterion) {
     for side in [SMALL, 512, 1024] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
         let views = [View::from_camera(&camera)];
-        let image = Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
+        let image =
+            Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
         let mut renderer = Renderer::new(&gpu, on_gpu.clone(), ChannelDepth::Eight.format(), 1)
             .expect("memory for the renderer");
         let mut render = || {

@@ -1,5 +1,7 @@
 //! `--headless`: renders images and statistics of a clip with the renderer of the window. Of a playlist it
 //! renders images alone, at times from the start of the playlist.
+//!
+//! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,8 +12,10 @@ use glam::{UVec2, uvec2};
 use program::{Fault, output};
 
 use crate::args::Args;
-use crate::clips::{LoadEvent, cache_dir, playlist, printable};
-use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
+use crate::clips::{
+    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, printable,
+};
+use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
@@ -66,61 +70,115 @@ impl Output<'_> {
     }
 }
 
-/// A clip on the device, and its renderer for the eyes of `--stereo` and `--view`.
+/// The graphics device.
+struct Device {
+    gpu: Gpu,
+    /// Number of images rendered.
+    images: u64,
+}
+
+impl Device {
+    fn open() -> Result<Device, Fault> {
+        Ok(Device { gpu: Gpu::new_headless()?, images: 0 })
+    }
+}
+
+/// A clip on the device, and its renderer for the views of `args`.
 struct ClipRenderer<'a> {
-    gpu: &'a Gpu,
+    args: &'a Args,
+    device: &'a mut Device,
     clip: Arc<Clip>,
     views: Vec<View>,
     settings: RenderSettings,
+    state: DeviceState,
+}
+
+/// The parts of a [`ClipRenderer`] that are lost with the device.
+struct DeviceState {
     image: Offscreen,
     renderer: Renderer,
     upload_ms: f64,
 }
 
-impl<'a> ClipRenderer<'a> {
-    fn new(gpu: &'a Gpu, clip: Arc<Clip>, views: Vec<View>, args: &Args) -> Result<ClipRenderer<'a>, Fault> {
-        let settings = settings(args, &clip)?;
+impl DeviceState {
+    fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
         let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let start = Instant::now();
-        let on_gpu = Arc::new(GpuClip::upload(gpu, &clip)?);
+        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
-        Ok(ClipRenderer { gpu, clip, views, settings, image, renderer, upload_ms })
+        Ok(DeviceState { image, renderer, upload_ms })
+    }
+}
+
+impl<'a> ClipRenderer<'a> {
+    fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
+        let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
+        let state = DeviceState::new(&device.gpu, &clip, &views, args)?;
+        Ok(ClipRenderer { args, device, clip, views, settings, state })
     }
 
     /// Renders the clip at `time_s` and reads the pixels of each eye.
     fn pixels(&mut self, time_s: f64) -> Result<Vec<Pixels>, Fault> {
-        self.render(time_s)?;
-        self.image.read(self.gpu)
+        self.with_device(|this| {
+            this.render(time_s)?;
+            this.state.image.read(&this.device.gpu)
+        })
     }
 
     fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
         let t = clip_time(&self.clip, time_s);
-        self.image.render(self.gpu, &mut self.renderer, t, &self.views, &self.settings)
+        let DeviceState { image, renderer, .. } = &mut self.state;
+        image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
-    /// Renders a frame and measures it.
-    fn measure(&mut self, time_s: f64) -> Result<FrameStats, Fault> {
-        let start = Instant::now();
-        let counts = self.render(time_s)?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
-        let draw_ms = self.renderer.gpu_ms().unwrap_or(wall_ms);
-        let t = clip_time(&self.clip, time_s);
-        let coverage = self.renderer.count(self.gpu, t, &self.views, &self.settings)?;
-        Ok(FrameStats {
-            time: time_s,
-            alive: counts.alive,
-            sorted: counts.sorted,
-            drawn: coverage.drawn,
-            fragments: coverage.fragments,
-            alive_ms: counts.alive_ms,
-            sort_ms: counts.sort_ms,
-            draw_ms,
+    /// Renders a frame, measures it, and reads the pixels of each eye.
+    fn measure(&mut self, time_s: f64) -> Result<(FrameStats, Vec<Pixels>), Fault> {
+        self.with_device(|this| {
+            if this.device.images == 0 {
+                // Drivers finish compiling in the first frame, which would distort its timings.
+                this.render(time_s)?;
+            }
+            let start = Instant::now();
+            let counts = this.render(time_s)?;
+            let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
+            let t = clip_time(&this.clip, time_s);
+            let DeviceState { image, renderer, .. } = &mut this.state;
+            let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
+            let coverage = renderer.count(&this.device.gpu, t, &this.views, &this.settings)?;
+            let stats = FrameStats {
+                time: time_s,
+                alive: counts.alive,
+                sorted: counts.sorted,
+                drawn: coverage.drawn,
+                fragments: coverage.fragments,
+                alive_ms: counts.alive_ms,
+                sort_ms: counts.sort_ms,
+                draw_ms,
+            };
+            Ok((stats, image.read(&this.device.gpu)?))
         })
     }
 
+    /// Runs `work` to produce an image; once more on another device if this one is lost after it has rendered
+    /// enough images.
+    fn with_device<T>(&mut self, mut work: impl FnMut(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
+        let result = match work(self) {
+            Err(_) if self.device.gpu.is_worth_replacing(self.device.images) => {
+                *self.device = Device::open()?;
+                self.state = DeviceState::new(&self.device.gpu, &self.clip, &self.views, self.args)?;
+                Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
+                work(self)
+            }
+            result => result,
+        }?;
+        self.device.images += 1;
+        Ok(result)
+    }
+
     fn stats(&self, loading: LoadingStats, frames: Vec<FrameStats>) -> Stats {
-        let ClipRenderer { gpu, clip, views, renderer, .. } = self;
+        let ClipRenderer { device: Device { gpu, .. }, clip, views, state, .. } = self;
+        let DeviceState { renderer, upload_ms, .. } = state;
         Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
@@ -132,7 +190,7 @@ impl<'a> ClipRenderer<'a> {
             gpu_bytes: renderer.clip().bytes(),
             pipelines: renderer.pipelines(),
             loading,
-            upload_ms: self.upload_ms,
+            upload_ms: *upload_ms,
             gpu_timed: gpu.caps.timestamps,
             alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
             sort_ms: Summary::of(frames.iter().map(|frame| frame.sort_ms)),
@@ -146,19 +204,16 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     let (clip, loading) = load(args)?;
     let times = times(args, clip.info.fps.into());
     check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
-    let views = views(args, &clip)?;
+    views(args, &clip)?;
     settings(args, &clip)?;
-    let gpu = Gpu::new_headless()?;
-    let mut renderer = ClipRenderer::new(&gpu, Arc::new(clip), views, args)?;
+    let mut device = Device::open()?;
+    let mut renderer = ClipRenderer::new(&mut device, Arc::new(clip), args)?;
     let mut frames = Vec::new();
     for (i, &time_s) in times.iter().enumerate() {
         if args.stats.is_some() {
-            if i == 0 {
-                // Drivers finish compiling in the first frame, which would distort its timings.
-                renderer.render(time_s)?;
-            }
-            frames.push(renderer.measure(time_s)?);
-            output.write(i, &renderer.image.read(&gpu)?)?;
+            let (stats, eyes) = renderer.measure(time_s)?;
+            frames.push(stats);
+            output.write(i, &eyes)?;
         } else {
             output.write(i, &renderer.pixels(time_s)?)?;
         }
@@ -170,29 +225,50 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     output::write(path, &json)
 }
 
-/// Renders a playlist, its clips one after the other. Skips and reports a clip that fails to load or has no
-/// such view or layer. Uploads only clips with images to render, one at a time.
+/// Checks that a clip has the view and layers of `args`, and uploads nothing: only clips with images to
+/// render are uploaded, one at a time.
+#[derive(Clone)]
+struct HeadlessTarget {
+    args: Args,
+}
+
+impl ClipTarget for HeadlessTarget {
+    type Ready = Arc<Clip>;
+
+    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Arc<Clip>, Fault> {
+        views(&self.args, &clip)
+            .and_then(|_| settings(&self.args, &clip))
+            .map_err(|fault| named(fault, entry))?;
+        Ok(clip.into())
+    }
+}
+
+fn named(fault: Fault, entry: &Entry) -> Fault {
+    fault.about(&printable(entry.name.as_deref().unwrap_or_default()))
+}
+
+/// Renders a playlist, its clips one after the other. Reports and skips clips that cannot be loaded or
+/// rendered.
 fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
     let mut reporter = Reporter::new();
-    let list = playlist::wait(list, cache_dir(), |event| reporter.print(event))?;
-    let gpu = Gpu::new_headless()?;
-    let mut run = PlaylistRun { args, output, gpu: &gpu, pending: Vec::new(), start_s: 0.0, last: None };
+    let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
+    let mut clips = ClipController::new(options, false, || ())?;
+    clips.open(Some(list.into()));
+    clips.set_target(HeadlessTarget { args: args.clone() });
+    let mut run = PlaylistRun { args, output, device: None, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
-    for name in &list.clips {
+    while let Some((entry, clip)) = next_clip(&mut clips, &mut reporter)? {
         if let Some(fault) = failed.take() {
             reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        let clip = clips::open(Some(name), cache_dir())
-            .and_then(|mut arrival| arrival.wait(None, |event| reporter.print(event)));
-        failed = match clip.map(|clip| run.render(name, Arc::new(clip))) {
-            Ok(Ok(Rendered::Skipped(fault))) | Err(fault) => Some(fault),
-            Ok(Ok(Rendered::All)) => return Ok(()),
-            Ok(Ok(Rendered::More)) => None,
-            Ok(Err(fault)) => return Err(fault),
-        };
+        match run.render(&entry, clip)? {
+            Rendered::More => {}
+            Rendered::All => return Ok(()),
+            Rendered::Skipped(fault) => failed = Some(fault),
+        }
     }
     match (run.last.take(), failed) {
         (Some(clip), failed) => {
@@ -208,8 +284,9 @@ fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
 struct PlaylistRun<'a> {
     args: &'a Args,
     output: &'a Output<'a>,
-    gpu: &'a Gpu,
-    /// Number and time of each image, known from the first clip on, whose frame rate counts.
+    /// Opened for the first image.
+    device: Option<Device>,
+    /// Number and time of each image. The frame rate of the first clip decides the times.
     pending: Vec<(usize, f64)>,
     /// Where the next clip starts, in seconds.
     start_s: f64,
@@ -217,11 +294,9 @@ struct PlaylistRun<'a> {
     last: Option<Arc<Clip>>,
 }
 
-/// Which images are rendered after a clip.
+/// The images left after a clip.
 enum Rendered {
-    /// More images are left.
     More,
-    /// None is left.
     All,
     /// The clip was skipped.
     Skipped(Fault),
@@ -229,7 +304,7 @@ enum Rendered {
 
 impl PlaylistRun<'_> {
     /// Renders the images within `clip`.
-    fn render(&mut self, name: &str, clip: Arc<Clip>) -> Result<Rendered, Fault> {
+    fn render(&mut self, entry: &Entry, clip: Arc<Clip>) -> Result<Rendered, Fault> {
         if self.last.is_none() {
             let times = times(self.args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
@@ -240,20 +315,15 @@ impl PlaylistRun<'_> {
         let end_s = self.start_s + f64::from(clip.info.duration_s);
         let (here, later): (Vec<_>, Vec<_>) =
             self.pending.iter().copied().partition(|&(_, time_s)| time_s < end_s - CHANGE_TOLERANCE_S);
-        let renderer = views(self.args, &clip).and_then(|views| {
-            settings(self.args, &clip)?;
-            (!here.is_empty())
-                .then(|| ClipRenderer::new(self.gpu, clip.clone(), views, self.args))
-                .transpose()
-        });
-        match renderer {
-            Ok(Some(mut renderer)) => {
-                for (i, time_s) in here {
-                    self.output.write(i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
+        if !here.is_empty() {
+            match ClipRenderer::new(opened(&mut self.device)?, clip.clone(), self.args) {
+                Ok(mut renderer) => {
+                    for (i, time_s) in here {
+                        self.output.write(i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
+                    }
                 }
+                Err(fault) => return Ok(Rendered::Skipped(named(fault, entry))),
             }
-            Ok(None) => {}
-            Err(fault) => return Ok(Rendered::Skipped(fault.about(&printable(name)))),
         }
         (self.pending, self.start_s, self.last) = (later, end_s, Some(clip));
         Ok(if self.pending.is_empty() { Rendered::All } else { Rendered::More })
@@ -263,16 +333,43 @@ impl PlaylistRun<'_> {
     ///
     /// # Errors
     /// [`Fault::Usage`] if a time is beyond the end.
-    fn render_end(&self, clip: Arc<Clip>) -> Result<(), Fault> {
+    fn render_end(&mut self, clip: Arc<Clip>) -> Result<(), Fault> {
         let (fps, duration_s) = (clip.info.fps, clip.info.duration_s);
         let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
         check_times(&times, self.start_s, fps.into())?;
-        let views = views(self.args, &clip)?;
-        let mut renderer = ClipRenderer::new(self.gpu, clip, views, self.args)?;
+        let mut renderer = ClipRenderer::new(opened(&mut self.device)?, clip, self.args)?;
         for &(i, _) in &self.pending {
             self.output.write(i, &renderer.pixels(duration_s.into())?)?;
         }
         Ok(())
+    }
+}
+
+/// The device, opened at the first call.
+fn opened(device: &mut Option<Device>) -> Result<&mut Device, Fault> {
+    if device.is_none() {
+        *device = Some(Device::open()?);
+    }
+    Ok(device.as_mut().expect("it was just opened"))
+}
+
+/// Waits for the next clip of a playlist; `None` after the last.
+///
+/// # Errors
+/// The fault of the last clip, if none can be loaded.
+fn next_clip(
+    clips: &mut ClipController<HeadlessTarget>,
+    reporter: &mut Reporter,
+) -> Result<Option<(Entry, Arc<Clip>)>, Fault> {
+    loop {
+        match clips.follow().or_else(|| clips.wait()) {
+            None => return Ok(None),
+            Some(Change::Show { entry, clip, .. }) => return Ok(Some((entry, clip))),
+            Some(Change::Progress(progress)) => reporter.print(&LoadEvent::Progress(progress)),
+            Some(Change::Note(note)) => reporter.print(&LoadEvent::Note(note)),
+            Some(Change::Failed(fault)) => return Err(fault),
+            Some(Change::Waiting | Change::Idle) => {}
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use glam::{Quat, Vec2, Vec3};
 
 use client::xr::interaction::Pose;
-use client::xr::panel::{Board, SIZE};
+use client::xr::panel::{PanelQuad, SIZE};
 
 /// Where the head is, looking along -z, and the right hand, in metres of the stage.
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
@@ -90,9 +90,9 @@ impl Remote {
     /// # Panics
     /// If the service went away, as for the rest.
     pub fn point(&mut self, at: Vec2) {
-        let board = Board::before(&HEAD);
-        let offset = (at - 0.5 * Vec2::new(SIZE.x, SIZE.y)) / Vec2::new(SIZE.x, -SIZE.y) * board.size_m();
-        let target = board.pose().position + board.pose().orientation * offset.extend(0.0);
+        let quad = PanelQuad::before(&HEAD);
+        let offset = (at - 0.5 * Vec2::new(SIZE.x, SIZE.y)) / Vec2::new(SIZE.x, -SIZE.y) * quad.size_m();
+        let target = quad.pose().position + quad.pose().orientation * offset.extend(0.0);
         self.hand = Quat::from_rotation_arc(Vec3::NEG_Z, (target - HAND).normalize());
         self.send();
     }

@@ -75,6 +75,7 @@ fn hear(download: Download) -> Heard {
             Ok(LoadEvent::Clip(clip)) => heard.clips.push(*clip),
             Ok(LoadEvent::Note(note)) => heard.notes.push(note),
             Ok(LoadEvent::Progress(progress)) => heard.progress.push(progress),
+            Ok(event) => panic!("a download reports {event:?}"),
             Err(fault) => heard.fault = Some(fault),
         }
         assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {heard:?}");

@@ -11,9 +11,6 @@ use winit::window::{Theme, Window};
 use super::style;
 use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
 
-/// Frames that a lost device must have shown for another to be opened: it ends loops of lost devices.
-const MIN_FRAMES: u32 = 50;
-
 /// Longest wait for the loader to release a lost device.
 const RELEASE_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -26,7 +23,7 @@ pub(super) struct Screen {
     /// Dropped last, see [`Screen::drop`].
     pub(super) surface: WindowSurface,
     /// Frames shown.
-    frames: u32,
+    frames: u64,
 }
 
 impl Screen {
@@ -62,8 +59,8 @@ impl Screen {
     }
 
     /// Whether the device is lost and has shown enough frames to expect another to work.
-    pub(super) fn is_worth_reopening(&self) -> bool {
-        self.gpu.is_lost() && self.frames >= MIN_FRAMES
+    pub(super) fn is_worth_replacing(&self) -> bool {
+        self.gpu.is_worth_replacing(self.frames)
     }
 }
 
