@@ -18,7 +18,7 @@ use program::Fault;
 use refine::prune::Ranking;
 use serde::Serialize;
 
-use crate::fit::{FineTuned, FineTuning};
+use crate::fit::{RefinementReport, Refinement};
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 use choose::choose;
@@ -37,7 +37,7 @@ pub struct Settings {
     /// Let the ranking alone decide, whatever the topology loses.
     pub no_floor: bool,
     /// Fit the colours of what a budget keeps to pictures of the whole.
-    pub refit: bool,
+    pub recolor: bool,
     /// How the Gaussians are coded.
     pub coding: Coding,
     /// Parts to remove.
@@ -87,10 +87,11 @@ pub struct Report {
     pub tried: Vec<Tried>,
     /// Why the package holds what it holds of them; `None` where nothing was left out for the budget.
     pub why: Option<String>,
-    /// Gain in dB of the colour refit, if asked for; it is used if above 0.
-    pub refit_gain_db: Option<f64>,
+    /// Gain in dB of the recolouring, if asked for; it is used if above 0.
+    #[serde(rename = "refit_gain_db")]
+    pub recolor_gain_db: Option<f64>,
     /// What came of moving them towards photographs, if asked for.
-    pub refined: Option<FineTuned>,
+    pub refined: Option<RefinementReport>,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
     /// Length of the clip in seconds.
@@ -138,11 +139,11 @@ pub fn package(scene: &Scene, settings: &Settings) -> anyhow::Result<Package> {
 pub fn package_showing(
     scene: &Scene,
     settings: &Settings,
-    fine_tuning: Option<&FineTuning>,
+    refinement: Option<&Refinement>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Package> {
     let Prepared { field, mut subject, plate, plate_counts, parts_removed } = prepare(scene, settings)?;
-    let choice = choose(scene, &field, plate.as_ref(), settings, fine_tuning, progress)?;
+    let choice = choose(scene, &field, plate.as_ref(), settings, refinement, progress)?;
     let Coded { field: kept, bytes, clip, self_psnr_db } = choice.coded;
     subject.drop("over budget", field.len() - kept.len());
     subject.gaussians_out = kept.len();
@@ -155,7 +156,7 @@ pub fn package_showing(
         whole_psnr_db: choice.psnr_db,
         tried: choice.tried,
         why: choice.why,
-        refit_gain_db: choice.refit_gain_db,
+        recolor_gain_db: choice.recolor_gain_db,
         refined: choice.refined,
         layers: clip.layers.iter().map(|end| end.total()).collect(),
         duration_s: scene.info.duration_s,

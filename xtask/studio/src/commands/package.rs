@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::capture::Footage;
-use crate::fit::{self, FineTuned, FineTuning, Settings, Shots};
+use crate::fit::{self, RefinementReport, Refinement, Settings, Shots};
 use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
 use crate::playlist;
 use crate::scene::Scene;
@@ -15,17 +15,18 @@ use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
+use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{Cut, load_shots};
+use super::capture::{FrameSelection, HeldFrames, load_shots};
 use super::takes::{self, Job, Many};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
 const LADDER_LOSS_DB: f64 = 0.5;
 
-/// Fidelity below which fitting colours anew is worth a hint, in dB: what is left out shows.
-const REFIT_BELOW_DB: f64 = 40.0;
+/// Fidelity in dB below which the report suggests `--recolor`.
+const RECOLOR_BELOW_DB: f64 = 40.0;
 
 /// What `--help` says of scenes, at its end.
 const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key optional, in the axes and units of the field:
@@ -58,12 +59,12 @@ pub struct Args {
     /// Let the ranking alone decide, though limbs break off
     #[arg(long)]
     no_floor: bool,
-    /// Fit the colours of what a budget keeps to pictures of the whole field
+    /// Fit the colours of the kept Gaussians to pictures of the whole field
     #[arg(long, requires = "budget")]
-    refit: bool,
+    recolor: bool,
     /// Move what is kept, for N steps, until it looks like the photographs of the capture that the
     /// field was fitted to
-    #[arg(long, value_name = "N", conflicts_with_all = ["refit", "ladder"],
+    #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "ladder"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Folder of that capture; SCENE itself by default
@@ -88,7 +89,11 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that are held out from fitting and refining; by default none, and with --refine what the
+    /// field file records
+    #[arg(long, value_enum, help_heading = "Of the capture, where one is looked at")]
+    holdout: Option<HeldFrames>,
 }
 
 /// A ranking, or none in particular.
@@ -197,6 +202,11 @@ impl Args {
         self.scene.as_deref().expect("there is a scene where there is no list")
     }
 
+    /// The holdout of a fit to a capture.
+    fn holdout_of_fit(&self) -> Holdout {
+        self.holdout.unwrap_or(HeldFrames::None).into()
+    }
+
     /// What decides what becomes of any scene.
     fn options(&self) -> Args {
         Args { scene: None, out: None, many: Many::default(), json: false, ..self.clone() }
@@ -219,7 +229,7 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         budget: args.budget.map(NonZeroUsize::get),
         rank: args.rank.0,
         no_floor: args.no_floor,
-        refit: args.refit,
+        recolor: args.recolor,
         coding: match args.coder {
             Coder::Context => Coding::Context { quality_db: args.quality },
             Coder::Fixed => Coding::Fixed,
@@ -234,8 +244,8 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
-    let fine_tuning = shots.as_ref().zip(args.refine).map(|(shots, steps)| FineTuning { shots, steps });
-    let package = package_showing(&scene, &settings, fine_tuning.as_ref(), &progress)?;
+    let refinement = shots.as_ref().zip(args.refine).map(|(shots, steps)| Refinement { shots, steps });
+    let package = package_showing(&scene, &settings, refinement.as_ref(), &progress)?;
     progress.finish_and_clear();
     output::write(&out, &package.bytes)?;
     let rungs = match args.ladder {
@@ -271,21 +281,21 @@ impl Captured {
                     .into()
             )),
             (None, None) if !is_scene => {
-                if !args.cut.is_usual() {
+                if !(args.selection.is_default() && args.holdout.is_none()) {
                     bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
                 }
                 return Ok(None);
             }
             (None, _) => args.scene(),
         };
-        let footage = args.cut.open(folder)?;
+        let footage = args.selection.open(folder)?;
         // Of a list, records say what may be gone on with and what may be replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
             if field.exists() {
                 bail!(is_there(&field));
             }
-            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field)?;
+            fit::check_checkpoint(&Settings::usual(&footage, args.holdout_of_fit())?, &field)?;
         }
         Ok(Some(Captured { footage, is_scene }))
     }
@@ -293,9 +303,9 @@ impl Captured {
     /// Fits it, to a field file beside the package; of a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
-        let settings = Settings::usual(&self.footage, args.cut.holdout())?;
+        let settings = Settings::usual(&self.footage, args.holdout_of_fit())?;
         if args.many.list.is_none() {
-            self.fit_to(&out, &settings, args)?;
+            self.fit_to(&out, &settings)?;
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{settings:?}"), &[args.scene()])?;
@@ -307,20 +317,22 @@ impl Captured {
             Standing::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
-        self.fit_to(&out, &settings, args)?;
+        self.fit_to(&out, &settings)?;
         Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
     }
 
-    fn fit_to(&self, out: &Path, settings: &Settings, args: &Args) -> anyhow::Result<()> {
-        let shots = load_shots(&self.footage, args.cut.holdout())?;
+    fn fit_to(&self, out: &Path, settings: &Settings) -> anyhow::Result<()> {
+        let shots = load_shots(&self.footage, settings.holdout)?;
         super::fit::by_default(&self.footage, &shots, settings, out)
     }
 
     /// The photographs that `scene` is to look like.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
-        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        let recorded = scene.subject.hints.holdout;
+        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(Holdout::None);
+        let shots = load_shots(&self.footage, holdout)?;
         if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| shot.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
@@ -410,12 +422,12 @@ fn print_choice(report: &Report) {
     if let Some(why) = &report.why {
         println!("{:16} {why}", "chosen");
     }
-    match report.refit_gain_db {
+    match report.recolor_gain_db {
         Some(gain) => {
-            println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
+            println!("{:16} {gain:+.2} dB{}", "recolored", if gain > 0.0 { "" } else { ", not used" });
         }
-        None if psnr < REFIT_BELOW_DB && report.refined.is_none() => {
-            println!("{:16} not asked for; --refit helps where so much is left out", "colour refit");
+        None if psnr < RECOLOR_BELOW_DB && report.refined.is_none() => {
+            println!("{:16} not asked for; --recolor helps at this fidelity", "recolored");
         }
         None => {}
     }
@@ -425,7 +437,7 @@ fn print_choice(report: &Report) {
 
 /// What moving towards the photographs did.
 fn print_refined(report: &Report) {
-    let Some(FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
+    let Some(RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
     else {
         return;
     };

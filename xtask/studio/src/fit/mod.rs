@@ -8,7 +8,7 @@
 //! from which it goes on where it was.
 
 mod checkpoint;
-mod fine_tune;
+mod refinement;
 pub mod log;
 mod shots;
 mod start;
@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::capture::Footage;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
-pub use fine_tune::{FineTuned, FineTuning};
+pub use refinement::{RefinementReport, Refinement};
 use log::Entry;
 pub use shots::Shots;
 use shots::train_frames;

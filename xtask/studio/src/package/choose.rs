@@ -2,7 +2,7 @@
 //!
 //! Each candidate ranking prunes, the topology floor mends; what comes of it, with and without the
 //! floor, is coded, decoded and compared with the whole field in pictures; the best package stays.
-//! Where there are photographs to fine-tune by, what it holds moves towards them before it is coded.
+//! Where there are photographs to refine by, what it holds moves towards them before it is coded.
 //! Rankings look at pictures from other places than those that judge them.
 
 use codec::Field;
@@ -17,13 +17,13 @@ use serde::Serialize;
 use super::Settings;
 use super::coding::{Coded, finish, finishing_steps};
 use super::whole::{CODE_WORK, PICTURE_WORK, Whole, judging_shots, ranking_shots, scene_of};
-use crate::fit::{FineTuned, FineTuning};
+use crate::fit::{RefinementReport, Refinement};
 use crate::scene::Scene;
 
 /// Share in the progress of one picture of what is coded, which is larger than those that judge.
 const FINISH_WORK: u64 = 8;
 
-/// Steps of fine-tuning that have the share of one in the progress.
+/// Steps of refinement that have the share of one in the progress.
 const STEPS_PER_WORK: u64 = 16;
 
 /// A way to meet the budget that was tried, and how it did.
@@ -78,10 +78,10 @@ pub(super) struct Choice {
     pub(super) tried: Vec<Tried>,
     /// Why the package holds what it holds; `None` where nothing was left out.
     pub(super) why: Option<String>,
-    /// Gain of the colour refit in dB, where it was asked for; not used unless above 0.
-    pub(super) refit_gain_db: Option<f64>,
-    /// What came of fine-tuning, where it was asked for.
-    pub(super) refined: Option<FineTuned>,
+    /// Gain of the recolouring in dB, where it was asked for; not used unless above 0.
+    pub(super) recolor_gain_db: Option<f64>,
+    /// What came of refinement, where it was asked for.
+    pub(super) refined: Option<RefinementReport>,
 }
 
 /// Chooses `settings.budget` of the rows of `field`, which is not empty, and codes them.
@@ -90,16 +90,16 @@ pub(super) fn choose(
     field: &Field,
     plate: Option<&Field>,
     settings: &Settings,
-    fine_tuning: Option<&FineTuning>,
+    refinement: Option<&Refinement>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Choice> {
     let budget = settings.budget.unwrap_or(field.len());
     if budget >= field.len() {
-        return keep_all(scene, field, plate, settings, fine_tuning, progress);
+        return keep_all(scene, field, plate, settings, refinement, progress);
     }
     let pictured = || progress.inc(PICTURE_WORK);
     let to_judge = PICTURE_WORK * judging_shots(scene, field).len() as u64;
-    let to_refit = match settings.refit {
+    let to_recolor = match settings.recolor {
         true => {
             let stages = if field.sh_degree > 0 { 2 } else { 1 };
             let pictures = (1 + stages * PASSES) * ranking_shots(scene, field).len();
@@ -110,8 +110,8 @@ pub(super) fn choose(
     progress.set_length(
         Whole::look_work(scene, field, settings)
             + Whole::select_work(scene, field, settings)
-            + to_refit
-            + fine_tuning_work(fine_tuning)
+            + to_recolor
+            + refinement_work(refinement)
             + FINISH_WORK * finishing_steps(scene, field, settings.coding)
             + to_judge,
     );
@@ -120,18 +120,18 @@ pub(super) fn choose(
     let selection = whole.select(budget)?;
     let Candidate { ranking, kept, psnr_db } = &selection.candidates[selection.best];
     let mut chosen = field.select(&kept.rows);
-    let mut refit_gain_db = None;
-    if settings.refit {
+    let mut recolor_gain_db = None;
+    if settings.recolor {
         progress.set_message("colours");
         let pictures = Pictures::take(&scene_of(field, plate), ranking_shots(scene, field), pictured);
-        let refitted = recolor(&chosen, plate, &pictures, pictured);
-        let gain = whole.draft_psnr(&refitted)? - psnr_db;
-        refit_gain_db = Some(gain);
+        let recolored = recolor(&chosen, plate, &pictures, pictured);
+        let gain = whole.draft_psnr(&recolored)? - psnr_db;
+        recolor_gain_db = Some(gain);
         if gain > 0.0 {
-            chosen = refitted;
+            chosen = recolored;
         }
     }
-    let (chosen, refined) = fine_tuned(chosen, fine_tuning, progress);
+    let (chosen, refined) = refined_by(chosen, refinement, progress);
     let coded = finish(scene, chosen, plate, settings.coding, (progress, FINISH_WORK))?;
     let psnr_db = whole.psnr(&coded.clip);
     progress.finish_and_clear();
@@ -142,7 +142,7 @@ pub(super) fn choose(
         psnr_db: Some(psnr_db),
         tried: tried(&selection),
         why: Some(why(&selection)),
-        refit_gain_db,
+        recolor_gain_db,
         refined,
     })
 }
@@ -153,17 +153,17 @@ fn keep_all(
     field: &Field,
     plate: Option<&Field>,
     settings: &Settings,
-    fine_tuning: Option<&FineTuning>,
+    refinement: Option<&Refinement>,
     progress: &ProgressBar,
 ) -> anyhow::Result<Choice> {
     let ranking = settings.rank.unwrap_or(Ranking::Mass);
-    progress.set_length(finishing_steps(scene, field, settings.coding) + fine_tuning_work(fine_tuning));
+    progress.set_length(finishing_steps(scene, field, settings.coding) + refinement_work(refinement));
     let seen = match ranking.looks_at_pictures() {
         true => contributions_to(&ranking_shots(scene, field), field, || ()),
         false => Vec::new(),
     };
     let order = by_importance(&ranking.scores(field, &seen));
-    let (kept, refined) = fine_tuned(field.select(&order), fine_tuning, progress);
+    let (kept, refined) = refined_by(field.select(&order), refinement, progress);
     Ok(Choice {
         coded: finish(scene, kept, plate, settings.coding, (progress, 1))?,
         ranking,
@@ -171,21 +171,21 @@ fn keep_all(
         psnr_db: None,
         tried: Vec::new(),
         why: None,
-        refit_gain_db: None,
+        recolor_gain_db: None,
         refined,
     })
 }
 
 /// `kept` where its rows are, moved towards the photographs, where there are any.
-fn fine_tuned(
+fn refined_by(
     kept: Field,
-    fine_tuning: Option<&FineTuning>,
+    refinement: Option<&Refinement>,
     progress: &ProgressBar,
-) -> (Field, Option<FineTuned>) {
-    let Some(fine_tuning) = fine_tuning else { return (kept, None) };
-    progress.set_message("fine-tuning");
+) -> (Field, Option<RefinementReport>) {
+    let Some(refinement) = refinement else { return (kept, None) };
+    progress.set_message("refining");
     let mut steps = 0;
-    let tuned = fine_tuning.run(&kept, &mut Cpu::default(), || {
+    let tuned = refinement.run(&kept, &mut Cpu::default(), || {
         steps += 1;
         progress.inc(u64::from(steps % STEPS_PER_WORK == 0));
     });
@@ -193,9 +193,9 @@ fn fine_tuned(
     (field, Some(report))
 }
 
-/// How far the progress advances in [`fine_tuned`].
-fn fine_tuning_work(fine_tuning: Option<&FineTuning>) -> u64 {
-    fine_tuning.map_or(0, |fine_tuning| fine_tuning.steps / STEPS_PER_WORK)
+/// How far the progress advances in [`refined_by`].
+fn refinement_work(refinement: Option<&Refinement>) -> u64 {
+    refinement.map_or(0, |refinement| refinement.steps / STEPS_PER_WORK)
 }
 
 fn tried(selection: &Selection) -> Vec<Tried> {

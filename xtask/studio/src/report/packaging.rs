@@ -40,7 +40,7 @@ pub fn work(subject: &Subject) -> u64 {
         Some(_) => {
             Whole::look_work(scene, field, &settings)
                 + Whole::select_work(scene, field, &settings)
-                + refit_work(subject)
+                + recolor_work(subject)
         }
         None => 0,
     };
@@ -70,7 +70,7 @@ fn trial_work(subject: &Subject) -> u64 {
     CODE_WORK + PICTURE_WORK * coded_shots(subject).len() as u64
 }
 
-fn refit_work(subject: &Subject) -> u64 {
+fn recolor_work(subject: &Subject) -> u64 {
     let stages = if subject.field.sh_degree > 0 { 2 } else { 1 };
     let pictures = (1 + stages * PASSES) * ranking_shots(&subject.scene, &subject.field).len();
     PICTURE_WORK * pictures as u64
@@ -198,18 +198,18 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
     let pictured = || progress.inc(PICTURE_WORK);
     let start = Instant::now();
     let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
-    let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
+    let recolored = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
     let seconds = start.elapsed().as_secs_f64();
     let anew = ParameterValue {
         cost: Quartiles::exactly(seconds),
-        ..point("fitted anew", false, whole.draft_psnr(&refitted)?)
+        ..point("recolored", false, whole.draft_psnr(&recolored)?)
     };
     let colours = Parameter {
         stage: FlowStage::Packaging,
-        name: "colour refit".into(),
+        name: "recolor".into(),
         about: format!(
             "Whether the colours of the {budget} Gaussians are fitted to pictures of the whole field \
-             (`--refit`)."
+             (`--recolor`)."
         ),
         cost: "s of packaging".into(),
         points: vec![point("as they were", true, chosen.psnr_db), anew],
