@@ -129,7 +129,7 @@ impl Scene<'_> {
         let Scene { subject: path, capture, out, args, lpips } = self;
         let footage = args.selection.open(capture)?;
         let subject = Subject::load(path, &footage)?;
-        let holdout = held_frames(path, &subject, args.holdout.map(Holdout::from));
+        let (holdout, note) = held_frames(path, &subject, args.holdout.map(Holdout::from));
         let about = describe(&footage, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
@@ -157,6 +157,9 @@ impl Scene<'_> {
             progress.inc(1);
         })?;
         progress.finish_and_clear();
+        if let Some(note) = note {
+            eprintln!("note: {note}");
+        }
 
         let missing = footage.capture.shots.len() - judged.len();
         if missing > 0 {
@@ -205,8 +208,8 @@ impl Scene<'_> {
 }
 
 /// The frames that were held out from fitting `subject`: `named` on the command line, or recorded in its
-/// file, or odd frames. Notes on standard error where the file has no record or contradicts.
-fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> Holdout {
+/// file, or odd frames. With a note where the file has no record, or another.
+fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> (Holdout, Option<String>) {
     let recorded = match subject {
         Subject::Drawn(input) => input.holdout(),
         Subject::Pictures(_) => None,
@@ -214,14 +217,13 @@ fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> Holdou
     let path = path.display();
     match (named, recorded) {
         (Some(named), Some(recorded)) if named != recorded => {
-            eprintln!("note: {path} was fitted with --holdout {}", recorded.name());
-            named
+            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
         }
+        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
         (None, None) => {
-            eprintln!("note: {path} does not record which frames were held out: --holdout odd is assumed");
-            Holdout::Odd
+            let note = format!("{path} does not record the held frames: --holdout odd is assumed");
+            (Holdout::Odd, Some(note))
         }
-        (named, recorded) => named.or(recorded).unwrap_or_default(),
     }
 }
 

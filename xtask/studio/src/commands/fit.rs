@@ -159,7 +159,7 @@ pub(super) fn by_default(
 ) -> anyhow::Result<()> {
     let runtime =
         Runtime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_to(out, settings, footage, shots, runtime, frame_rate(None)).map(drop)
+    fit_to(out, settings, footage, shots, runtime, None).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -231,7 +231,7 @@ fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_to(out, &settings, &footage, &shots, runtime, frame_rate(args.fps))?;
+    let fitted = fit_to(out, &settings, &footage, &shots, runtime, args.fps)?;
     Ok(Done { settings, fitted, splits })
 }
 
@@ -249,14 +249,14 @@ fn fit_to(
     footage: &Footage,
     shots: &Shots,
     runtime: Runtime,
-    fps: f32,
+    fps: Option<f32>,
 ) -> anyhow::Result<Fitted> {
     let bar = ProgressBar::new(settings.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
     bar.println(describe(footage, settings.holdout)?);
     let fitted = fit::fit(settings, footage, shots, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::info(footage, fps);
+    let info = fit::info(footage, frame_rate(fps));
     output::write(out, &fitted_field_file(&fitted.field, &info, settings.holdout))?;
     fit::forget_checkpoint(out)?;
     Ok(fitted)
