@@ -40,16 +40,16 @@ Environment:
   RUST_LOG              what to log, as in \"info\" or \"client=debug\"
 
 Examples:
-  client clip.aarc
-  client https://clips.example.org/dance.aarc
-  client clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
-  client clip.aarc --headless --frames 0..30 --fps 30 --stereo --out frames --stats stats.json
-  client --xr clip.aarc
-  client --generate bash > ~/.local/share/bash-completion/completions/client";
+  aarc clip.aarc
+  aarc https://clips.example.org/dance.aarc
+  aarc clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
+  aarc clip.aarc --headless --frames 0..30 --fps 30 --stereo --out frames --stats stats.json
+  aarc --xr clip.aarc
+  aarc --generate bash > ~/.local/share/bash-completion/completions/aarc";
 
 /// Plays a clip of 4D Gaussians in a window or a headset, or renders images of it.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "client", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
+#[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
     /// The clip, an .aarc file, or a playlist of clips, a .json file; or the http:// or https:// address
     /// of one [default: the built-in demo].
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_full_line() {
         let args = parse(
-            "client a.aarc --headless --out o --time 0,0.5,1 --size 64x32 --stereo --view front --layer 2 \
+            "aarc a.aarc --headless --out o --time 0,0.5,1 --size 64x32 --stereo --view front --layer 2 \
              --sort radial --cutoff 5 --target 16 --stats s.json",
         )
         .unwrap();
@@ -203,7 +203,7 @@ mod tests {
         let settings = args.settings();
         assert_eq!((settings.sort, settings.cutoff), (SortOrder::Radial, Cutoff::Sqrt5));
         assert_eq!((settings.layers, settings.min_contribution_px), (Some(2), 0.0));
-        let frames = parse("client a --headless --out o --frames 2..5 --fps 12.5").unwrap();
+        let frames = parse("aarc a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
     }
 
@@ -228,14 +228,14 @@ mod tests {
             "--sort none",
             "--view a --camera b",
         ] {
-            assert!(parse(&format!("client a --headless --out o {tail}")).is_err(), "{tail}");
+            assert!(parse(&format!("aarc a --headless --out o {tail}")).is_err(), "{tail}");
         }
-        assert!(parse("client a --headless").is_err(), "headless needs somewhere to write to");
-        assert!(parse("client a --out o").is_err(), "a window writes no images");
+        assert!(parse("aarc a --headless").is_err(), "headless needs somewhere to write to");
+        assert!(parse("aarc a --out o").is_err(), "a window writes no images");
         for line in
             ["--xr --headless --out o", "--xr --time 0", "--xr --frames 0..9 --fps 3", "--xr --size 9x9"]
         {
-            assert!(parse(&format!("client a {line}")).is_err(), "{line}");
+            assert!(parse(&format!("aarc a {line}")).is_err(), "{line}");
         }
     }
 
@@ -263,8 +263,8 @@ mod tests {
     #[test]
     fn a_headset_sorts_so_that_turning_changes_nothing() {
         let sort = |line: &str| parse(line).unwrap().settings().sort;
-        assert_eq!(sort("client a"), SortOrder::Depth);
-        assert_eq!(sort("client a --xr"), SortOrder::Radial);
-        assert_eq!(sort("client a --xr --sort depth --frames 0..9 --out o --stats s"), SortOrder::Depth);
+        assert_eq!(sort("aarc a"), SortOrder::Depth);
+        assert_eq!(sort("aarc a --xr"), SortOrder::Radial);
+        assert_eq!(sort("aarc a --xr --sort depth --frames 0..9 --out o --stats s"), SortOrder::Depth);
     }
 }

@@ -3,7 +3,7 @@
 //
 // Bias is corrected by how often a row was visited itself, not by the number of steps.
 
-struct Pace {
+struct AdamUniforms {
     // Step lengths of the columns; those of motion are three, one a power, and of the spherical harmonics
     // after the first the last.
     rates: array<vec4<f32>, 3>,
@@ -14,7 +14,7 @@ struct Pace {
     logit_max: f32,
 }
 
-@group(0) @binding(2) var<uniform> pace: Pace;
+@group(0) @binding(2) var<uniform> pace: AdamUniforms;
 @group(0) @binding(3) var<storage, read> state: array<u32>;
 @group(0) @binding(4) var<storage, read_write> parameters: array<f32>;
 @group(0) @binding(12) var<storage, read> order: array<u32>;

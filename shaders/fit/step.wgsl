@@ -1,6 +1,6 @@
 // What the stages of a fit share: the instant, the camera, the sizes.
 
-struct Step {
+struct StepUniforms {
     // Rows of the rigid transform: the rotation, and the translation in w.
     view_from_world: array<vec4<f32>, 3>,
     // Position of the eye in the world.
@@ -24,7 +24,7 @@ struct Step {
     is_detached: u32,
 }
 
-@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(0) var<uniform> step: StepUniforms;
 
 // Told by the bits: compilers may take it that no number is infinite or NaN.
 fn is_finite(x: f32) -> bool {

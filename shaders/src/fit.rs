@@ -58,11 +58,11 @@ const SIGMA: f64 = 1.5;
 
 /// Numbers of the bindings in group 0.
 pub mod binding {
-    /// [`Step`](super::layout::Step).
+    /// [`StepUniforms`](super::layout::StepUniforms).
     pub const STEP: u32 = 0;
     /// [`Series`](super::layout::Series).
     pub const SERIES: u32 = 1;
-    /// [`Pace`](super::layout::Pace).
+    /// [`AdamUniforms`](super::layout::AdamUniforms).
     pub const PACE: u32 = 2;
     /// [`State`](super::layout::State).
     pub const STATE: u32 = 3;
@@ -129,14 +129,14 @@ pub struct Columns {
     /// Highest power of time in the trajectories, 0 to 3.
     pub motion_order: u8,
     /// Whether Gaussians turn.
-    pub turns: bool,
+    pub rotates: bool,
 }
 
 impl Columns {
     /// How many numbers a Gaussian has in each column.
     pub fn counts(self) -> [u32; COLUMNS] {
         let timed = u32::from(self.is_timed);
-        let turning = if self.turns { 4 } else { 0 };
+        let turning = if self.rotates { 4 } else { 0 };
         [3, 4, 3, 1, 3 * self.harmonics(), timed, timed, 3 * u32::from(self.motion_order), turning]
     }
 
@@ -270,8 +270,8 @@ fn constants(columns: Columns) -> String {
         ("MOTION_ORDER", columns.motion_order.into()),
         ("NUMBERS", columns.numbers()),
         ("COLUMNS", COLUMNS as u32),
-        ("SH_REST", layout::Pace::SH_REST),
-        ("ROTATION_RATE_AT", layout::Pace::ROTATION_RATE),
+        ("SH_REST", layout::AdamUniforms::SH_REST),
+        ("ROTATION_RATE_AT", layout::AdamUniforms::ROTATION_RATE),
     ]
     .map(unsigned)
     .concat();
@@ -292,7 +292,7 @@ fn constants(columns: Columns) -> String {
     ]
     .map(float)
     .concat();
-    source += &[("IS_TIMED", columns.is_timed), ("TURNS", columns.turns)].map(truth).concat();
+    source += &[("IS_TIMED", columns.is_timed), ("TURNS", columns.rotates)].map(truth).concat();
     let names =
         ["CENTER", "ROTATION", "LOG_SCALE", "LOGIT", "SH", "TAU", "LOG_WIDTH", "MOTION", "ROTATION_RATE"];
     for (column, name) in names.into_iter().enumerate() {

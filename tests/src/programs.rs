@@ -15,13 +15,13 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// The executable of the player, built if need be.
 pub fn client() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| build("client"))
+    PATH.get_or_init(|| build("aarc"))
 }
 
 /// The executable of the host tool, built if need be.
-pub fn xtask() -> &'static Path {
+pub fn studio() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| build("xtask"))
+    PATH.get_or_init(|| build("aarc-studio"))
 }
 
 /// The executable of an example program of the workspace, built if need be.

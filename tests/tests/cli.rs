@@ -8,10 +8,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use ::studio::cli::Cli;
 use ::studio::export::field_file;
 use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Outcome, client, run, xtask};
+use aarc_tests::programs::{Outcome, client, run, studio};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
+use clap::CommandFactory;
 use client::gpu::Gpu;
 use codec::Field;
 use image::RgbImage;
@@ -19,6 +21,7 @@ use libtest_mimic::{Completion, Failed, Trial};
 use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
 use tempfile::TempDir;
+use xtask::workspace;
 
 const USAGE: i32 = 2;
 const DATA: i32 = 3;
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
         plain("bad input to inspect", bad_input_to_inspect),
         plain("bad input to render and export", bad_input_to_render_and_export),
         plain("without a graphics device", without_a_device),
+        plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
     ])
 }
 
@@ -132,9 +136,10 @@ impl Workshop {
 
 fn field_to_pictures(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
-    let report = workshop.run(xtask(), "package field.ply -o made.aarc --budget 300 --json").success().stdout;
+    let report =
+        workshop.run(studio(), "package field.ply -o made.aarc --budget 300 --json").success().stdout;
     let report: Value = serde_json::from_str(&report).map_err(|error| error.to_string())?;
-    let shown = workshop.run(xtask(), "inspect made.aarc --json").success().stdout;
+    let shown = workshop.run(studio(), "inspect made.aarc --json").success().stdout;
     let shown: Value = serde_json::from_str(&shown).map_err(|error| error.to_string())?;
     let size = fs::metadata(workshop.path("made.aarc")).map_err(|error| error.to_string())?.len();
     for (what, value, expected) in [
@@ -159,8 +164,8 @@ fn field_to_pictures(_: &Gpu) -> Result<(), String> {
 /// The scene that `cargo xtask demo` shows, by the commands that it consists of.
 fn demo_scene(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
-    workshop.run(xtask(), "synth clip -o juggler.ply").success();
-    workshop.run(xtask(), "package juggler.ply -o juggler.aarc").success();
+    workshop.run(studio(), "synth clip -o juggler.ply").success();
+    workshop.run(studio(), "package juggler.ply -o juggler.aarc").success();
     workshop.run(client(), "juggler.aarc --headless --time 0,1 --size 160x90 --out frames").success();
     let [first, second] =
         ["frames/frame_0000.png", "frames/frame_0001.png"].map(|name| workshop.picture(name));
@@ -174,7 +179,7 @@ fn camera_file(_: &Gpu) -> Result<(), String> {
     workshop.write("camera.json", &serde_json::to_vec(&view).map_err(|error| error.to_string())?);
     let line = "clip.aarc --headless --time 0.9 --camera camera.json --target 16 --out";
     workshop.run(client(), &format!("{line} gpu.png")).success();
-    workshop.run(xtask(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
+    workshop.run(studio(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
     let (gpu, cpu) = (workshop.picture("gpu.png")?, workshop.picture("cpu.png")?);
     let expected = render(&RenderScene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
     if cpu.as_raw() != &expected {
@@ -357,7 +362,7 @@ fn bad_input_to_package() -> Result<(), String> {
         ("nothing.ply", "nothing.ply"),
         ("cut.ply --strict", "truncated"),
     ] {
-        bad.refuses(xtask(), &format!("package {input} -o out.aarc"), DATA, mention)?;
+        bad.refuses(studio(), &format!("package {input} -o out.aarc"), DATA, mention)?;
     }
     for (line, mention) in [
         ("package field.ply -o absent/out.aarc", "absent"),
@@ -366,7 +371,7 @@ fn bad_input_to_package() -> Result<(), String> {
         ("package field.ply -o out.aarc --budget 0", "0"),
         ("package field.ply -o out.aarc --coder magic", "magic"),
     ] {
-        bad.refuses(xtask(), line, USAGE, mention)?;
+        bad.refuses(studio(), line, USAGE, mention)?;
     }
     Ok(())
 }
@@ -374,7 +379,7 @@ fn bad_input_to_package() -> Result<(), String> {
 fn bad_input_to_inspect() -> Result<(), String> {
     let bad = bad_files();
     for file in ["missing.aarc", "bare", "empty", "noise", "short.aarc", "flipped.aarc", "version.aarc"] {
-        bad.refuses(xtask(), &format!("inspect {file}"), DATA, file)?;
+        bad.refuses(studio(), &format!("inspect {file}"), DATA, file)?;
     }
     Ok(())
 }
@@ -382,8 +387,8 @@ fn bad_input_to_inspect() -> Result<(), String> {
 fn bad_input_to_render_and_export() -> Result<(), String> {
     let bad = bad_files();
     for file in ["missing.aarc", "bare", "empty", "noise", "flipped.aarc", "points.ply"] {
-        bad.refuses(xtask(), &format!("render {file} -o frame.png"), DATA, file)?;
-        bad.refuses(xtask(), &format!("export {file} --ply -o frozen.ply"), DATA, file)?;
+        bad.refuses(studio(), &format!("render {file} -o frame.png"), DATA, file)?;
+        bad.refuses(studio(), &format!("export {file} --ply -o frozen.ply"), DATA, file)?;
     }
     for (line, mention) in [
         ("render clip.aarc --time nan -o frame.png", "NaN"),
@@ -393,7 +398,7 @@ fn bad_input_to_render_and_export() -> Result<(), String> {
         ("export clip.aarc --ply -o absent/frozen.ply", "absent"),
         ("synth clip -o absent/clip.ply", "absent"),
     ] {
-        bad.refuses(xtask(), line, USAGE, mention)?;
+        bad.refuses(studio(), line, USAGE, mention)?;
     }
     Ok(())
 }
@@ -412,4 +417,22 @@ fn without_a_device() -> Result<(), String> {
         return Ok(());
     }
     Err(format!("{outcome:#?}"))
+}
+
+/// `cargo xtask` lists the commands of the host tool, runs them, and passes on their exit codes.
+fn xtask_hands_over() -> Result<(), String> {
+    let xtask = workspace::build("xtask", "dev").map_err(|fault| fault.to_string())?;
+    let workshop = Workshop::new().seal();
+    let help = workshop.run(&xtask, "--help").success().stdout;
+    for command in Cli::command().get_subcommands().map(|command| command.get_name()) {
+        if !help.lines().any(|line| line.trim_start().starts_with(&format!("{command} "))) {
+            return Err(format!("{command} is missing in:\n{help}"));
+        }
+    }
+    let line = "inspect clip.aarc --json";
+    let expected = workshop.run(studio(), line).success().stdout;
+    if workshop.run(&xtask, line).success().stdout != expected {
+        return Err(format!("{line} differs from aarc-studio's"));
+    }
+    workshop.refuses(&xtask, "inspect missing.aarc", DATA, "missing.aarc")
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use aarc_tests::display::{Display, Screenshot};
 use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Outcome, client, example, run, xtask};
+use aarc_tests::programs::{Outcome, client, example, run, studio};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::Server;
 use libtest_mimic::{Completion, Failed, Trial};
@@ -153,7 +153,7 @@ fn full_cache(room: &Room) -> Result<Completion, String> {
 
 fn full_output(room: &Room) -> Result<Completion, String> {
     let large = "clip.aarc --headless --size 640x480 --out disk/frame.png";
-    for (program, line) in [(client(), large), (xtask(), "export clip.aarc --splatv -o disk/clip.splatv")] {
+    for (program, line) in [(client(), large), (studio(), "export clip.aarc --splatv -o disk/clip.splatv")] {
         let outcome = room.on_small_disk(program, line);
         if !outcome.stdout.lines().all(|line| !line.starts_with("disk/")) {
             return Err(format!("left on the disk: {}", outcome.stdout));

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ::studio::export::field_file;
-use aarc_tests::programs::{Outcome, run, xtask};
+use aarc_tests::programs::{Outcome, run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
@@ -52,7 +52,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
 
     // What README.md shows, with this build's program.
     let submit = || -> Outcome {
-        let program = quoted(xtask());
+        let program = quoted(studio());
         let wrap = format!(
             "{program} package --list takes.txt --shard $SLURM_ARRAY_TASK_ID/3 --coder fixed -o clips"
         );

@@ -1,46 +1,90 @@
-//! `cargo xtask`: the contributors' commands, and those of the host tool, which the crate `studio` holds.
+//! `cargo xtask`: the contributors' commands. All others are those of the host tool, `aarc-studio`, which is
+//! built if need be and takes this program's place.
 
 mod commands;
 mod setup;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
-use std::sync::LazyLock;
 
 use clap::{Parser, Subcommand};
-use studio::cli;
+use program::Fault;
+use xtask::workspace;
 
-/// Makes, inspects and renders clips of 4D Gaussians.
+/// The end of the long help: the host tool's commands, and examples.
+const AFTER_HELP: &str = "\
+Commands of the host tool, aarc-studio; `cargo xtask COMMAND --help` has their options:
+  package  Make a package of a fitted field, or of a capture
+  fit      Fit a field to a capture
+  depths   Make depth maps with a network
+  inspect  List the contents of a package
+  render   Render images with the CPU reference (f64)
+  eval     Compare a field, a package or pictures with photographs
+  report   Write a page: error against run time, and only what a scene needs
+  export   Write other formats
+  synth    Make procedural data
+  serve    Serve a folder over HTTP
+
+Examples:
+  cargo xtask demo
+  cargo xtask package scene/ -o clip.aarc --budget 40000
+  cargo xtask fit studio/ -o field.ply
+
+README.md says more.";
+
+/// Works on the project, and makes, inspects and renders clips of 4D Gaussians.
 #[derive(Parser)]
-#[command(name = "cargo xtask", bin_name = "cargo xtask", version, long_version = cli::VERSION.as_str())]
-#[command(after_long_help = AFTER_HELP.as_str())]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version, after_help = AFTER_HELP)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
-static AFTER_HELP: LazyLock<String> = LazyLock::new(|| cli::after_help("cargo xtask"));
-
 #[derive(Subcommand)]
 enum Command {
     Demo(commands::demo::Args),
-    #[command(flatten)]
-    Studio(cli::Command),
     Bench(commands::bench::Args),
     Test(commands::test::Args),
     Apk(commands::apk::Args),
     Ci(commands::ci::Args),
+    #[command(external_subcommand)]
+    Studio(Vec<OsString>),
 }
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    cli::exit_code(match Cli::parse().command {
-        // Measuring links the renderer: a build of its own, optimised.
-        Command::Studio(cli::Command::Report(_)) => return commands::report::run(),
-        Command::Studio(command) => command.run(),
-        Command::Demo(args) => commands::demo::run(&args),
-        Command::Bench(args) => commands::bench::run(&args),
-        Command::Test(args) => commands::test::run(&args),
-        Command::Apk(args) => commands::apk::run(&args),
-        Command::Ci(args) => commands::ci::run(&args),
-    })
+    let done = |()| ExitCode::SUCCESS;
+    let result = match Cli::parse().command {
+        Command::Demo(args) => commands::demo::run(&args).map(done),
+        Command::Bench(args) => commands::bench::run(&args).map(done),
+        Command::Test(args) => commands::test::run(&args).map(done),
+        Command::Apk(args) => commands::apk::run(&args).map(done),
+        Command::Ci(args) => commands::ci::run(&args).map(done),
+        Command::Studio(args) => hand_over(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(error.downcast_ref::<Fault>().map_or(1, Fault::exit_code))
+        }
+    }
+}
+
+/// Runs the host tool with `args` in place of this program.
+///
+/// # Errors
+/// [`Fault::Device`] where it cannot be built or run.
+fn hand_over(args: &[OsString]) -> anyhow::Result<ExitCode> {
+    // What a report measures has to be optimised as what people play.
+    let profile = if args[0] == "report" { "release" } else { "dev" };
+    let mut studio = workspace::studio(profile)?;
+    studio.args(args);
+    #[cfg(unix)]
+    let status: std::io::Result<std::process::ExitStatus> =
+        Err(std::os::unix::process::CommandExt::exec(&mut studio));
+    #[cfg(not(unix))]
+    let status = studio.status();
+    let status = status.map_err(|error| Fault::Device(format!("cannot run aarc-studio: {error}")))?;
+    Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
 }

@@ -1,4 +1,7 @@
-//! The workspace on disk: where it lies, and building its programs.
+//! The workspace on disk: its folders, and building its programs.
+//!
+//! Programs are built with the features that `cargo xtask test` builds everything with, so that commands and
+//! tests share what they compile.
 
 use std::env;
 use std::ffi::OsString;
@@ -7,6 +10,9 @@ use std::process::{Command, Stdio};
 
 use program::Fault;
 use serde_json::Value;
+
+/// Features of a build of the whole workspace: all of the host tool.
+pub const FEATURES: &str = "studio/full";
 
 /// The root of the repository that this tool was built from.
 pub fn root() -> &'static Path {
@@ -48,38 +54,40 @@ pub fn cargo() -> Command {
     command
 }
 
-/// Builds a program of the workspace and returns the path of its executable.
-///
-/// The features are those of a build of the whole workspace, so that building and testing share
-/// what they compile. `profile` is `dev` or `release`.
+/// The host tool `aarc-studio`, built if need be: to be run with a command and its arguments.
 ///
 /// # Errors
-/// [`Fault::Device`] where Cargo cannot run or cannot build the program.
-pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("bin", program, profile, &["--workspace"])
+/// Those of [`build`].
+pub fn studio(profile: &str) -> Result<Command, Fault> {
+    let folder = if profile == "dev" { "debug" } else { profile };
+    if !target_folder().join(folder).join("aarc-studio").exists() {
+        eprintln!("building the host tool, which takes minutes the first time");
+    }
+    build_target("bin", "aarc-studio", profile, true).map(Command::new)
 }
 
-/// As [`build`], for an example: a program or a library.
+/// Builds a program of the workspace with [`FEATURES`] and returns the path of its executable. `profile` is
+/// `dev` or `release`.
+///
+/// # Errors
+/// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
+pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
+    build_target("bin", program, profile, false)
+}
+
+/// As [`build`], for an example: a program or a library to be loaded.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_example(name: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("example", name, profile, &["--workspace"])
+    build_target("example", name, profile, false)
 }
 
-/// Builds a program of `package` with `features` of it alone, and returns the path of its executable.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_with(package: &str, program: &str, features: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("bin", program, profile, &["--package", package, "--features", features])
-}
-
-fn build_target(kind: &str, name: &str, profile: &str, selection: &[&str]) -> Result<PathBuf, Fault> {
+fn build_target(kind: &str, program: &str, profile: &str, is_quiet: bool) -> Result<PathBuf, Fault> {
     let output = cargo()
-        .arg("build")
-        .args(selection)
-        .args([&format!("--{kind}"), name, "--profile", profile])
+        .args(["build", "--workspace", "--features", FEATURES])
+        .args([&format!("--{kind}"), program, "--profile", profile])
+        .args(is_quiet.then_some("--quiet"))
         .arg("--message-format=json-render-diagnostics")
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
@@ -87,13 +95,13 @@ fn build_target(kind: &str, name: &str, profile: &str, selection: &[&str]) -> Re
         .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
     let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
-        let is_target = message["target"]["name"] == name && message["target"]["kind"][0] == kind;
-        let path = message["executable"].as_str().or(message["filenames"][0].as_str());
-        path.filter(|_| is_target).map(PathBuf::from)
+        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == kind;
+        let made = message["executable"].as_str().or(message["filenames"][0].as_str());
+        made.filter(|_| is_program).map(PathBuf::from)
     });
     match executable {
         Some(path) if output.status.success() => Ok(path),
-        _ => Err(Fault::Device(format!("cargo could not build {name}; its messages are above"))),
+        _ => Err(Fault::Device(format!("cargo could not build {program}; its messages are above"))),
     }
 }
 

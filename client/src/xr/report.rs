@@ -410,7 +410,7 @@ mod tests {
 
     #[test]
     fn a_run_ends_after_the_frames_asked_for_and_captures_the_last() {
-        let mut report = report("client --xr --frames 2..4 --out o --stats s");
+        let mut report = report("aarc --xr --frames 2..4 --out o --stats s");
         report.unseen();
         report.empty(work(1));
         for (number, last) in [(2, false), (3, false), (4, false), (8, true)] {
@@ -425,7 +425,7 @@ mod tests {
 
     #[test]
     fn what_is_missed_while_a_clip_loads_is_told_apart() {
-        let mut report = report("client --xr --frames 0..9");
+        let mut report = report("aarc --xr --frames 0..9");
         for (number, loading) in [(1, true), (2, true), (5, true), (6, false), (9, false), (11, true)] {
             report.shown(Work { loading, ..work(number) }, Drawn::default());
         }
@@ -435,7 +435,7 @@ mod tests {
 
     #[test]
     fn without_a_bound_it_goes_on_and_keeps_little() {
-        let mut report = report("client --xr");
+        let mut report = report("aarc --xr");
         for number in 0..10 {
             report.shown(work(number), Drawn::default());
         }

@@ -24,7 +24,7 @@ pub(super) struct Request {
 /// [`Fault::Usage`] if the options are not understood.
 pub(super) fn command_line(request: Request, folders: &[PathBuf]) -> Result<Args, Fault> {
     let options = request.options.unwrap_or_default();
-    let mut args = Args::try_parse_from(["client", "--xr"].into_iter().chain(options.split_whitespace()))
+    let mut args = Args::try_parse_from(["aarc", "--xr"].into_iter().chain(options.split_whitespace()))
         .map_err(|error| {
             let text = error.to_string();
             let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");

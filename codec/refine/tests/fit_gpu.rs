@@ -8,11 +8,11 @@ use codec::{Camera, Field, Temporal, sh_coefficients};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use refine::fit::{
-    Backend, Clock, Cpu, DensityRule, DeviceError, Fit, Gradient, Lpips, Parameters, Photograph, Picture,
-    Settings, Shot, Step, View, cpu,
+    Backend, Cpu, DensityRule, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters,
+    Photograph, RenderedImage, Run, StepReport, Timeline, TrainingView, cpu,
 };
 
-const CLOCK: Clock = Clock { frames: 9 };
+const TIMELINE: Timeline = Timeline { frames: 9 };
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
@@ -75,7 +75,7 @@ fn cloud(seed: u64, count: usize, sh_degree: u8) -> Parameters<f32> {
         temporal.rotation_rates.as_mut().unwrap().push([signed(1.0), signed(1.0), signed(1.0), signed(1.0)]);
     }
     field.temporal = Some(temporal);
-    Parameters::from_field(&field, CLOCK)
+    Parameters::from_field(&field, TIMELINE)
 }
 
 /// The same without time.
@@ -91,17 +91,17 @@ fn still(seed: u64, count: usize, sh_degree: u8) -> Parameters<f32> {
     }
 }
 
-fn largest_difference(a: &Picture<f32>, b: &Picture<f32>) -> f32 {
+fn largest_difference(a: &RenderedImage<f32>, b: &RenderedImage<f32>) -> f32 {
     assert_eq!((a.width, a.height, a.pixels.len()), (b.width, b.height, b.pixels.len()));
     let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
-fn assert_pictures(gpu: &mut Gpu, parameters: &Parameters<f32>, view: &View, what: &str) {
-    let expected = cpu::draw(parameters, view).picture;
+fn assert_pictures(gpu: &mut Gpu, parameters: &Parameters<f32>, view: &FrameView, what: &str) {
+    let expected = cpu::render(parameters, view).image;
     let seen = expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count();
     assert!(seen * 5 > expected.pixels.len(), "{what}: much is seen");
-    let worst = largest_difference(&gpu.draw(view).unwrap(), &expected);
+    let worst = largest_difference(&gpu.render(view).unwrap(), &expected);
     println!("{what}: {worst:e}");
     assert!(worst <= 1e-4, "{what}: {worst:e}");
 }
@@ -113,7 +113,7 @@ fn pictures(mut gpu: Gpu) -> Result<(), DeviceError> {
         let parameters = cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
         let camera = camera(size[0], size[1]);
-        let view = View { camera: &camera, frame };
+        let view = FrameView { camera: &camera, frame };
         assert_pictures(&mut gpu, &parameters, &view, &format!("degree {degree}, {size:?}"));
         let parameters = still(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
@@ -128,7 +128,7 @@ fn many_pairs(mut gpu: Gpu) -> Result<(), DeviceError> {
     parameters.logits.iter_mut().for_each(|logit| *logit -= 2.0);
     gpu.load(parameters.clone().into())?;
     let camera = camera(150, 90);
-    let view = View { camera: &camera, frame: 0.0 };
+    let view = FrameView { camera: &camera, frame: 0.0 };
     assert_pictures(&mut gpu, &parameters, &view, "many pairs");
     // Behind opaque ones no light comes to most splats of a tile.
     let mut opaque = parameters;
@@ -136,7 +136,7 @@ fn many_pairs(mut gpu: Gpu) -> Result<(), DeviceError> {
     let weights = weights(&camera);
     let mut fresh = Gpu::open()?;
     fresh.load(opaque.clone().into())?;
-    let expected = cpu::draw(&opaque, &view).backward(&opaque, &view, &weights, true);
+    let expected = cpu::render(&opaque, &view).backward(&opaque, &view, &weights, true);
     for what in ["many pairs", "many pairs again"] {
         assert_gradients(&fresh.gradient(&view, &weights, true)?, &expected, what);
     }
@@ -186,23 +186,23 @@ fn assert_gradients(found: &Gradient<f32>, expected: &Gradient<f32>, what: &str)
 }
 
 fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
-    for (degree, frame, size, detached) in [
+    for (degree, frame, size, detach_tau) in [
         (3, 3.3, [64, 64], true),
         (3, 4.0, [64, 64], false),
         (1, 8.0, [77, 53], false),
         (0, 0.0, [77, 53], true),
     ] {
         let camera = camera(size[0], size[1]);
-        let view = View { camera: &camera, frame };
+        let view = FrameView { camera: &camera, frame };
         let weights = weights(&camera);
         for parameters in [cloud(20 + u64::from(degree), 500, degree), still(30, 500, degree)] {
             gpu.load(parameters.clone().into())?;
-            let expected = cpu::draw(&parameters, &view).backward(&parameters, &view, &weights, detached);
+            let expected = cpu::render(&parameters, &view).backward(&parameters, &view, &weights, detach_tau);
             assert!(expected.rows.len() > 250, "{} are drawn", expected.rows.len());
-            let found = gpu.gradient(&view, &weights, detached)?;
-            assert_gradients(&found, &expected, &format!("degree {degree}, frame {frame}, {detached}"));
+            let found = gpu.gradient(&view, &weights, detach_tau)?;
+            assert_gradients(&found, &expected, &format!("degree {degree}, frame {frame}, {detach_tau}"));
             // Nothing is left of the first time.
-            let again = gpu.gradient(&view, &weights, detached)?;
+            let again = gpu.gradient(&view, &weights, detach_tau)?;
             assert_gradients(&again, &expected, "again");
         }
     }
@@ -210,39 +210,39 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
 }
 
 /// What one set of Gaussians shows, for another to be fitted to; part of it is masked, and part is not seen.
-fn shots(size: [u32; 2], frames: &[f64]) -> Vec<Shot> {
+fn shots(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
     let target = cloud(77, 300, 0);
     let shot = |frame: &f64| {
         let camera = camera(size[0], size[1]);
-        let picture = cpu::draw(&target, &View { camera: &camera, frame: *frame }).picture;
+        let picture = cpu::render(&target, &FrameView { camera: &camera, frame: *frame }).image;
         let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0) as u8;
         let photograph = Photograph {
             width: size[0],
             height: size[1],
             pixels: picture.pixels.iter().map(|pixel| pixel.map(byte)).collect(),
-            seen: (0..size[0] * size[1]).map(|i| i % size[0] > 4 || i / size[0] > 9).collect(),
+            valid: (0..size[0] * size[1]).map(|i| i % size[0] > 4 || i / size[0] > 9).collect(),
         };
-        Shot { camera, frame: *frame, photograph }
+        TrainingView { camera, frame: *frame, photograph }
     };
     frames.iter().map(shot).collect()
 }
 
-fn settings(steps: u64) -> Settings {
-    Settings { steps, floor: 0, rule: DensityRule::Floor, detached: true, seed: 3 }
+fn settings(steps: u64) -> FitSettings {
+    FitSettings { steps, floor: 0, rule: DensityRule::Floor, detach_tau: true, seed: 3 }
 }
 
 /// A fit of `parameters` to `shots` that has taken `count` of `steps`, and what it said on the way.
 fn fitted(
     backend: &mut dyn Backend,
     parameters: &Parameters<f32>,
-    shots: &[Shot],
+    shots: &[TrainingView],
     [count, steps]: [u64; 2],
     lpips: Option<&Lpips<f32>>,
-) -> Result<(Fit, Vec<Step>), DeviceError> {
+) -> Result<(Fit, Vec<StepReport>), DeviceError> {
     let cameras = shots.iter().map(|shot| &shot.camera);
-    let mut run = Fit::new(settings(steps), parameters.clone(), CLOCK, cameras).run(backend)?;
-    let all: Vec<&Shot> = shots.iter().collect();
-    let said = (0..count).map(|_| run.step_on(&all, lpips)).collect::<Result<_, _>>()?;
+    let mut run = Run::start(Fit::new(settings(steps), parameters.clone(), TIMELINE, cameras), backend)?;
+    let all: Vec<&TrainingView> = shots.iter().collect();
+    let said = (0..count).map(|_| run.step(&all, lpips)).collect::<Result<_, _>>()?;
     Ok((run.pause()?, said))
 }
 
@@ -261,7 +261,7 @@ fn losses(mut gpu: Gpu) -> Result<(), DeviceError> {
 
 /// The columns of a fit, in single precision.
 fn parameters_of(fit: &Fit) -> Parameters<f32> {
-    Parameters::from_field(&fit.to_field(), CLOCK)
+    Parameters::from_field(&fit.to_field(), TIMELINE)
 }
 
 fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
@@ -292,7 +292,7 @@ fn fifty_steps(mut gpu: Gpu) -> Result<(), DeviceError> {
     for (a, b) in found.iter().zip(&expected) {
         assert!((a.loss / b.loss - 1.0).abs() < 1e-3, "{} for {}", a.loss, b.loss);
     }
-    let [a, b] = [&by_gpu, &by_cpu].map(|fit| cpu::draw(&parameters_of(fit), &shots[1].view()).picture);
+    let [a, b] = [&by_gpu, &by_cpu].map(|fit| cpu::render(&parameters_of(fit), &shots[1].view()).image);
     let squares = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened()).map(|(a, b)| (a - b).powi(2));
     let rms = (squares.sum::<f32>() / a.pixels.len() as f32).sqrt();
     println!("root mean square difference {rms:e}");
@@ -325,7 +325,7 @@ fn round_trip(mut gpu: Gpu) -> Result<(), DeviceError> {
     let shots = shots([48, 48], &[4.0]);
     for parameters in [cloud(44, 300, 2), still(44, 301, 0), cloud(44, 0, 1)] {
         let (fit, _) = fitted(&mut Cpu::default(), &parameters, &shots, [3, 100], None)?;
-        assert!(fit.clone().run(&mut gpu)?.pause()? == fit, "bit by bit");
+        assert!(Run::start(fit.clone(), &mut gpu)?.pause()? == fit, "bit by bit");
     }
     Ok(())
 }
@@ -335,8 +335,8 @@ fn nothing(mut gpu: Gpu) -> Result<(), DeviceError> {
     let shots = shots([40, 30], &[1e4]);
     for parameters in [cloud(12, 0, 1), cloud(12, 20, 1)] {
         gpu.load(parameters.clone().into())?;
-        let view = View { camera: &camera, frame: 1e4 };
-        assert_eq!(gpu.draw(&view)?.pixels, vec![[0.0; 4]; 40 * 30]);
+        let view = FrameView { camera: &camera, frame: 1e4 };
+        assert_eq!(gpu.render(&view)?.pixels, vec![[0.0; 4]; 40 * 30]);
         let gradient = gpu.gradient(&view, &weights(&camera), true)?;
         assert!(gradient.rows.is_empty() && gradient.non_finite == 0);
         let (fit, said) = fitted(&mut gpu, &parameters, &shots, [2, 100], None)?;
@@ -348,7 +348,7 @@ fn nothing(mut gpu: Gpu) -> Result<(), DeviceError> {
 
 fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
     let camera = camera(40, 30);
-    let view = View { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, frame: 4.0 };
     let plain = cloud(9, 40, 3);
     let eye = camera.position().map(|x| x as f32);
     let mut around = plain.clone();
@@ -359,14 +359,14 @@ fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
         around.tau[row] = 4.0;
         around.log_scales[row] = [2.0, 1.0, 0.0];
     }
-    let mut check = |strange: &Parameters<f32>, view: &View| -> Result<(), DeviceError> {
+    let mut check = |strange: &Parameters<f32>, view: &FrameView| -> Result<(), DeviceError> {
         gpu.load(strange.clone().into())?;
-        let picture = gpu.draw(view)?;
+        let picture = gpu.render(view)?;
         assert!(picture.pixels.as_flattened().iter().all(|x| x.is_finite()));
         let gradient = gpu.gradient(view, &weights(&camera), true)?;
         let finite = columns(&gradient.values).iter().all(|(_, column)| column.iter().all(|x| x.is_finite()));
         assert!(finite && gradient.screen.iter().all(|x| x.is_finite()));
-        let expected = cpu::draw(strange, view).backward(strange, view, &weights(&camera), true);
+        let expected = cpu::render(strange, view).backward(strange, view, &weights(&camera), true);
         assert_eq!(gradient.rows, expected.rows, "the same are drawn");
         Ok(())
     };
@@ -391,14 +391,14 @@ fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
         }
     }
     for frame in [f64::NAN, f64::INFINITY, -1e300] {
-        check(&plain, &View { camera: &camera, frame })?;
+        check(&plain, &FrameView { camera: &camera, frame })?;
     }
     Ok(())
 }
 
 fn contained(mut gpu: Gpu) -> Result<(), DeviceError> {
     let camera = camera(40, 30);
-    let view = View { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, frame: 4.0 };
     let parameters = cloud(10, 200, 1);
     gpu.load(parameters.clone().into())?;
     let mut by_pixels = weights(&camera);
@@ -469,11 +469,11 @@ fn too_large(mut gpu: Gpu) -> Result<(), DeviceError> {
     // 15 numbers a pixel are 64 GB.
     gpu.load(cloud(46, 10, 0).into())?;
     let [large, small] = [1 << 15, 16].map(|side| camera(side, side));
-    match gpu.draw(&View { camera: &large, frame: 0.0 }) {
+    match gpu.render(&FrameView { camera: &large, frame: 0.0 }) {
         Err(error @ DeviceError::TooLarge { .. }) => println!("{error}"),
         other => panic!("{other:?}"),
     }
     // And it goes on.
-    gpu.draw(&View { camera: &small, frame: 0.0 })?;
+    gpu.render(&FrameView { camera: &small, frame: 0.0 })?;
     Ok(())
 }

@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// `Step` of step.wgsl: the instant, the camera, the sizes.
+/// `StepUniforms` of step.wgsl: the instant, the camera, the sizes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Step {
+pub struct StepUniforms {
     /// Rows of the rigid transform: the rotation, and the translation in the last.
     pub view_from_world: [[f32; 4]; 3],
     /// Position of the eye in the world.
@@ -48,11 +48,11 @@ pub struct Series {
     pub shift: u32,
 }
 
-/// `Pace` of adam.wgsl: how far a step goes, and how far at most.
+/// `AdamUniforms` of adam.wgsl: how far a step goes, and how far at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Pace {
-    /// Step lengths of the columns; [`Pace::MOTION`] and what follows are other than they.
+pub struct AdamUniforms {
+    /// Step lengths of the columns; [`AdamUniforms::MOTION`] and what follows are other than they.
     pub rates: [f32; 12],
     /// Least and greatest log-scale.
     pub log_scales: [f32; 2],
@@ -66,7 +66,7 @@ pub struct Pace {
     pub _pad0: f32,
 }
 
-impl Pace {
+impl AdamUniforms {
     /// Where the rates of the powers of time are, three.
     pub const MOTION: usize = 7;
     /// Where the rate of the rotation rates is.

@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-use super::layout::{Memory, Pace, Series, State, Step};
+use super::layout::{AdamUniforms, Memory, Series, State, StepUniforms};
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 
@@ -43,10 +43,10 @@ const NAMES: [&str; 28] = [
 fn all_columns() -> Vec<Columns> {
     let mut all = Vec::new();
     for sh_degree in 0..=3 {
-        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, turns: false });
+        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, rotates: false });
         for motion_order in 0..=3 {
-            for turns in [false, true] {
-                all.push(Columns { sh_degree, is_timed: true, motion_order, turns });
+            for rotates in [false, true] {
+                all.push(Columns { sh_degree, is_timed: true, motion_order, rotates });
             }
         }
     }
@@ -106,31 +106,31 @@ fn structs_have_the_layout_of_their_counterparts() {
     let adam = &module(Stage::Adam);
     assert_layout!(adam, Memory { pull, pictures, visits, is_usable });
     // The last member of these is padding, which WGSL adds by itself.
-    let (size, members) = struct_layout(adam, "Step");
-    assert_eq!(size, size_of::<Step>());
+    let (size, members) = struct_layout(adam, "StepUniforms");
+    assert_eq!(size, size_of::<StepUniforms>());
     let expected = [
-        offset_of!(Step, view_from_world),
-        offset_of!(Step, eye),
-        offset_of!(Step, frame),
-        offset_of!(Step, focal),
-        offset_of!(Step, principal),
-        offset_of!(Step, slope_min),
-        offset_of!(Step, slope_max),
-        offset_of!(Step, size),
-        offset_of!(Step, tiles),
-        offset_of!(Step, gaussians),
-        offset_of!(Step, pair_capacity),
-        offset_of!(Step, is_detached),
+        offset_of!(StepUniforms, view_from_world),
+        offset_of!(StepUniforms, eye),
+        offset_of!(StepUniforms, frame),
+        offset_of!(StepUniforms, focal),
+        offset_of!(StepUniforms, principal),
+        offset_of!(StepUniforms, slope_min),
+        offset_of!(StepUniforms, slope_max),
+        offset_of!(StepUniforms, size),
+        offset_of!(StepUniforms, tiles),
+        offset_of!(StepUniforms, gaussians),
+        offset_of!(StepUniforms, pair_capacity),
+        offset_of!(StepUniforms, is_detached),
     ];
     assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
-    let (size, members) = struct_layout(adam, "Pace");
-    assert_eq!(size, size_of::<Pace>());
+    let (size, members) = struct_layout(adam, "AdamUniforms");
+    assert_eq!(size, size_of::<AdamUniforms>());
     let expected = [
-        offset_of!(Pace, rates),
-        offset_of!(Pace, log_scales),
-        offset_of!(Pace, log_widths),
-        offset_of!(Pace, tau),
-        offset_of!(Pace, logit_max),
+        offset_of!(AdamUniforms, rates),
+        offset_of!(AdamUniforms, log_scales),
+        offset_of!(AdamUniforms, log_widths),
+        offset_of!(AdamUniforms, tau),
+        offset_of!(AdamUniforms, logit_max),
     ];
     assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
@@ -153,8 +153,8 @@ fn the_state_is_known_by_its_places() {
 
 #[test]
 fn a_scene_has_no_columns_that_it_does_not_need() {
-    let still = Columns { sh_degree: 0, is_timed: false, motion_order: 0, turns: false };
+    let still = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false };
     assert_eq!(still.numbers(), 14);
-    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, turns: true };
+    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true };
     assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
 }

@@ -6,34 +6,24 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail};
-use codec::{Clip, Limits};
-use refine::prune::Ranking;
-use refine::reference::{Radius, RenderScene as Drawing, coverage};
 use serde::Deserialize;
 use serde_json::Value;
-use studio::machine::machine;
-use studio::package::{Package, Settings, package};
-use studio::scene::Scene;
-use studio::synth::juggler;
 use xtask::workspace;
 
 /// The real clip, relative to the root of the repository.
 const REAL_CLIP: &str = "../shared/data/spacetime-spinach/spinach_4.splatv";
 
 /// Gaussians kept of it.
-const BUDGET: usize = 40_000;
+const BUDGET: &str = "40000";
 
-/// Width and height of the counted frames in pixels.
-const SIZE: u32 = 1024;
+/// Size of the counted frames in pixels.
+const SIZE: &str = "1024x1024";
 
 /// Clip times of the counted frames.
 const TIMES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-
-/// Half the side of the quads that players commonly draw, in standard deviations.
-const FIXED_RADIUS: f64 = 2.0 * std::f64::consts::SQRT_2;
 
 /// The player's benches need no window, which takes longer to build than all else.
 const WITHOUT_WINDOW: &str = "--no-default-features";
@@ -48,12 +38,11 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     let results = folder.path().join("criterion");
     run_benches(&results)?;
     let benches = read_results(&results)?;
-    let (name, clip) = subject()?;
-    let path = folder.path().join("clip.aarc");
-    fs::write(&path, &clip.bytes)?;
-    let played = play(&path, &clip, folder.path());
+    let clip = package(folder.path())?;
+    let counts = render(folder.path(), &clip)?;
+    let played = play(folder.path(), &clip);
 
-    println!("machine  {}", machine());
+    println!("machine  {}", text(&counts["adapter"]));
     match &played {
         Ok(stats) => println!("adapter  {}, {}", text(&stats["adapter"]), text(&stats["driver"])),
         Err(error) => println!("adapter  none: {error:#}"),
@@ -63,7 +52,8 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
         println!("{}", bench.row());
     }
     println!();
-    print_counts(&name, &clip, played.as_ref().ok())
+    print_counts(&clip, &counts, played.as_ref().ok());
+    Ok(())
 }
 
 /// A bench and what it measured.
@@ -154,86 +144,106 @@ fn duration(ns: f64) -> String {
     }
 }
 
-/// The package that is counted, and its name.
-fn subject() -> anyhow::Result<(String, Package)> {
-    let path = workspace::root().join(REAL_CLIP);
-    let (scene, budget) = if path.exists() {
-        (Scene::load(&path)?, Some(BUDGET))
-    } else {
-        let (field, info) = juggler::clip();
-        (Scene::made("demo", field, info), None)
-    };
-    let package = package(
-        &scene,
-        &Settings { budget, rank: Some(Ranking::Mass), no_floor: true, ..Settings::default() },
-    )?;
-    Ok((scene.name, package))
+/// The package whose frames are counted.
+struct Clip {
+    name: &'static str,
+    path: PathBuf,
+    /// The report of `package --json`.
+    report: Value,
 }
 
-/// Has the player draw the counted frames; its statistics.
-fn play(path: &Path, clip: &Package, folder: &Path) -> anyhow::Result<Value> {
-    let duration = f64::from(clip.report.duration_s);
-    let times: Vec<String> = TIMES.iter().map(|t| (t * duration).to_string()).collect();
-    let stats = folder.join("stats.json");
-    let output = workspace::cargo()
-        .args(["run", "--quiet", "--release", "--package", "client", WITHOUT_WINDOW, "--"])
-        .arg(path)
-        .args(["--headless", "--size", &format!("{SIZE}x{SIZE}"), "--time", &times.join(",")])
-        .args([PathBuf::from("--out"), folder.join("frames"), PathBuf::from("--stats"), stats.clone()])
-        .stdin(Stdio::null())
-        .output()
-        .context("cannot run cargo")?;
-    if !output.status.success() {
-        let message = String::from_utf8_lossy(&output.stderr);
-        bail!("{}", message.lines().last().unwrap_or("the player said nothing"));
+impl Clip {
+    /// The counted instants in seconds, separated by commas.
+    fn times(&self) -> String {
+        let duration_s = self.report["duration_s"].as_f64().unwrap_or_default();
+        TIMES.map(|t| (t * duration_s).to_string()).join(",")
     }
+}
+
+/// Packages the real clip, or the demo scene where there is none, into `folder`.
+fn package(folder: &Path) -> anyhow::Result<Clip> {
+    let path = folder.join("clip.aarc");
+    let real = workspace::root().join(REAL_CLIP);
+    let (name, field, budget) = if real.exists() {
+        ("spinach", real, Some(["--budget", BUDGET]))
+    } else {
+        let field = folder.join("demo.ply");
+        output(workspace::studio("release")?.args(["synth", "clip", "-o"]).arg(&field))?;
+        ("demo", field, None)
+    };
+    let mut package = workspace::studio("release")?;
+    package.arg("package").arg(field).args(["--rank", "mass", "--no-floor", "--json", "-o"]).arg(&path);
+    let report = output(package.args(budget.into_iter().flatten()))?;
+    Ok(Clip { name, path, report: serde_json::from_slice(&report)? })
+}
+
+/// Renders the counted frames with the reference renderer and returns its counts.
+fn render(folder: &Path, clip: &Clip) -> anyhow::Result<Value> {
+    let stats = folder.join("reference.json");
+    let mut render = workspace::studio("release")?;
+    render.arg("render").arg(&clip.path).args(["--size", SIZE, "--time", &clip.times()]);
+    output(render.arg("--out").arg(folder.join("reference")).arg("--stats").arg(&stats))?;
     Ok(serde_json::from_slice(&fs::read(stats)?)?)
 }
 
-/// Prints what it takes to draw each frame. `stats` are those of the player.
-fn print_counts(name: &str, package: &Package, stats: Option<&Value>) -> anyhow::Result<()> {
-    let Package { bytes, report } = package;
-    let clip: Clip = codec::decode(bytes, &Limits::default())?;
-    let n = clip.len();
-    let viewpoint = &clip.info.viewpoints[0];
-    let per_gaussian = bytes.len() as f64 / n as f64;
+/// Draws the counted frames with the player and returns its statistics.
+fn play(folder: &Path, clip: &Clip) -> anyhow::Result<Value> {
+    let stats = folder.join("stats.json");
+    let mut cargo = workspace::cargo();
+    cargo.args(["run", "--quiet", "--release", "--package", "client", WITHOUT_WINDOW, "--"]);
+    cargo.arg(&clip.path).args(["--headless", "--size", SIZE, "--time", &clip.times()]);
+    output(cargo.arg("--out").arg(folder.join("frames")).arg("--stats").arg(&stats))?;
+    Ok(serde_json::from_slice(&fs::read(stats)?)?)
+}
+
+/// Runs a program and returns its standard output.
+///
+/// # Errors
+/// The last line of its standard error where it fails.
+fn output(command: &mut Command) -> anyhow::Result<Vec<u8>> {
+    let output = command.stdin(Stdio::null()).output().context("cannot run a program")?;
+    if !output.status.success() {
+        let message = String::from_utf8_lossy(&output.stderr);
+        bail!("{}", message.lines().last().unwrap_or("a program failed without a message"));
+    }
+    Ok(output.stdout)
+}
+
+/// Prints the cost of drawing each frame: `counts` by the reference renderer, `stats` by the player.
+fn print_counts(clip: &Clip, counts: &Value, stats: Option<&Value>) {
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let n = number(&clip.report["gaussians_out"]);
     println!(
-        "{name}: {n} Gaussians, {} bytes, {per_gaussian:.1} per Gaussian, self PSNR {:.1} dB; \
-         \"{}\" at {SIZE}x{SIZE}",
-        bytes.len(),
-        report.self_psnr_db,
-        viewpoint.name,
+        "{}: {n} Gaussians, {} bytes, {:.1} per Gaussian, self PSNR {:.1} dB; first viewpoint at {SIZE}",
+        clip.name,
+        clip.report["bytes"],
+        number(&clip.report["bytes"]) / n,
+        number(&clip.report["self_psnr_db"]),
     );
     println!(
-        "fragments in quads that reach to alpha 1/255 (exact), there but no farther than 2 sqrt 2 sigma (capped), \
-         always 2 sqrt 2 sigma (fixed)"
+        "fragments in quads that reach to alpha 1/255 (exact), at most to 2 sqrt 2 sigma (capped), always to \
+         2 sqrt 2 sigma (fixed)"
     );
     println!(
         "{:<8}{:>8}{:>8}{:>8}{:>9}{:>12}{:>12}{:>12}{:>13}{:>14}",
         "time", "alive", "sorted", "drawn", "of N", "exact", "capped", "fixed", "exact/fixed", "capped/fixed"
     );
-    let camera = viewpoint.camera(clip.info.up, SIZE, SIZE);
-    let drawing = Drawing::from(&clip);
-    for (i, &t) in TIMES.iter().enumerate() {
-        let [exact, capped, fixed] =
-            [Radius::Exact, Radius::AtMost(FIXED_RADIUS), Radius::Fixed(FIXED_RADIUS)]
-                .map(|radius| coverage(&drawing, &camera, t, radius));
+    for (i, frame) in counts["frames"].as_array().into_iter().flatten().enumerate() {
         let sorted = stats.map_or_else(|| "-".into(), |stats| stats["frames"][i]["sorted"].to_string());
-        let of_fixed = |fragments: u64| fragments as f64 / fixed.fragments as f64;
+        let of_fixed = |key: &str| number(&frame[key]) / number(&frame["fragments_fixed"]);
         println!(
             "{:<8}{:>8}{sorted:>8}{:>8}{:>7.1} %{:>12}{:>12}{:>12}{:>13.3}{:>14.3}",
-            format!("{:.2} s", t * f64::from(clip.info.duration_s)),
-            exact.alive,
-            exact.drawn,
-            100.0 * exact.drawn as f64 / n as f64,
-            exact.fragments,
-            capped.fragments,
-            fixed.fragments,
-            of_fixed(exact.fragments),
-            of_fixed(capped.fragments),
+            format!("{:.2} s", number(&frame["time"])),
+            frame["alive"].to_string(),
+            frame["drawn"].to_string(),
+            100.0 * number(&frame["drawn"]) / n,
+            frame["fragments"].to_string(),
+            frame["fragments_capped"].to_string(),
+            frame["fragments_fixed"].to_string(),
+            of_fixed("fragments"),
+            of_fixed("fragments_capped"),
         );
     }
-    Ok(())
 }
 
 fn text(value: &Value) -> &str {

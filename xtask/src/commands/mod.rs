@@ -4,5 +4,4 @@ pub(crate) mod apk;
 pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;
-pub(crate) mod report;
 pub(crate) mod test;

@@ -27,10 +27,7 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     ]);
     let start = Instant::now();
     let mut tally = Tally::default();
-    let mut passed = true;
-    for packages in PACKAGES {
-        passed &= run_tests(packages, &mut tally)?.success();
-    }
+    let passed = run_tests(&mut tally)?.success();
     println!("{}", tally.report(passed, start.elapsed().as_secs_f64()));
     if !passed {
         bail!("{}", if tally.failed > 0 { "tests failed" } else { "the tests could not be built or run" });
@@ -38,18 +35,10 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is tested together. Fitting on graphics devices is a feature that nothing else turns on: in one
-/// go with the others, the programs that tests run would be compiled once more without it.
-const PACKAGES: [&[&str]; 2] = [
-    &["--workspace", "--exclude", "refine", "--exclude", "shaders"],
-    &["--package", "refine", "--package", "shaders", "--features", "refine/gpu,shaders/fit"],
-];
-
-/// Runs all tests of some packages and counts them.
-fn run_tests(packages: &[&str], tally: &mut Tally) -> anyhow::Result<ExitStatus> {
+/// Runs all tests of the workspace and counts them.
+fn run_tests(tally: &mut Tally) -> anyhow::Result<ExitStatus> {
     let mut cargo = workspace::cargo()
-        .arg("test")
-        .args(packages)
+        .args(["test", "--workspace", "--features", workspace::FEATURES])
         .args(["--no-fail-fast", "--", "--show-output"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())

@@ -93,6 +93,16 @@ impl Input {
         }
     }
 
+    /// Number of Gaussians, the background's included.
+    pub fn gaussians(&self) -> usize {
+        match self {
+            Input::Package(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            Input::Scene(scene) => {
+                scene.subject.field.len() + scene.plate.as_ref().map_or(0, |plate| plate.field.len())
+            }
+        }
+    }
+
     /// All Gaussians but the background's as one field, and the metadata.
     pub fn into_field(self) -> (Field, ClipInfo) {
         match self {

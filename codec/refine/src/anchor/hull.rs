@@ -324,7 +324,7 @@ mod tests {
     fn what_is_not_seen_does_not_vote() {
         let mut views = seen(&body(), 16);
         for (view, _) in &mut views[..4] {
-            view.photograph.seen = (0..128 * 128).map(|i| i % 128 < 64).collect();
+            view.photograph.valid = (0..128 * 128).map(|i| i % 128 < 64).collect();
             for (i, pixel) in view.photograph.pixels.iter_mut().enumerate() {
                 *pixel = if i % 128 < 64 { *pixel } else { [0; 4] };
             }

@@ -37,7 +37,7 @@ pub use hull::HullSettings;
 pub use scatter::scatter;
 pub use sweep::SweepSettings;
 
-use crate::fit::{Clock, Parameters, Photograph};
+use crate::fit::{Parameters, Photograph, Timeline};
 use ground::Surface;
 use mirror::Plane;
 
@@ -132,7 +132,7 @@ pub struct AnchorView {
     pub depths: Option<DepthMap>,
 }
 
-/// The anchor of the frames that a field is to be fitted to, in the order of time; `clock` counts all
+/// The anchor of the frames that a field is to be fitted to, in the order of time; `timeline` counts all
 /// frames of the clip. A clip of one frame gets Gaussians without time.
 ///
 /// Frames in which no surface is found (masks are empty, or of one camera only; depth maps hold
@@ -143,7 +143,7 @@ pub struct AnchorView {
 /// the capture cannot give.
 pub fn anchor<E: From<AnchorError>>(
     settings: &Anchor,
-    clock: Clock,
+    timeline: Timeline,
     frames: impl ExactSizeIterator<Item = Result<AnchorFrame, E>>,
 ) -> Result<Parameters<f32>, E> {
     let gaussians_of_frame = settings.gaussians as f64 / frames.len().max(1) as f64;
@@ -155,7 +155,7 @@ pub fn anchor<E: From<AnchorError>>(
         let front = sources::front(settings, &frame);
         let mirrors = match settings.mirror {
             Mirror::Off => false,
-            Mirror::Auto => clock.frames <= SHORT && settings.views.is_some() && front.is_some(),
+            Mirror::Auto => timeline.frames <= SHORT && settings.views.is_some() && front.is_some(),
             Mirror::On => true,
         };
         let per_ray = ground::PER_RAY * if mirrors { 2 } else { 1 };
@@ -175,7 +175,7 @@ pub fn anchor<E: From<AnchorError>>(
             return Err(AnchorError::NoFront.into());
         }
         let normal = front.filter(|_| mirrors);
-        let time = (clock.frames > 1).then_some(frame.frame);
+        let time = (timeline.frames > 1).then_some(frame.frame);
         let gaussians = surfaces
             .iter()
             .map(|surface| surface.ground(step, surfaces.len(), settings, time))

@@ -4,7 +4,7 @@ use codec::Camera;
 
 use super::eye::{Eye, nearest_to_axes};
 use super::{Anchor, AnchorError};
-use crate::fit::{Clock, Parameters, Real};
+use crate::fit::{Parameters, Real, Timeline};
 
 /// Opacity of a Gaussian that nothing is known of, as in 3D Gaussian Splatting.
 const OPACITY: f64 = 0.1;
@@ -22,7 +22,7 @@ const FILLING: f64 = 0.5;
 /// [`AnchorError::NoMiddle`] where the cameras do not look at one point.
 pub fn scatter(
     settings: &Anchor,
-    clock: Clock,
+    timeline: Timeline,
     cameras: &[&Camera],
     seed: u64,
 ) -> Result<Parameters<f32>, AnchorError> {
@@ -32,7 +32,7 @@ pub fn scatter(
     let radius = REACH * distance;
     let count = settings.gaussians;
     let scale = FILLING * radius / libm::cbrt(count.max(1) as f64);
-    let timed = clock.frames > 1;
+    let timed = timeline.frames > 1;
     let columns = Parameters {
         sh_degree: settings.sh_degree,
         motion_order: if timed { settings.motion_order } else { 0 },
@@ -44,13 +44,13 @@ pub fn scatter(
     let mut random = fastrand::Rng::with_seed(seed);
     for i in 0..count {
         let place = in_ball(&mut random);
-        all.centers[i] = std::array::from_fn(|axis| f32::of(center[axis] + radius * place[axis]));
+        all.centers[i] = std::array::from_fn(|axis| f32::from_f64(center[axis] + radius * place[axis]));
         all.rotations[i] = [1.0, 0.0, 0.0, 0.0];
-        all.log_scales[i] = [f32::of(libm::log(scale)); 3];
-        all.logits[i] = f32::of(libm::log(OPACITY / (1.0 - OPACITY)));
+        all.log_scales[i] = [f32::from_f64(libm::log(scale)); 3];
+        all.logits[i] = f32::from_f64(libm::log(OPACITY / (1.0 - OPACITY)));
         if timed {
-            all.tau[i] = f32::of(random.f64() * clock.frames_per_clip());
-            all.log_widths[i] = f32::of(libm::log(settings.width));
+            all.tau[i] = f32::from_f64(random.f64() * timeline.frames_per_clip());
+            all.log_widths[i] = f32::from_f64(libm::log(settings.width));
         }
     }
     Ok(all)

@@ -91,6 +91,6 @@ pub(super) fn view(
             depths.push(depth.unwrap_or(0.0) as f32);
         }
     }
-    let photograph = Photograph { width: camera.width, height: camera.height, pixels, seen: Vec::new() };
+    let photograph = Photograph { width: camera.width, height: camera.height, pixels, valid: Vec::new() };
     (AnchorView { camera_id, camera: camera.clone(), photograph, depths: None }, depths)
 }

@@ -19,7 +19,7 @@ impl Silhouette {
     pub(super) fn new(eye: &Eye, photograph: &Photograph) -> Silhouette {
         let pixels = 0..photograph.pixels.len();
         let subject: Vec<Option<bool>> =
-            pixels.map(|i| photograph.is_seen(i).then(|| photograph.is_subject(i))).collect();
+            pixels.map(|i| photograph.is_valid(i).then(|| photograph.is_subject(i))).collect();
         let [width, height] = eye.size.map(|n| n as usize);
         let mut sums = vec![0; (width + 1) * (height + 1)];
         for y in 0..height {

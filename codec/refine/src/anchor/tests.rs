@@ -36,7 +36,7 @@ fn depths(settings: &Anchor, frame: &AnchorFrame) -> Vec<DepthMap> {
 
 fn run(settings: &Anchor, frames: &[AnchorFrame]) -> Result<Parameters<f32>, AnchorError> {
     let last = frames.last().map_or(0, |frame| frame.frame);
-    anchor(settings, Clock { frames: last + 1 }, frames.iter().cloned().map(Ok))
+    anchor(settings, Timeline { frames: last + 1 }, frames.iter().cloned().map(Ok))
 }
 
 const SOURCES: [Source; 5] = [
@@ -53,7 +53,7 @@ fn every_source_puts_gaussians_on_the_surface() {
     for source in SOURCES {
         let gaussians = run(&settings(source), &frames).unwrap();
         assert!((1400..2600).contains(&gaussians.len()), "{source:?}: {}", gaussians.len());
-        assert!(gaussians.to_field(Clock { frames: 3 }).check().is_ok());
+        assert!(gaussians.to_field(Timeline { frames: 3 }).check().is_ok());
         let mut away: Vec<f64> = gaussians
             .centers
             .iter()
@@ -218,7 +218,7 @@ fn black_images_have_a_surface_and_photographs_without_masks_have_none() {
         *pixel = [0, 0, 0, pixel[3]];
     }
     let black = run(&settings(Source::HullAndSweep), std::slice::from_ref(&frame)).unwrap();
-    assert!(black.len() > 1000 && black.to_field(Clock { frames: 1 }).check().is_ok());
+    assert!(black.len() > 1000 && black.to_field(Timeline { frames: 1 }).check().is_ok());
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         pixel[3] = 255;
     }
@@ -256,7 +256,7 @@ fn short_clips_from_one_side_get_a_back() {
     assert!(front > 300 && back > 300, "{front} {back}");
     let off = run(&Anchor { mirror: Mirror::Off, ..frontal.clone() }, &frames).unwrap();
     assert!(off.centers.iter().all(|center| center[2] > -0.1));
-    let long = anchor(&frontal, Clock { frames: 10 }, frames.iter().cloned().map(Ok::<_, AnchorError>));
+    let long = anchor(&frontal, Timeline { frames: 10 }, frames.iter().cloned().map(Ok::<_, AnchorError>));
     assert!(long.unwrap().centers.iter().all(|center| center[2] > -0.1), "not mirrored by itself");
     let ring = Anchor { mirror: Mirror::On, ..settings(Source::Hull) };
     assert_eq!(run(&ring, &frames).err(), Some(AnchorError::NoFront));

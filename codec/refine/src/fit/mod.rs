@@ -1,54 +1,43 @@
-//! Capacity-constrained refinement: moves Gaussians until they look like the photographs.
+//! Capacity-constrained refinement: fits a 4D Gaussian field to photographs by gradient descent.
 //!
-//! One step, on one photograph, each stage a file with the name that it has on every back end:
+//! A step renders one training view, compares it with its photograph and moves the Gaussians that are
+//! visible in it. Each stage has a file of that name in every back end:
 //!
 //! ```text
 //! Parameters -> project -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> adam
 //! ```
 //!
-//! A [`Backend`] carries steps out, on the CPU or on a device; in between, a [`Fit`] is a value.
+//! One folder per purpose; each uses only those above it:
 //!
-//! Time is counted in frames of the capture here, so that a window, a trajectory and their learning
-//! rates have sizes near 1; fields count it in clips.
+//! - `precision`: [`Real`], the scalar type of a computation
+//! - `parameters`: what is optimised, its bounds, its unit of time
+//! - `views`: cameras, photographs and rendered images
+//! - `loss`: the objective and the metrics that it is made of
+//! - `optimizer`: Adam, its moments and the learning rates
+//! - `density`: capacity control, that is densification, pruning, relocation, the floater filter
+//! - `backend`: [`Backend`] on the CPU and on a graphics device
+//! - `training`: [`Fit`], a fit as a value, and [`Run`], the optimisation loop
+//!
+//! The unit of time in here is a frame of the capture, so that windows, trajectories and their learning
+//! rates have magnitudes near 1; in a [`codec::Field`] it is the clip.
 
-mod adam;
 mod backend;
-mod bounds;
-mod columns;
-pub mod cpu;
 mod density;
-mod extent;
-mod floaters;
-#[cfg(feature = "gpu")]
-pub mod gpu;
-mod gradient;
 mod loss;
-mod lpips;
-mod optimize;
+mod optimizer;
 mod parameters;
-mod picture;
-mod rates;
-mod real;
-mod relocate;
-mod run;
-mod ssim;
-mod view;
+mod precision;
+mod training;
+mod views;
 
-use adam::{Moments, adam};
-pub use backend::{Backend, DeviceError, Gaussians, Pace};
-use bounds::Bounds;
+#[cfg(feature = "gpu")]
+pub use backend::gpu;
+pub use backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState, cpu};
 pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
-use density::{DensityControl, DensityState};
-use extent::extent;
-pub use gradient::Gradient;
-use loss::loss;
-pub use lpips::{Lpips, LpipsError, Net};
-pub use optimize::{Fit, Settings, Shot, Step, psnr_of_subject};
-pub use parameters::{Clock, Parameters};
-pub use picture::Picture;
-use rates::{Rates, decay};
-pub use real::Real;
-pub use run::Run;
-pub(crate) use ssim::ssim_and_gradient;
-pub use view::{Photograph, View};
+pub(crate) use loss::ssim_and_gradient;
+pub use loss::{Lpips, LpipsError, LpipsNetwork, subject_psnr};
+pub use parameters::{Parameters, Timeline};
+pub use precision::Real;
+pub use training::{Fit, FitSettings, Run};
+pub use views::{FrameView, Photograph, RenderedImage, TrainingView};

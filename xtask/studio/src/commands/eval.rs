@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if !args.json {
         println!("\ntrain: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held");
         match &lpips {
-            Some(lpips) => println!("LPIPS by {}", lpips.net()),
+            Some(lpips) => println!("LPIPS by {}", lpips.network()),
             None => println!("LPIPS is not measured: it takes --lpips-weights."),
         }
     }

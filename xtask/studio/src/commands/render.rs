@@ -1,27 +1,47 @@
-//! `cargo xtask render`: one image by the CPU reference renderer, which needs no graphics device.
+//! `aarc-studio render`: images by the CPU reference renderer, which needs no graphics device.
+//!
+//! Takes the times, sizes and cameras that the player takes with `--headless`, so that the pictures and the
+//! counts of both can be compared.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use codec::{Camera, ClipInfo};
+use image::{RgbImage, imageops};
+use program::{Fault, output};
+use refine::reference::{self, Order, Radius, RenderScene, coverage};
+use serde::Serialize;
 
 use crate::input::{Input, clip_time};
-use codec::Camera;
-use program::{Fault, output};
-use refine::reference::{self, Order};
+use crate::machine::machine;
 
-/// Size of the image where nothing says another.
+/// Default size of an image in pixels.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 
-/// Most pixels of an image: 2 GiB in the renderer.
+/// Maximum number of pixels of an image: 2 GiB in the renderer.
 const PIXELS_MAX: u64 = 1 << 26;
 
-/// Render an image with the CPU reference (f64), which needs no graphics device.
+/// Distance between the eyes: the mean of adults.
+const EYE_DISTANCE_M: f64 = 0.063;
+
+/// Half the side of the quads that players commonly draw, in standard deviations.
+const COMMON_RADIUS: f64 = 2.0 * std::f64::consts::SQRT_2;
+
+/// Render images with the CPU reference (f64), which needs no graphics device.
 #[derive(clap::Args)]
 pub struct Args {
     /// Package, fitted field file, or folder holding one
     input: PathBuf,
-    /// Seconds from the start of the clip
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
-    time: f64,
-    /// Size of the image [default: the camera's, else 1280x720]
+    /// Seconds from the start of the clip; several times make a folder of images
+    #[arg(
+        long,
+        value_name = "S[,S..]",
+        value_delimiter = ',',
+        default_value = "0",
+        allow_negative_numbers = true
+    )]
+    time: Vec<f64>,
+    /// Size of an image [default: the camera's, else 1280x720]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// Viewpoint of the clip, by name or number [default: the first]
@@ -30,33 +50,158 @@ pub struct Args {
     /// Camera file: {"width", "height", "K": 3x3, "world_to_camera": 4x4}, OpenCV axes
     #[arg(long, value_name = "FILE.json")]
     camera: Option<PathBuf>,
-    /// PNG file to write
+    /// Render the left and the right eye side by side
+    #[arg(long)]
+    stereo: bool,
+    /// PNG file to write, or the folder for the images of several times
     #[arg(short, long, value_name = "PATH")]
     out: PathBuf,
+    /// Write counts and timings of the frames to this file; fragments in quads of three radii
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+}
+
+/// Counts and timings of the frames, under the keys of the player's `--stats`.
+#[derive(Serialize)]
+struct Stats {
+    /// The machine.
+    adapter: String,
+    driver: &'static str,
+    gaussians: usize,
+    frames: Vec<FrameStats>,
+}
+
+/// Counts and timings of one frame, summed over the eyes where there are two.
+#[derive(Serialize)]
+struct FrameStats {
+    /// Seconds from the start of the clip.
+    time: f64,
+    /// Gaussians whose opacity reaches 1/255 at this instant.
+    alive: usize,
+    /// Gaussians whose quad contains a pixel center.
+    drawn: usize,
+    /// Fragments in quads that reach to alpha 1/255.
+    fragments: u64,
+    /// Fragments where quads reach at most sqrt 8 standard deviations.
+    fragments_capped: u64,
+    /// Fragments where all quads reach sqrt 8 standard deviations.
+    fragments_fixed: u64,
+    /// Milliseconds of rendering.
+    draw_ms: f64,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    output::check(&args.out)?;
+    let is_sequence = args.time.len() > 1;
+    if is_sequence {
+        output::check_folder(&args.out)?
+    } else {
+        output::check(&args.out)?
+    }
+    args.stats.as_deref().map_or(Ok(()), output::check)?;
     let input = Input::load(&args.input)?;
     let info = input.info();
-    let t = clip_time("--time", args.time, info)?;
+    let times: Vec<f64> =
+        args.time.iter().map(|&time| clip_time("--time", time, info)).collect::<Result<_, _>>()?;
+    let eyes = eyes(args, &input)?;
+    let scene = input.to_reference();
+    let mut frames = Vec::new();
+    for (i, (&time, &t)) in args.time.iter().zip(&times).enumerate() {
+        let start = Instant::now();
+        let images: Vec<RgbImage> = eyes.iter().map(|camera| render(&scene, camera, t)).collect();
+        let draw_ms = start.elapsed().as_secs_f64() * 1e3;
+        let image = side_by_side(&images);
+        let path = if is_sequence {
+            output::make_folder(&args.out)?;
+            args.out.join(format!("frame_{i:04}.png"))
+        } else {
+            args.out.clone()
+        };
+        output::write_png(&path, image.as_raw(), image.dimensions())?;
+        println!("{}: {}x{}, {time} s", path.display(), image.width(), image.height());
+        if args.stats.is_some() {
+            frames.push(FrameStats { time, draw_ms, ..counts(&scene, &eyes, t) });
+        }
+    }
+    if let Some(path) = &args.stats {
+        let stats = Stats {
+            adapter: machine(),
+            driver: "reference renderer, on the CPU",
+            gaussians: input.gaussians(),
+            frames,
+        };
+        output::write(path, format!("{}\n", serde_json::to_string_pretty(&stats)?).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The cameras to render: one, or the left and the right eye.
+///
+/// # Errors
+/// [`Fault`] where the camera file is damaged, the viewpoint does not exist, or the image is too large.
+fn eyes(args: &Args, input: &Input) -> Result<Vec<Camera>, Fault> {
+    let ClipInfo { up, metres_per_unit, .. } = *input.info();
     let camera = match (&args.camera, args.size) {
         (Some(path), None) => read_camera(path)?,
         (Some(path), Some([width, height])) => read_camera(path)?.resized(width, height),
         (None, size) => {
             let [width, height] = size.unwrap_or(DEFAULT_SIZE);
-            input.viewpoint(args.view.as_deref())?.camera(info.up, width, height)
+            input.viewpoint(args.view.as_deref())?.camera(up, width, height)
         }
     };
     let (width, height) = (camera.width, camera.height);
     if u64::from(width) * u64::from(height) > PIXELS_MAX {
-        let most = PIXELS_MAX;
-        return Err(Fault::Usage(format!("an image of {width}x{height} has more than {most} pixels")).into());
+        return Err(Fault::Usage(format!("an image of {width}x{height} has more than {PIXELS_MAX} pixels")));
     }
-    let image = reference::render(&input.to_reference(), &camera, t, Order::Depth);
-    output::write_png(&args.out, &image.to_rgb8(), (width, height))?;
-    println!("{}: {width}x{height}, {} s", args.out.display(), args.time);
-    Ok(())
+    if !args.stereo {
+        return Ok(vec![camera]);
+    }
+    let distance = EYE_DISTANCE_M / f64::from(metres_per_unit);
+    // The left eye sees the world shifted to its right.
+    let shifted = |side: f64| {
+        let mut eye = camera.clone();
+        eye.camera_from_world[0][3] += side * distance;
+        eye
+    };
+    Ok(vec![shifted(0.5), shifted(-0.5)])
+}
+
+fn render(scene: &RenderScene<'_>, camera: &Camera, t: f64) -> RgbImage {
+    let image = reference::render(scene, camera, t, Order::Depth);
+    RgbImage::from_raw(image.width, image.height, image.to_rgb8()).expect("three bytes per pixel")
+}
+
+/// Counts what a player shades at clip time `t`; leaves the timings at zero.
+fn counts(scene: &RenderScene<'_>, eyes: &[Camera], t: f64) -> FrameStats {
+    let mut stats = FrameStats {
+        time: 0.0,
+        alive: 0,
+        drawn: 0,
+        fragments: 0,
+        fragments_capped: 0,
+        fragments_fixed: 0,
+        draw_ms: 0.0,
+    };
+    for camera in eyes {
+        let [exact, capped, fixed] =
+            [Radius::Exact, Radius::AtMost(COMMON_RADIUS), Radius::Fixed(COMMON_RADIUS)]
+                .map(|radius| coverage(scene, camera, t, radius));
+        stats.alive = exact.alive;
+        stats.drawn += exact.drawn;
+        stats.fragments += exact.fragments;
+        stats.fragments_capped += capped.fragments;
+        stats.fragments_fixed += fixed.fragments;
+    }
+    stats
+}
+
+/// Images of one size in a row.
+fn side_by_side(images: &[RgbImage]) -> RgbImage {
+    let (width, height) = images[0].dimensions();
+    let mut row = RgbImage::new(width * images.len() as u32, height);
+    for (i, image) in images.iter().enumerate() {
+        imageops::replace(&mut row, image, i64::from(width) * i as i64, 0);
+    }
+    row
 }
 
 fn read_camera(path: &Path) -> Result<Camera, Fault> {
@@ -67,7 +212,7 @@ fn read_camera(path: &Path) -> Result<Camera, Fault> {
     Ok(camera)
 }
 
-/// A size of an image, as WxH.
+/// Parses the size of an image, WxH.
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let size = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     size.filter(|[width, height]| *width > 0 && *height > 0)

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use image::{Rgb, RgbImage};
-use refine::fit::{DensityChange, Picture, Shot};
+use refine::fit::{DensityChange, RenderedImage, TrainingView};
 use serde::{Deserialize, Serialize};
 
 /// A line of the table.
@@ -118,7 +118,7 @@ fn parse_line(line: &str) -> Option<Entry> {
 }
 
 /// The photograph and what is drawn of it, side by side.
-pub(super) fn preview(shot: &Shot, picture: &Picture<f32>) -> RgbImage {
+pub(super) fn preview(shot: &TrainingView, picture: &RenderedImage<f32>) -> RgbImage {
     let (width, height) = (picture.width, picture.height);
     let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     RgbImage::from_fn(2 * width, height, |x, y| {

@@ -21,7 +21,7 @@ use image::RgbImage;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, Picture, Run, Shot};
+use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 use serde::{Deserialize, Serialize};
 
 use crate::capture::Footage;
@@ -159,26 +159,26 @@ pub fn fit(
                 }
             }
         };
-    let (resumed_at, started_with) = (fit.step(), fit.started_with());
-    let mut run = fit.run(backend).map_err(on_device)?;
-    let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
+    let (resumed_at, started_with) = (fit.steps_done(), fit.initial_count());
+    let mut run = Run::start(fit, backend).map_err(on_device)?;
+    let train: Vec<&TrainingView> = shots.train.iter().map(|(_, shot)| shot).collect();
     let start = Instant::now();
     let (mut saved, mut shown) = (start, start);
     let every = (settings.steps / LINES).max(1);
     let mut stepping = Duration::ZERO;
     while !run.is_done() {
         let begun = Instant::now();
-        let step = run.step_on(&train, lpips).map_err(on_device)?;
+        let step = run.step(&train, lpips).map_err(on_device)?;
         stepping += begun.elapsed();
         tally.loss += step.loss;
         tally.drawn += step.drawn;
-        tally.density.add(run.change());
+        tally.density.add(run.density_change());
         tally.steps += 1;
-        let done = run.step();
+        let done = run.steps_done();
         if done % every == 0 || run.is_done() {
             let seconds = before + start.elapsed().as_secs_f64();
-            let pictures: Result<Vec<Picture<f32>>, DeviceError> =
-                shots.held.iter().map(|shot| run.draw(shot)).collect();
+            let pictures: Result<Vec<RenderedImage<f32>>, DeviceError> =
+                shots.held.iter().map(|shot| run.render(shot)).collect();
             let pictures = pictures.map_err(on_device)?;
             let held_psnr_db = mean_psnr(shots, &pictures);
             let gaussians = run.len();
@@ -203,7 +203,7 @@ pub fn fit(
             let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries, tally };
             checkpoint.save(&path)?;
             entries = checkpoint.entries;
-            run = checkpoint.fit.run(backend).map_err(on_device)?;
+            run = Run::start(checkpoint.fit, backend).map_err(on_device)?;
             saved = Instant::now();
         }
         if shown.elapsed() >= SHOW_EVERY {
@@ -234,21 +234,22 @@ fn on_device(error: DeviceError) -> Fault {
 }
 
 /// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
-fn mean_psnr(shots: &Shots, pictures: &[Picture<f32>]) -> Option<f64> {
-    let psnr = |(shot, picture): (&Shot, &Picture<f32>)| fit::psnr_of_subject(picture, &shot.photograph);
+fn mean_psnr(shots: &Shots, pictures: &[RenderedImage<f32>]) -> Option<f64> {
+    let psnr =
+        |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
     let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
     (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
 /// The picture that is left beside the field: of a held photograph where there is one. `pictures` are
 /// those of the held ones.
-fn preview(run: &mut Run, shots: &Shots, pictures: &[Picture<f32>]) -> Result<RgbImage, Fault> {
+fn preview(run: &mut Run, shots: &Shots, pictures: &[RenderedImage<f32>]) -> Result<RgbImage, Fault> {
     let held = shots.held.len() / 2;
     Ok(match (shots.held.get(held), pictures.get(held)) {
         (Some(shot), Some(picture)) => log::preview(shot, picture),
         _ => {
             let shot = &shots.train[shots.train.len() / 2].1;
-            log::preview(shot, &run.draw(shot).map_err(on_device)?)
+            log::preview(shot, &run.render(shot).map_err(on_device)?)
         }
     })
 }
@@ -277,13 +278,13 @@ impl Settings {
         })
     }
 
-    fn of_fit(&self) -> fit::Settings {
-        fit::Settings {
+    fn of_fit(&self) -> fit::FitSettings {
+        fit::FitSettings {
             steps: self.steps,
             floor: self.floor,
             rule: self.rule,
             seed: self.seed,
-            ..fit::Settings::default()
+            ..fit::FitSettings::default()
         }
     }
 }

@@ -2,7 +2,9 @@
 //! where its row is.
 
 use codec::Field;
-use refine::fit::{self, Backend, DensityRule, DeviceError, Fit, Parameters, Picture, Run, Shot};
+use refine::fit::{
+    self, Backend, DensityRule, DeviceError, Fit, Parameters, RenderedImage, Run, TrainingView,
+};
 use serde::Serialize;
 
 use super::{Shots, mean_psnr};
@@ -49,14 +51,14 @@ impl Refinement<'_> {
     ) -> Result<(Field, RefinementReport), DeviceError> {
         let Refinement { shots, steps } = *self;
         let settings =
-            fit::Settings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::Settings::default() };
-        let parameters = Parameters::from_field(field, shots.clock);
+            fit::FitSettings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::FitSettings::default() };
+        let parameters = Parameters::from_field(field, shots.timeline);
         let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
-        let mut run = Fit::new(settings, parameters, shots.clock, cameras).run(backend)?;
-        let train: Vec<&Shot> = shots.train.iter().map(|(_, shot)| shot).collect();
+        let mut run = Run::start(Fit::new(settings, parameters, shots.timeline, cameras), backend)?;
+        let train: Vec<&TrainingView> = shots.train.iter().map(|(_, shot)| shot).collect();
         let held_before_db = held_psnr(&mut run, shots)?;
         while !run.is_done() {
-            run.step_on(&train, None)?;
+            run.step(&train, None)?;
             on_step();
         }
         let held_after_db = held_psnr(&mut run, shots)?;
@@ -68,8 +70,8 @@ impl Refinement<'_> {
 }
 
 fn held_psnr(run: &mut Run, shots: &Shots) -> Result<Option<f64>, DeviceError> {
-    let pictures: Result<Vec<Picture<f32>>, DeviceError> =
-        shots.held.iter().map(|shot| run.draw(shot)).collect();
+    let pictures: Result<Vec<RenderedImage<f32>>, DeviceError> =
+        shots.held.iter().map(|shot| run.render(shot)).collect();
     Ok(mean_psnr(shots, &pictures?))
 }
 
@@ -78,9 +80,9 @@ mod tests {
     use super::*;
     use codec::{Camera, Temporal};
     use refine::capture::CaptureShot;
-    use refine::fit::{Clock, Cpu, Photograph, View, cpu};
+    use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
 
-    const CLOCK: Clock = Clock { frames: 3 };
+    const TIMELINE: Timeline = Timeline { frames: 3 };
 
     /// Two blobs, of which one moves.
     fn field() -> Field {
@@ -103,21 +105,25 @@ mod tests {
 
     /// Photographs of [`field`], of which those of the middle frame are held.
     fn shots() -> Shots {
-        let parameters = Parameters::<f32>::from_field(&field(), CLOCK);
+        let parameters = Parameters::<f32>::from_field(&field(), TIMELINE);
         let shot = |camera: usize, frame: usize| {
             let angle = camera as f64;
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
             let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.9, 32, 32);
             let frame = frame as f64;
-            let picture = cpu::draw(&parameters, &View { camera: &camera, frame }).picture;
+            let picture = cpu::render(&parameters, &FrameView { camera: &camera, frame }).image;
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
             let pixels = picture.pixels.iter().map(|&[r, g, b, _]| [r, g, b, 1.0].map(byte)).collect();
-            let photograph = Photograph { width: 32, height: 32, pixels, seen: Vec::new() };
-            Shot { camera, frame, photograph }
+            let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
+            TrainingView { camera, frame, photograph }
         };
         let train = (0..4)
             .flat_map(|camera| [0, 2].map(|frame| (CaptureShot { frame, camera }, shot(camera, frame))));
-        Shots { train: train.collect(), held: (0..4).map(|camera| shot(camera, 1)).collect(), clock: CLOCK }
+        Shots {
+            train: train.collect(),
+            held: (0..4).map(|camera| shot(camera, 1)).collect(),
+            timeline: TIMELINE,
+        }
     }
 
     #[test]

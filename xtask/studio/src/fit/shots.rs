@@ -6,7 +6,7 @@ use codec::Camera;
 use program::Fault;
 use rayon::prelude::*;
 use refine::capture::{CaptureShot, Holdout, Split};
-use refine::fit::{Clock, Photograph, Shot};
+use refine::fit::{Photograph, Timeline, TrainingView};
 
 use crate::capture::Footage;
 
@@ -23,11 +23,11 @@ const BYTES_PER_PIXEL: usize = 8 + 8 + 32 + 32;
 #[derive(Debug)]
 pub struct Shots {
     /// What the fit sees.
-    pub train: Vec<(CaptureShot, Shot)>,
+    pub train: Vec<(CaptureShot, TrainingView)>,
     /// What it is measured by as it goes, from all splits that are held; empty where nothing is.
-    pub held: Vec<Shot>,
+    pub held: Vec<TrainingView>,
     /// Number of frames.
-    pub clock: Clock,
+    pub timeline: Timeline,
 }
 
 impl Shots {
@@ -36,15 +36,15 @@ impl Shots {
     /// # Errors
     /// [`Fault::Data`] that names the file, or says that nothing is left to fit to.
     pub fn load(footage: &Footage, holdout: Holdout, on_photo: impl Fn() + Sync) -> Result<Shots, Fault> {
-        let clock = Clock { frames: footage.capture.times.len() };
+        let timeline = Timeline { frames: footage.capture.times.len() };
         let splits = splits(footage, holdout)?;
         let load = |shot: &CaptureShot| {
             let photograph = Photograph::from(&footage.photo(*shot)?);
             on_photo();
-            Ok((*shot, shot_of(footage, *shot, clock, photograph)))
+            Ok((*shot, shot_of(footage, *shot, timeline, photograph)))
         };
         let at_once = (DECODING_BYTES / (BYTES_PER_PIXEL * footage.most_pixels())).max(1);
-        let load_all = |shots: &[CaptureShot]| -> Result<Vec<(CaptureShot, Shot)>, Fault> {
+        let load_all = |shots: &[CaptureShot]| -> Result<Vec<(CaptureShot, TrainingView)>, Fault> {
             let mut loaded = Vec::with_capacity(shots.len());
             for shots in shots.chunks(at_once) {
                 loaded.extend(shots.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
@@ -56,7 +56,7 @@ impl Shots {
         };
         let held = load_all(&evenly(&named(&|split| split != Split::Train), CHECKED))?;
         let train = load_all(&named(&|split| split == Split::Train))?;
-        Ok(Shots { train, held: held.into_iter().map(|(_, shot)| shot).collect(), clock })
+        Ok(Shots { train, held: held.into_iter().map(|(_, shot)| shot).collect(), timeline })
     }
 }
 
@@ -73,9 +73,9 @@ pub(super) fn train_frames(footage: &Footage, holdout: Holdout) -> Result<BTreeS
     Ok(train.map(|(shot, _)| shot.frame).collect())
 }
 
-fn shot_of(footage: &Footage, shot: CaptureShot, clock: Clock, photograph: Photograph) -> Shot {
+fn shot_of(footage: &Footage, shot: CaptureShot, timeline: Timeline, photograph: Photograph) -> TrainingView {
     let camera: Camera = footage.capture.cameras[shot.camera].camera.clone();
-    Shot { camera, frame: footage.capture.times[shot.frame] * clock.frames_per_clip(), photograph }
+    TrainingView { camera, frame: footage.capture.times[shot.frame] * timeline.frames_per_clip(), photograph }
 }
 
 /// At most `count` of `all`, from its first to its last.

@@ -7,7 +7,7 @@ use anyhow::bail;
 use program::Fault;
 use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
 use refine::capture::CaptureShot;
-use refine::fit::{Fit, Parameters, Photograph, Shot};
+use refine::fit::{Fit, Parameters, Photograph, TrainingView};
 use serde::{Deserialize, Serialize};
 
 use super::{Settings, Shots};
@@ -87,19 +87,19 @@ pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> an
         }
         Start::Scatter => {
             let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
-            scatter(&wanted, shots.clock, &cameras, settings.seed)
+            scatter(&wanted, shots.timeline, &cameras, settings.seed)
                 .map_err(|error| Fault::Data(error.to_string()))?
         }
         Start::Field(path, _) => {
             let (field, _) = Input::load(Path::new(path))?.into_field();
-            Parameters::from_field(&field, shots.clock)
+            Parameters::from_field(&field, shots.timeline)
         }
     };
     if parameters.is_empty() {
         bail!(Fault::Data("there is no Gaussian to start from".into()));
     }
     let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
-    Ok(Fit::new(settings.of_fit(), parameters, shots.clock, cameras))
+    Ok(Fit::new(settings.of_fit(), parameters, shots.timeline, cameras))
 }
 
 /// Numbers of the cameras that are to ground the anchor; `None` for all.
@@ -132,11 +132,11 @@ fn anchored(
     shots: &Shots,
     depths: Option<&Path>,
 ) -> Result<Parameters<f32>, Fault> {
-    let mut frames: BTreeMap<usize, Vec<&(CaptureShot, Shot)>> = BTreeMap::new();
+    let mut frames: BTreeMap<usize, Vec<&(CaptureShot, TrainingView)>> = BTreeMap::new();
     for shot in &shots.train {
         frames.entry(shot.0.frame).or_default().push(shot);
     }
-    let view = |(taken, shot): &(CaptureShot, Shot)| {
+    let view = |(taken, shot): &(CaptureShot, TrainingView)| {
         let depths = match depths {
             Some(folder) => footage.depth(folder, *taken).map_err(Stop::Fault)?,
             None => None,
@@ -148,14 +148,14 @@ fn anchored(
         let views = shots.into_iter().map(view).collect::<Result<_, Stop>>()?;
         Ok(AnchorFrame { frame, views })
     });
-    let mut parameters = anchor(&wanted, shots.clock, frames).map_err(|stop| match stop {
+    let mut parameters = anchor(&wanted, shots.timeline, frames).map_err(|stop| match stop {
         Stop::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
         Stop::Fault(fault) => fault,
     })?;
     // An anchor counts frames; those of some captures are not at even distances.
     let times = &footage.capture.times;
     for tau in &mut parameters.tau {
-        *tau = (times[*tau as usize] * shots.clock.frames_per_clip()) as f32;
+        *tau = (times[*tau as usize] * shots.timeline.frames_per_clip()) as f32;
     }
     Ok(parameters)
 }
@@ -163,26 +163,26 @@ fn anchored(
 #[cfg(test)]
 mod tests {
     use codec::Camera;
-    use refine::fit::Clock;
+    use refine::fit::Timeline;
 
     use super::*;
 
     /// A photograph of a frame whose alpha is this, from left to right.
-    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (CaptureShot, Shot) {
+    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (CaptureShot, TrainingView) {
         let photograph = Photograph {
             width: 2,
             height: 1,
             pixels: alpha.map(|alpha| [0, 0, 0, alpha]).to_vec(),
-            seen: Vec::new(),
+            valid: Vec::new(),
         };
         let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
-        (CaptureShot { camera, frame }, Shot { camera: camera_of, frame: frame as f64, photograph })
+        (CaptureShot { camera, frame }, TrainingView { camera: camera_of, frame: frame as f64, photograph })
     }
 
     #[test]
     fn depths_are_scaled_on_the_hull_where_every_frame_has_one() {
         let scale = |train: Vec<_>| {
-            let shots = Shots { train, held: Vec::new(), clock: Clock { frames: 2 } };
+            let shots = Shots { train, held: Vec::new(), timeline: Timeline { frames: 2 } };
             DepthScale::Auto.alignment(&shots)
         };
         let (cut, full, empty) = ([255, 0], [255, 255], [0, 0]);

@@ -1,19 +1,21 @@
-//! Tests of the control of density.
+//! Tests of capacity control.
 
+use super::densify::halve;
 use super::*;
-use crate::fit::{Clock, Rates, adam};
+use crate::fit::optimizer::{LearningRates, Moments, adam};
+use crate::fit::parameters::{Bounds, Parameters, Timeline};
 
 const CONTROL: DensityControl =
     DensityControl { rule: DensityRule::Floor, interval: 100, floor: 0, cap: 1000 };
 
-/// At a step at which there is something to do.
-const NOW: [usize; 2] = [1000, 10_000];
+/// A step at which a control is due, and the number of steps.
+const DUE: [usize; 2] = [1000, 10_000];
 
 fn bounds() -> Bounds {
-    Bounds::new(10.0, Clock { frames: 9 })
+    Bounds::new(10.0, Timeline { frames: 9 })
 }
 
-/// Gaussians on a circle, where none floats, told apart by their colours.
+/// Gaussians on a circle, where none floats; their colours number them.
 fn parameters(opacities: &[f64]) -> Parameters<f64> {
     let rows = opacities.len();
     let place = |i: usize| [(i as f64).cos(), (i as f64).sin(), 0.0];
@@ -31,14 +33,14 @@ fn parameters(opacities: &[f64]) -> Parameters<f64> {
     }
 }
 
-fn names(parameters: &Parameters<f64>) -> Vec<usize> {
+fn numbers(parameters: &Parameters<f64>) -> Vec<usize> {
     parameters.sh.iter().map(|sh| sh[0] as usize).collect()
 }
 
 fn run(control: DensityControl, state: &mut DensityState, parameters: &mut Parameters<f64>) -> DensityChange {
     let mut moments = Moments::new(parameters);
     moments.visits.fill(3);
-    assert!(control.is_due(state, parameters.len(), NOW));
+    assert!(control.is_due(state, parameters.len(), DUE));
     let change = control.control(state, parameters, &mut moments, &bounds());
     assert_eq!(moments.visits.len(), parameters.len());
     assert_eq!(*state, DensityState { seed: state.seed, ..DensityState::new(parameters.len(), 0) });
@@ -49,57 +51,58 @@ fn pruned(opacities: &[f64], floor: usize) -> (Vec<usize>, DensityChange) {
     let mut all = parameters(opacities);
     let change =
         run(DensityControl { floor, ..CONTROL }, &mut DensityState::new(opacities.len(), 0), &mut all);
-    (names(&all), change)
+    (numbers(&all), change)
 }
 
 #[test]
-fn the_floor_keeps_the_most_opaque() {
+fn the_floor_retains_the_most_opaque() {
     let opacities = [0.001, 0.6, 0.003, 0.0049, 0.9, 0.002, 0.0051];
     let (left, change) = pruned(&opacities, 0);
-    assert_eq!((left, change.pruned, change.kept), (vec![1, 4, 6], 4, 0));
+    assert_eq!((left, change.pruned, change.retained), (vec![1, 4, 6], 4, 0));
     assert_eq!(pruned(&opacities, 3).0, [1, 4, 6]);
     let (left, change) = pruned(&opacities, 5);
-    assert_eq!((left, change.pruned, change.kept), (vec![1, 2, 3, 4, 6], 2, 2));
-    // Fewer than the floor: none may go.
+    assert_eq!((left, change.pruned, change.retained), (vec![1, 2, 3, 4, 6], 2, 2));
+    // Fewer than the floor: none is pruned.
     for floor in [7, 8, 1_000_000] {
         assert_eq!(pruned(&opacities, floor).0, [0, 1, 2, 3, 4, 5, 6]);
     }
 }
 
 #[test]
-fn of_equals_the_first_stay() {
+fn among_equals_the_first_stay() {
     assert_eq!(pruned(&[0.001; 9], 4).0, [0, 1, 2, 3]);
     assert_eq!(pruned(&[0.001; 9], 0).0, [0; 0]);
     assert_eq!((pruned(&[], 5).0, pruned(&[0.001], 5).0, pruned(&[0.001], 0).0), (vec![], vec![0], vec![]));
 }
 
 #[test]
-fn floaters_go_first_and_what_is_broken_always() {
+fn floaters_go_first_and_non_finite_rows_always() {
     let mut all = parameters(&[0.5, 0.5, 0.001, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.99, 0.5]);
     all.centers[9] = [500.0, 0.0, 0.0];
     all.motion[1][2] = f64::NAN;
     let mut state = DensityState::new(11, 0);
     let mut with_floor = all.clone();
     let change = run(CONTROL, &mut state, &mut all);
-    assert_eq!(names(&all), [0, 3, 4, 5, 6, 7, 8, 10]);
-    assert_eq!((change.pruned, change.floaters, change.kept), (3, 1, 0));
-    // The transparent one comes back before the floater, and the broken one never.
+    assert_eq!(numbers(&all), [0, 3, 4, 5, 6, 7, 8, 10]);
+    assert_eq!((change.pruned, change.floaters, change.retained), (3, 1, 0));
+    // The floor restores the transparent one before the floater, and never the non-finite one.
     let control = DensityControl { floor: 9, ..CONTROL };
     let mut with_larger = with_floor.clone();
     run(control, &mut DensityState::new(11, 0), &mut with_floor);
-    assert_eq!(names(&with_floor), [0, 2, 3, 4, 5, 6, 7, 8, 10]);
+    assert_eq!(numbers(&with_floor), [0, 2, 3, 4, 5, 6, 7, 8, 10]);
     run(DensityControl { floor: 99, ..CONTROL }, &mut DensityState::new(11, 0), &mut with_larger);
-    assert_eq!(names(&with_larger), [0, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+    assert_eq!(numbers(&with_larger), [0, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
 }
 
-/// State in which each row was seen twice, `rows` with a mean pull of 3e-4 and the others of 1e-4.
-fn pulling(count: usize, rows: &[u32]) -> DensityState {
+/// A state in which two images showed each row, with a mean gradient of 3e-4 for `rows` and 1e-4 for
+/// the others.
+fn with_gradients(count: usize, rows: &[u32]) -> DensityState {
     let mut state = DensityState::new(count, 7);
     let all: Vec<u32> = (0..count as u32).collect();
-    let pull = |row: &u32| if rows.contains(row) { 3e-4 } else { 1e-4 };
-    let pulls: Vec<f64> = all.iter().map(pull).collect();
-    state.pulls.note(&all, &pulls);
-    state.pulls.note(&all, &pulls);
+    let gradient = |row: &u32| if rows.contains(row) { 3e-4 } else { 1e-4 };
+    let gradients: Vec<f64> = all.iter().map(gradient).collect();
+    state.screen_gradients.accumulate(&all, &gradients);
+    state.screen_gradients.accumulate(&all, &gradients);
     state
 }
 
@@ -112,10 +115,10 @@ fn small_ones_are_cloned_and_large_ones_split() {
     let mut moments = Moments::new(&all);
     moments.visits = vec![11, 12, 13, 14];
     moments.first.logits = vec![0.1, 0.2, 0.3, 0.4];
-    let mut state = pulling(4, &[1, 2]);
+    let mut state = with_gradients(4, &[1, 2]);
     let change = CONTROL.control(&mut state, &mut all, &mut moments, &bounds());
     assert_eq!((change.cloned, change.split, change.pruned), (1, 1, 0));
-    assert_eq!(names(&all), [0, 1, 3, 1, 2, 2]);
+    assert_eq!(numbers(&all), [0, 1, 3, 1, 2, 2]);
     assert_eq!(all.select(&[0, 1, 2, 3]), before.select(&[0, 1, 3, 1]));
     assert_eq!(
         (moments.visits, moments.first.logits),
@@ -131,9 +134,9 @@ fn small_ones_are_cloned_and_large_ones_split() {
     assert_eq!(Parameters { centers, log_scales, ..halves }, whole, "the rest stays");
 }
 
-/// Mean and covariance of many halves are those of the Gaussian.
+/// The centres of many halves have the mean and covariance of the Gaussian.
 #[test]
-fn halves_are_drawn_from_the_whole() {
+fn halves_are_sampled_from_the_original() {
     let whole = parameters(&[0.5]);
     let mut random = fastrand::Rng::with_seed(5);
     let count = 20_000;
@@ -159,31 +162,31 @@ fn halves_are_drawn_from_the_whole() {
 }
 
 #[test]
-fn pulls_are_averaged_over_the_pictures_that_show_a_gaussian() {
-    let mut pulls = Pulls::none(3);
-    pulls.note(&[0], &[2.5e-4_f32]);
-    pulls.note(&[1], &[f32::NAN]);
+fn gradients_are_averaged_over_the_images_that_show_a_gaussian() {
+    let mut gradients = ScreenGradients::zeros(3);
+    gradients.accumulate(&[0], &[2.5e-4_f32]);
+    gradients.accumulate(&[1], &[f32::NAN]);
     for _ in 0..50 {
-        pulls.note(&[1], &[5e-6_f32]);
+        gradients.accumulate(&[1], &[5e-6_f32]);
     }
-    assert!((pulls.mean(0) - 2.5e-4).abs() < 1e-9);
-    assert!(pulls.mean(1) < 1e-5 && pulls.mean(2) == 0.0);
+    assert!((gradients.mean(0) - 2.5e-4).abs() < 1e-9);
+    assert!(gradients.mean(1) < 1e-5 && gradients.mean(2) == 0.0);
 }
 
 #[test]
-fn the_cap_admits_those_that_are_pulled_at_most() {
+fn the_cap_admits_the_highest_gradients() {
     let mut all = parameters(&[0.5; 6]);
-    let mut state = pulling(6, &[1, 2, 4, 5]);
-    state.pulls.sums[4] *= 2.0;
+    let mut state = with_gradients(6, &[1, 2, 4, 5]);
+    state.screen_gradients.sums[4] *= 2.0;
     let control = DensityControl { cap: 8, ..CONTROL };
     assert_eq!(run(control, &mut state, &mut all).cloned, 2);
-    assert_eq!(names(&all), [0, 1, 2, 3, 4, 5, 1, 4]);
-    let mut state = pulling(8, &[0, 1]);
+    assert_eq!(numbers(&all), [0, 1, 2, 3, 4, 5, 1, 4]);
+    let mut state = with_gradients(8, &[0, 1]);
     assert_eq!(run(control, &mut state, &mut all).cloned, 0);
 }
 
 #[test]
-fn control_comes_at_intervals_while_a_fit_densifies() {
+fn controls_come_at_intervals_until_densification_ends() {
     let due = |step: usize, settled: Option<bool>| {
         let mut state = DensityState { early: Some(8), settled, ..DensityState::new(8, 0) };
         CONTROL.is_due(&mut state, 8, [step, 10_000])
@@ -194,7 +197,7 @@ fn control_comes_at_intervals_while_a_fit_densifies() {
 }
 
 #[test]
-fn growth_from_a_quarter_of_the_steps_on_is_no_settling() {
+fn a_count_that_grows_from_a_quarter_of_the_steps_has_not_settled() {
     let settled = |early: usize, late: usize| {
         let mut state = DensityState::new(0, 0);
         for (step, count) in [(2499, 1), (2500, early), (2600, early + 1), (3500, late), (3600, 9)] {
@@ -206,18 +209,18 @@ fn growth_from_a_quarter_of_the_steps_on_is_no_settling() {
 }
 
 #[test]
-fn relocation_keeps_the_number() {
+fn relocation_preserves_the_count() {
     let mut all = parameters(&[0.001, 0.6, 0.9, 0.7, 0.6, 0.5, 0.4, 0.002, 0.6, 0.99]);
     all.centers[9] = [900.0, 0.0, 0.0];
-    let mut state = pulling(10, &[1, 2, 3]);
+    let mut state = with_gradients(10, &[1, 2, 3]);
     let control = DensityControl { rule: DensityRule::Relocate, floor: 0, cap: 0, ..CONTROL };
     let change = run(control, &mut state, &mut all);
     assert_eq!(change, DensityChange { relocated: 3, floaters: 1, ..DensityChange::default() });
-    assert_eq!(names(&all)[1..7], [1, 2, 3, 4, 5, 6]);
-    assert!([0, 7, 9].iter().all(|row| (1..9).contains(&names(&all)[*row])));
+    assert_eq!(numbers(&all)[1..7], [1, 2, 3, 4, 5, 6]);
+    assert!([0, 7, 9].iter().all(|row| (1..9).contains(&numbers(&all)[*row])));
 }
 
-/// A fit in miniature, stopped and resumed from what it has saved.
+/// A fit in miniature, interrupted and resumed.
 #[test]
 fn a_resumed_fit_is_the_same() {
     type Fit = (DensityState, Parameters<f32>, Moments<f32>);
@@ -231,9 +234,9 @@ fn a_resumed_fit_is_the_same() {
                 gradient.centers[i] = [1e-6 * ((*row as usize * 7 + step) as f32).sin(); 3];
                 gradient.logits[i] = 1e-3 * (*row as f32).cos();
             }
-            adam(all, moments, &rows, &gradient, &Rates::new(10.0), &bounds());
-            let pulls: Vec<f32> = rows.iter().map(|row| 5e-4 * (*row % 5) as f32).collect();
-            state.pulls.note(&rows, &pulls);
+            adam(all, moments, &rows, &gradient, &LearningRates::new(10.0), &bounds());
+            let gradients: Vec<f32> = rows.iter().map(|row| 5e-4 * (*row % 5) as f32).collect();
+            state.screen_gradients.accumulate(&rows, &gradients);
             let control = DensityControl { interval: 10, floor: 20, cap: 100, ..CONTROL };
             if control.is_due(state, all.len(), [step + 1, 200]) {
                 control.control(state, all, moments, &bounds());
@@ -243,21 +246,22 @@ fn a_resumed_fit_is_the_same() {
     let start = || {
         let mut all = parameters(&[0.05; 30]);
         all.log_scales[4] = [-1.5; 3];
-        let single = Parameters::<f32>::from_field(&all.to_field(Clock { frames: 9 }), Clock { frames: 9 });
+        let single =
+            Parameters::<f32>::from_field(&all.to_field(Timeline { frames: 9 }), Timeline { frames: 9 });
         let moments = Moments::new(&single);
         (DensityState::new(30, 42), single, moments)
     };
-    let (mut whole, mut first) = (start(), start());
-    proceed(&mut whole, 0..200);
+    let (mut uninterrupted, mut first) = (start(), start());
+    proceed(&mut uninterrupted, 0..200);
     proceed(&mut first, 0..77);
     let mut second = first.clone();
     proceed(&mut second, 77..200);
-    assert!(whole.1.len() > 40, "{}", whole.1.len());
-    assert_eq!(whole, second);
+    assert!(uninterrupted.1.len() > 40, "{}", uninterrupted.1.len());
+    assert_eq!(uninterrupted, second);
 }
 
 #[test]
-fn a_fixed_number_stays_as_it_is() {
+fn the_fixed_rule_never_controls() {
     let control = DensityControl { rule: DensityRule::Fixed, floor: 9, ..CONTROL };
     let mut state = DensityState::new(3, 0);
     for step in 1..=1000 {

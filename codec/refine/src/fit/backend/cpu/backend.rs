@@ -1,0 +1,53 @@
+//! [`Cpu`]: the back end that runs on all cores.
+
+use super::render::render;
+use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
+use crate::fit::loss::loss;
+use crate::fit::optimizer::adam;
+use crate::fit::views::{FrameView, RenderedImage, TrainingView};
+
+/// The cores of the machine. Results are the same bit by bit for any number of them.
+#[derive(Clone, Debug, Default)]
+pub struct Cpu {
+    loaded: Option<TrainingState>,
+}
+
+impl Cpu {
+    fn loaded(&mut self) -> &mut TrainingState {
+        self.loaded.as_mut().expect("Gaussians were loaded")
+    }
+}
+
+impl Backend for Cpu {
+    fn name(&self) -> String {
+        "cpu".into()
+    }
+
+    fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
+        self.loaded = Some(state);
+        Ok(())
+    }
+
+    fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError> {
+        Ok(render(&self.loaded().parameters, view).image)
+    }
+
+    fn step(&mut self, view: &TrainingView, config: &StepConfig) -> Result<StepReport, DeviceError> {
+        let TrainingState { parameters, moments, screen_gradients } = self.loaded();
+        let forward = render(parameters, &view.view());
+        let loss = loss(&forward.image.pixels, &view.photograph, config.lpips);
+        let Gradient { rows, values, screen, non_finite } =
+            forward.backward(parameters, &view.view(), &loss.gradient, config.detach_tau);
+        let skipped = adam(parameters, moments, &rows, &values, &config.rates, &config.bounds);
+        screen_gradients.accumulate(&rows, &screen);
+        Ok(StepReport { loss: loss.value, drawn: rows.len(), non_finite: non_finite + skipped })
+    }
+
+    fn store(&mut self) -> Result<TrainingState, DeviceError> {
+        Ok(self.loaded.take().expect("Gaussians were loaded"))
+    }
+
+    fn peak_device_bytes(&self) -> Option<u64> {
+        None
+    }
+}

@@ -1,0 +1,164 @@
+//! How what is fitted, a view and a photograph look on the device.
+
+use shaders::fit::layout::{self, Memory};
+use shaders::fit::{COLUMNS, Columns};
+
+use super::buffers::{PerGaussian, tiles};
+use super::device::{Buffer, Device};
+use crate::fit::backend::{DeviceError, StepConfig, TrainingState};
+use crate::fit::density::ScreenGradients;
+use crate::fit::optimizer::{LearningRates, Moments};
+use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, LOGIT_MAX, Parameters};
+use crate::fit::views::{FrameView, Photograph};
+
+/// Bytes of a number.
+const WORD: u64 = 4;
+
+/// Which columns there are.
+pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
+    Columns {
+        sh_degree: parameters.sh_degree,
+        is_timed: !parameters.tau.is_empty(),
+        motion_order: parameters.motion_order,
+        rotates: !parameters.rotation_rates.is_empty(),
+    }
+}
+
+/// Hands over Gaussians.
+pub(super) fn upload(device: &Device, to: &PerGaussian, gaussians: &TrainingState) {
+    let TrainingState { parameters, moments, screen_gradients } = gaussians;
+    for (buffer, values) in [
+        (&to.parameters, parameters),
+        (&to.first_moments, &moments.first),
+        (&to.second_moments, &moments.second),
+    ] {
+        let mut offset = 0;
+        for column in values.columns() {
+            device.write(buffer, offset, column);
+            offset += column.len() as u64 * WORD;
+        }
+    }
+    let remembered = moments.visits.iter().zip(screen_gradients.sums.iter().zip(&screen_gradients.images));
+    let memory: Vec<Memory> = remembered
+        .map(|(visits, (pull, images))| Memory {
+            pull: *pull,
+            pictures: *images,
+            visits: *visits,
+            is_usable: 0,
+        })
+        .collect();
+    device.write(&to.memory, 0, &memory);
+}
+
+/// Gets them back; `shape` has their columns.
+pub(super) fn download(
+    device: &Device,
+    from: &PerGaussian,
+    shape: &Parameters<f32>,
+) -> Result<TrainingState, DeviceError> {
+    let rows = from.count as usize;
+    let parameters = rows_of(device, &from.parameters, shape, rows, rows)?;
+    let first = rows_of(device, &from.first_moments, shape, rows, rows)?;
+    let second = rows_of(device, &from.second_moments, shape, rows, rows)?;
+    let memory: Vec<Memory> = device.read(&from.memory, rows)?;
+    Ok(TrainingState {
+        parameters,
+        moments: Moments { first, second, visits: memory.iter().map(|row| row.visits).collect() },
+        screen_gradients: ScreenGradients {
+            sums: memory.iter().map(|row| row.pull).collect(),
+            images: memory.iter().map(|row| row.pictures).collect(),
+        },
+    })
+}
+
+/// The first `rows` of the columns in a buffer, which are `capacity` rows long there.
+pub(super) fn rows_of(
+    device: &Device,
+    buffer: &Buffer,
+    shape: &Parameters<f32>,
+    rows: usize,
+    capacity: usize,
+) -> Result<Parameters<f32>, DeviceError> {
+    let counts = columns_of(shape).counts();
+    let numbers: Vec<f32> = device.read(buffer, capacity * counts.iter().sum::<u32>() as usize)?;
+    let mut all = shape.zeros(rows);
+    let mut start = 0;
+    for (column, count) in all.columns_mut().into_iter().zip(counts) {
+        column.copy_from_slice(&numbers[start..start + rows * count as usize]);
+        start += capacity * count as usize;
+    }
+    Ok(all)
+}
+
+/// A view, of so many Gaussians.
+pub(super) fn step(
+    view: &FrameView,
+    gaussians: u32,
+    pair_capacity: u32,
+    detach_tau: bool,
+) -> layout::StepUniforms {
+    let camera = view.camera;
+    let m = &camera.camera_from_world;
+    let single = |v: [f64; 2]| v.map(|x| x as f32);
+    let [slope_min, slope_max] = view.slope_limits().map(single);
+    let size = [camera.width, camera.height];
+    layout::StepUniforms {
+        view_from_world: [0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| m[r][c] as f32)),
+        eye: camera.position().map(|x| x as f32),
+        frame: view.frame as f32,
+        focal: single([camera.k[0][0], camera.k[1][1]]),
+        principal: single([camera.k[0][2], camera.k[1][2]]),
+        slope_min,
+        slope_max,
+        size,
+        tiles: tiles(size),
+        gaussians,
+        pair_capacity,
+        is_detached: detach_tau.into(),
+        _pad0: 0,
+    }
+}
+
+/// How far a step goes.
+pub(super) fn adam_uniforms(config: &StepConfig) -> layout::AdamUniforms {
+    let LearningRates {
+        centers,
+        rotations,
+        log_scales,
+        logits,
+        sh_first,
+        sh_rest,
+        tau,
+        log_widths,
+        motion,
+        rotation_rates,
+    } = config.rates;
+    let mut rates = [0.0; 12];
+    let columns = [centers, rotations, log_scales, logits, sh_first, tau, log_widths];
+    rates[..columns.len()].copy_from_slice(&columns.map(|rate| rate as f32));
+    rates[layout::AdamUniforms::MOTION..][..3].copy_from_slice(&motion.map(|rate| rate as f32));
+    rates[layout::AdamUniforms::ROTATION_RATE as usize] = rotation_rates as f32;
+    rates[layout::AdamUniforms::SH_REST as usize] = sh_rest as f32;
+    let Bounds { log_scales, log_widths, tau, .. } = config.bounds;
+    let single = |v: [f64; 2]| v.map(|x| x as f32);
+    layout::AdamUniforms {
+        rates,
+        log_scales: single(log_scales),
+        log_widths: single(log_widths),
+        tau: single(tau),
+        logit_max: LOGIT_MAX as f32,
+        _pad0: 0.0,
+    }
+}
+
+/// A photograph: the bytes red, green, blue, and one that is 0 where it does not show what is there.
+pub(super) fn photograph(photograph: &Photograph) -> Vec<u32> {
+    let pixels = photograph.pixels.iter().enumerate();
+    let packed = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
+        u32::from_le_bytes([*r, *g, *b, if photograph.is_valid(i) { 255 } else { 0 }])
+    };
+    pixels.map(packed).collect()
+}
+
+// What the two sides call a column is the same.
+const _: () = assert!(COLUMNS == FIT_COLUMNS);

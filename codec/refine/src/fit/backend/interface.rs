@@ -1,0 +1,93 @@
+//! [`Backend`]: the interface of whatever computes the steps of a fit.
+
+use super::DeviceError;
+use crate::fit::density::ScreenGradients;
+use crate::fit::loss::Lpips;
+use crate::fit::optimizer::{LearningRates, Moments};
+use crate::fit::parameters::{Bounds, Parameters};
+use crate::fit::views::{FrameView, RenderedImage, TrainingView};
+
+/// The per-Gaussian state of a fit: parameters, Adam's moments, accumulated screen-space gradients. A
+/// back end owns it while it steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrainingState {
+    pub(in crate::fit) parameters: Parameters<f32>,
+    pub(in crate::fit) moments: Moments<f32>,
+    pub(in crate::fit) screen_gradients: ScreenGradients,
+}
+
+impl From<Parameters<f32>> for TrainingState {
+    /// The state before the first step.
+    fn from(parameters: Parameters<f32>) -> TrainingState {
+        TrainingState {
+            moments: Moments::new(&parameters),
+            screen_gradients: ScreenGradients::zeros(parameters.len()),
+            parameters,
+        }
+    }
+}
+
+/// The configuration of one step.
+pub struct StepConfig<'a> {
+    pub(in crate::fit) rates: LearningRates,
+    pub(in crate::fit) bounds: Bounds,
+    /// See [`FitSettings::detach_tau`](crate::fit::FitSettings::detach_tau).
+    pub(in crate::fit) detach_tau: bool,
+    /// The LPIPS term of the loss; left out without weights for it.
+    pub(in crate::fit) lpips: Option<&'a Lpips<f32>>,
+}
+
+/// The outcome of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Loss on the training view before the step.
+    pub loss: f64,
+    /// Number of Gaussians rendered.
+    pub drawn: usize,
+    /// Number of Gaussians whose gradient was not finite; the step left them where they were.
+    pub non_finite: usize,
+}
+
+/// Computes the steps of a fit, by the conventions of [`crate::reference`]. From [`Backend::load`] to
+/// [`Backend::store`] the training state lives where the back end computes.
+pub trait Backend {
+    /// Name for logs, including that of the device if there is one.
+    fn name(&self) -> String;
+
+    /// Takes over a training state and drops the one it had.
+    ///
+    /// # Errors
+    /// A [`DeviceError`] if the state does not fit on the device.
+    fn load(&mut self, state: TrainingState) -> Result<(), DeviceError>;
+
+    /// Renders the loaded Gaussians.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    ///
+    /// # Panics
+    /// If nothing is loaded.
+    fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError>;
+
+    /// Takes one step: renders the view, compares the image with the photograph, backpropagates the
+    /// loss and moves the Gaussians that were rendered.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the loaded state may then be lost.
+    ///
+    /// # Panics
+    /// If nothing is loaded, or if the photograph has another size than the camera's image.
+    fn step(&mut self, view: &TrainingView, config: &StepConfig) -> Result<StepReport, DeviceError>;
+
+    /// Returns the training state.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the state is then lost.
+    ///
+    /// # Panics
+    /// If nothing is loaded.
+    fn store(&mut self) -> Result<TrainingState, DeviceError>;
+
+    /// Peak device memory in bytes; `None` without a device.
+    fn peak_device_bytes(&self) -> Option<u64>;
+}

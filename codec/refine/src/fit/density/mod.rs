@@ -1,0 +1,16 @@
+//! Capacity control: how the number of Gaussians changes. Densification (clone, split), pruning above
+//! the capacity floor, relocation, and the floater filter.
+
+mod control;
+mod densify;
+mod floaters;
+mod prune;
+mod relocate;
+mod rule;
+mod screen_gradients;
+#[cfg(test)]
+mod tests;
+
+pub(super) use control::{DensityControl, DensityState};
+pub use rule::{DensityChange, DensityRule};
+pub(super) use screen_gradients::ScreenGradients;

@@ -1,0 +1,191 @@
+//! [`Lpips`]: learned perceptual image patch similarity (Zhang et al., "The unreasonable
+//! effectiveness of deep features as a perceptual metric", 2018), and its gradient.
+//!
+//! Both pictures pass through a trained network. Of the features at five of its layers, each pixel's
+//! brought to length 1, the squared differences are weighted by channel, averaged over the pixels
+//! and added up. The weights are the user's own file: torchvision's `features.N.weight` and
+//! `features.N.bias`, and `lin0.model.1.weight` to `lin4.model.1.weight` of the `lpips` package,
+//! version 0.1, in one safetensors file of 32-bit floats.
+
+use rayon::prelude::*;
+
+use super::LpipsError;
+use super::convolution::{FeatureMap, max_pool, windows};
+use super::network::{self, Block, LpipsNetwork};
+use crate::fit::precision::Real;
+
+/// What the trunks were trained to expect: channels in `[-1, 1]`, less `SHIFT`, divided by `SCALE`.
+const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
+const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
+
+/// Added to the lengths of the features that are divided by them.
+const EPSILON: f64 = 1e-10;
+
+/// A network that says how unlike two pictures look.
+pub struct Lpips<T> {
+    pub(super) network: LpipsNetwork,
+    pub(super) blocks: Vec<Block<T>>,
+}
+
+/// What a picture becomes on its way through a block.
+struct Activations<T> {
+    /// Size of the input, and where the values after the pool came from.
+    pool: Option<([usize; 2], Vec<usize>)>,
+    /// Size of the input of the first convolution.
+    size: [usize; 2],
+    /// Outputs of the convolutions.
+    outputs: Vec<FeatureMap<T>>,
+}
+
+impl<T: Real> Lpips<T> {
+    /// Reads weights; whether of AlexNet or VGG16 is told by their shapes.
+    ///
+    /// # Errors
+    /// If a tensor is missing or not as its network has it.
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Lpips<T>, LpipsError> {
+        let (network, blocks) = network::read(bytes)?;
+        Ok(Lpips { network, blocks })
+    }
+
+    /// The trunk. Distances by different trunks do not compare.
+    pub fn network(&self) -> LpipsNetwork {
+        self.network
+    }
+
+    /// Whether pictures are large enough for each layer to have a pixel.
+    ///
+    /// # Errors
+    /// If they are not.
+    pub fn check_size(&self, width: usize, height: usize) -> Result<(), LpipsError> {
+        if self.passes([height, width]) {
+            return Ok(());
+        }
+        let smallest = (1..).find(|&side| self.passes([side; 2])).unwrap_or_default();
+        Err(LpipsError::TooSmall { size: [width, height], smallest })
+    }
+
+    fn passes(&self, size: [usize; 2]) -> bool {
+        let through = |size: [usize; 2], block: &Block<T>| {
+            let size = block.pool.map_or(Some(size), |[side, stride]| windows(size, side, stride))?;
+            block.convolutions.iter().try_fold(size, |size, convolution| convolution.output_size(size))
+        };
+        self.blocks.iter().try_fold(size, through).is_some()
+    }
+
+    /// Distance of two pictures with rows of `width` pixels: 0 for equal ones, rarely above 1.
+    /// Colours in `[0, 1]`, over black; alpha is not looked at.
+    ///
+    /// # Panics
+    /// If their sizes differ, or [`Self::check_size`] refuses them.
+    pub fn distance(&self, a: &[[T; 4]], b: &[[T; 4]], width: usize) -> f64 {
+        self.check_pair(a, b, width);
+        let (a, b) = (self.pass(a, width), self.pass(b, width));
+        let pairs = self.blocks.iter().zip(a.iter().zip(&b));
+        pairs.map(|(block, (a, b))| compare(a.features(), b.features(), &block.head).0).sum()
+    }
+
+    /// [`Self::distance`], and its gradient with respect to the colours of the first picture.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn distance_and_gradient(&self, a: &[[T; 4]], b: &[[T; 4]], width: usize) -> (f64, Vec<[T; 3]>) {
+        self.check_pair(a, b, width);
+        let (a, b) = (self.pass(a, width), self.pass(b, width));
+        let mut distance = 0.0;
+        // By the input of the block after.
+        let mut from_above: Option<FeatureMap<T>> = None;
+        for (block, (a, b)) in self.blocks.iter().zip(a.iter().zip(&b)).rev() {
+            let (value, mut gradient) = compare(a.features(), b.features(), &block.head);
+            distance += value;
+            for (sum, above) in gradient.values.iter_mut().zip(from_above.iter().flat_map(|map| &map.values))
+            {
+                *sum += *above;
+            }
+            for (i, convolution) in block.convolutions.iter().enumerate().rev() {
+                let size = if i == 0 { a.size } else { a.outputs[i - 1].size };
+                gradient = convolution.backward(&a.outputs[i], gradient, size);
+            }
+            if let Some((size, from)) = &a.pool {
+                let mut values = vec![T::zero(); size[0] * size[1] * gradient.channels];
+                for (i, g) in from.iter().zip(&gradient.values) {
+                    values[*i] += *g;
+                }
+                gradient = FeatureMap { size: *size, channels: gradient.channels, values };
+            }
+            from_above = Some(gradient);
+        }
+        let by_input = from_above.map_or_else(Vec::new, |map| map.values);
+        let scaled = |g: &[T; 3]| std::array::from_fn(|c| g[c] * T::from_f64(2.0 / SCALE[c]));
+        (distance, by_input.as_chunks().0.iter().map(scaled).collect())
+    }
+
+    fn check_pair(&self, a: &[[T; 4]], b: &[[T; 4]], width: usize) {
+        assert!(a.len() == b.len() && a.len().is_multiple_of(width.max(1)), "images of one size");
+        if let Err(error) = self.check_size(width, a.len() / width.max(1)) {
+            panic!("{error}");
+        }
+    }
+
+    fn pass(&self, picture: &[[T; 4]], width: usize) -> Vec<Activations<T>> {
+        let scaled = |pixel: &[T; 4]| -> [T; 3] {
+            std::array::from_fn(|c| {
+                (pixel[c] * T::from_f64(2.0) - T::from_f64(1.0 + SHIFT[c])) * T::from_f64(1.0 / SCALE[c])
+            })
+        };
+        let values = picture.iter().flat_map(scaled).collect();
+        let mut input = FeatureMap { size: [picture.len() / width, width], channels: 3, values };
+        let mut activations: Vec<Activations<T>> = Vec::with_capacity(self.blocks.len());
+        for block in &self.blocks {
+            let pool = block.pool.map(|[side, stride]| {
+                let before = input.size;
+                let (pooled, from) = max_pool(&input, side, stride);
+                input = pooled;
+                (before, from)
+            });
+            let size = input.size;
+            let mut outputs: Vec<FeatureMap<T>> = Vec::with_capacity(block.convolutions.len());
+            for convolution in &block.convolutions {
+                outputs.push(convolution.forward(outputs.last().unwrap_or(&input)));
+            }
+            input = outputs.last().unwrap_or(&input).clone();
+            activations.push(Activations { pool, size, outputs });
+        }
+        activations
+    }
+}
+
+impl<T> Activations<T> {
+    fn features(&self) -> &FeatureMap<T> {
+        self.outputs.last().expect("a block has a convolution")
+    }
+}
+
+/// Mean over the pixels of the weighted squared differences of the features, each pixel's brought
+/// to length 1; and its gradient by the first.
+fn compare<T: Real>(a: &FeatureMap<T>, b: &FeatureMap<T>, head: &[T]) -> (f64, FeatureMap<T>) {
+    let channels = a.channels;
+    let mut values = vec![T::zero(); a.values.len()];
+    let share = T::from_f64(1.0 / (a.size[0] * a.size[1]) as f64);
+    let epsilon = T::from_f64(EPSILON);
+    let pixels = values.par_chunks_mut(channels).zip(a.values.par_chunks(channels));
+    let sums = pixels.zip(b.values.par_chunks(channels)).map(|((gradient, a), b)| {
+        let length = |x: &[T]| x.iter().fold(T::zero(), |sum, x| sum + *x * *x).sqrt();
+        let (length_a, length_b) = (length(a), length(b));
+        let (to_a, to_b) = (T::one() / (length_a + epsilon), T::one() / (length_b + epsilon));
+        let (mut sum, mut along) = (T::zero(), T::zero());
+        for (((gradient, a), b), weight) in gradient.iter_mut().zip(a).zip(b).zip(head) {
+            let difference = *a * to_a - *b * to_b;
+            sum += *weight * difference * difference;
+            *gradient = T::from_f64(2.0) * share * *weight * difference;
+            along += *gradient * *a;
+        }
+        // Features of length 0 are behind closed rectifiers, which nothing passes.
+        let along = if length_a > T::zero() { along * to_a * to_a / length_a } else { T::zero() };
+        for (gradient, a) in gradient.iter_mut().zip(a) {
+            *gradient = *gradient * to_a - along * *a;
+        }
+        (sum * share).to_double()
+    });
+    let sums: Vec<f64> = sums.collect();
+    (sums.iter().sum(), FeatureMap { size: a.size, channels, values })
+}

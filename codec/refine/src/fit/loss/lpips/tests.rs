@@ -1,0 +1,238 @@
+//! Tests of LPIPS. The trained weights are nobody's to pass on: what is tested is the arithmetic,
+//! with numbers of the right shapes.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use safetensors::Dtype;
+use safetensors::tensor::{TensorView, serialize};
+
+use super::convolution::Convolution;
+use super::model::Lpips;
+use super::network::{Block, LpipsNetwork};
+use crate::fit::loss::loss;
+use crate::fit::precision::Real;
+use crate::fit::views::Photograph;
+
+/// Shapes and bytes by name.
+type Tensors = BTreeMap<String, (Vec<usize>, Vec<u8>)>;
+
+fn bytes(values: impl Iterator<Item = f64>) -> Vec<u8> {
+    values.flat_map(|x| (x as f32).to_le_bytes()).collect()
+}
+
+fn weights(count: usize, layer: usize, scale: f64) -> impl Iterator<Item = f64> {
+    (0..count).map(move |i| (((i * 7919 + layer * 104_729) % 1009) as f64 / 1009.0 - 0.5) * scale)
+}
+
+/// AlexNet with weights by a formula.
+fn alex() -> Tensors {
+    let layers = [(0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)];
+    let mut tensors = Tensors::new();
+    for (i, (number, inputs, outputs, side)) in layers.into_iter().enumerate() {
+        let fan_in = inputs * side * side;
+        let values = bytes(weights(outputs * fan_in, number, (24.0 / fan_in as f64).sqrt()));
+        tensors.insert(format!("features.{number}.weight"), (vec![outputs, inputs, side, side], values));
+        let values = bytes(weights(outputs, number + 100, 0.2));
+        tensors.insert(format!("features.{number}.bias"), (vec![outputs], values));
+        let head = bytes((0..outputs).map(|channel| ((channel * 31 + i) % 97) as f64 / 97.0));
+        tensors.insert(format!("lin{i}.model.1.weight"), (vec![1, outputs, 1, 1], head));
+    }
+    tensors
+}
+
+fn file(tensors: &Tensors) -> Vec<u8> {
+    let views = tensors.iter().map(|(name, (shape, bytes))| {
+        (name.clone(), TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
+    });
+    serialize(views, None).unwrap()
+}
+
+fn pattern<T: Real>(
+    [width, height]: [usize; 2],
+    [along, down, by_channel, period]: [usize; 4],
+) -> Vec<[T; 4]> {
+    let color = |i: usize, c: usize| (i % width * along + i / width * down + c * by_channel) % period;
+    let level = |i: usize, c: usize| T::from_f64(color(i, c) as f64 / (period - 1) as f64);
+    (0..width * height).map(|i| [level(i, 0), level(i, 1), level(i, 2), T::one()]).collect()
+}
+
+/// The same network, by NumPy: `sliding_window_view`, `tensordot` and the formula of the paper in
+/// double precision.
+const DISTANCE_BY_NUMPY: f64 = 1.995_343_607_914_339_2;
+
+#[test]
+fn the_distance_is_that_of_an_independent_program() {
+    let lpips = Lpips::<f32>::from_safetensors(&file(&alex())).unwrap();
+    assert_eq!((lpips.network(), lpips.network().to_string()), (LpipsNetwork::Alex, "AlexNet".into()));
+    let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
+    let distance = lpips.distance(&a, &b, 72);
+    assert!((distance - DISTANCE_BY_NUMPY).abs() < 1e-5 * DISTANCE_BY_NUMPY, "{distance}");
+    assert_eq!(lpips.distance_and_gradient(&a, &b, 72).0, distance);
+    assert!((lpips.distance(&b, &a, 72) - distance).abs() < 1e-6, "symmetric");
+    let (itself, gradient) = lpips.distance_and_gradient(&a, &a, 72);
+    assert_eq!(itself, 0.0);
+    assert!(gradient.as_flattened().iter().all(|g| *g == 0.0));
+}
+
+/// A network with the layers of AlexNet or VGG, and few channels.
+fn small(kernels: [[usize; 3]; 3], pool: [usize; 2]) -> Lpips<f64> {
+    let mut inputs = 3;
+    let blocks = kernels.iter().enumerate().map(|(i, &[side, stride, padding])| {
+        let layer = |inputs: usize, outputs: usize, [side, stride, padding]: [usize; 3]| {
+            let count = inputs * outputs * side * side;
+            let scale = (24.0 / (inputs * side * side) as f64).sqrt();
+            let values: Vec<f64> = weights(count, i, scale).collect();
+            Convolution::new(&values, weights(outputs, i + 9, 0.3).collect(), side, stride, padding)
+        };
+        let outputs = 5 + 4 * i;
+        let convolutions = vec![layer(inputs, 6, [side, stride, padding]), layer(6, outputs, [3, 1, 1])];
+        inputs = outputs;
+        let head = (0..outputs).map(|channel| 0.1 + (channel % 3) as f64).collect();
+        Block { pool: (i > 0).then_some(pool), convolutions, head }
+    });
+    Lpips { network: LpipsNetwork::Alex, blocks: blocks.collect() }
+}
+
+#[test]
+fn the_gradient_is_that_of_finite_differences() {
+    for lpips in [small([[11, 4, 2], [5, 1, 2], [3, 1, 1]], [3, 2]), small([[3, 1, 1]; 3], [2, 2])] {
+        let size = [33, 31];
+        lpips.check_size(33, 31).unwrap();
+        let (a, b) = (pattern::<f64>(size, [7, 13, 29, 64]), pattern(size, [5, 11, 17, 32]));
+        let (_, gradient) = lpips.distance_and_gradient(&a, &b, 33);
+        let largest = gradient.as_flattened().iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+        assert!(largest > 1e-6);
+        for pixel in [0, 32, 200, 517, 700, 1022] {
+            for c in 0..3 {
+                let moved = |by: f64| {
+                    let mut moved = a.clone();
+                    moved[pixel][c] += by;
+                    lpips.distance(&moved, &b, 33)
+                };
+                let expected = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+                let found = gradient[pixel][c];
+                assert!((found - expected).abs() < 1e-5 * largest, "{pixel} {c}: {found} {expected}");
+            }
+        }
+    }
+}
+
+/// The paper's weight of 0.1, and no gradient where the photograph shows nothing; on one thread as
+/// on three.
+#[test]
+fn it_is_a_part_of_the_loss() {
+    let lpips = small([[3, 1, 1]; 3], [2, 2]);
+    let picture: Vec<[f64; 4]> = pattern([20, 18], [7, 13, 29, 64]);
+    let pixels = (0..360_u32).map(|i| [i % 251, i * 7 % 256, i * 31 % 256, 255].map(|x| x as u8)).collect();
+    let valid = (0..360).map(|i| i % 20 != 3).collect();
+    let photograph = Photograph { width: 20, height: 18, pixels, valid };
+    let on_threads = |count: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
+        pool.install(|| loss(&picture, &photograph, Some(&lpips)))
+    };
+    let (with, without) = (on_threads(1), loss(&picture, &photograph, None));
+    assert_eq!(with, on_threads(3));
+    let target = |i: usize| photograph.pixels[i].map(|byte| f64::from(byte) / 255.0);
+    let taken: Vec<[f64; 4]> = (0..360).map(target).collect();
+    let drawn: Vec<[f64; 4]> =
+        (0..360).map(|i| if photograph.is_valid(i) { picture[i] } else { taken[i] }).collect();
+    let (distance, gradient) = lpips.distance_and_gradient(&drawn, &taken, 20);
+    assert!(distance > 0.01 && (with.value - without.value - 0.1 * distance).abs() < 1e-12);
+    for (i, (a, b)) in with.gradient.iter().zip(&without.gradient).enumerate() {
+        for c in 0..3 {
+            let expected = if photograph.is_valid(i) { b[c] + 0.1 * gradient[i][c] } else { 0.0 };
+            assert!((a[c] - expected).abs() < 1e-15);
+        }
+    }
+}
+
+#[test]
+fn black_pictures_and_dead_features_stay_finite() {
+    let lpips = small([[3, 1, 1]; 3], [2, 2]);
+    let (black, b) = (vec![[0.0; 4]; 400], pattern([20, 20], [5, 11, 17, 32]));
+    let dead = {
+        let mut dead = small([[3, 1, 1]; 3], [2, 2]);
+        let zeros = vec![0.0; 3 * 6 * 9];
+        dead.blocks[0].convolutions[0] = Convolution::new(&zeros, vec![-1.0; 6], 3, 1, 1);
+        dead
+    };
+    for lpips in [lpips, dead] {
+        let (distance, gradient) = lpips.distance_and_gradient(&black, &b, 20);
+        assert!(distance.is_finite() && gradient.as_flattened().iter().all(|g| g.is_finite()));
+    }
+}
+
+#[test]
+fn pictures_too_small_are_refused() {
+    let lpips = Lpips::<f32>::from_safetensors(&file(&alex())).unwrap();
+    assert_eq!(lpips.check_size(31, 31), Ok(()));
+    let error = lpips.check_size(64, 20).unwrap_err();
+    assert_eq!(error.to_string(), "LPIPS needs pictures of 31x31 pixels at least, not 64x20");
+    assert!(lpips.check_size(0, 0).is_err());
+}
+
+fn refusal(change: impl FnOnce(&mut Tensors)) -> String {
+    let mut tensors = alex();
+    change(&mut tensors);
+    match Lpips::<f32>::from_safetensors(&file(&tensors)) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn malformed_files_are_refused_by_the_name_of_the_tensor() {
+    let missing = refusal(|tensors| drop(tensors.remove("features.8.bias")));
+    assert!(missing.contains("lack the tensor features.8.bias"), "{missing}");
+    let missing = refusal(|tensors| drop(tensors.remove("features.0.weight")));
+    assert!(missing.contains("lack the tensor features.0.weight"), "{missing}");
+    let shape = refusal(|tensors| tensors.get_mut("lin2.model.1.weight").unwrap().0 = vec![384]);
+    assert!(shape.contains("lin2.model.1.weight") && shape.contains("[1, 384, 1, 1]"), "{shape}");
+    let network = refusal(|tensors| {
+        tensors.insert("features.0.weight".into(), (vec![64, 3, 7, 7], vec![0; 4 * 64 * 3 * 49]));
+    });
+    assert!(network.contains("[64, 3, 7, 7]") && network.contains("AlexNet"), "{network}");
+    let vgg = refusal(|tensors| {
+        tensors.insert("features.0.weight".into(), (vec![64, 3, 3, 3], vec![0; 4 * 64 * 27]));
+    });
+    assert!(vgg.contains("features.2.weight"), "{vgg}");
+    let infinite = refusal(|tensors| {
+        tensors.get_mut("features.3.bias").unwrap().1[..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    });
+    assert!(infinite.contains("features.3.bias"), "{infinite}");
+    for bytes in [&b""[..], b"not a file of tensors", &file(&alex())[..1000]] {
+        let error = Lpips::<f32>::from_safetensors(bytes).err().unwrap().to_string();
+        assert!(error.contains("not a safetensors file"), "{error}");
+    }
+    let (shape, half) = (vec![64, 3, 11, 11], vec![0; 2 * 64 * 363]);
+    let view = TensorView::new(Dtype::F16, shape, &half).unwrap();
+    let bytes = serialize([("features.0.weight", view)], None).unwrap();
+    let error = Lpips::<f32>::from_safetensors(&bytes).err().unwrap().to_string();
+    assert!(error.contains("features.0.weight") && error.contains("F16"), "{error}");
+}
+
+/// The published heads are pickled; their numbers end the file, each tensor after its length.
+#[test]
+fn the_published_heads_fit() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/lpips/weights/v0.1/alex.pth");
+    let Ok(pickled) = std::fs::read(&path) else {
+        eprintln!("skipped: {} is not there", path.display());
+        return;
+    };
+    let mut tensors = alex();
+    let mut rest = &pickled[..];
+    for (head, channels) in [(4, 256), (0, 64), (3, 256), (2, 384), (1, 192)] {
+        let (before, values) = rest.split_at(rest.len() - 4 * channels);
+        let (before, count) = before.split_last_chunk().unwrap();
+        assert_eq!(u64::from_le_bytes(*count), channels as u64);
+        let values: Vec<u8> = values.to_vec();
+        let all = values.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        assert!(all.clone().all(|weight| weight >= 0.0) && all.clone().any(|weight| weight > 0.1));
+        tensors.get_mut(&format!("lin{head}.model.1.weight")).unwrap().1 = values;
+        rest = before;
+    }
+    let lpips = Lpips::<f32>::from_safetensors(&file(&tensors)).unwrap();
+    let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
+    assert!(lpips.distance(&a, &b, 72) > 0.0);
+}

@@ -1,0 +1,193 @@
+//! [`loss`]: the objective of a fit (the paper's Eq. 9) and its gradient with respect to the image.
+//!
+//! `0.8 L1 + 0.2 (1 - SSIM) + 0.1 LPIPS`, each a mean over all pixels and three channels. Without weights
+//! for LPIPS its term is left out. The photograph is masked over black, as the image is rendered.
+
+use super::lpips::Lpips;
+use super::ssim::ssim_and_gradient;
+use crate::fit::precision::Real;
+use crate::fit::views::Photograph;
+
+/// Weight of structural dissimilarity `1 - SSIM` against L1 (the paper's lambda).
+pub(in crate::fit) const LAMBDA: f64 = 0.2;
+
+/// Weight of LPIPS (the paper's gamma).
+const GAMMA: f64 = 0.1;
+
+/// A loss and its gradient.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::fit) struct Loss<T> {
+    /// The loss: 0 for equal images, non-finite for a non-finite image.
+    pub(in crate::fit) value: f64,
+    /// Derivatives with respect to the colours of the image. Those with respect to alpha are 0.
+    pub(in crate::fit) gradient: Vec<[T; 4]>,
+}
+
+/// Compares an image, its colours premultiplied over black, with its photograph. Invalid pixels of the
+/// photograph count as equal and have no gradient.
+///
+/// # Panics
+/// If the sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
+pub(in crate::fit) fn loss<T: Real>(
+    image: &[[T; 4]],
+    photograph: &Photograph,
+    lpips: Option<&Lpips<T>>,
+) -> Loss<T> {
+    assert_eq!(image.len(), photograph.pixels.len(), "an image of the photograph's size");
+    let width = photograph.width as usize;
+    let [image, target] = comparable(image, photograph);
+    let Loss { mut value, mut gradient } = photometric(&image, &target, width);
+    if let Some(lpips) = lpips {
+        let term = perceptual(lpips, &image, &target, width);
+        value += term.value;
+        for (sum, by) in gradient.as_flattened_mut().iter_mut().zip(term.gradient.as_flattened()) {
+            *sum += *by;
+        }
+    }
+    for (_, pixel) in gradient.iter_mut().enumerate().filter(|(i, _)| !photograph.is_valid(*i)) {
+        *pixel = [T::zero(); 4];
+    }
+    Loss { value, gradient }
+}
+
+/// The LPIPS term alone, for a back end that computes the others itself. Invalid pixels of the photograph
+/// have a gradient here.
+///
+/// # Panics
+/// As [`loss`] does.
+#[cfg(feature = "gpu")]
+pub(in crate::fit) fn lpips_loss(
+    image: &[[f32; 4]],
+    photograph: &Photograph,
+    lpips: &Lpips<f32>,
+) -> Loss<f32> {
+    let [image, target] = comparable(image, photograph);
+    perceptual(lpips, &image, &target, photograph.width as usize)
+}
+
+/// The image, with invalid pixels replaced by the photograph's, and the photograph.
+fn comparable<T: Real>(image: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]>; 2] {
+    let target: Vec<[T; 4]> =
+        photograph.pixels.iter().map(|p| p.map(|byte| T::from_f64(f64::from(byte) / 255.0))).collect();
+    let pixel = |i: usize| if photograph.is_valid(i) { image[i] } else { target[i] };
+    [(0..image.len()).map(pixel).collect(), target]
+}
+
+/// The terms L1 and SSIM.
+fn photometric<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Loss<T> {
+    let channels = 3 * image.len().max(1);
+    let mut absolute = 0.0;
+    let (similarity, by_similarity) = ssim_and_gradient(image, target, width);
+    let l1_slope = T::from_f64((1.0 - LAMBDA) / channels as f64);
+    let pixel = |((a, b), by_ssim): ((&[T; 4], &[T; 4]), &[T; 3])| {
+        let mut pixel = [T::zero(); 4];
+        for c in 0..3 {
+            let difference = a[c] - b[c];
+            absolute += difference.abs().to_double();
+            // The sign, but 0 for 0.
+            let sign = if difference == T::zero() { difference } else { difference.signum() };
+            pixel[c] = l1_slope * sign - T::from_f64(LAMBDA) * by_ssim[c];
+        }
+        pixel
+    };
+    let gradient = image.iter().zip(target).zip(&by_similarity).map(pixel).collect();
+    let value = (1.0 - LAMBDA) * absolute / channels as f64 + LAMBDA * (1.0 - similarity);
+    Loss { value, gradient }
+}
+
+/// The term LPIPS.
+fn perceptual<T: Real>(lpips: &Lpips<T>, image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Loss<T> {
+    let (distance, by_lpips) = lpips.distance_and_gradient(image, target, width);
+    let gamma = T::from_f64(GAMMA);
+    let weighted = |[r, g, b]: [T; 3]| [gamma * r, gamma * g, gamma * b, T::zero()];
+    Loss { value: GAMMA * distance, gradient: by_lpips.into_iter().map(weighted).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+
+    const SIZE: [u32; 2] = [14, 12];
+
+    fn photograph() -> Photograph {
+        let [width, height] = SIZE;
+        let byte = |i: u32, step: u32| ((i * step) % 251) as u8;
+        let pixels = (0..width * height).map(|i| [byte(i, 7), byte(i, 31), byte(i, 113), 255]).collect();
+        Photograph { width, height, pixels, valid: Vec::new() }
+    }
+
+    /// An image with no value at a level of the photograph, where the absolute difference has a kink.
+    fn image() -> Vec<[f64; 4]> {
+        (0..photograph().pixels.len())
+            .map(|i| [0.0, 1.0, 2.0, 3.0].map(|c: f64| 0.5003 + 0.45 * (0.3 * i as f64 + c).sin()))
+            .collect()
+    }
+
+    fn check_gradient(photograph: &Photograph, pixels: &[usize]) {
+        let found = loss(&image(), photograph, None).gradient;
+        for &pixel in pixels {
+            for c in 0..4 {
+                let moved = |by: f64| {
+                    let mut moved = image();
+                    moved[pixel][c] += by;
+                    loss(&moved, photograph, None).value
+                };
+                let expected = (moved(1e-7) - moved(-1e-7)) / 2e-7;
+                let found = found[pixel][c];
+                assert!((found - expected).abs() < 1e-8, "{pixel} {c}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradient_matches_finite_differences() {
+        check_gradient(&photograph(), &[0, 13, 50, 91, 167]);
+    }
+
+    #[test]
+    fn invalid_pixels_have_no_loss_and_no_gradient() {
+        let mut photograph = photograph();
+        photograph.valid = (0..photograph.pixels.len()).map(|i| i % 14 < 9).collect();
+        check_gradient(&photograph, &[0, 8, 9, 13, 50, 91]);
+        let Loss { value, gradient } = loss(&image(), &photograph, None);
+        let mut invalid_changed = image();
+        invalid_changed[9] = [7.0, f64::NAN, -3.0, 0.0];
+        assert_eq!(loss(&invalid_changed, &photograph, None), Loss { value, gradient: gradient.clone() });
+        assert_eq!(gradient[9], [0.0; 4]);
+    }
+
+    /// The same objective from the metrics of the evaluation.
+    #[test]
+    fn the_value_matches_the_paper() {
+        let [width, height] = SIZE;
+        let photograph = photograph();
+        let drawn = Image { width, height, pixels: image() };
+        let pixels = photograph.pixels.iter().map(|p| p.map(|byte| f64::from(byte) / 255.0)).collect();
+        let taken = Image { width, height, pixels };
+        let differences = drawn.pixels.iter().zip(&taken.pixels);
+        let absolute: f64 = differences.flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs())).sum();
+        let expected =
+            0.8 * absolute / (3 * width * height) as f64 + 0.2 * (1.0 - crate::metrics::ssim(&drawn, &taken));
+        assert!((loss(&drawn.pixels, &photograph, None).value - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_perfect_image_has_no_gradient() {
+        let photograph = photograph();
+        let perfect: Vec<[f32; 4]> =
+            photograph.pixels.iter().map(|p| p.map(|b| f32::from(b) / 255.0)).collect();
+        let Loss { value, gradient } = loss(&perfect, &photograph, None);
+        assert!(value.abs() < 1e-6, "{value}");
+        assert!(gradient.as_flattened().iter().all(|g| g.abs() < 1e-6));
+    }
+
+    #[test]
+    fn nan_pixels_make_a_nan_loss() {
+        let mut broken = image();
+        broken[3][1] = f64::NAN;
+        assert!(loss(&broken, &photograph(), None).value.is_nan());
+        let empty = Photograph { width: 0, height: 0, pixels: Vec::new(), valid: Vec::new() };
+        assert_eq!(loss::<f32>(&[], &empty, None).gradient, Vec::<[f32; 4]>::new());
+    }
+}

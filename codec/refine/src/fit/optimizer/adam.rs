@@ -1,0 +1,254 @@
+//! [`adam`]: one step of Adam (Kingma and Ba, "Adam: a method for stochastic optimization", 2015) for the
+//! Gaussians that an image shows.
+//!
+//! An image shows the Gaussians of a few frames. The others have no gradient; neither they nor their
+//! moments move. Bias correction therefore counts the gradients of each row, not the steps.
+
+use rayon::prelude::*;
+
+use super::{LearningRates, Moments};
+use crate::fit::parameters::{Bounds, Parameters};
+use crate::fit::precision::Real;
+
+pub(in crate::fit) const BETA1: f64 = 0.9;
+pub(in crate::fit) const BETA2: f64 = 0.999;
+
+/// Gradients are means over many pixels, 1e-9 and less: the usual 1e-8 would dominate them.
+pub(in crate::fit) const EPSILON: f64 = 1e-15;
+
+/// Rows per parallel task.
+const CHUNK: usize = 1024;
+
+/// Moves `rows` against their gradients (row `i` of `gradient` is that of `rows[i]`) and projects them
+/// into the bounds. Skips rows whose gradient, or its square, is not finite; returns how many.
+///
+/// # Panics
+/// If `rows` are not strictly ascending, or the shapes differ.
+pub(in crate::fit) fn adam<T: Real>(
+    parameters: &mut Parameters<T>,
+    moments: &mut Moments<T>,
+    rows: &[u32],
+    gradient: &Parameters<T>,
+    rates: &LearningRates,
+    bounds: &Bounds,
+) -> usize {
+    assert!(rows.is_sorted_by(|a, b| a < b), "rows ascend");
+    assert!(
+        rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
+        "a gradient for each row"
+    );
+    let is_usable = |i: usize| gradient.all_in_row(i, |g| (g * g).is_finite());
+    let usable: Vec<bool> = (0..rows.len()).into_par_iter().with_min_len(CHUNK).map(is_usable).collect();
+    let correction = |(row, usable): (&u32, &bool)| {
+        let visits = &mut moments.visits[*row as usize];
+        *visits = visits.saturating_add(u32::from(*usable));
+        let correction = |beta: f64| T::from_f64(1.0 / (1.0 - num_traits::pow(beta, *visits as usize)));
+        usable.then(|| [correction(BETA1), correction(BETA2)])
+    };
+    let corrections: Vec<Option<[T; 2]>> = rows.iter().zip(&usable).map(correction).collect();
+
+    let rates = rates.by_column(parameters);
+    let values = parameters.columns_mut().into_iter().zip(rates);
+    let moments = moments.first.columns_mut().into_iter().zip(moments.second.columns_mut());
+    for (((values, rates), (first, second)), gradient) in values.zip(moments).zip(gradient.columns()) {
+        if !values.is_empty() {
+            step(Column { values, first, second }, rows, gradient, &corrections, &rates);
+        }
+    }
+    for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
+        bounds.project(parameters, *row as usize);
+    }
+    usable.iter().filter(|usable| !**usable).count()
+}
+
+/// One column of the parameters with its moments.
+struct Column<'a, T> {
+    values: &'a mut [T],
+    first: &'a mut [T],
+    second: &'a mut [T],
+}
+
+fn step<T: Real>(
+    Column { values, first, second }: Column<T>,
+    rows: &[u32],
+    gradient: &[T],
+    corrections: &[Option<[T; 2]>],
+    rates: &[T],
+) {
+    let per_row = rates.len();
+    let [beta1, beta2, epsilon] = [BETA1, BETA2, EPSILON].map(T::from_f64);
+    let [rest1, rest2] = [T::from_f64(1.0 - BETA1), T::from_f64(1.0 - BETA2)];
+    let moments = first.par_chunks_mut(CHUNK * per_row).zip(second.par_chunks_mut(CHUNK * per_row));
+    let chunks = values.par_chunks_mut(CHUNK * per_row).zip(moments).enumerate();
+    chunks.for_each(|(chunk, (values, (first, second)))| {
+        let begin = chunk * CHUNK;
+        let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
+        for i in before(begin)..before(begin + CHUNK) {
+            let Some([bias1, bias2]) = corrections[i] else { continue };
+            let at = (rows[i] as usize - begin) * per_row;
+            let row = at..at + per_row;
+            let moments = first[row.clone()].iter_mut().zip(&mut second[row.clone()]);
+            let gradients = gradient[i * per_row..].iter().zip(rates);
+            for ((value, (first, second)), (g, rate)) in values[row].iter_mut().zip(moments).zip(gradients) {
+                *first = beta1 * *first + rest1 * *g;
+                *second = beta2 * *second + rest2 * *g * *g;
+                *value -= *rate * (*first * bias1) / ((*second * bias2).sqrt() + epsilon);
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::parameters::Timeline;
+
+    fn parameters<T: Real>(rows: usize) -> Parameters<T> {
+        let at = |i: usize| T::from_f64(i as f64);
+        Parameters {
+            centers: (0..rows).map(|i| [at(i), T::zero(), T::one()]).collect(),
+            rotations: vec![[T::one(), T::zero(), T::zero(), T::zero()]; rows],
+            log_scales: vec![[T::from_f64(-3.0); 3]; rows],
+            logits: vec![T::zero(); rows],
+            sh_degree: 1,
+            sh: vec![[T::zero(); 3]; 4 * rows],
+            tau: vec![T::from_f64(2.0); rows],
+            log_widths: vec![T::from_f64(0.5); rows],
+            motion_order: 2,
+            motion: vec![[T::zero(); 3]; 2 * rows],
+            rotation_rates: vec![[T::zero(); 4]; rows],
+        }
+    }
+
+    fn bounds() -> Bounds {
+        Bounds::new(1.0, Timeline { frames: 9 })
+    }
+
+    fn run<T: Real>(
+        all: &mut Parameters<T>,
+        moments: &mut Moments<T>,
+        rows: &[u32],
+        gradient: &Parameters<T>,
+    ) -> usize {
+        adam(all, moments, rows, gradient, &LearningRates::new(1.0), &bounds())
+    }
+
+    /// A gradient of 0.5 and then of -1, by hand: the first moments are 0.05 and -0.055, the second
+    /// 0.00025 and 0.00124975; corrected, the steps are 1 and
+    /// -0.055 / 0.19 / sqrt(0.00124975 / 0.001999) = -0.3661.
+    #[test]
+    fn two_steps_are_those_computed_by_hand() {
+        let mut all = parameters::<f64>(3);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.logits[0] = 0.5;
+        gradient.sh[1] = [0.0, 0.5, 0.0];
+        assert_eq!(run(&mut all, &mut moments, &[1], &gradient), 0);
+        assert!((all.logits[1] + 0.05).abs() < 1e-12, "{}", all.logits[1]);
+        gradient.logits[0] = -1.0;
+        gradient.sh[1] = [0.0, -1.0, 0.0];
+        run(&mut all, &mut moments, &[1], &gradient);
+        let two = -0.1 + 0.036_610_352_703_584_27;
+        assert!((all.logits[1] - 0.5 * two).abs() < 1e-12, "{}", all.logits[1]);
+        // Of the other coefficients the rate is a four hundredth of that.
+        assert!((all.sh[5][1] - two * 1.25e-3).abs() < 1e-13, "{}", all.sh[5][1]);
+        assert_eq!((moments.visits.clone(), all.logits[0], all.sh[4]), (vec![0, 2, 0], 0.0, [0.0; 3]));
+        assert!((moments.first.logits[1] + 0.055).abs() < 1e-15);
+        assert!((moments.second.logits[1] - 0.001_249_75).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_first_visit_is_a_whole_step_whenever_it_comes() {
+        let mut all = parameters::<f32>(2);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.tau[0] = 1e-9;
+        for _ in 0..50 {
+            run(&mut all, &mut moments, &[0], &gradient);
+        }
+        run(&mut all, &mut moments, &[1], &gradient);
+        assert!((all.tau[1] - (2.0 - 5e-3)).abs() < 1e-6, "{}", all.tau[1]);
+        assert_eq!(moments.visits, [50, 1]);
+    }
+
+    #[test]
+    fn gradients_that_are_no_numbers_are_contained_and_counted() {
+        let mut all = parameters::<f32>(4);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(4);
+        gradient.centers = vec![[1.0, f32::NAN, 0.0], [f32::INFINITY; 3], [1e30; 3], [1e15, 0.0, 0.0]];
+        let before = all.clone();
+        assert_eq!(run(&mut all, &mut moments, &[0, 1, 2, 3], &gradient), 3);
+        assert_eq!(
+            (all.select(&[0, 1, 2]), &moments.visits[..]),
+            (before.select(&[0, 1, 2]), &[0, 0, 0, 1][..])
+        );
+        assert_eq!(all.centers[3], [3.0 - 1.6e-4, 0.0, 1.0]);
+        for _ in 0..20 {
+            run(&mut all, &mut moments, &[0, 1, 2, 3], &gradient);
+        }
+        assert!(all.columns().iter().all(|column| column.iter().all(|x| x.is_finite())));
+    }
+
+    #[test]
+    fn rows_end_within_the_bounds() {
+        let mut all = parameters::<f64>(2);
+        all.log_widths = vec![0.002, 0.002];
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.log_widths[0] = 1.0;
+        run(&mut all, &mut moments, &[1], &gradient);
+        assert_eq!(all.log_widths, [0.002, 0.0]);
+    }
+
+    /// Chunks, and threads, change nothing.
+    #[test]
+    fn many_rows_move_as_each_would() {
+        let rows: Vec<u32> = (0..5000).filter(|i| i % 3 != 1).collect();
+        let mut all = parameters::<f32>(5000);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(rows.len());
+        for (g, row) in gradient.centers.iter_mut().zip(&rows) {
+            *g = [*row as f32 - 2500.0, 0.0, 1e-7];
+        }
+        let (mut one, mut one_moments) = (all.select(&[4001]), moments.select(&[4001]));
+        let at = rows.iter().position(|row| *row == 4001).unwrap();
+        for _ in 0..3 {
+            run(&mut all, &mut moments, &rows, &gradient);
+            run(&mut one, &mut one_moments, &[0], &gradient.select(&[at]));
+        }
+        assert_eq!((all.select(&[4001]), moments.select(&[4001])), (one, one_moments));
+        assert_eq!(all.centers[4000], parameters::<f32>(5000).centers[4000]);
+    }
+
+    #[test]
+    fn moments_follow_their_rows() {
+        let all = parameters::<f64>(2);
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(2);
+        gradient.logits = vec![1.0, 2.0];
+        run(&mut all.clone(), &mut moments, &[0, 1], &gradient);
+        let mut changed = moments.select(&[1, 0, 1]);
+        assert_eq!(changed.visits, [1, 1, 1]);
+        assert_eq!(
+            changed.first.logits,
+            [moments.first.logits[1], moments.first.logits[0], moments.first.logits[1]]
+        );
+        changed.clear(2);
+        assert_eq!(changed.select(&[0, 1]), moments.select(&[1, 0]));
+        assert_eq!(changed.select(&[2]), Moments::new(&all).select(&[0]));
+        let mut none = Parameters::<f64>::default();
+        let mut no_moments = Moments::new(&none);
+        assert_eq!(
+            adam(
+                &mut none,
+                &mut no_moments,
+                &[],
+                &Parameters::default(),
+                &LearningRates::new(1.0),
+                &bounds()
+            ),
+            0
+        );
+    }
+}

@@ -1,0 +1,44 @@
+//! [`Moments`]: Adam's memory of the gradients.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fit::parameters::Parameters;
+use crate::fit::precision::Real;
+
+/// Adam's moments of the rows of some parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::fit) struct Moments<T> {
+    /// First moments: exponentially decaying means of the gradients.
+    pub(in crate::fit) first: Parameters<T>,
+    /// Second moments: the same of their squares.
+    pub(in crate::fit) second: Parameters<T>,
+    /// Number of gradients that each row has had.
+    pub(in crate::fit) visits: Vec<u32>,
+}
+
+impl<T: Real> Moments<T> {
+    /// The moments of parameters that have not moved yet: zeros.
+    pub(in crate::fit) fn new(parameters: &Parameters<T>) -> Moments<T> {
+        let rows = parameters.len();
+        Moments { first: parameters.zeros(rows), second: parameters.zeros(rows), visits: vec![0; rows] }
+    }
+
+    /// Copies `rows`, in that order; a row may occur more than once.
+    pub(in crate::fit) fn select(&self, rows: &[usize]) -> Moments<T> {
+        Moments {
+            first: self.first.select(rows),
+            second: self.second.select(rows),
+            visits: rows.iter().map(|row| self.visits[*row]).collect(),
+        }
+    }
+
+    /// Resets a row to zeros.
+    pub(in crate::fit) fn clear(&mut self, row: usize) {
+        let rows = self.visits.len();
+        for column in self.first.columns_mut().into_iter().chain(self.second.columns_mut()) {
+            let per_row = column.len() / rows;
+            column[row * per_row..(row + 1) * per_row].fill(T::zero());
+        }
+        self.visits[row] = 0;
+    }
+}

@@ -1,0 +1,15 @@
+//! What a fit optimises: the columns of [`Parameters`], the [`Bounds`] that they are kept in, and the
+//! units of time ([`Timeline`]) and length ([`scene_extent`]).
+
+mod bounds;
+mod columns;
+mod extent;
+mod timeline;
+
+pub(super) use bounds::{Bounds, NORM_MIN};
+pub(super) use columns::COLUMNS;
+#[cfg(feature = "gpu")]
+pub(super) use columns::LOGIT_MAX;
+pub use columns::Parameters;
+pub(super) use extent::scene_extent;
+pub use timeline::Timeline;

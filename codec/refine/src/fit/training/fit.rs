@@ -1,0 +1,170 @@
+//! [`Fit`]: the state of a fit.
+//!
+//! It is a value that determines how the fit continues: a fit that was saved and loaded ends with the
+//! same bits.
+
+use codec::{Camera, Field};
+use serde::{Deserialize, Serialize};
+
+use crate::fit::backend::TrainingState;
+use crate::fit::density::{DensityChange, DensityControl, DensityRule, DensityState};
+use crate::fit::optimizer::{LearningRates, Moments};
+use crate::fit::parameters::{Bounds, Parameters, Timeline, scene_extent};
+
+/// Steps between controls of the number of Gaussians, as in 3D Gaussian Splatting.
+const INTERVAL: usize = 100;
+
+/// Largest number of Gaussians that densification makes, as a multiple of the larger of the floor and
+/// the initial count: the paper's fits end with 1.1 to 1.75 times their floor.
+const CAP: usize = 2;
+
+/// The settings of a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitSettings {
+    /// Number of steps, each on one training view.
+    pub steps: u64,
+    /// Capacity floor, the paper's `N_min` (Eq. 8): pruning leaves at least this many Gaussians; 0 for
+    /// no floor.
+    pub floor: usize,
+    /// Rule of capacity control.
+    pub rule: DensityRule,
+    /// Stops the gradient of positions and rotations with respect to `tau`: window centres then move by
+    /// opacity alone, as in Spacetime Gaussians, and do not compete with the motion.
+    pub detach_tau: bool,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for FitSettings {
+    /// The paper's settings.
+    fn default() -> FitSettings {
+        FitSettings { steps: 96_000, floor: 200_000, rule: DensityRule::Floor, detach_tau: true, seed: 0 }
+    }
+}
+
+/// A fit between two steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    pub(super) settings: FitSettings,
+    timeline: Timeline,
+    pub(super) rates: LearningRates,
+    pub(super) bounds: Bounds,
+    parameters: Parameters<f32>,
+    moments: Moments<f32>,
+    control: DensityControl,
+    density: DensityState,
+    pub(super) steps_done: u64,
+    pub(super) non_finite: u64,
+    initial_count: usize,
+}
+
+impl Fit {
+    /// A fit that starts from `parameters`. The positions of `cameras`, those of all training views,
+    /// scale its learning rates and bounds.
+    pub fn new<'a>(
+        settings: FitSettings,
+        parameters: Parameters<f32>,
+        timeline: Timeline,
+        cameras: impl IntoIterator<Item = &'a Camera>,
+    ) -> Fit {
+        let extent = scene_extent(cameras, &parameters.centers);
+        let bounds = Bounds::new(extent, timeline).around(&parameters);
+        Fit {
+            settings,
+            timeline,
+            rates: LearningRates::new(extent),
+            bounds,
+            moments: Moments::new(&parameters),
+            control: DensityControl {
+                rule: settings.rule,
+                interval: INTERVAL,
+                floor: settings.floor,
+                cap: CAP * settings.floor.max(parameters.len()),
+            },
+            density: DensityState::new(parameters.len(), settings.seed),
+            initial_count: parameters.len(),
+            parameters,
+            steps_done: 0,
+            non_finite: 0,
+        }
+    }
+
+    /// Moves the training state out, for a back end.
+    pub(super) fn take(&mut self) -> TrainingState {
+        TrainingState {
+            parameters: std::mem::take(&mut self.parameters),
+            moments: std::mem::take(&mut self.moments),
+            screen_gradients: std::mem::take(&mut self.density.screen_gradients),
+        }
+    }
+
+    /// Moves it back in.
+    pub(super) fn put(&mut self, state: TrainingState) {
+        let TrainingState { parameters, moments, screen_gradients } = state;
+        (self.parameters, self.moments) = (parameters, moments);
+        self.density.screen_gradients = screen_gradients;
+    }
+
+    /// Whether capacity control is due, with `count` Gaussians.
+    pub(super) fn is_control_due(&mut self, count: usize) -> bool {
+        let steps = [self.steps_done as usize, self.settings.steps as usize];
+        self.control.is_due(&mut self.density, count, steps)
+    }
+
+    /// Applies capacity control.
+    pub(super) fn control(&mut self) -> DensityChange {
+        self.control.control(&mut self.density, &mut self.parameters, &mut self.moments, &self.bounds)
+    }
+
+    /// The fitted field.
+    pub fn to_field(&self) -> Field {
+        self.parameters.to_field(self.timeline)
+    }
+
+    /// Number of steps done.
+    pub fn steps_done(&self) -> u64 {
+        self.steps_done
+    }
+
+    /// Whether all steps are done.
+    pub fn is_done(&self) -> bool {
+        self.steps_done >= self.settings.steps
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.parameters.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.parameters.is_empty()
+    }
+
+    /// Number of Gaussians at the start.
+    pub fn initial_count(&self) -> usize {
+        self.initial_count
+    }
+
+    /// Total of [`StepReport::non_finite`](crate::fit::StepReport::non_finite) over the steps done.
+    pub fn non_finite(&self) -> u64 {
+        self.non_finite
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &FitSettings {
+        &self.settings
+    }
+
+    /// Whether the lengths of all columns agree; a damaged file may deserialise into a fit in which they
+    /// do not.
+    pub fn is_consistent(&self) -> bool {
+        let rows = self.parameters.len();
+        let Moments { first, second, visits } = &self.moments;
+        self.parameters.is_consistent()
+            && [first, second].iter().all(|moment| moment.has_shape_of(&self.parameters))
+            && visits.len() == rows
+            && self.density.screen_gradients.sums.len() == rows
+            && self.density.screen_gradients.images.len() == rows
+    }
+}

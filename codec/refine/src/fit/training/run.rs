@@ -1,0 +1,133 @@
+//! [`Run`]: the optimisation loop, step by step.
+
+use super::Fit;
+use crate::fit::backend::{Backend, DeviceError, StepConfig, StepReport};
+use crate::fit::density::DensityChange;
+use crate::fit::loss::Lpips;
+use crate::fit::optimizer::decay;
+use crate::fit::views::{RenderedImage, TrainingView};
+
+/// A fit in progress: a back end owns its training state.
+pub struct Run<'a> {
+    fit: Fit,
+    backend: &'a mut dyn Backend,
+    /// Number of Gaussians.
+    count: usize,
+    change: DensityChange,
+}
+
+impl<'a> Run<'a> {
+    /// Starts or continues `fit` on `backend`.
+    ///
+    /// # Errors
+    /// A [`DeviceError`] if the Gaussians do not fit on the device.
+    pub fn start(mut fit: Fit, backend: &'a mut dyn Backend) -> Result<Run<'a>, DeviceError> {
+        let count = fit.len();
+        backend.load(fit.take())?;
+        Ok(Run { fit, backend, count, change: DensityChange::default() })
+    }
+
+    /// Takes one step, on one of `views`. The order is a random permutation per epoch.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the run is then over.
+    ///
+    /// # Panics
+    /// If `views` is empty.
+    pub fn step(
+        &mut self,
+        views: &[&TrainingView],
+        lpips: Option<&Lpips<f32>>,
+    ) -> Result<StepReport, DeviceError> {
+        let fit = &mut self.fit;
+        let view = views[shuffled(fit.steps_done, views.len(), fit.settings.seed)];
+        let config = StepConfig {
+            rates: fit.rates.scaled(decay(fit.steps_done as usize, fit.settings.steps as usize)),
+            bounds: fit.bounds,
+            detach_tau: fit.settings.detach_tau,
+            lpips,
+        };
+        let report = self.backend.step(view, &config)?;
+        fit.non_finite += report.non_finite as u64;
+        fit.steps_done += 1;
+        self.change = DensityChange::default();
+        if fit.is_control_due(self.count) {
+            fit.put(self.backend.store()?);
+            self.change = fit.control();
+            self.count = fit.len();
+            self.backend.load(fit.take())?;
+        }
+        Ok(report)
+    }
+
+    /// Result of the capacity control after the last step; zeros if none was due.
+    pub fn density_change(&self) -> DensityChange {
+        self.change
+    }
+
+    /// Renders from the viewpoint of `view`.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    pub fn render(&mut self, view: &TrainingView) -> Result<RenderedImage<f32>, DeviceError> {
+        self.backend.render(&view.view())
+    }
+
+    /// Takes the fit back from the back end.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the steps since the run started are then lost.
+    pub fn pause(mut self) -> Result<Fit, DeviceError> {
+        self.fit.put(self.backend.store()?);
+        Ok(self.fit)
+    }
+
+    /// Name of the back end.
+    pub fn backend(&self) -> String {
+        self.backend.name()
+    }
+
+    /// Number of steps done.
+    pub fn steps_done(&self) -> u64 {
+        self.fit.steps_done()
+    }
+
+    /// Whether all steps are done.
+    pub fn is_done(&self) -> bool {
+        self.fit.is_done()
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+}
+
+/// Index in `0..count` for `step`: a random permutation per epoch of `count` steps.
+fn shuffled(step: u64, count: usize, seed: u64) -> usize {
+    let (epoch, place) = (step / count as u64, (step % count as u64) as usize);
+    let mut order: Vec<usize> = (0..count).collect();
+    fastrand::Rng::with_seed(seed ^ epoch.wrapping_mul(0x9e37_79b9_7f4a_7c15)).shuffle(&mut order);
+    order[place]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_epoch_visits_every_view_once() {
+        let epoch = |epoch: u64| -> Vec<usize> { (0..7).map(|i| shuffled(7 * epoch + i, 7, 3)).collect() };
+        for i in 0..5 {
+            let mut sorted = epoch(i);
+            sorted.sort_unstable();
+            assert_eq!(sorted, [0, 1, 2, 3, 4, 5, 6]);
+        }
+        assert_ne!(epoch(0), epoch(1), "in another order");
+    }
+}

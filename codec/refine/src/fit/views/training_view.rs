@@ -1,0 +1,23 @@
+//! [`TrainingView`]: one sample of the training set.
+
+use codec::Camera;
+
+use super::{FrameView, Photograph};
+
+/// A photograph with its camera and time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingView {
+    /// The camera; its image has the size of the photograph.
+    pub camera: Camera,
+    /// Time in frames; the first frame is 0.
+    pub frame: f64,
+    /// The photograph.
+    pub photograph: Photograph,
+}
+
+impl TrainingView {
+    /// Viewpoint from which the photograph was taken.
+    pub fn view(&self) -> FrameView<'_> {
+        FrameView { camera: &self.camera, frame: self.frame }
+    }
+}
