@@ -18,7 +18,7 @@ use program::Fault;
 use refine::prune::Ranking;
 use serde::Serialize;
 
-use crate::fit::{RefinementReport, Refinement};
+use crate::fit::{Refinement, RefinementReport};
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 use choose::choose;

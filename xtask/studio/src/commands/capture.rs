@@ -81,8 +81,7 @@ impl FrameSelection {
 /// The number of cameras and frames, and of photographs in each split, in one line.
 pub(crate) fn describe(footage: &Footage, holdout: Holdout) -> Result<String, Fault> {
     let cameras = &footage.capture.cameras;
-    let splits =
-        Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
+    let splits = Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
     let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
     let [train, interp_b, recon, interp_a] = Split::ALL.map(count);
     Ok(format!(
@@ -117,7 +116,9 @@ pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, F
 pub(crate) fn frame_rate(option: Option<f32>) -> f32 {
     static REPORT: Once = Once::new();
     option.unwrap_or_else(|| {
-        REPORT.call_once(|| eprintln!("note: --fps is not given: the frames are taken as {DEFAULT_FPS} a second"));
+        REPORT.call_once(|| {
+            eprintln!("note: --fps is not given: the frames are taken as {DEFAULT_FPS} a second")
+        });
         DEFAULT_FPS
     })
 }

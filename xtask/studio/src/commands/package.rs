@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::capture::Footage;
-use crate::fit::{self, RefinementReport, Refinement, Settings, Shots};
+use crate::fit::{self, Refinement, RefinementReport, Settings, Shots};
 use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
 use crate::playlist;
 use crate::scene::Scene;
@@ -437,7 +437,8 @@ fn print_choice(report: &Report) {
 
 /// What moving towards the photographs did.
 fn print_refined(report: &Report) {
-    let Some(RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
+    let Some(RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }) =
+        report.refined
     else {
         return;
     };

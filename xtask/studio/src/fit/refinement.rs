@@ -65,7 +65,10 @@ impl Refinement<'_> {
         let fit = run.pause()?;
         let photographs = train.len();
         let non_finite = fit.non_finite();
-        Ok((fit.to_field(), RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }))
+        Ok((
+            fit.to_field(),
+            RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite },
+        ))
     }
 }
 

@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::Settings;
 use super::coding::{Coded, finish, finishing_steps};
 use super::whole::{CODE_WORK, PICTURE_WORK, Whole, judging_shots, ranking_shots, scene_of};
-use crate::fit::{RefinementReport, Refinement};
+use crate::fit::{Refinement, RefinementReport};
 use crate::scene::Scene;
 
 /// Share in the progress of one picture of what is coded, which is larger than those that judge.
