@@ -30,7 +30,7 @@ Examples:
   cargo xtask package scene/ -o clip.aarc --budget 40000
   cargo xtask fit studio/ -o field.ply
 
-README.md says more.";
+xtask/README.md says more.";
 
 /// Works on the project, and makes, inspects and renders clips of 4D Gaussians.
 #[derive(Parser)]
@@ -46,6 +46,7 @@ enum Command {
     Bench(commands::bench::Args),
     Test(commands::test::Args),
     Apk(commands::apk::Args),
+    Notices(commands::notices::Args),
     Ci(commands::ci::Args),
     #[command(external_subcommand)]
     Studio(Vec<OsString>),
@@ -59,6 +60,7 @@ fn main() -> ExitCode {
         Command::Bench(args) => commands::bench::run(&args).map(done),
         Command::Test(args) => commands::test::run(&args).map(done),
         Command::Apk(args) => commands::apk::run(&args).map(done),
+        Command::Notices(args) => commands::notices::run(&args).map(done),
         Command::Ci(args) => commands::ci::run(&args).map(done),
         Command::Studio(args) => hand_over(&args),
     };
@@ -76,7 +78,7 @@ fn main() -> ExitCode {
 /// # Errors
 /// [`Fault::Device`] where it cannot be built or run.
 fn hand_over(args: &[OsString]) -> anyhow::Result<ExitCode> {
-    // What a report measures has to be optimised as what people play.
+    // A report measures run times, so it needs an optimised build.
     let profile = if args[0] == "report" { "release" } else { "dev" };
     let mut studio = workspace::studio(profile)?;
     studio.args(args);

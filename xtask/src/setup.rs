@@ -1,10 +1,10 @@
-//! Set-up: finds out what a command needs of the machine and installs what is missing.
+//! Set-up: detects missing system packages and installs them.
 //!
-//! A command names its needs, each with what it does without; [`satisfy`] looks for them, prints
-//! and installs what is missing where it may (as root, or with `sudo` that asks for no password),
-//! and otherwise prints the one command to run. What would not fit beside the machine's own packages
-//! is unpacked into a folder of this project instead, which anyone may. It never waits for an answer
-//! and never fails: whoever needs the thing finds out by using it.
+//! A command names its needs, each with the consequence of lacking it. [`satisfy`] prints what is
+//! missing and installs it, if it may (as root, or with `sudo` without a password); otherwise it prints
+//! the command to run. Packages that would conflict with the machine's own are unpacked into a folder of
+//! this project, which needs no privilege. The set-up never waits for an answer and never fails; the
+//! command fails later where it uses what is missing.
 
 mod android;
 mod apt;
@@ -19,37 +19,37 @@ use std::process::Command;
 
 use unpacked::Unpacked;
 
-/// Something that a command needs and Cargo cannot fetch.
+/// A requirement of a command that Cargo cannot fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Need {
     /// The Vulkan loader and at least one driver. Mesa's software driver serves any machine.
     Vulkan,
-    /// The X libraries that the desktop preview opens at run time.
+    /// The X libraries that the desktop window loads at run time.
     WindowLibraries,
-    /// An X server without a screen, for the tests of the desktop preview.
+    /// An X server without a screen, for the tests of the window.
     VirtualDisplay,
     /// A C++ compiler, for libFuzzer.
     CppCompiler,
-    /// An OpenXR runtime with a simulated headset, for the tests of the headset's path.
+    /// An OpenXR runtime with a simulated headset, for the headset tests.
     Headset,
-    /// A compiler that can check for Android.
+    /// A compiler for Android's target, to check with.
     AndroidCompiler,
-    /// Programs of Android that look at an APK.
+    /// Android's programs that check an APK.
     ApkTools,
-    /// A scheduler of clusters, for the test of many takes.
+    /// A cluster scheduler, for the test of job arrays.
     Slurm,
 }
 
-/// Where something comes from.
+/// Origin of a requirement.
 enum Source {
-    /// Packages to install, by their names in Debian and Ubuntu.
+    /// Packages to install, named as in Debian and Ubuntu.
     Installed(&'static [&'static str]),
-    /// A folder to make.
+    /// Packages to unpack into a folder.
     Unpacked(Unpacked),
 }
 
 impl Need {
-    fn what(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
             Need::Vulkan => "a Vulkan loader and driver",
             Need::WindowLibraries => "the X libraries of a window",
@@ -58,7 +58,7 @@ impl Need {
             Need::Headset => "Monado, an OpenXR runtime",
             Need::AndroidCompiler => "a Rust compiler with the source of its library",
             Need::ApkTools => "aapt, apksigner and zipalign",
-            Need::Slurm => "Slurm, a scheduler of clusters",
+            Need::Slurm => "Slurm, a cluster scheduler",
         }
     }
 
@@ -77,7 +77,7 @@ impl Need {
         })
     }
 
-    /// Whether the machine meets it.
+    /// Whether the machine has it.
     pub(crate) fn is_met(self) -> bool {
         match self {
             Need::Vulkan => {
@@ -95,28 +95,28 @@ impl Need {
             .all(|name| library_exists(name)),
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
-            Need::Headset => headset::runtime().is_there(),
-            Need::AndroidCompiler => android::compiler().is_there(),
-            Need::Slurm => slurm::scheduler().is_there(),
+            Need::Headset => headset::runtime().is_complete(),
+            Need::AndroidCompiler => android::compiler().is_complete(),
+            Need::Slurm => slurm::scheduler().is_complete(),
             Need::ApkTools => ["aapt", "apksigner", "zipalign"].into_iter().all(program_exists),
         }
     }
 }
 
-/// Installs those of the needs that the machine does not meet, as far as it may. Each need comes
-/// with what happens without it, which is printed where it stays unmet.
+/// Installs what is missing, as far as permitted. Each need comes with the consequence of lacking it,
+/// which is printed if it stays unmet.
 pub(crate) fn satisfy(needs: &[(Need, &str)]) {
     let missing = |needs: &[(Need, &str)]| -> Vec<Need> {
         needs.iter().map(|&(need, _)| need).filter(|need| !need.is_met()).collect()
     };
-    let wanted = missing(needs);
-    if wanted.is_empty() {
+    let missing_before = missing(needs);
+    if missing_before.is_empty() {
         return;
     }
     let mut packages: Vec<&str> = Vec::new();
     let mut folders = Vec::new();
-    for need in &wanted {
-        eprintln!("set-up: this machine lacks {}", need.what());
+    for need in &missing_before {
+        eprintln!("set-up: this machine lacks {}", need.name());
         match need.source() {
             Source::Installed(names) => packages.extend(names),
             Source::Unpacked(folder) => folders.push(folder),
@@ -131,24 +131,27 @@ pub(crate) fn satisfy(needs: &[(Need, &str)]) {
         }
     }
     for &(need, without) in needs {
-        if wanted.contains(&need) && !need.is_met() {
-            eprintln!("set-up: without {}, {without}", need.what());
+        if missing_before.contains(&need) && !need.is_met() {
+            eprintln!("set-up: without {}, {without}", need.name());
         }
     }
 }
 
-/// Installs the packages, or says how to.
+/// Installs the packages, or prints how to.
 fn install(packages: &[&str]) {
     if !program_exists("apt-get") {
-        eprintln!("set-up: install it as your system does; Debian calls the packages {}", packages.join(" "));
+        eprintln!(
+            "set-up: install it with your package manager; in Debian the packages are {}",
+            packages.join(" ")
+        );
     } else if let Some(privilege) = apt::Privilege::find() {
         apt::install(&privilege, packages);
     } else {
-        eprintln!("set-up: to install it, run\n\n    {}\n", apt::command_for_people(packages));
+        eprintln!("set-up: to install it, run\n\n    {}\n", apt::manual_command(packages));
     }
 }
 
-/// Whether a program of this name is on the path.
+/// Whether PATH contains a program of this name.
 fn program_exists(name: &str) -> bool {
     env::split_paths(&env::var_os("PATH").unwrap_or_default()).any(|folder| folder.join(name).is_file())
 }
@@ -159,7 +162,7 @@ fn library_exists(name: &str) -> bool {
     if env::split_paths(&paths).any(|folder| folder.join(name).is_file()) {
         return true;
     }
-    // Only root has the folder of `ldconfig` on its path.
+    // Only root's PATH contains the folder of `ldconfig`.
     ["ldconfig", "/sbin/ldconfig"].iter().any(|ldconfig| {
         Command::new(ldconfig).arg("-p").output().is_ok_and(|output| {
             String::from_utf8_lossy(&output.stdout)
@@ -169,8 +172,8 @@ fn library_exists(name: &str) -> bool {
     })
 }
 
-/// Files and folders in which the Vulkan loader looks for descriptions of drivers, in its order
-/// (the loader's documentation, "Driver Discovery on Linux").
+/// Files and folders in which the Vulkan loader looks for driver manifests, in its order (the loader's
+/// documentation, "Driver Discovery on Linux").
 fn driver_paths(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let list = |name: &str| -> Option<Vec<PathBuf>> {
         variable(name).filter(|value| !value.is_empty()).map(|value| env::split_paths(&value).collect())
@@ -194,14 +197,12 @@ fn driver_paths(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     paths
 }
 
-/// Whether one of the paths is a driver description or a folder that holds one.
+/// Whether one of the paths is a driver manifest or a folder that contains one.
 fn has_driver(paths: &[PathBuf]) -> bool {
-    let is_description = |path: &Path| path.extension().is_some_and(|end| end == "json") && path.is_file();
+    let is_manifest = |path: &Path| path.extension().is_some_and(|end| end == "json") && path.is_file();
     paths.iter().any(|path| {
-        is_description(path)
-            || path
-                .read_dir()
-                .is_ok_and(|entries| entries.flatten().any(|entry| is_description(&entry.path())))
+        is_manifest(path)
+            || path.read_dir().is_ok_and(|entries| entries.flatten().any(|entry| is_manifest(&entry.path())))
     })
 }
 
@@ -218,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn drivers_are_looked_for_where_the_loader_does() {
+    fn driver_paths_follow_the_vulkan_loader() {
         assert_eq!(
             paths_with(&[("HOME", "/home/ann")]),
             [
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_is_a_json_file_named_or_in_a_folder() {
+    fn a_driver_is_a_json_file_given_directly_or_in_a_folder() {
         let folder = tempfile::tempdir().unwrap();
         let description = folder.path().join("driver.json");
         assert!(!has_driver(&[folder.path().to_owned(), description.clone()]));
@@ -261,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn libraries_and_programs_are_told_from_absent_ones() {
+    fn absent_libraries_and_programs_are_detected() {
         assert!(library_exists("libc.so.6"));
         assert!(!library_exists("libnothing-of-this-name.so.1"));
         assert!(program_exists("sh"));

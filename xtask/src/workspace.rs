@@ -19,36 +19,35 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the workspace")
 }
 
-/// The folder for what the tool makes for itself; not under version control.
+/// Folder for build output and caches; not under version control.
 pub fn target_folder() -> PathBuf {
     root().join("target")
 }
 
-/// The folder in which the set-up puts an OpenXR runtime for tests. There is none, or a whole one.
+/// Folder of the OpenXR runtime for tests, which the set-up makes; complete, or absent.
 pub fn openxr_folder() -> PathBuf {
     target_folder().join("openxr")
 }
 
-/// The folder in which the set-up puts a compiler for Android to check with. There is none, or a
-/// whole one.
+/// Folder of the compiler that checks Android code, which the set-up makes; complete, or absent.
 pub fn android_compiler_folder() -> PathBuf {
     target_folder().join("android-compiler")
 }
 
-/// The folder in which the set-up puts a scheduler of clusters for a test. There is none, or a whole one.
+/// Folder of the cluster scheduler for a test, which the set-up makes; complete, or absent.
 pub fn slurm_folder() -> PathBuf {
     target_folder().join("slurm")
 }
 
-/// Cargo, to be run in the root of the repository: the one that runs this program, if one does.
+/// A Cargo command in the root of the repository: the Cargo that runs this program, or the one on PATH.
 pub fn cargo() -> Command {
     let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let mut command = Command::new(program);
     command.current_dir(root());
-    // Cargo tells the programs that it runs about their package in these. Build scripts below that
-    // look at them would run anew for every program that calls this, and what depends on them.
-    let is_told = |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
-    for (name, _) in env::vars_os().filter(|(name, _)| name.to_str().is_some_and(is_told)) {
+    // Cargo sets these for the programs it runs. Build scripts that depend on them would run again for
+    // every calling program, and rebuild their dependents.
+    let is_of_package = |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
+    for (name, _) in env::vars_os().filter(|(name, _)| name.to_str().is_some_and(is_of_package)) {
         command.env_remove(name);
     }
     command
@@ -112,8 +111,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cargo_is_not_told_of_the_package_that_runs_it() {
-        // Cargo tells tests of theirs.
+    fn cargo_does_not_inherit_the_package_variables() {
+        // Cargo sets CARGO_PKG_NAME for tests.
         let is_removed =
             |(name, value): (&OsStr, Option<&OsStr>)| name == "CARGO_PKG_NAME" && value.is_none();
         assert!(cargo().get_envs().any(is_removed));

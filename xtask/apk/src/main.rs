@@ -1,4 +1,4 @@
-//! Packs, signs and checks the APK of the player, from parts that `cargo xtask apk` has made.
+//! Packs, signs and checks the APK of the player from the parts that `cargo xtask apk` makes.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,19 +16,22 @@ struct Args {
     /// The launcher's icon, a PNG of 192x192 pixels.
     #[arg(long, value_name = "FILE")]
     icon: PathBuf,
-    /// The player, lib*.so for 64-bit ARM, named as the manifest names it.
+    /// The player, lib*.so for 64-bit ARM, with the name in the manifest.
     #[arg(long, value_name = "FILE")]
     library: PathBuf,
     /// libopenxr_loader.so for 64-bit ARM.
     #[arg(long, value_name = "FILE")]
     openxr_loader: PathBuf,
-    /// A clip to take along, as an asset of its name.
+    /// A clip, added as an asset of its name.
     #[arg(long, value_name = "FILE")]
     clip: PathBuf,
+    /// Licences of everything in the APK, added as an asset of its name.
+    #[arg(long, value_name = "FILE")]
+    notices: PathBuf,
     /// Version of the player, MAJOR.MINOR.PATCH.
     #[arg(long, value_name = "VERSION")]
     app_version: String,
-    /// Key and certificate to sign with for trying out, PEM; made if it is not there.
+    /// Debug key and certificate, PEM; made if missing.
     #[arg(long, value_name = "FILE", required_unless_present = "keystore")]
     debug_key: Option<PathBuf>,
     /// Keystore to sign with, .p12 or .jks with one key; its password is in APK_KEYSTORE_PASSWORD.
@@ -65,6 +68,7 @@ fn run(args: &Args) -> anyhow::Result<()> {
         library: &args.library,
         openxr_loader: &args.openxr_loader,
         clip: &args.clip,
+        notices: &args.notices,
         version: &args.app_version,
     };
     package::write(&parts, identity, &args.out)?;

@@ -1,7 +1,7 @@
-//! Writes an APK that Android maps as it is, and looks at what was written.
+//! Writes an APK that Android maps without copying, and checks it.
 //!
-//! Libraries lie uncompressed on boundaries of 16 KiB, the clip uncompressed, so that neither is
-//! copied on the device. The same parts and key give the same bytes.
+//! Libraries are stored uncompressed and aligned to 16 KiB, the clip uncompressed, so that the device
+//! copies neither. The same parts and key give the same bytes.
 
 use std::fmt::{self, Write as _};
 use std::fs;
@@ -12,7 +12,7 @@ use apk::archive::EntryOptions;
 use apk::native::{ElfInfo, NATIVE_ACTIVITY_ENTRY};
 use apk::prelude::*;
 
-/// What goes into the APK.
+/// Contents of an APK.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts<'a> {
     /// AndroidManifest.xml as text, without versions.
@@ -23,8 +23,10 @@ pub struct Parts<'a> {
     pub library: &'a Path,
     /// The OpenXR loader for 64-bit ARM.
     pub openxr_loader: &'a Path,
-    /// A clip, which becomes an asset of its name.
+    /// A clip, an asset of its name.
     pub clip: &'a Path,
+    /// Licences of everything in the APK, an asset of its name.
+    pub notices: &'a Path,
     /// MAJOR.MINOR.PATCH.
     pub version: &'a str,
 }
@@ -32,18 +34,16 @@ pub struct Parts<'a> {
 /// Writes the APK, whole or not at all.
 ///
 /// # Errors
-/// If a part cannot be read or does not fit, as a library of another machine, one that is not laid
-/// out for pages of 16 KiB, lacks the entry point, or needs what neither the APK nor Android has.
+/// If a part cannot be read, or a library is for another machine, is not aligned to 16 KiB, lacks the
+/// entry point, or needs a library that neither the APK nor Android has.
 pub fn write(parts: &Parts<'_>, identity: SigningIdentity, out: &Path) -> anyhow::Result<()> {
     let manifest = fs::read_to_string(parts.manifest).with_context(|| at(parts.manifest))?;
     let manifest = Manifest::parse(&manifest).with_context(|| at(parts.manifest))?;
-    let clip_name = parts.clip.file_name().and_then(|name| name.to_str()).context("the clip has no name")?;
-    let clip_path = ArchivePath::try_new(format!("assets/{clip_name}"))?;
-    let clip = fs::read(parts.clip).with_context(|| at(parts.clip))?;
     let mut app = ApkBuilder::new(manifest);
     app.version(VersionCode::try_new(version_code(parts.version)?)?, parts.version)
-        .icon(Density::XXXHDPI, fs::read(parts.icon).with_context(|| at(parts.icon))?)?
-        .file(clip_path, clip, Some(EntryOptions::STORED))?
+        .icon(Density::XXXHDPI, read(parts.icon)?)?
+        .file(asset(parts.clip)?, read(parts.clip)?, Some(EntryOptions::STORED))?
+        .file(asset(parts.notices)?, read(parts.notices)?, None)?
         .native_library(Abi::Arm64V8a, parts.library)
         .with_context(|| at(parts.library))?
         .native_library(Abi::Arm64V8a, parts.openxr_loader)
@@ -52,7 +52,17 @@ pub fn write(parts: &Parts<'_>, identity: SigningIdentity, out: &Path) -> anyhow
     Ok(app.write(out)?)
 }
 
-/// A number that grows with the version, which Android compares.
+/// Path in the APK of an asset.
+fn asset(file: &Path) -> anyhow::Result<ArchivePath> {
+    let name = file.file_name().and_then(|name| name.to_str()).context("the asset has no name")?;
+    Ok(ArchivePath::try_new(format!("assets/{name}"))?)
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    fs::read(path).with_context(|| at(path))
+}
+
+/// A number that grows with the version; Android compares it.
 fn version_code(version: &str) -> anyhow::Result<u32> {
     let numbers: Option<Vec<u32>> = version.split('.').map(|number| number.parse().ok()).collect();
     match numbers.as_deref() {
@@ -63,28 +73,27 @@ fn version_code(version: &str) -> anyhow::Result<u32> {
     }
 }
 
-/// What an APK holds, as far as it matters to whoever installs it.
+/// Contents of an APK that was read back.
 #[derive(Clone, Debug)]
 pub struct Contents {
-    /// Name of the package, as `adb` takes it.
+    /// Name of the package, for `adb`.
     pub package: String,
-    /// Version for people.
+    /// Version name.
     pub version: String,
-    /// Signature schemes that hold.
+    /// Valid signature schemes.
     pub schemes: Schemes,
-    /// Who signed.
+    /// Subject of the signing certificate.
     pub signer: String,
     /// Size of the APK in bytes.
     pub bytes: u64,
-    /// Names and sizes in bytes of the libraries, and what each needs.
+    /// Libraries: name, size in bytes, needed libraries.
     pub libraries: Vec<(String, usize, Vec<String>)>,
 }
 
 /// Reads an APK back: its signature, its manifest, its libraries.
 ///
 /// # Errors
-/// If the signature does not hold, or the library that the manifest starts is not there or cannot
-/// be started.
+/// If the signature is invalid, or the library that the manifest starts is missing or cannot start.
 pub fn check(path: &Path) -> anyhow::Result<Contents> {
     let verified = verify(path).with_context(|| at(path))?;
     let mut apk = Apk::open(path)?;

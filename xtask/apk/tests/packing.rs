@@ -1,4 +1,4 @@
-//! An APK of stub libraries, read back: what Android, the headset and the OpenXR loader ask of it.
+//! An APK of stub libraries, read back: requirements of Android, the headset and the OpenXR loader.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -10,14 +10,14 @@ use apk_packer::package::{Contents, Parts, check, write};
 use tempfile::TempDir;
 use zip::CompressionMethod;
 
-const CLIP: &[u8] = b"not a clip, but as good as one to whoever packs it";
+const CLIP: &[u8] = b"not a clip, but the packer does not look inside";
 
 /// Machines in the header of an ELF file.
 const AARCH64: u16 = 183;
 const X86_64: u16 = 62;
 
-/// A shared library that exports one function and needs others: the least of an ELF file that
-/// says so, in one segment of the given alignment.
+/// A minimal ELF shared library that exports one function and needs others, in one segment of the
+/// given alignment.
 fn library(machine: u16, alignment: u64, export: &str, needed: &[&str]) -> Vec<u8> {
     let mut names = vec![0u8];
     let mut name = |text: &str| {
@@ -41,13 +41,13 @@ fn library(machine: u16, alignment: u64, export: &str, needed: &[&str]) -> Vec<u
     // The file: 64 bits, little-endian, a shared object of this machine, two program headers.
     put(&[(0x0001_0102_464c_457f, 8), (0, 8), (3, 2), (machine.into(), 2), (1, 4), (0, 8), (64, 8), (0, 8)]);
     put(&[(0, 4), (64, 2), (56, 2), (2, 2), (64, 2), (0, 2), (0, 2)]);
-    // All of it is loaded; part of it is the dynamic section.
+    // The whole file is loaded; part of it is the dynamic section.
     put(&[(1, 4), (5, 4), (0, 8), (0, 8), (0, 8), (end, 8), (end, 8), (alignment, 8)]);
     let size = strings - DYNAMIC;
     put(&[(2, 4), (6, 4), (DYNAMIC, 8), (DYNAMIC, 8), (DYNAMIC, 8), (size, 8), (size, 8), (8, 8)]);
-    // Symbols: none, and a global function at the start of the file.
+    // Symbols: the empty one, and a global function at the start of the file.
     put(&[(0, 24 / 3), (0, 8), (0, 8), (export, 4), (0x12, 1), (0, 1), (1, 2), (64, 8), (4, 8)]);
-    // A hash table of one bucket, that both are in; padding.
+    // A hash table with one bucket for both; padding.
     put(&[(1, 4), (2, 4), (1, 4), (0, 4), (0, 4), (0, 4)]);
     needed.iter().for_each(|&name| put(&[(1, 8), (name, 8)]));
     let size = names.len() as u64;
@@ -73,6 +73,7 @@ impl Workshop {
         workshop.put("libclient.so", &player);
         workshop.put("libopenxr_loader.so", &library(AARCH64, 0x4000, "xrGetInstanceProcAddr", &["libc.so"]));
         workshop.put("demo.aarc", CLIP);
+        workshop.put("NOTICES.txt", b"licences");
         workshop
     }
 
@@ -86,14 +87,15 @@ impl Workshop {
 
     fn pack(&self, out: &str) -> anyhow::Result<Contents> {
         let android = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../android");
-        let [library, openxr_loader, clip, out] =
-            ["libclient.so", "libopenxr_loader.so", "demo.aarc", out].map(|name| self.path(name));
+        let [library, openxr_loader, clip, notices, out] =
+            ["libclient.so", "libopenxr_loader.so", "demo.aarc", "NOTICES.txt", out].map(|name| self.path(name));
         let parts = Parts {
             manifest: &android.join("AndroidManifest.xml"),
             icon: &android.join("icon.png"),
             library: &library,
             openxr_loader: &openxr_loader,
             clip: &clip,
+            notices: &notices,
             version: "1.2.3",
         };
         write(&parts, for_debugging(&self.path("key.pem"))?, &out)?;
@@ -102,7 +104,7 @@ impl Workshop {
 }
 
 #[test]
-fn the_apk_is_signed_aligned_and_whole() {
+fn the_apk_is_signed_aligned_and_complete() {
     let workshop = Workshop::new();
     let contents = workshop.pack("a.apk").unwrap();
     assert_eq!(contents.schemes, Schemes::V2 | Schemes::V3);
@@ -121,12 +123,13 @@ fn the_apk_is_signed_aligned_and_whole() {
         assert_eq!((start % 0x4000, compression), (0, CompressionMethod::Stored), "{name} can be mapped");
     }
     assert_eq!(place("assets/demo.aarc").1, CompressionMethod::Stored);
+    place("assets/NOTICES.txt");
     let bytes = fs::read(workshop.path("a.apk")).unwrap();
-    assert!(bytes.windows(CLIP.len()).any(|window| window == CLIP), "the clip lies there as it is");
+    assert!(bytes.windows(CLIP.len()).any(|window| window == CLIP), "the clip is stored uncompressed");
 }
 
 #[test]
-fn the_manifest_says_what_a_headset_asks_for() {
+fn the_manifest_meets_the_requirements_of_headsets() {
     let workshop = Workshop::new();
     workshop.pack("a.apk").unwrap();
     let manifest = Apk::open(workshop.path("a.apk")).unwrap().manifest().unwrap();
@@ -177,23 +180,23 @@ fn a_changed_byte_breaks_the_signature() {
 }
 
 #[test]
-fn libraries_that_would_not_start_are_refused() {
+fn libraries_that_cannot_start_are_refused() {
     const ENTRY: &str = "ANativeActivity_onCreate";
     for (what, bytes) in [
         ("another machine", library(X86_64, 0x4000, ENTRY, &["libc.so"])),
         ("pages of 4 KiB", library(AARCH64, 0x1000, ENTRY, &["libc.so"])),
         ("no entry point", library(AARCH64, 0x4000, "main", &["libc.so"])),
-        ("a library that Android has not", library(AARCH64, 0x4000, ENTRY, &["libstdc++.so.6"])),
+        ("a library that Android lacks", library(AARCH64, 0x4000, ENTRY, &["libstdc++.so.6"])),
         ("no library", b"#!/bin/sh".to_vec()),
     ] {
         let workshop = Workshop::new();
         workshop.put("libclient.so", &bytes);
         assert!(workshop.pack("a.apk").is_err(), "{what}");
-        assert!(!workshop.path("a.apk").exists(), "{what}: nothing is left behind");
+        assert!(!workshop.path("a.apk").exists(), "{what}: leaves no file behind");
     }
 }
 
-/// What a program prints about a file, which it is to find nothing wrong with.
+/// Output of a program that must accept a file.
 fn output_of(program: &str, args: &[&str], file: &Path) -> String {
     let output = Command::new(program).args(args).arg(file).output();
     let output = output.unwrap_or_else(|error| panic!("{program} cannot be run: {error}"));
@@ -203,10 +206,10 @@ fn output_of(program: &str, args: &[&str], file: &Path) -> String {
     text
 }
 
-/// Packs the library that `PLAYER_LIBRARY` names, or the stub where it names none.
+/// Packs the library at `PLAYER_LIBRARY`, or the stub without it.
 #[test]
-#[ignore = "needs aapt, apksigner and zipalign; `cargo xtask ci` runs it where they are"]
-fn programs_of_android_find_the_apk_in_order() {
+#[ignore = "needs aapt, apksigner and zipalign; `cargo xtask ci` runs it if they are installed"]
+fn android_tools_accept_the_apk() {
     let workshop = Workshop::new();
     if let Some(library) = std::env::var_os("PLAYER_LIBRARY") {
         fs::copy(library, workshop.path("libclient.so")).unwrap();
@@ -237,7 +240,7 @@ fn programs_of_android_find_the_apk_in_order() {
         Command::new("aapt").args(["dump", "xmltree"]).arg(&apk).arg("AndroidManifest.xml").output();
     let manifest = String::from_utf8(manifest.unwrap().stdout).unwrap();
     let activity = manifest.split("E: activity").nth(1).expect("there is an activity");
-    // True and false are all ones and zero.
+    // True is all ones, false zero.
     has(
         activity,
         &["android:exported(0x01010010)=(type 0x12)0xffffffff", "\"android.app.lib_name\"", "\"client\""],
@@ -245,7 +248,7 @@ fn programs_of_android_find_the_apk_in_order() {
     has(&manifest, &["android:extractNativeLibs(0x010104ea)=(type 0x12)0x0"]);
 
     output_of("zipalign", &["-c", "4"], &apk);
-    // That of 16 KiB is asked of libraries only, so the whole is not found in order.
+    // Only libraries must be aligned to 16 KiB, so zipalign reports the APK as a whole as unaligned.
     let alignment = Command::new("zipalign").args(["-c", "-v", "16384"]).arg(&apk).output().unwrap();
     let alignment = String::from_utf8(alignment.stdout).unwrap();
     for name in ["lib/arm64-v8a/libclient.so", "lib/arm64-v8a/libopenxr_loader.so"] {

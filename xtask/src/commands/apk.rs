@@ -1,8 +1,8 @@
 //! `cargo xtask apk`: the player as an APK for headsets, signed and ready for `adb install`.
 //!
-//! Builds the player's library with the Android NDK, puts an OpenXR loader and the demo clip beside
-//! it and has the packer, a workspace of its own in xtask/apk, sign and check the whole. Looks for
-//! everything first, so that one error names all that is missing.
+//! Builds the player's library with the Android NDK, adds an OpenXR loader, the demo clip and the
+//! licences, and runs the packer, a workspace of its own in xtask/apk, which signs and checks the APK.
+//! Looks for all prerequisites first, so that one error names everything missing.
 
 use std::borrow::Cow;
 use std::env;
@@ -15,43 +15,55 @@ use anyhow::Context;
 use program::Fault;
 use xtask::workspace;
 
-/// What the player is built for.
+use super::notices::notices;
+
+/// The target that the player is built for.
 pub(super) const TARGET: &str = "aarch64-linux-android";
 
-/// The oldest Android that the APK runs on, as the manifest says.
+/// Oldest Android API level that the APK runs on; the manifest repeats it.
 pub(super) const API_LEVEL: u32 = 29;
 
-/// Largest size of a page in bytes that a library must be laid out for.
+/// Largest page size in bytes that a library must be aligned to.
 pub(super) const PAGE_BYTES: u32 = 16384;
 
 /// The player's library.
 pub(super) const LIBRARY: &str = "libclient.so";
 
-/// Name of the loader's library in an APK, and the end of its path in archives.
+/// The loader's file name in an APK, and the end of its path in archives.
 const LOADER: &str = "libopenxr_loader.so";
 const LOADER_IN_ARCHIVE: &str = "arm64-v8a/libopenxr_loader.so";
 
+/// The player's features on Android.
+const FEATURES: [&str; 3] = ["--no-default-features", "--features", "net,xr"];
+
+/// Notice of the loader, which Khronos builds.
+const LOADER_NOTICE: &str = "
+==== OpenXR loader ====
+
+Copyright The Khronos Group Inc., Apache-2.0 (text above). It contains JsonCpp, jnipp and
+android-jni-wrappers; their notices are at https://github.com/KhronosGroup/OpenXR-SDK-Source.
+";
+
 /// Build the player as a signed APK for headsets.
 ///
-/// Signed with the keystore that APK_KEYSTORE names (.p12 or .jks with one key, its password in
-/// APK_KEYSTORE_PASSWORD), and without one with a key for trying out, which is made on first use and
-/// kept in android/debug-key.pem. Android installs an update only if the same key signed it.
+/// APK_KEYSTORE names the keystore to sign with (.p12 or .jks with one key), APK_KEYSTORE_PASSWORD holds
+/// its password. Without them a debug key signs, made on first use and stored in android/debug-key.pem.
+/// Android installs an update only if the same key signed it.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Optimise, as for anything to be watched.
+    /// Optimise [default: the development profile]
     #[arg(long)]
     release: bool,
 
-    /// libopenxr_loader.so for 64-bit ARM, or Khronos's .aar that holds it [default: what
-    /// OPENXR_LOADER names].
+    /// libopenxr_loader.so for 64-bit ARM, or Khronos's .aar that contains it [default: OPENXR_LOADER]
     #[arg(long, value_name = "FILE")]
     openxr_loader: Option<PathBuf>,
 
-    /// Pack this build of the player's library instead of building it.
+    /// Pack this build of the player's library instead of building it
     #[arg(long, value_name = "FILE.so", conflicts_with = "release")]
     library: Option<PathBuf>,
 
-    /// The APK to write.
+    /// APK to write
     #[arg(short, long, value_name = "FILE.apk", default_value = "aarc.apk")]
     out: PathBuf,
 }
@@ -86,22 +98,25 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let library_part = parts.join(LIBRARY);
     fs::copy(&library, &library_part)
         .map_err(|error| Fault::Data(format!("{}: {error}", library.display())))?;
-    pack(&library_part, &loader_part, &args.out)?;
+    let notices_part = parts.join("NOTICES.txt");
+    let notices = notices(&[&["--package", "client"], &FEATURES[..]].concat(), TARGET)?;
+    fs::write(&notices_part, notices + LOADER_NOTICE).with_context(|| notices_part.display().to_string())?;
+    pack(&library_part, &loader_part, &notices_part, &args.out)?;
     println!("adb install -r {}", args.out.display());
     Ok(())
 }
 
-/// What builds for Android.
+/// Rust's Android target and the Android NDK.
 struct Toolchain {
-    /// The folder of the NDK's programs.
+    /// Folder of the NDK's programs.
     programs: PathBuf,
 }
 
 impl Toolchain {
-    /// Looks for Rust's target and the NDK.
+    /// Finds both.
     ///
     /// # Errors
-    /// All that is missing, and what to do about it.
+    /// One sentence for each missing part, with the remedy.
     fn find() -> Result<Toolchain, Vec<String>> {
         let mut missing = Vec::new();
         let library = Command::new("rustc")
@@ -136,7 +151,8 @@ impl Toolchain {
         let page_flag = format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}");
         let status = workspace::cargo()
             .args(["rustc", "--package", "client", "--lib", "--crate-type", "cdylib", "--target", TARGET])
-            .args(["--no-default-features", "--features", "net,xr", "--profile", profile, "--locked"])
+            .args(FEATURES)
+            .args(["--profile", profile, "--locked"])
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", &compiler)
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", page_flag)
             .env("CC_aarch64_linux_android", &compiler)
@@ -163,7 +179,7 @@ fn programs_of(ndk: &Path) -> Result<PathBuf, String> {
     })
 }
 
-/// Copies the loader's library, which `from` is or holds.
+/// Copies the loader's library from `from`, the library itself or an archive that contains it.
 fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
     let bad = |what: String| Fault::Data(format!("{}: {what}", from.display()));
     let mut file = File::open(from).map_err(|error| bad(error.to_string()))?;
@@ -174,7 +190,7 @@ fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
             let name = name.map(Cow::into_owned);
             let name = name.ok_or_else(|| bad(format!("holds no {LOADER_IN_ARCHIVE}")))?;
             let entry = archive.by_name(&name).map_err(|error| bad(error.to_string()))?;
-            // Those of Khronos are of about a megabyte.
+            // Khronos's loaders have about a megabyte.
             entry.take(64 << 20).read_to_end(&mut bytes).map_err(|error| bad(error.to_string()))?;
         }
         Err(_) => bytes = fs::read(from).map_err(|error| bad(error.to_string()))?,
@@ -185,8 +201,8 @@ fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
     fs::write(to, bytes).map_err(|error| Fault::Usage(format!("{}: {error}", to.display())))
 }
 
-/// Has the packer make the APK.
-fn pack(library: &Path, loader: &Path, out: &Path) -> anyhow::Result<()> {
+/// Runs the packer.
+fn pack(library: &Path, loader: &Path, notices: &Path, out: &Path) -> anyhow::Result<()> {
     let root = workspace::root();
     let out = env::current_dir()?.join(out);
     let mut packer = workspace::cargo();
@@ -203,6 +219,8 @@ fn pack(library: &Path, loader: &Path, out: &Path) -> anyhow::Result<()> {
         .arg(loader)
         .arg("--clip")
         .arg(root.join("assets/demo.aarc"))
+        .arg("--notices")
+        .arg(notices)
         .arg("--out")
         .arg(&out);
     match env::var_os("APK_KEYSTORE") {

@@ -1,7 +1,7 @@
-//! `cargo xtask bench`: the benches as one table, then what can be counted instead of timed.
+//! `cargo xtask bench`: the benches as one table, then counts.
 //!
-//! Times depend on the machine, which is named above them. Counts do not: they are taken of the
-//! real clip where its data lies beside the repository, else of the demo clip.
+//! Times depend on the machine, which the header names. Counts do not. They are of the real clip if its
+//! data is beside the repository, else of the demo clip.
 
 use std::fs;
 use std::io;
@@ -28,13 +28,13 @@ const TIMES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// The player's benches need no window, which takes longer to build than all else.
 const WITHOUT_WINDOW: &str = "--no-default-features";
 
-/// Run the benches and print one table, then the counts that do not depend on the machine.
+/// Run the benches and print one table, then machine-independent counts
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
 pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
-    // In a folder of their own, so that no result of an earlier run is among them.
+    // A fresh folder, so that it holds no results of earlier runs.
     let results = folder.path().join("criterion");
     run_benches(&results)?;
     let benches = read_results(&results)?;
@@ -56,20 +56,20 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A bench and what it measured.
+/// A bench and its result.
 struct Bench {
     id: Id,
     estimates: Estimates,
 }
 
-/// Criterion's `benchmark.json`, as far as it is used.
+/// The fields of Criterion's `benchmark.json` that are used.
 #[derive(Deserialize)]
 struct Id {
     full_id: String,
     throughput: Option<Value>,
 }
 
-/// Criterion's `estimates.json`, as far as it is used: nanoseconds per iteration.
+/// The fields of Criterion's `estimates.json` that are used, in nanoseconds per iteration.
 #[derive(Deserialize)]
 struct Estimates {
     median: Estimate,
@@ -81,7 +81,7 @@ struct Estimate {
     point_estimate: f64,
 }
 
-/// Runs the benches of the packages that have some. Their results go to the folder `results`.
+/// Runs the benches of all packages that have some, with results in the folder `results`.
 fn run_benches(results: &Path) -> anyhow::Result<()> {
     let status = workspace::cargo()
         .args(["bench", "--package", "codec", "--package", "refine", "--package", "client", "--bench", "*"])
@@ -97,7 +97,7 @@ fn run_benches(results: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Reads what Criterion left in `results` and the folders in it, by name of the bench.
+/// Reads Criterion's results in `results` and its subfolders, sorted by name of the bench.
 fn read_results(results: &Path) -> anyhow::Result<Vec<Bench>> {
     let mut benches = Vec::new();
     let mut folders = vec![results.to_owned()];
@@ -117,7 +117,7 @@ fn read_results(results: &Path) -> anyhow::Result<Vec<Bench>> {
 }
 
 impl Bench {
-    /// Its row of the table.
+    /// Row of the table.
     fn row(&self) -> String {
         let median = self.estimates.median.point_estimate;
         let spread = self.estimates.median_abs_dev.point_estimate;
@@ -127,14 +127,14 @@ impl Bench {
         format!("{:<40}{median:>12}{spread:>12}{throughput:>16}", self.id.full_id)
     }
 
-    /// Bytes that one iteration works through, where the bench says it.
+    /// Bytes per iteration, if the bench declares them.
     fn bytes(&self) -> Option<f64> {
         let throughput = self.id.throughput.as_ref()?;
         [&throughput["Bytes"], &throughput["ElementsAndBytes"]["bytes"]].into_iter().find_map(Value::as_f64)
     }
 }
 
-/// Nanoseconds in a readable unit.
+/// Formats nanoseconds in a readable unit.
 fn duration(ns: f64) -> String {
     match ns {
         ns if ns >= 1e9 => format!("{:.2} s", ns * 1e-9),
@@ -221,7 +221,7 @@ fn print_counts(clip: &Clip, counts: &Value, stats: Option<&Value>) {
         number(&clip.report["self_psnr_db"]),
     );
     println!(
-        "fragments in quads that reach to alpha 1/255 (exact), at most to 2 sqrt 2 sigma (capped), always to \
+        "fragments in quads that extend to alpha 1/255 (exact), at most to 2 sqrt 2 sigma (capped), always to \
          2 sqrt 2 sigma (fixed)"
     );
     println!(
@@ -254,7 +254,7 @@ fn text(value: &Value) -> &str {
 mod tests {
     use super::*;
 
-    /// What Criterion 0.8 writes, shortened where it is not used.
+    /// Criterion 0.8's files, without unused fields.
     #[test]
     fn results_become_rows() {
         let results = tempfile::tempdir().unwrap();
@@ -280,7 +280,7 @@ mod tests {
         let words: Vec<Vec<&str>> = rows.iter().map(|row| row.split_whitespace().collect()).collect();
         assert_eq!(words[0], ["codec/sh0/decode", "5.00", "ms", "+-25.00", "us", "200.0", "MB/s"]);
         assert_eq!(words[1], ["sort/40k", "380.00", "us", "+-25.00", "us"]);
-        assert_eq!(rows.len(), 2, "one row a bench, that of the last run");
+        assert_eq!(rows.len(), 2, "one row per bench, of the last run");
     }
 
     #[test]

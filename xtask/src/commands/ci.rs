@@ -1,6 +1,6 @@
 //! `cargo xtask ci`: the checks that only contributors need.
 //!
-//! Every step runs, also after one has failed, so that one run shows every failure. Steps of the
+//! Every step runs, even after a failure, so that one run shows all problems. Steps of the
 //! workspace run beside those of the workspaces with target folders of their own: while one links or
 //! tests on one core, the other compiles. The rules of the sources (which crate may name what, where
 //! `unsafe` is allowed) are tests and run with `cargo xtask test`. Checks that this machine cannot run
@@ -46,16 +46,15 @@ const FEATURE_SETS: [(&str, &[&str]); 9] = [
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
-/// The packages of the workspace in codec/fuzz, with the folder of each, the program that writes what
-/// to start from, and those that look for inputs that break something.
+/// Packages of the workspace codec/fuzz: name, folder, the program that writes the seeds, the fuzz
+/// targets.
 const FUZZERS: [(&str, &str, &str, &[&str]); 2] = [
     ("codec-fuzz", "codec/fuzz", "seeds", &["decode", "roundtrip"]),
     ("aarc-fuzz", "tests/fuzz", "tool-seeds", &["import", "scene", "capture", "net"]),
 ];
 
-/// How long each looks, on one core, from what random numbers, so that luck does not fail a change,
-/// and what it may use: bytes of an input, seconds for one, MB of memory. The workspace limits the
-/// address space.
+/// Seconds per target, on one core; a fixed seed, so that runs are comparable; limits of input bytes,
+/// seconds per input and MB of memory. The workspace limits the address space.
 const FUZZ_LIMITS: [&str; 5] =
     ["-max_total_time=20", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
 
@@ -145,14 +144,13 @@ impl Steps {
         passed
     }
 
-    /// Notes a step that cannot be run, and why.
+    /// Records a step that cannot run, and why.
     fn skip(&mut self, name: &str, reason: &str) {
         self.skipped.push(format!("{name}: {reason}"));
     }
 }
 
-/// Checks the packer of APKs, a workspace of its own: its tests pack stub libraries and read the
-/// APK back.
+/// Checks the APK packer, a workspace of its own: its tests pack stub libraries and read the APK back.
 fn packer(steps: &mut Steps) {
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
@@ -165,15 +163,15 @@ fn packer(steps: &mut Steps) {
     steps.run("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
 }
 
-/// Checks the sources of codec/fuzz, a workspace of its own, and runs its targets from the seeds
-/// that they write, what earlier runs found and the committed regressions. An input that breaks one
-/// is left in target/fuzz, under the path that is printed.
+/// Checks codec/fuzz, a workspace of its own, and runs its targets from their seeds, earlier corpora and
+/// the committed regressions. An input that breaks a target is written to target/fuzz; libFuzzer prints
+/// its path.
 fn fuzz(steps: &mut Steps) {
     let folder = workspace::root().join("codec/fuzz");
     let out = workspace::target_folder().join("fuzz");
     let cargo = |args: &[&str]| {
         let mut cargo = workspace::cargo();
-        // These flags would take the place of those that fuzzing needs.
+        // These would override the flags that fuzzing needs.
         cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         cargo
     };
@@ -204,8 +202,8 @@ fn fuzz(steps: &mut Steps) {
     }
 }
 
-/// Checks licences, sources and known vulnerabilities of dependencies where cargo-deny is installed,
-/// which takes longer to build than everything here. Licences and sources are also tested without.
+/// Checks licences, sources and known vulnerabilities of dependencies, if cargo-deny is installed; its
+/// build would take longer than everything here. A test checks licences and sources without it.
 fn deny(steps: &mut Steps) {
     let is_there = workspace::cargo().args(["deny", "--version"]).output();
     if !is_there.is_ok_and(|output| output.status.success()) {
@@ -213,7 +211,7 @@ fn deny(steps: &mut Steps) {
         return;
     }
     steps.run("dependencies", workspace::cargo().args(["deny", "check", "bans", "licenses", "sources"]));
-    // Their list comes over the network: without one, an older list would pass what is known by now.
+    // Without the network, an outdated list would miss newer vulnerabilities.
     let fetched =
         workspace::cargo().args(["deny", "fetch", "db"]).status().is_ok_and(|status| status.success());
     if fetched {
@@ -222,13 +220,12 @@ fn deny(steps: &mut Steps) {
             workspace::cargo().args(["deny", "check", "advisories"]),
         );
     } else {
-        steps.skip("known vulnerabilities of dependencies", "their list cannot be fetched");
+        steps.skip("known vulnerabilities of dependencies", "the list cannot be downloaded");
     }
 }
 
-/// Compiles the workspace, without its tests and optional features, with the oldest Rust that the
-/// packages say they need, where this one is newer. The other workspaces are not: their
-/// `rust-version` is only held to the same.
+/// Compiles the workspace, without tests and optional features, with the oldest supported Rust, if the
+/// current one is newer. Of the other workspaces only the `rust-version` is checked, by a test.
 fn oldest_rust(steps: &mut Steps) {
     let oldest = env!("CARGO_PKG_RUST_VERSION");
     let version = Command::new("rustc").arg("--version").output();
@@ -240,7 +237,7 @@ fn oldest_rust(steps: &mut Steps) {
     let name = format!("the workspace with the oldest Rust, {oldest}");
     let has_it = Command::new("rustup").args(["run", oldest, "rustc", "--version"]).output();
     if !has_it.is_ok_and(|output| output.status.success()) {
-        steps.skip(&name, "rustup does not have it");
+        steps.skip(&name, "rustup has not installed it");
         return;
     }
     let mut check = Command::new("rustup");
@@ -248,7 +245,7 @@ fn oldest_rust(steps: &mut Steps) {
     steps.run(&name, &mut check);
 }
 
-/// Installs the toolchain's formatter and linter where a minimal toolchain lacks them.
+/// Installs formatter and linter if the toolchain lacks them.
 fn install_components() {
     for (subcommand, component) in [("fmt", "rustfmt"), ("clippy", "clippy")] {
         let is_there = workspace::cargo()
@@ -257,7 +254,7 @@ fn install_components() {
             .is_ok_and(|output| output.status.success());
         if !is_there {
             eprintln!("ci: rustup component add {component}");
-            // Where this fails, the step that needs the component fails, and says so.
+            // If this fails, the step that needs the component fails and reports it.
             let _ =
                 Command::new("rustup").args(["component", "add", component]).stdin(Stdio::null()).status();
         }

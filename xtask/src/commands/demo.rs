@@ -1,7 +1,7 @@
 //! `cargo xtask demo`: sets the machine up, packages the demo scene and plays it.
 //!
-//! Where there is a display, the player opens its window. Elsewhere it renders pictures through the
-//! same renderer. Without a graphics device, the reference renderer of the host tool does.
+//! With a display the player opens its window. Without one it renders images with the same renderer;
+//! without a graphics device, the host tool's reference renderer does.
 
 use std::env;
 use std::ffi::OsStr;
@@ -26,7 +26,7 @@ const FRAME_SIZE: &str = "360x360";
 /// Size of each eye's picture in pixels.
 const EYE_SIZE: &str = "720x720";
 
-/// Set up, package the demo scene and play it; without a display, render it to pictures.
+/// Set up, package the demo scene and play it; without a display, render it to images
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
@@ -39,7 +39,7 @@ struct Report {
 }
 
 pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
-    let without_vulkan = "the reference renderer draws pictures on the CPU";
+    let without_vulkan = "the reference renderer draws images on the CPU";
     let mut needs = vec![(Need::Vulkan, without_vulkan)];
     if has_display() {
         needs.push((Need::WindowLibraries, "the demo renders pictures instead of opening a window"));
@@ -161,7 +161,7 @@ impl Pictures {
     }
 }
 
-/// Pictures of one size in rows of `columns`.
+/// Tiles images of one size in rows of `columns`.
 fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
     let (width, height) = pictures[0].dimensions();
     let rows = (pictures.len() as u32).div_ceil(columns);
@@ -179,7 +179,7 @@ mod tests {
     use image::Rgb;
 
     #[test]
-    fn pictures_are_laid_out_in_rows() {
+    fn images_are_tiled_in_rows() {
         let picture = |value: u8| RgbImage::from_pixel(3, 2, Rgb([value; 3]));
         let sheet = tiled(&[picture(1), picture(2), picture(3)], 2);
         assert_eq!(sheet.dimensions(), (6, 4));

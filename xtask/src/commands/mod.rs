@@ -4,4 +4,5 @@ pub(crate) mod apk;
 pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;
+pub(crate) mod notices;
 pub(crate) mod test;

@@ -1,9 +1,9 @@
 //! `cargo xtask test`: every test that this machine can run.
 //!
-//! Cargo's output is passed on as it comes, and closed with a list of what was not tested and why,
-//! and one line of totals. A test that cannot run here is *ignored*, never passed: tests that need
-//! a graphics adapter or a display report that themselves; a test that lacks its data prints a
-//! line that starts with `skipped:`, and is counted among the ignored.
+//! Streams Cargo's output, then lists the ignored tests with their reasons, and the totals. A test that
+//! cannot run here is *ignored*, never passed: tests that need a graphics adapter or a display report
+//! that themselves; a test without its data prints a line that starts with `skipped:` and counts as
+//! ignored.
 
 use std::io::{BufRead, BufReader, Write, stdout};
 use std::process::{ExitStatus, Stdio};
@@ -14,7 +14,7 @@ use xtask::workspace;
 
 use crate::setup::{self, Need};
 
-/// Run every test that this machine can run.
+/// Run every test that this machine can run
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
@@ -26,17 +26,17 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
         (Need::Slurm, "the test of a job array is ignored"),
     ]);
     let start = Instant::now();
-    let mut tally = Tally::default();
-    let passed = run_tests(&mut tally)?.success();
-    println!("{}", tally.report(passed, start.elapsed().as_secs_f64()));
+    let mut totals = Totals::default();
+    let passed = run_tests(&mut totals)?.success();
+    println!("{}", totals.report(passed, start.elapsed().as_secs_f64()));
     if !passed {
-        bail!("{}", if tally.failed > 0 { "tests failed" } else { "the tests could not be built or run" });
+        bail!("{}", if totals.failed > 0 { "tests failed" } else { "the tests could not be built or run" });
     }
     Ok(())
 }
 
-/// Runs all tests of the workspace and counts them.
-fn run_tests(tally: &mut Tally) -> anyhow::Result<ExitStatus> {
+/// Runs and counts all tests of the workspace.
+fn run_tests(totals: &mut Totals) -> anyhow::Result<ExitStatus> {
     let mut cargo = workspace::cargo()
         .args(["test", "--workspace", "--features", workspace::FEATURES])
         .args(["--no-fail-fast", "--", "--show-output"])
@@ -47,7 +47,7 @@ fn run_tests(tally: &mut Tally) -> anyhow::Result<ExitStatus> {
     for line in BufReader::new(cargo.stdout.take().expect("piped")).split(b'\n') {
         let line = line.context("cannot read the output of the tests")?;
         let line = String::from_utf8_lossy(&line);
-        if tally.read(&line) {
+        if totals.read(&line) {
             println!("{line}");
             stdout().flush()?;
         }
@@ -55,19 +55,19 @@ fn run_tests(tally: &mut Tally) -> anyhow::Result<ExitStatus> {
     Ok(cargo.wait()?)
 }
 
-/// What the lines of a test run say.
+/// Totals of a test run, read from its output.
 #[derive(Debug, Default, PartialEq)]
-struct Tally {
+struct Totals {
     passed: usize,
     failed: usize,
-    /// Tests that did not test anything, with the reason that they gave.
+    /// Ignored tests with their reasons.
     ignored: Vec<(String, String)>,
-    /// The test whose output is being read, inside the list of outputs of passed tests.
+    /// Test of the current output, inside the list of outputs of passed tests.
     output_of: Option<String>,
 }
 
-impl Tally {
-    /// Takes in the next line; whether it is worth showing. The outputs of passed tests are not.
+impl Totals {
+    /// Reads the next line. Returns whether to show it: outputs of passed tests are hidden.
     fn read(&mut self, line: &str) -> bool {
         if line.starts_with("test result: ") || line == "failures:" {
             self.output_of = None;
@@ -82,7 +82,7 @@ impl Tally {
             *test = name.to_owned();
         } else if let Some(reason) = line.strip_prefix("skipped: ") {
             let name = test.clone();
-            // A test may give several reasons; it was counted as passed once.
+            // A test may print several reasons, but was counted as passed once.
             if self.ignored.last().is_none_or(|(last, _)| *last != name) {
                 self.passed = self.passed.saturating_sub(1);
                 self.ignored.push((name, reason.to_owned()));
@@ -91,7 +91,7 @@ impl Tally {
         false
     }
 
-    /// Reads `test NAME ... OUTCOME`, as the standard harness and its substitute print it.
+    /// Reads `test NAME ... OUTCOME`, as the standard harness and libtest-mimic print it.
     fn read_outcome(&mut self, line: &str) {
         let Some((name, outcome)) = line.strip_prefix("test ").and_then(|rest| rest.split_once(" ... "))
         else {
@@ -108,7 +108,7 @@ impl Tally {
         }
     }
 
-    /// What was not tested and why, and the totals as Cargo words them.
+    /// The ignored tests with their reasons, and the totals in Cargo's words.
     fn report(&self, success: bool, seconds: f64) -> String {
         let mut text = String::new();
         let mut reasons: Vec<&str> = self.ignored.iter().map(|(_, reason)| reason.as_str()).collect();
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn outcomes_are_counted_and_outputs_of_passed_tests_left_out() {
+    fn outcomes_are_counted_and_outputs_of_passed_tests_hidden() {
         let output = "\
 running 6 tests
 test a::quick ... ok
@@ -169,12 +169,12 @@ failures:
     bad
 
 test result: FAILED. 2 passed; 1 failed; 3 ignored; 0 measured; 0 filtered out; finished in 0.00s";
-        let mut tally = Tally::default();
-        let shown: Vec<&str> = output.lines().filter(|line| tally.read(line)).collect();
+        let mut totals = Totals::default();
+        let shown: Vec<&str> = output.lines().filter(|line| totals.read(line)).collect();
         assert!(shown.contains(&"it broke") && shown.last().unwrap().starts_with("test result: FAILED"));
         assert!(!shown.contains(&"some chatter"));
-        assert_eq!((tally.passed, tally.failed), (1, 1));
-        let report = tally.report(false, 1.5);
+        assert_eq!((totals.passed, totals.failed), (1, 1));
+        let report = totals.report(false, 1.5);
         for expected in [
             "no adapter: matrix/sh3\n",
             "takes an hour: slow\n",

@@ -1,19 +1,19 @@
-//! A compiler for Android, to check with: Debian's Rust of a recent version, with the source of its
+//! A compiler to check Android code with: a recent Rust from Debian, with the source of its standard
 //! library, and a C compiler and linker.
 //!
-//! Rust's own compiler checks for Android only where its library for Android can be installed, which
-//! rustup does; Debian's brings what it takes to build that library. Nothing made with it is for use:
-//! there are no headers and no libraries of Android, and those of GNU/Linux on ARM stand in.
+//! rustup's compiler needs its standard library for Android installed; Debian's can build that library
+//! from source. Its output is for checking only: headers and libraries of GNU/Linux on ARM stand in for
+//! Android's.
 
 use xtask::workspace;
 
 use super::unpacked::{Release, Unpacked};
 
-/// What compiles, checks and links. Debian keeps `rustc-web` as new as browsers need it.
+/// Compilers, linter and linker. Debian keeps `rustc-web` as new as browsers need it.
 const PACKAGES: &[&str] =
     &["rustc-web", "rust-web-src", "rust-web-clippy", "clang", "lld", "libc6-dev-arm64-cross"];
 
-/// The compiler in its folder.
+/// The compiler and its folder.
 pub(super) fn compiler() -> Unpacked {
     Unpacked {
         folder: workspace::android_compiler_folder(),

@@ -1,9 +1,9 @@
 //! Installs Debian and Ubuntu packages, and chooses the Mesa to install.
 //!
 //! Mesa's software driver before version 25 draws clipped triangles of a multiview pass into the
-//! first layer only. Where the release's own Mesa is older and its backports hold a newer one, the
-//! newer one is installed. The backports come from the mirror that the machine already uses,
-//! through a list of sources of this project's own; the machine's lists stay as they are.
+//! first layer only. If the release's own Mesa is older and its backports have a newer one, the set-up
+//! installs the newer one. The backports come from the machine's own mirror, through a separate list of
+//! sources; the machine's lists stay unchanged.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -14,10 +14,10 @@ use std::process::{Command, Stdio};
 /// The package of Mesa's Vulkan drivers.
 pub(super) const MESA: &str = "mesa-vulkan-drivers";
 
-/// Holds the keys that Debian signs its releases with, the coming ones among them.
+/// Keys with which Debian signs its releases, future ones included.
 pub(super) const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
-/// First major version of Mesa whose software driver draws multiview right.
+/// First major version of Mesa whose software driver renders multiview correctly.
 const MESA_MAJOR_MIN: u32 = 25;
 
 /// How this process may install packages.
@@ -27,7 +27,7 @@ pub(super) enum Privilege {
 }
 
 impl Privilege {
-    /// The privilege of this process, `None` where installing would ask for a password.
+    /// The privilege of this process; `None` if installing would ask for a password.
     pub(super) fn find() -> Option<Privilege> {
         if output_of("id", ["-u"]).trim() == "0" {
             return Some(Privilege::Root);
@@ -51,7 +51,7 @@ impl Privilege {
         let fixed = fixed.iter().chain(&["-o", "DPkg::Lock::Timeout=120", "-o", "Dpkg::Use-Pty=0"]);
         let line: Vec<&str> = prefix.iter().chain(fixed).chain(args).copied().collect();
         eprintln!("set-up: apt-get {}", args.join(" "));
-        // Its chatter belongs with the set-up's own lines, not into a command's result.
+        // Standard output is reserved for a command's result.
         Command::new(line[0])
             .args(&line[1..])
             .stdin(Stdio::null())
@@ -61,15 +61,15 @@ impl Privilege {
     }
 }
 
-/// The command that a person may run instead.
-pub(super) fn command_for_people(packages: &[&str]) -> String {
+/// The command for the user to run instead.
+pub(super) fn manual_command(packages: &[&str]) -> String {
     format!("sudo apt-get update && sudo apt-get install -y --no-install-recommends {}", packages.join(" "))
 }
 
 /// Installs the packages, printing each command before it runs.
 pub(super) fn install(privilege: &Privilege, packages: &[&str]) {
     if !privilege.apt_get(&["update"]) {
-        eprintln!("set-up: the package lists could not be refreshed; going on with what is there");
+        eprintln!("set-up: the package lists could not be updated; continuing with the current ones");
     }
     let mut options: Vec<String> = Vec::new();
     if packages.contains(&MESA) {
@@ -83,7 +83,7 @@ pub(super) fn install(privilege: &Privilege, packages: &[&str]) {
     }
 }
 
-/// The `apt-get` options under which the best Mesa within reach is installed.
+/// The `apt-get` options that select the best available Mesa.
 fn mesa_options(privilege: &Privilege) -> Vec<String> {
     let offers = |options: &[String]| {
         let args = options.iter().map(String::as_str).chain(["madison", MESA]);
@@ -98,12 +98,12 @@ fn mesa_options(privilege: &Privilege) -> Vec<String> {
     let sources = debian().map(|(codename, mirror)| backports_line(&codename, &mirror)).and_then(|line| {
         match write_sources(&line) {
             Ok(folder) => {
-                eprintln!("set-up: looking for Mesa {MESA_MAJOR_MIN} or newer; using, for this alone,");
+                eprintln!("set-up: looking for Mesa {MESA_MAJOR_MIN} or newer, with this additional source:");
                 eprintln!("set-up:     {line}");
                 Some(vec!["-o".to_owned(), format!("Dir::Etc::SourceParts={}", folder.display())])
             }
             Err(error) => {
-                eprintln!("set-up: no list of sources could be written: {error}");
+                eprintln!("set-up: cannot write a list of sources: {error}");
                 None
             }
         }
@@ -118,17 +118,17 @@ fn mesa_options(privilege: &Privilege) -> Vec<String> {
         }
     }
     eprintln!(
-        "set-up: no Mesa {MESA_MAJOR_MIN} or newer is within reach; with an older one, stereo pictures take one pass per eye"
+        "set-up: no Mesa {MESA_MAJOR_MIN} or newer is available; with an older one, stereo images take one pass per eye"
     );
     Vec::new()
 }
 
-/// The mirror that this machine's Debian comes from; `None` where it is no Debian.
+/// The mirror of this machine's Debian; `None` on other systems.
 pub(super) fn mirror() -> Option<String> {
     debian().map(|(_, mirror)| mirror)
 }
 
-/// The codename of this machine's Debian and the mirror it comes from.
+/// Codename and mirror of this machine's Debian.
 fn debian() -> Option<(String, String)> {
     let system = parse_os_release(&fs::read_to_string("/etc/os-release").unwrap_or_default())
         .filter(|system| system.id == "debian")?;
@@ -137,7 +137,7 @@ fn debian() -> Option<(String, String)> {
     Some((system.codename, mirror))
 }
 
-/// One version of a package on offer.
+/// An available version of a package.
 #[derive(Debug, PartialEq)]
 struct Offer {
     major: u32,
@@ -159,12 +159,12 @@ fn parse_madison(text: &str) -> Vec<Offer> {
         .collect()
 }
 
-/// Which of the offers to install.
+/// The offer to install.
 #[derive(Debug, PartialEq)]
 enum Choice {
-    /// What apt installs by itself.
+    /// The one that apt installs by default.
     Plain,
-    /// The one of this suite, which apt must be pointed to.
+    /// The one of this suite, which apt must be told with `-t`.
     From(String),
     /// Every offer is too old.
     TooOld,
@@ -175,14 +175,14 @@ fn choose(offers: &[Offer]) -> Choice {
     if good.peek().is_none() {
         return Choice::TooOld;
     }
-    // Backports are not installed from unless asked for.
+    // apt installs from backports only with `-t`.
     match good.clone().find(|offer| !offer.suite.ends_with("-backports")) {
         Some(_) => Choice::Plain,
         None => Choice::From(good.next().expect("peeked").suite.clone()),
     }
 }
 
-/// What /etc/os-release says of the system.
+/// Fields of /etc/os-release.
 #[derive(Debug, PartialEq)]
 struct System {
     id: String,
@@ -220,15 +220,15 @@ fn parse_targets(text: &str) -> Vec<Target> {
         .collect()
 }
 
-/// The mirror that the release itself comes from.
+/// The mirror of the release itself, without its updates.
 fn mirror_of(targets: &[Target], codename: &str) -> Option<String> {
     let target = targets.iter().find(|target| target.codename == codename && target.component == "main")?;
     Some(target.uri.clone())
 }
 
-/// The line of a list of sources that adds the release's backports.
+/// The source line that adds the release's backports.
 fn backports_line(codename: &str, mirror: &str) -> String {
-    // Newer releases trust a key only for the sources that name it.
+    // Newer releases trust a key only for sources that name it.
     let option = if Path::new(KEYRING).is_file() { format!("[signed-by={KEYRING}] ") } else { String::new() };
     format!("deb {option}{mirror} {codename}-backports main")
 }
@@ -250,7 +250,7 @@ fn write_sources(line: &str) -> io::Result<PathBuf> {
     Ok(folder)
 }
 
-/// What the program prints on standard output; empty where it cannot be run.
+/// Standard output of a program; empty if it cannot run.
 fn output_of<S: AsRef<OsStr>>(program: &str, args: impl IntoIterator<Item = S>) -> String {
     Command::new(program)
         .args(args)
@@ -284,7 +284,7 @@ N: nothing more
     }
 
     #[test]
-    fn the_newest_enough_mesa_is_chosen_and_backports_only_where_needed() {
+    fn backports_are_chosen_only_if_the_release_s_mesa_is_too_old() {
         assert_eq!(choose(&[]), Choice::TooOld);
         assert_eq!(choose(&[offer(22, "bookworm")]), Choice::TooOld);
         assert_eq!(
@@ -303,7 +303,7 @@ N: nothing more
     }
 
     #[test]
-    fn backports_come_from_the_mirror_of_the_release() {
+    fn backports_use_the_mirror_of_the_release() {
         let text = "\
 http://security.test/debian/|bookworm-security|main|Packages
 http://mirror.test/debian/|bookworm|main|DEP-11

@@ -1,13 +1,13 @@
-//! An OpenXR runtime for tests: Monado with a simulated headset and a compositor that shows nothing,
+//! An OpenXR runtime for tests: Monado with a simulated headset and a null compositor,
 //! the OpenXR loader, Khronos's validation layer and Mesa's software Vulkan driver.
 //!
-//! Few releases of Linux systems carry a recent one, so it comes from one release of Debian for all.
+//! Few Linux releases ship a recent one, so every machine uses the packages of one Debian release.
 
 use xtask::workspace;
 
 use super::unpacked::{Release, Unpacked};
 
-/// What the tests start and load.
+/// Packages that the tests start and load.
 const PACKAGES: &[&str] = &[
     "monado-service",
     "libopenxr1-monado",
@@ -16,7 +16,7 @@ const PACKAGES: &[&str] = &[
     "mesa-vulkan-drivers",
 ];
 
-/// The runtime in its folder.
+/// The runtime and its folder.
 pub(super) fn runtime() -> Unpacked {
     Unpacked {
         folder: workspace::openxr_folder(),

@@ -1,14 +1,14 @@
-//! Slurm, the scheduler of clusters, for a test of many takes: its controller, a node and the
-//! service by which they know one another.
+//! Slurm, a cluster scheduler, for the test of job arrays: its controller, a node and the service that
+//! authenticates them.
 
 use xtask::workspace;
 
 use super::unpacked::{Release, Unpacked};
 
-/// What the test starts.
+/// Packages that the test starts.
 const PACKAGES: &[&str] = &["slurmctld", "slurmd", "slurm-client", "munge"];
 
-/// The scheduler in its folder.
+/// The scheduler and its folder.
 pub(super) fn scheduler() -> Unpacked {
     Unpacked {
         folder: workspace::slurm_folder(),

@@ -1,11 +1,10 @@
-//! Debian packages unpacked into a folder of this project and not installed.
+//! Debian packages that are unpacked into a folder of this project instead of being installed.
 //!
-//! They may belong to another release than the machine's, so nothing of theirs may reach the
-//! machine. apt itself fetches them, under a configuration and an empty list of installed packages
-//! of this project's own: it checks the archive's signature and each package's hash, finds
-//! everything that the packages need down to the C library, and asks for no privilege. Programs of
-//! the folder run through its own dynamic linker; those of the machine's own release run as they
-//! are, once they are told where their libraries lie.
+//! They may come from another release than the machine's and so must not affect it. apt downloads them
+//! with a configuration of this project and an empty list of installed packages: it checks the archive's
+//! signature and each package's hash, resolves dependencies down to the C library, and needs no privilege.
+//! Programs from another release run through the folder's own dynamic linker; those of the machine's
+//! release only need LD_LIBRARY_PATH.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -18,34 +17,34 @@ use xtask::workspace;
 
 use super::apt::{self, KEYRING};
 
-/// File in the folder that says which packages it was made of.
+/// File in the folder that names the packages it was made from.
 const STAMP: &str = "packages";
 
-/// Which Debian packages come from.
+/// Release that the Debian packages come from.
 pub(super) enum Release {
-    /// The one of this name.
+    /// The release of this name.
     Named(&'static str),
-    /// The machine's own, from wherever it gets its packages, updates of security among them.
+    /// The machine's own, from its configured sources, security updates included.
     Machine,
 }
 
-/// Packages of a Debian release and the folder that they are unpacked into.
+/// Packages of a Debian release and the folder into which they are unpacked.
 pub(super) struct Unpacked {
-    /// The folder; there is none, or a whole one.
+    /// The folder; complete, or absent.
     pub(super) folder: PathBuf,
     pub(super) release: Release,
-    /// The packages; what they need comes with them.
+    /// The packages, without their dependencies.
     pub(super) packages: &'static [&'static str],
-    /// The files and folders to keep, as paths in the folder. A part that is `*` stands for the only
-    /// folder there is.
+    /// Files and folders to keep, as paths in the folder. A component `*` matches the only entry of its
+    /// folder.
     pub(super) keep: &'static [&'static str],
-    /// What is fetched and what stays, in MB, for people.
+    /// Download size and unpacked size in MB.
     pub(super) size_mb: (u32, u32),
 }
 
 impl Unpacked {
-    /// Whether the folder is there, made of these packages.
-    pub(super) fn is_there(&self) -> bool {
+    /// Whether the folder exists and was made from these packages.
+    pub(super) fn is_complete(&self) -> bool {
         fs::read_to_string(self.folder.join(STAMP)).is_ok_and(|stamp| stamp == self.stamp())
     }
 
@@ -53,20 +52,20 @@ impl Unpacked {
         format!("{} {}\n", self.release.name(), self.packages.join(" "))
     }
 
-    /// Fetches the packages and makes the folder, in place of one of other packages.
+    /// Downloads the packages and makes the folder, replacing one made from other packages.
     pub(super) fn make(&self) -> anyhow::Result<()> {
         let name = self.folder.file_name().and_then(OsStr::to_str).context("the folder has no name")?;
         let work = workspace::target_folder().join("setup").join(name);
-        let (fetched_mb, kept_mb) = self.size_mb;
+        let (fetched_mb, unpacked_mb) = self.size_mb;
         eprintln!(
-            "set-up: fetching {} and what they need from {}: {fetched_mb} MB, {kept_mb} MB once unpacked into {}",
+            "set-up: downloading {} and their dependencies from {}: {fetched_mb} MB, {unpacked_mb} MB unpacked into {}",
             self.packages.join(" "),
             self.release.name(),
             self.folder.display()
         );
-        let (unpacked, kept) = (work.join("unpacked"), work.join("kept"));
+        let (unpacked, selected) = (work.join("unpacked"), work.join("selected"));
         remove_all(&unpacked)?;
-        remove_all(&kept)?;
+        remove_all(&selected)?;
         self.fetch(&work)?;
         fs::create_dir_all(&unpacked)?;
         for package in packages_in(&work.join("archives"))? {
@@ -74,17 +73,17 @@ impl Unpacked {
         }
         for path in self.keep {
             let path = resolve(&unpacked, path).with_context(|| format!("the packages hold no {path}"))?;
-            let to = kept.join(&path);
+            let to = selected.join(&path);
             fs::create_dir_all(to.parent().expect("inside a folder"))?;
             fs::rename(unpacked.join(path), to)?;
         }
-        fs::write(kept.join(STAMP), self.stamp())?;
+        fs::write(selected.join(STAMP), self.stamp())?;
         remove_all(&self.folder)?;
-        fs::rename(&kept, &self.folder)?;
+        fs::rename(&selected, &self.folder)?;
         Ok(remove_all(&work)?)
     }
 
-    /// Downloads the packages and what they need to `archives` in the folder `work`.
+    /// Downloads the packages and their dependencies to `archives` in the folder `work`.
     fn fetch(&self, work: &Path) -> anyhow::Result<()> {
         for folder in ["lists/partial", "archives/partial"] {
             fs::create_dir_all(work.join(folder))?;
@@ -116,7 +115,7 @@ impl Unpacked {
 }
 
 impl Release {
-    /// For people.
+    /// Name in messages.
     fn name(&self) -> &'static str {
         match self {
             Release::Named(name) => name,
@@ -125,25 +124,25 @@ impl Release {
     }
 }
 
-/// What a path to keep is called in the folder `unpacked`.
+/// Resolves the `*` components of a path to keep in the folder `unpacked`.
 fn resolve(unpacked: &Path, path: &str) -> anyhow::Result<PathBuf> {
     let mut found = PathBuf::new();
     for part in path.split('/') {
         if part == "*" {
             let mut entries = unpacked.join(&found).read_dir()?;
-            let (entry, more) = (entries.next().context("nothing there")??, entries.next());
-            ensure!(more.is_none(), "more than one thing there");
+            let (entry, more) = (entries.next().context("no such entry")??, entries.next());
+            ensure!(more.is_none(), "more than one entry matches *");
             found.push(entry.file_name());
         } else {
             found.push(part);
         }
     }
-    ensure!(unpacked.join(&found).exists(), "nothing there");
+    ensure!(unpacked.join(&found).exists(), "no such entry");
     Ok(found)
 }
 
-/// What apt reads after the machine's own configuration, of which the way to the mirror stays, and
-/// the lists of sources unless others are given.
+/// Configuration that apt reads after the machine's own. It keeps the machine's proxy settings, and its
+/// sources unless others are given.
 fn configuration_text(work: &Path, sources: Option<&Path>) -> anyhow::Result<String> {
     let readable = |path: &Path| {
         let text = path.to_str().filter(|path| !path.contains('"'));
@@ -163,7 +162,7 @@ APT::Default-Release "";
         None => String::new(),
     };
     Ok(format!(
-        r#"{sources}// Hooks that a machine runs after its own packages changed.
+        r#"{sources}// Hooks that the machine runs after its own packages change.
 #clear APT::Update::Pre-Invoke;
 #clear APT::Update::Post-Invoke;
 #clear APT::Update::Post-Invoke-Success;
@@ -180,7 +179,7 @@ APT::Update::Error-Mode "any";
     ))
 }
 
-/// The package files in a folder, in the order of their names.
+/// The package files in a folder, sorted by name.
 fn packages_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut packages = Vec::new();
     for entry in folder.read_dir()? {
@@ -191,7 +190,7 @@ fn packages_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(packages)
 }
 
-/// Runs a command whose chatter belongs with the set-up's own lines.
+/// Runs a command with its output on standard error, where the set-up prints its own lines.
 fn run(command: &mut Command) -> anyhow::Result<()> {
     let program = command.get_program().to_string_lossy().into_owned();
     let status = command
@@ -219,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_of_other_packages_is_not_the_one() {
+    fn a_folder_made_from_other_packages_is_incomplete() {
         let folder = tempfile::tempdir().unwrap();
         let unpacked = |packages| Unpacked {
             folder: folder.path().to_owned(),
@@ -228,25 +227,25 @@ mod tests {
             keep: &["usr/lib"],
             size_mb: (1, 2),
         };
-        assert!(!unpacked(&["one"]).is_there(), "an empty folder");
+        assert!(!unpacked(&["one"]).is_complete(), "an empty folder");
         fs::write(folder.path().join(STAMP), unpacked(&["one"]).stamp()).unwrap();
-        assert!(unpacked(&["one"]).is_there() && !unpacked(&["one", "two"]).is_there());
+        assert!(unpacked(&["one"]).is_complete() && !unpacked(&["one", "two"]).is_complete());
     }
 
     #[test]
-    fn apt_is_kept_to_the_folder_and_from_the_hooks_of_the_machine() {
+    fn apt_uses_the_folder_and_runs_no_hooks_of_the_machine() {
         let text = |sources| configuration_text(Path::new("/some where"), sources).unwrap();
-        let (own, machines) = (text(Some(Path::new("/a list"))), text(None));
-        for text in [&own, &machines] {
+        let (own_sources, machine_sources) = (text(Some(Path::new("/a list"))), text(None));
+        for text in [&own_sources, &machine_sources] {
             assert!(text.contains("Dir::State::status \"/some where/status\";"));
             assert!(text.contains("#clear APT::Update::Post-Invoke;"));
         }
-        assert!(own.contains("SourceList \"/a list\";") && !machines.contains("SourceList"));
+        assert!(own_sources.contains("SourceList \"/a list\";") && !machine_sources.contains("SourceList"));
         assert!(configuration_text(Path::new("/a\"b"), None).is_err());
     }
 
     #[test]
-    fn a_star_stands_for_the_only_folder() {
+    fn a_star_matches_the_only_entry() {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir_all(folder.path().join("src/rust-1.2/library")).unwrap();
         let resolve = |path| resolve(folder.path(), path).ok();
@@ -254,6 +253,6 @@ mod tests {
         assert_eq!(resolve("src/rust-1.2"), Some("src/rust-1.2".into()));
         assert_eq!((resolve("src/*/tests"), resolve("usr"), resolve("usr/*")), (None, None, None));
         fs::create_dir(folder.path().join("src/other")).unwrap();
-        assert_eq!(resolve("src/*/library"), None, "which one?");
+        assert_eq!(resolve("src/*/library"), None, "ambiguous");
     }
 }

@@ -1,12 +1,11 @@
-//! What can be checked for Android without its NDK and without a headset.
+//! Android checks that need neither the NDK nor a headset.
 //!
-//! Debian's Rust compiles the player for 64-bit ARM as far as types and lints go. With `--link` it
-//! compiles it for good and links it against stand-ins for Android's libraries, which hold the
-//! symbols that `android/symbols.txt` lists and nothing else: what is not on that list, somebody has
-//! to look up and add. The library is packed as an APK, which programs of Android's own look at;
-//! without `--link`, a stub is.
+//! Debian's Rust checks types and lints of the player for 64-bit ARM. With `--link` it compiles the
+//! player and links it against stand-ins for Android's libraries that have exactly the symbols of
+//! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (without
+//! `--link` a stub) is packed as an APK, which Android's own programs check.
 //!
-//! None of it runs on Android, and nothing made here is for use.
+//! None of it runs on Android, and its output is not for use.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +19,7 @@ use super::Steps;
 use crate::commands::apk::{API_LEVEL, LIBRARY, PAGE_BYTES, TARGET};
 use crate::setup::Need;
 
-/// Checks what this machine can.
+/// Runs the checks that this machine can run.
 pub(super) fn check(steps: &mut Steps, link: bool) {
     let mut library = None;
     if Need::AndroidCompiler.is_met() {
@@ -30,17 +29,17 @@ pub(super) fn check(steps: &mut Steps, link: bool) {
             library = compiler.link(steps);
         }
     } else {
-        steps.skip("the player for Android", "there is no compiler to check with");
+        steps.skip("the player for Android", "no compiler for Android is installed");
     }
     if Need::ApkTools.is_met() {
-        look_at_apk(steps, library.as_deref());
+        check_apk(steps, library.as_deref());
     } else {
         steps.skip("an APK, by aapt, apksigner and zipalign", "they are not installed");
     }
 }
 
-/// Has programs of Android's look at an APK of the library, or of a stub.
-fn look_at_apk(steps: &mut Steps, library: Option<&Path>) {
+/// Runs Android's programs on an APK of the library, or of a stub.
+fn check_apk(steps: &mut Steps, library: Option<&Path>) {
     let mut test = workspace::cargo();
     test.current_dir(workspace::root().join("xtask/apk"))
         .args(["test", "--quiet", "--locked", "--test", "packing", "--"])
@@ -61,11 +60,11 @@ struct Compiler {
 }
 
 impl Compiler {
-    /// Lints the player with every warning an error.
+    /// Lints the player; every warning is an error.
     fn clippy(&self) -> Command {
         let mut clippy = Command::new(self.folder.join("usr/bin/cargo-clippy"));
         clippy.current_dir(workspace::root()).args(["clippy", "--quiet"]);
-        self.equip(&mut clippy);
+        self.configure(&mut clippy);
         clippy.args(["--", "--deny", "warnings"]);
         clippy
     }
@@ -84,7 +83,7 @@ impl Compiler {
         }
         let mut cargo = workspace::cargo();
         cargo.args(["rustc", "--quiet", "--crate-type", "cdylib", "--release"]);
-        self.equip(&mut cargo);
+        self.configure(&mut cargo);
         let mut flags = vec![format!("-Clink-arg=-L{}", stand_ins.display())];
         flags.extend(LINK_ARGS.iter().map(|arg| format!("-Clink-arg={arg}")).chain([
             format!("-Clink-arg=--target={TARGET}{API_LEVEL}"),
@@ -102,10 +101,10 @@ impl Compiler {
         self.folder.join("usr/bin/clang")
     }
 
-    /// What a command of Cargo's needs in order to build the player for Android with this compiler.
-    fn equip(&self, cargo: &mut Command) {
+    /// Sets arguments and environment so that Cargo builds the player for Android with this compiler.
+    fn configure(&self, cargo: &mut Command) {
         let usr = self.folder.join("usr");
-        // Headers of GNU/Linux stand in for those of Android.
+        // Headers of GNU/Linux stand in for Android's.
         let headers = usr.join("aarch64-linux-gnu/include");
         let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
         cargo
@@ -115,7 +114,7 @@ impl Compiler {
             .arg(folder())
             .env("LD_LIBRARY_PATH", self.libraries())
             .env("RUSTC", usr.join("bin/rustc"))
-            // So that the compiler, which is no nightly one, builds its library.
+            // Lets this stable compiler build its standard library.
             .env("RUSTC_BOOTSTRAP", "1")
             .env("CC_aarch64_linux_android", self.clang())
             .env("CFLAGS_aarch64_linux_android", flags)
@@ -126,12 +125,12 @@ impl Compiler {
             .env_remove("CARGO_ENCODED_RUSTFLAGS");
     }
 
-    /// Where the libraries of the compiler's programs lie.
+    /// Folder of the shared libraries of the compiler's programs.
     fn libraries(&self) -> PathBuf {
         self.folder.join(format!("usr/lib/{}-linux-gnu", std::env::consts::ARCH))
     }
 
-    /// Makes a library for each entry, which has its symbols and does nothing.
+    /// Builds a library for each entry, with its symbols as empty functions.
     fn make_stand_ins(&self, symbols: &Symbols<'_>, folder: &Path) -> anyhow::Result<()> {
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         for (library, symbols) in symbols {
@@ -144,7 +143,7 @@ impl Compiler {
                 .env("LD_LIBRARY_PATH", self.libraries())
                 .args(LINK_ARGS)
                 .arg(format!("--target={TARGET}{API_LEVEL}"))
-                // The compiler knows some of the names, and other types for them.
+                // Some names are builtins of the compiler with other types.
                 .args(["-w", "-ffreestanding", "-fno-builtin", "-fPIC"]);
             let made = if library.ends_with(".a") {
                 let object = source.with_extension("o");
@@ -164,19 +163,19 @@ impl Compiler {
     }
 }
 
-/// What the linker is told besides what Rust tells it.
+/// Linker arguments in addition to Rust's.
 const LINK_ARGS: [&str; 3] = ["-fuse-ld=lld", "-nostartfiles", "-Wl,--no-undefined"];
 
-/// The folder of these builds. Another compiler must not share what Cargo keeps.
+/// Build folder. Another compiler must not share Cargo's cache.
 fn folder() -> PathBuf {
     workspace::target_folder().join("android-check")
 }
 
-/// Symbols by the libraries that have them.
+/// Symbols by library.
 type Symbols<'a> = BTreeMap<&'a str, Vec<&'a str>>;
 
-/// Reads the list: names of libraries, ended by colons, each followed by symbols. What follows a `#`
-/// is for people.
+/// Parses the list: names of libraries that end in a colon, each followed by its symbols. `#` starts a
+/// comment.
 fn parse_symbols(text: &str) -> anyhow::Result<Symbols<'_>> {
     let mut symbols = Symbols::new();
     let mut library = None;
@@ -186,10 +185,11 @@ fn parse_symbols(text: &str) -> anyhow::Result<Symbols<'_>> {
                 library = Some(name);
                 symbols.entry(name).or_default();
             } else {
-                let library = library.with_context(|| format!("line {}: {word} of which library?", i + 1))?;
+                let library =
+                    library.with_context(|| format!("line {}: {word} belongs to no library", i + 1))?;
                 ensure!(
                     word.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_'),
-                    "line {}: {word} is no symbol",
+                    "line {}: {word} is not a symbol",
                     i + 1
                 );
                 symbols.entry(library).or_default().push(word);
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_list_of_symbols_is_read() {
+    fn the_list_of_symbols_is_parsed() {
         let text = "# why\nlibm.so:\n  sin cos # round\n  tan\nlibdl.so: dlsym\n";
         let symbols = parse_symbols(text).unwrap();
         assert_eq!(symbols["libm.so"], ["sin", "cos", "tan"]);

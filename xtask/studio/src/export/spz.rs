@@ -58,8 +58,8 @@ pub fn spz(field: &Field, up: [f32; 3]) -> Vec<u8> {
 
 /// The most binary places with which every coordinate fits.
 fn binary_places(field: &Field) -> u8 {
-    let reach = field.centers.as_flattened().iter().fold(0.0f32, |reach, x| reach.max(x.abs()));
-    let bits_before = if reach > 0.0 { reach.log2().floor() as i32 + 1 } else { 0 };
+    let extent = field.centers.as_flattened().iter().fold(0.0f32, |extent, x| extent.max(x.abs()));
+    let bits_before = if extent > 0.0 { extent.log2().floor() as i32 + 1 } else { 0 };
     (COORDINATE_BITS - bits_before).clamp(0, COORDINATE_BITS) as u8
 }
 

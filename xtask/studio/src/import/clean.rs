@@ -13,17 +13,17 @@ use super::Repairs;
 /// normal form: no all-zero top band of SH, no all-zero top power of motion, no all-zero rotation
 /// rates, no temporal columns where every row is always on and none moves.
 pub(crate) fn clean(mut raw: Field, repairs: &mut Repairs) -> Field {
-    let mut kept = Vec::with_capacity(raw.len());
+    let mut usable = Vec::with_capacity(raw.len());
     for row in 0..raw.len() {
         if let Some(reason) = unusable(&raw, row) {
             repairs.drop_rows(reason, 1);
         } else {
             repair_opacity(&mut raw, row, repairs);
             repair_rotation(&mut raw, row, repairs);
-            kept.push(row);
+            usable.push(row);
         }
     }
-    let mut field = if kept.len() == raw.len() { raw } else { raw.select(&kept) };
+    let mut field = if usable.len() == raw.len() { raw } else { raw.select(&usable) };
     leave_out_sh(&mut field);
     leave_out_motion(&mut field);
     debug_assert_eq!(field.check(), Ok(()));

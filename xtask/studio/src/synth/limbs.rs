@@ -26,16 +26,16 @@ const LIMB_SIGMA: f64 = 0.008;
 /// What a limb ends in.
 struct Tip {
     /// Distance from the middle of the body.
-    reach: f64,
+    distance: f64,
     radius: f64,
     sigma: f64,
 }
 
 /// Gaussians as small as the limb's.
-const BEAD: Tip = Tip { reach: 1.6, radius: 0.015, sigma: LIMB_SIGMA };
+const BEAD: Tip = Tip { distance: 1.6, radius: 0.015, sigma: LIMB_SIGMA };
 
 /// Gaussians larger than the body's.
-const FIST: Tip = Tip { reach: 0.95, radius: 0.06, sigma: 0.052 };
+const FIST: Tip = Tip { distance: 0.95, radius: 0.06, sigma: 0.052 };
 
 /// Number of Gaussians of a tip.
 const TIP: usize = 60;
@@ -52,7 +52,7 @@ pub fn figure() -> (Field, ClipInfo) {
         let outwards = limb_direction(limb);
         let (across, up) = outwards.any_orthonormal_pair();
         // Where a limb meets what it joins it adds no peak to either.
-        let (start, end) = (BODY_RADIUS + 2.0 * BODY_SIGMA, tip.reach - tip.radius - 2.0 * tip.sigma);
+        let (start, end) = (BODY_RADIUS + 2.0 * BODY_SIGMA, tip.distance - tip.radius - 2.0 * tip.sigma);
         let count = ((end - start) * LIMB_DENSITY).round() as usize;
         for i in 0..count {
             let along = start + (i as f64 + 0.5) / count as f64 * (end - start);
@@ -61,7 +61,7 @@ pub fn figure() -> (Field, ClipInfo) {
             push(&mut figure, center, LIMB_SIGMA, 0.8, [0.9, 0.7, 0.5]);
         }
         for i in 0..TIP {
-            let center = tip.reach * outwards + tip.radius * direction(i, TIP);
+            let center = tip.distance * outwards + tip.radius * direction(i, TIP);
             push(&mut figure, center, tip.sigma, 0.9, [0.2, 0.5, 0.9]);
         }
     }
@@ -110,7 +110,7 @@ mod tests {
     use refine::prune::{Floor, FloorSettings, Kept, Measure, Ranking, by_importance};
 
     /// What visibility mass with the floor keeps of the figure.
-    fn kept(measure: Measure) -> Kept {
+    fn floored(measure: Measure) -> Kept {
         let (field, _) = figure();
         field.check().unwrap();
         let floor = Floor::new(&field, FloorSettings { measure, ..FloorSettings::default() }).unwrap();
@@ -121,15 +121,15 @@ mod tests {
 
     #[test]
     fn mass_deletes_the_beads_and_the_floor_brings_them_back() {
-        let kept = kept(Measure::Recall);
-        assert_eq!((kept.pruned.matched, kept.topology.matched), (1 + LIMBS / 2, 1 + LIMBS));
-        assert_eq!(kept.rows.len(), 5_000);
-        assert!(kept.restored < 100, "{}", kept.restored);
+        let floored = floored(Measure::Recall);
+        assert_eq!((floored.pruned.matched, floored.topology.matched), (1 + LIMBS / 2, 1 + LIMBS));
+        assert_eq!(floored.rows.len(), 5_000);
+        assert!(floored.restored < 100, "{}", floored.restored);
     }
 
     #[test]
     fn the_strict_measure_sees_that_fists_are_cut_off() {
-        let [paper, strict] = [Measure::Recall, Measure::Strict].map(kept);
+        let [paper, strict] = [Measure::Recall, Measure::Strict].map(floored);
         assert_eq!((paper.topology.recall(), strict.topology.recall()), (1.0, 1.0));
         assert!(paper.topology.preserved(Measure::Strict) < 0.8);
         assert!(strict.topology.deepened < paper.topology.deepened);

@@ -47,10 +47,10 @@ pub(super) fn parameter(parameter: &Parameter) -> String {
     let mut stages: Vec<&String> = parameter.points.iter().flat_map(|point| point.stages_ms.keys()).collect();
     stages.sort();
     stages.dedup();
-    let counts: Vec<_> = COUNTS.iter().filter(|(key, _)| is_told(parameter, key)).collect();
+    let counts: Vec<_> = COUNTS.iter().filter(|(key, _)| is_in_table(parameter, key)).collect();
 
     let mut head = vec![escape(&parameter.name), "PSNR, dB".into()];
-    let mut add = |shown: bool, name: &str| head.extend(shown.then(|| name.to_owned()));
+    let mut add = |visible: bool, name: &str| head.extend(visible.then(|| name.to_owned()));
     add(ssim, "SSIM");
     add(tile, "worst tile, dB");
     add(flicker, "flicker, /255");
@@ -72,7 +72,7 @@ pub(super) fn parameter(parameter: &Parameter) -> String {
         let errors = &point.errors;
         let psnr = errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
         let mut cells = vec![escape(&point.value) + &marks, psnr];
-        let mut add = |shown: bool, value: String| cells.extend(shown.then_some(value));
+        let mut add = |visible: bool, value: String| cells.extend(visible.then_some(value));
         add(ssim, decimals(errors.ssim, 5));
         add(tile, decimals(errors.worst_tile_db, 1));
         add(flicker, decimals(errors.flicker, 3));
@@ -90,7 +90,7 @@ pub(super) fn parameter(parameter: &Parameter) -> String {
 }
 
 /// Whether a count says something of the parameter.
-fn is_told(parameter: &Parameter, key: &str) -> bool {
+fn is_in_table(parameter: &Parameter, key: &str) -> bool {
     let mut values = parameter.points.iter().map(|point| point.counts.get(key));
     let first = values.next().flatten();
     let is_constant = values.all(|value| value == first);

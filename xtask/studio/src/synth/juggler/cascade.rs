@@ -81,7 +81,7 @@ impl Cascade {
     }
 
     /// Rotation of a ball at clip time `t`: half a turn in each flight.
-    pub(super) fn spin(&self, ball: usize, t: f64) -> DQuat {
+    pub(super) fn rotation(&self, ball: usize, t: f64) -> DQuat {
         let beat = t * BEATS;
         let (hand, since) = self.last_throw(ball, beat);
         let u = (since / FLIGHT).min(1.0);

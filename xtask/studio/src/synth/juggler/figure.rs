@@ -71,24 +71,30 @@ struct Group {
     /// Rounding of the seams in metres.
     blend: f64,
     /// A point of a plane and its normal; what lies on that side is cut away.
-    cut: Option<(DVec3, DVec3)>,
+    clip_plane: Option<(DVec3, DVec3)>,
     /// A ball around the parts.
     center: DVec3,
     radius: f64,
 }
 
 impl Group {
-    fn new(blend: f64, cut: Option<(DVec3, DVec3)>, parts: Vec<Part>) -> Group {
+    fn new(blend: f64, clip_plane: Option<(DVec3, DVec3)>, parts: Vec<Part>) -> Group {
         let boxes: Vec<[DVec3; 2]> = parts.iter().map(|part| bounds(&part.shape)).collect();
         let low = boxes.iter().map(|b| b[0]).fold(DVec3::INFINITY, DVec3::min);
         let high = boxes.iter().map(|b| b[1]).fold(DVec3::NEG_INFINITY, DVec3::max);
-        Group { parts, blend, cut, center: 0.5 * (low + high), radius: 0.5 * (high - low).length() + blend }
+        Group {
+            parts,
+            blend,
+            clip_plane,
+            center: 0.5 * (low + high),
+            radius: 0.5 * (high - low).length() + blend,
+        }
     }
 
     fn distance(&self, p: DVec3) -> f64 {
         let solid = self.parts.iter().map(|part| part.shape.distance(p));
         let solid = solid.reduce(|a, b| smooth_min(a, b, self.blend)).unwrap_or(f64::INFINITY);
-        match self.cut {
+        match self.clip_plane {
             Some((point, normal)) => solid.max((p - point).dot(normal)),
             None => solid,
         }

@@ -12,7 +12,7 @@ use glam::{DMat3, DQuat, DVec3};
 const WIDTH: f64 = 0.5;
 
 /// How far from its middle a window is fitted, in standard deviations: until it is hardly seen.
-const REACH: f64 = 3.0;
+const WINDOW_SIGMAS: f64 = 3.0;
 
 /// Powers of time in a window.
 const WINDOW_POWERS: [usize; 3] = [0, 1, 2];
@@ -39,7 +39,7 @@ const SPREAD: f64 = 0.64;
 const THICKNESS: f64 = 0.12;
 
 /// Where a piece of surface is at an instant, and how it is turned from rest.
-pub(super) struct Moving {
+pub(super) struct SurfelPose {
     pub(super) position: DVec3,
     pub(super) rotation: DQuat,
 }
@@ -79,7 +79,7 @@ impl Windows {
     pub(super) fn periodic(count: usize) -> Windows {
         let width = WIDTH / count as f64;
         let instants = (0..INSTANTS).map(|i| {
-            let z = REACH * (2.0 * i as f64 / (INSTANTS - 1) as f64 - 1.0);
+            let z = WINDOW_SIGMAS * (2.0 * i as f64 / (INSTANTS - 1) as f64 - 1.0);
             (z * width, (-z * z / 4.0).exp())
         });
         let centers = (0..count + 2).map(|k| (k as f64 - 0.5) / count as f64).collect();
@@ -130,11 +130,11 @@ impl Windows {
 
     /// The quaternion at the middle of a window and its rate: the weighted straight line.
     fn fit_rotation(&self, rotations: &[DQuat; INSTANTS]) -> (DQuat, DQuat) {
-        let middle = rotations[INSTANTS / 2];
+        let reference = rotations[INSTANTS / 2];
         let zero = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
         let (mut sum, mut moment, mut weights, mut inertia) = (zero, zero, 0.0, 0.0);
         for (&(d, weight), q) in self.instants.iter().zip(rotations) {
-            let q = *q * q.dot(middle).signum();
+            let q = *q * q.dot(reference).signum();
             sum += q * weight;
             moment += q * (weight * d);
             weights += weight;
@@ -167,7 +167,7 @@ struct Row {
 impl Gaussians {
     /// Adds a Gaussian that never moves: standard deviations `scales` along the axes that
     /// `rotation` turns.
-    pub(super) fn push_still(&mut self, center: DVec3, rotation: DQuat, scales: DVec3, color: DVec3) {
+    pub(super) fn push_static(&mut self, center: DVec3, rotation: DQuat, scales: DVec3, color: DVec3) {
         self.rows.push(Row {
             center,
             rotation,
@@ -182,8 +182,8 @@ impl Gaussians {
     }
 
     /// Adds a disc on a surface that never moves.
-    pub(super) fn push_still_surfel(&mut self, point: DVec3, normal: DVec3, spacing: f64, color: DVec3) {
-        self.push_still(point, facing(normal), disc(spacing), color);
+    pub(super) fn push_static_surfel(&mut self, point: DVec3, normal: DVec3, spacing: f64, color: DVec3) {
+        self.push_static(point, facing(normal), disc(spacing), color);
     }
 
     /// Adds a moving piece of surface, with the first of the sets of windows whose paths stay
@@ -192,16 +192,16 @@ impl Gaussians {
         &mut self,
         surfel: &Surfel,
         sets: &[Windows],
-        place: &dyn Fn(usize, usize, usize) -> Moving,
+        place: &dyn Fn(usize, usize, usize) -> SurfelPose,
     ) {
         let (set, paths) = fit_first(sets, place);
         let windows = &sets[set];
         let at_rest = facing(surfel.normal);
         for (window, path) in paths.into_iter().enumerate() {
-            let still = windows.width.is_infinite() && path[1..].iter().all(|v| v.length() < 1e-6);
-            if still {
+            let is_static = windows.width.is_infinite() && path[1..].iter().all(|v| v.length() < 1e-6);
+            if is_static {
                 let color = (surfel.color)(surfel.normal);
-                return self.push_still(path[0], at_rest, disc(surfel.spacing), color);
+                return self.push_static(path[0], at_rest, disc(surfel.spacing), color);
             }
             let (turn, mut rate) =
                 windows.fit_rotation(&std::array::from_fn(|i| place(set, window, i).rotation));
@@ -229,7 +229,7 @@ impl Gaussians {
         radius: f64,
         opacity: f32,
         sets: &[Windows],
-        place: &dyn Fn(usize, usize, usize) -> Moving,
+        place: &dyn Fn(usize, usize, usize) -> SurfelPose,
     ) {
         let (set, paths) = fit_first(sets, place);
         for (window, path) in paths.into_iter().enumerate() {
@@ -274,7 +274,10 @@ impl Gaussians {
 
 /// Fits all windows of each set in turn until none deviates by more than the set allows; the number
 /// of that set, or of the last, and its paths.
-fn fit_first(sets: &[Windows], place: &dyn Fn(usize, usize, usize) -> Moving) -> (usize, Vec<[DVec3; 4]>) {
+fn fit_first(
+    sets: &[Windows],
+    place: &dyn Fn(usize, usize, usize) -> SurfelPose,
+) -> (usize, Vec<[DVec3; 4]>) {
     let mut last = (0, Vec::new());
     for (set, windows) in sets.iter().enumerate() {
         let fits = (0..windows.centers.len())

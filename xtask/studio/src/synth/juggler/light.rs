@@ -47,8 +47,8 @@ impl<'a> Light<'a> {
     pub(super) fn occlusion(&self, point: DVec3, normal: DVec3) -> Occlusion {
         // Five looks along the normal: how much nearer than expected is something?
         let mut ambient = 1.0;
-        for (reach, weight) in [(0.01, 4.0), (0.03, 3.0), (0.07, 1.9), (0.14, 1.0), (0.28, 0.45)] {
-            ambient -= weight * (reach - (self.distance)(point + normal * reach)).max(0.0);
+        for (step, weight) in [(0.01, 4.0), (0.03, 3.0), (0.07, 1.9), (0.14, 1.0), (0.28, 0.45)] {
+            ambient -= weight * (step - (self.distance)(point + normal * step)).max(0.0);
         }
         Occlusion { key: self.key(point + normal * 0.012), ambient: ambient.clamp(0.15, 1.0) }
     }

@@ -26,7 +26,7 @@ use glam::{DQuat, DVec3, dvec3};
 
 use cascade::Cascade;
 use figure::Figure;
-use fit::{Gaussians, Moving, Surfel, Windows};
+use fit::{Gaussians, Surfel, SurfelPose, Windows};
 use light::Light;
 use sample::Sample;
 use skeleton::Pose;
@@ -86,7 +86,7 @@ fn add_figure(
         let albedo = figure.paint(point, normal);
         let place = |set: usize, window: usize, instant: usize| {
             let (rotation, position) = skeleton::skinned(&motions[set][window][instant], &skin, point);
-            Moving { position, rotation }
+            SurfelPose { position, rotation }
         };
         let surfel = Surfel { normal, spacing, color: &|n| light.color(albedo, n, shade) };
         gaussians.push_fitted(&surfel, windows, &place);
@@ -95,7 +95,7 @@ fn add_figure(
 
 /// A ball and the shadow it throws on the floor.
 fn add_ball(ball: usize, cascade: &Cascade, windows: &[Windows], light: &Light, gaussians: &mut Gaussians) {
-    let at = |t: f64| (cascade.ball(ball, t), cascade.spin(ball, t));
+    let at = |t: f64| (cascade.ball(ball, t), cascade.rotation(ball, t));
     let motions: Vec<Vec<Vec<(DVec3, DQuat)>>> = windows
         .iter()
         .map(|windows| windows.instants().map(|window| window.map(at).collect()).collect())
@@ -105,14 +105,14 @@ fn add_ball(ball: usize, cascade: &Cascade, windows: &[Windows], light: &Light, 
         let albedo = cascade::paint(ball, normal);
         let place = |set: usize, window: usize, instant: usize| {
             let (center, rotation) = motions[set][window][instant];
-            Moving { position: center + rotation * normal * cascade::BALL_RADIUS, rotation }
+            SurfelPose { position: center + rotation * normal * cascade::BALL_RADIUS, rotation }
         };
         let surfel = Surfel { normal, spacing, color: &|n| light.color(albedo, n, light::OPEN) };
         gaussians.push_fitted(&surfel, windows, &place);
     }
     let shadow = |set: usize, window: usize, instant: usize| {
         let (center, _) = motions[set][window][instant];
-        Moving { position: light.on_floor(center), rotation: DQuat::IDENTITY }
+        SurfelPose { position: light.on_floor(center), rotation: DQuat::IDENTITY }
     };
     gaussians.push_shadow(0.05, 0.35, windows, &shadow);
 }
@@ -150,9 +150,9 @@ mod tests {
         field.check().unwrap();
         assert!((30_000..45_000).contains(&field.len()), "{} Gaussians", field.len());
         let temporal = field.temporal.as_ref().unwrap();
-        let still =
+        let static_count =
             (0..field.len()).filter(|&i| temporal.s[i].is_infinite() && temporal.is_motionless(i)).count();
-        assert!(still > 4_000, "{still} never move");
+        assert!(static_count > 4_000, "{static_count} never move");
         // The end of the clip looks like its start.
         let camera = info.viewpoints[0].camera(info.up, 240, 240);
         let at = |t: f64| render(&(&field).into(), &camera, t, Order::Depth);

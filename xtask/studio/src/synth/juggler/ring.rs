@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec2, DVec3, dvec2, dvec3};
 
-use super::fit::{Gaussians, Moving, Surfel, Windows};
+use super::fit::{Gaussians, Surfel, SurfelPose, Windows};
 use super::light::{Albedo, Light, OPEN, soft, srgb};
 use super::{cascade, sample};
 
@@ -48,8 +48,8 @@ pub(super) fn distance(p: DVec3) -> f64 {
 
 fn spares() -> [DVec3; 4] {
     let top = PODIUM + dvec3(0.0, PODIUM_HEIGHT, 0.0);
-    let reach = SPARE_RADIUS * 2.0 / 3f64.sqrt();
-    let at = |turn: f64| top + dvec3(reach * turn.cos(), SPARE_RADIUS, reach * turn.sin());
+    let rest_radius = SPARE_RADIUS * 2.0 / 3f64.sqrt();
+    let at = |turn: f64| top + dvec3(rest_radius * turn.cos(), SPARE_RADIUS, rest_radius * turn.sin());
     // Four equal balls in a heap: the fourth lies this much higher.
     let rise = SPARE_RADIUS * (1.0 + 2.0 * (2f64 / 3.0).sqrt());
     [at(0.4), at(0.4 + TAU / 3.0), at(0.4 - TAU / 3.0), top + dvec3(0.0, rise, 0.0)]
@@ -67,7 +67,7 @@ pub(super) fn build(light: &Light, gaussians: &mut Gaussians) {
             let point = center + SPARE_RADIUS * normal;
             let albedo = cascade::paint(i % cascade::BALLS, DQuat::from_rotation_x(i as f64) * normal);
             let color = light.color(albedo, normal, light.occlusion(point, normal));
-            gaussians.push_still_surfel(point, normal, spacing, color);
+            gaussians.push_static_surfel(point, normal, spacing, color);
         }
     }
     bunting(light, gaussians);
@@ -86,7 +86,7 @@ fn tile(
     let rotation = DQuat::from_mat3(&DMat3::from_cols(along, normal.cross(along), normal));
     let scales = dvec3(0.68 * size[0], 0.68 * size[1], 0.002);
     let color = light.color(albedo, normal, light.occlusion(point, normal));
-    gaussians.push_still(point, rotation, scales, color);
+    gaussians.push_static(point, rotation, scales, color);
 }
 
 /// `count` directions around the y axis.
@@ -168,10 +168,10 @@ fn podium(light: &Light, gaussians: &mut Gaussians) {
             let point = PODIUM + radius * out + DVec3::Y * (height * PODIUM_HEIGHT);
             // Diamonds between two golden bands.
             let across = 2.0 * ((angle / TAU * 8.0).rem_euclid(1.0) - 0.5).abs();
-            let from_middle = (height - 0.5).abs();
-            let diamond = 0.80 - across - 2.0 * from_middle;
+            let from_center = (height - 0.5).abs();
+            let diamond = 0.80 - across - 2.0 * from_center;
             let albedo = srgb(TEAL).lerp(srgb(CREAM), soft(diamond, 0.25));
-            let albedo = albedo.lerp(srgb(GOLD), soft(from_middle - 0.41, 0.04));
+            let albedo = albedo.lerp(srgb(GOLD), soft(from_center - 0.41, 0.04));
             let length = TAU * radius / count as f64;
             tile(light, gaussians, point, normal, DVec3::Y.cross(out), [length, 1.05 * step], albedo);
         }
@@ -206,7 +206,7 @@ fn bunting(light: &Light, gaussians: &mut Gaussians) {
         let top = foot + DVec3::Y * (POLE_HEIGHT + 0.03);
         for normal in sample::fibonacci_sphere(60) {
             let color = light.color(srgb(GOLD), normal, OPEN);
-            gaussians.push_still_surfel(top + 0.04 * normal, normal, 0.018, color);
+            gaussians.push_static_surfel(top + 0.04 * normal, normal, 0.018, color);
         }
     }
     let whole = [Windows::whole()];
@@ -236,7 +236,7 @@ fn bunting(light: &Light, gaussians: &mut Gaussians) {
                 let u = 0.5 + half * (2.0 * (column as f64 + 0.5) / columns as f64 - 1.0);
                 let hung = a.lerp(b, u) - DVec3::Y * (0.21 * down);
                 let bent = dvec3(0.0, 0.0, 0.02 * (TAU * u).sin() * down);
-                let place = |_, _, instant: usize| Moving {
+                let place = |_, _, instant: usize| SurfelPose {
                     position: hung + bent + DVec3::Z * (swing * down * cascade::sway(instants[instant])),
                     rotation: DQuat::IDENTITY,
                 };

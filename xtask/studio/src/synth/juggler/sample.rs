@@ -38,7 +38,7 @@ pub(super) fn fibonacci_sphere(count: u32) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Covers the part of the zero set of `distance` that is `wanted` with points about `spacing`
+/// Covers the part of the zero set of `distance` that is `is_covered` with points about `spacing`
 /// apart. That part lies in the box from `low` to `high`, where `near` is small.
 ///
 /// Darts are thrown at the surface and kept where there is room; then the points push each other
@@ -47,7 +47,7 @@ pub(super) fn cover(
     distance: &dyn Fn(DVec3) -> f64,
     [low, high]: [DVec3; 2],
     near: &dyn Fn(DVec3) -> f64,
-    wanted: &dyn Fn(DVec3) -> bool,
+    is_covered: &dyn Fn(DVec3) -> bool,
     spacing: f64,
 ) -> Vec<Sample> {
     let mut random = fastrand::Rng::with_seed(1);
@@ -57,8 +57,8 @@ pub(super) fn cover(
         for y in 0..steps.y {
             for z in 0..steps.z {
                 let corner = low + IVec3::new(x, y, z).as_dvec3() * spacing;
-                let middle = corner + 0.5 * spacing;
-                if near(middle) > 2.0 * spacing || distance(middle).abs() > spacing {
+                let center = corner + 0.5 * spacing;
+                if near(center) > 2.0 * spacing || distance(center).abs() > spacing {
                     continue;
                 }
                 for _ in 0..DARTS {
@@ -77,19 +77,19 @@ pub(super) fn cover(
         }
         free
     });
-    let reach = 1.3 * spacing;
+    let cell = 1.3 * spacing;
     for _ in 0..ROUNDS {
-        let mut grid = Grid::new(reach);
+        let mut grid = Grid::new(cell);
         darts.iter().for_each(|&dart| grid.insert(dart));
         for dart in &mut darts {
-            let away = grid.near(*dart).map(|p| *dart - p).filter(|d| (1e-9..reach).contains(&d.length()));
-            let push: DVec3 = away.map(|d| d.normalize() * (1.0 - d.length() / reach)).sum();
+            let away = grid.near(*dart).map(|p| *dart - p).filter(|d| (1e-9..cell).contains(&d.length()));
+            let push: DVec3 = away.map(|d| d.normalize() * (1.0 - d.length() / cell)).sum();
             if let Some(moved) = onto(distance, *dart + push * (0.3 * spacing)) {
                 *dart = moved;
             }
         }
     }
-    darts.retain(|&dart| wanted(dart));
+    darts.retain(|&dart| is_covered(dart));
     darts.into_iter().map(|point| Sample { point, normal: sdf::normal(distance, point), spacing }).collect()
 }
 

@@ -141,7 +141,8 @@ mod tests {
         let figures: Vec<Vec<Part>> = times.iter().map(|&t| figure(t)).collect();
         for parts in &figures {
             let head = parts[3].center.y + 0.125;
-            let sole = parts.iter().map(|part| part.center.y - part.shape.reach()).fold(1.0, f64::min);
+            let sole =
+                parts.iter().map(|part| part.center.y - part.shape.bounding_radius()).fold(1.0, f64::min);
             assert!((1.6..1.8).contains(&head) && (-0.2..0.15).contains(&sole), "{head} {sole}");
             for part in parts {
                 let turns = part.axes.transpose() * part.axes - DMat3::IDENTITY;

@@ -46,7 +46,7 @@ impl Shape {
     }
 
     /// Distance from the origin to the farthest point.
-    pub(super) fn reach(self) -> f64 {
+    pub(super) fn bounding_radius(self) -> f64 {
         match self {
             Shape::Ellipsoid { radii } => radii.max_element(),
             Shape::Capsule { half, radius } => half + radius,
@@ -88,7 +88,7 @@ mod tests {
     fn rays_enter_where_the_surface_is() {
         let egg = Shape::Ellipsoid { radii: dvec3(1.0, 2.0, 0.5) };
         let mut random = fastrand::Rng::with_seed(7);
-        let mut point = |reach: f64| dvec3(random.f64(), random.f64(), random.f64()) * 2.0 * reach - reach;
+        let mut point = |extent: f64| dvec3(random.f64(), random.f64(), random.f64()) * 2.0 * extent - extent;
         let mut met = 0;
         for _ in 0..2000 {
             let (origin, direction) = (point(3.0), point(2.0));

@@ -70,8 +70,8 @@ pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
             let byte = |part: f64| (part / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
             picture.colors.push(sum.map(byte));
             picture.mask.push(byte(f64::from(hits)));
-            let middle = nearest(parts, origin, ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
-            picture.depths.push(middle.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
+            let at_center = nearest(parts, origin, ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
+            picture.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
         }
     }
     picture
@@ -92,7 +92,9 @@ fn enter(part: &Part, origin: DVec3, direction: DVec3) -> Option<f64> {
     let from = origin - part.center;
     // Most rays miss most parts by far.
     let along = from.dot(direction) / direction.length_squared();
-    if (from - along * direction).length_squared() > part.shape.reach() * part.shape.reach() {
+    if (from - along * direction).length_squared()
+        > part.shape.bounding_radius() * part.shape.bounding_radius()
+    {
         return None;
     }
     let part_from_world = part.axes.transpose();

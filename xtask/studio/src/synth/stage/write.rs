@@ -48,8 +48,8 @@ fn fill(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -> io:
         (0..cameras.len()).try_for_each(|camera| fs::create_dir_all(folder.join(kind).join(name(camera))))?;
     }
     let figures: Vec<Vec<Part>> = even_times(settings.frames).into_iter().map(figure).collect();
-    (0..settings.pictures()).into_par_iter().try_for_each(|shot| {
-        let (camera, frame) = (shot % cameras.len(), shot / cameras.len());
+    (0..settings.pictures()).into_par_iter().try_for_each(|index| {
+        let (camera, frame) = (index % cameras.len(), index / cameras.len());
         let picture = picture(&figures[frame], &cameras[camera]);
         let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
         let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
