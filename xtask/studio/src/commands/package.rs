@@ -7,13 +7,15 @@ use std::time::Instant;
 
 use crate::capture::Footage;
 use crate::fit::{self, Refinement, RefinementReport, Settings, Shots};
-use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
+use crate::package::{
+    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with, prefix_quality,
+};
+use crate::progress::StagedProgress;
 use crate::playlist;
 use crate::scene::Scene;
 use crate::takes::{List, Record, Standing, Take, key};
 use anyhow::bail;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::prune::Ranking;
@@ -23,7 +25,7 @@ use super::capture::{FrameSelection, HeldFrames, load_shots};
 use super::takes::{self, Job, Many};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
-const LADDER_LOSS_DB: f64 = 0.5;
+const PREFIX_LOSS_DB: f64 = 0.5;
 
 /// Fidelity in dB below which the report suggests `--recolor`.
 const RECOLOR_BELOW_DB: f64 = 40.0;
@@ -78,7 +80,7 @@ pub struct Args {
     quality: f64,
     /// Remove a part; may be given several times
     #[arg(long, value_enum, value_name = "PART")]
-    drop: Vec<Part>,
+    drop: Vec<DropPart>,
     /// Refuse a field of which a row needs a repair or has to be left out
     #[arg(long)]
     strict: bool,
@@ -137,10 +139,10 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     } else {
         println!("{}", made.scene);
         print_report(&made.report);
-        print_ladder(made.rungs.as_deref().unwrap_or_default());
+        print_prefixes(made.prefix_steps.as_deref().unwrap_or_default());
         println!("{}, written in {:.1} s", made.out.display(), start.elapsed().as_secs_f64());
     }
-    made.check_ladder()
+    made.check_prefixes()
 }
 
 /// Makes a package of each take of a list, and a playlist of all.
@@ -160,7 +162,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     output::write(&folder.join(playlist::FILE), &playlist)?;
     takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
         let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
-        made.check_ladder()?;
+        made.check_prefixes()?;
         made.to_json()
     })
 }
@@ -170,28 +172,28 @@ struct Made {
     /// The scene and its format.
     scene: String,
     out: PathBuf,
-    report: Report,
-    rungs: Option<Vec<Rung>>,
+    report: PackageReport,
+    prefix_steps: Option<Vec<PrefixStep>>,
 }
 
 impl Made {
     fn to_json(&self) -> anyhow::Result<Value> {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
-        if let Some(rungs) = &self.rungs {
-            object["ladder"] = json!(rungs);
+        if let Some(prefix_steps) = &self.prefix_steps {
+            object["ladder"] = json!(prefix_steps);
         }
         Ok(object)
     }
 
     /// Whether all first parts are as good as they should be.
-    fn check_ladder(&self) -> anyhow::Result<()> {
-        let mut failed = self.rungs.iter().flatten().filter(|rung| rung.loss_db > LADDER_LOSS_DB);
+    fn check_prefixes(&self) -> anyhow::Result<()> {
+        let mut failed = self.prefix_steps.iter().flatten().filter(|step| step.loss_db > PREFIX_LOSS_DB);
         match failed.next() {
             None => Ok(()),
-            Some(Rung { gaussians, loss_db, .. }) => bail!(
+            Some(PrefixStep { gaussians, loss_db, .. }) => bail!(
                 "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
-                 {LADDER_LOSS_DB} dB are allowed"
+                 {PREFIX_LOSS_DB} dB are allowed"
             ),
         }
     }
@@ -225,7 +227,7 @@ fn make(args: &Args) -> anyhow::Result<Made> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
-    let settings = package::Settings {
+    let settings = PackageSettings {
         budget: args.budget.map(NonZeroUsize::get),
         rank: args.rank.0,
         no_floor: args.no_floor,
@@ -237,26 +239,23 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         drop: args.drop.clone(),
         strict: args.strict,
     };
-    // Drawn on a terminal's standard error only.
-    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}{msg}")?;
-    let progress = ProgressBar::new(1).with_style(style);
+    let progress = StagedProgress::visible();
     let shots = match (&captured, args.refine) {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
     let refinement = shots.as_ref().zip(args.refine).map(|(shots, steps)| Refinement { shots, steps });
-    let package = package_showing(&scene, &settings, refinement.as_ref(), &progress)?;
-    progress.finish_and_clear();
+    let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
     output::write(&out, &package.bytes)?;
-    let rungs = match args.ladder {
-        true => Some(ladder(&scene, &settings, &package, &progress)?),
+    let prefix_steps = match args.ladder {
+        true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
         false => None,
     };
     Ok(Made {
         scene: format!("{}: {}", scene.name, scene.subject.format),
         out,
         report: package.report,
-        rungs,
+        prefix_steps,
     })
 }
 
@@ -356,7 +355,7 @@ fn is_there(field: &Path) -> Fault {
     Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
 }
 
-fn print_report(report: &Report) {
+fn print_report(report: &PackageReport) {
     print_counts("Gaussians", &report.subject);
     if let Some(plate) = &report.plate {
         print_counts("plate", plate);
@@ -382,25 +381,25 @@ fn print_report(report: &Report) {
 }
 
 /// How good the first layers are beside packages of their size.
-fn print_ladder(rungs: &[Rung]) {
-    if !rungs.is_empty() {
+fn print_prefixes(prefix_steps: &[PrefixStep]) {
+    if !prefix_steps.is_empty() {
         println!("{:16} {:>9} {:>8} {:>13} {:>8} {:>8}", "ladder", "bytes", "dB", "own bytes", "dB", "loss");
     }
-    for rung in rungs {
+    for step in prefix_steps {
         println!(
             "{:16} {:>9} {:>8.2} {:>13} {:>8.2} {:>8.2}",
-            format!("  {}", rung.gaussians),
-            rung.prefix_bytes,
-            rung.prefix_psnr_db,
-            rung.own_bytes,
-            rung.own_psnr_db,
-            rung.loss_db
+            format!("  {}", step.gaussians),
+            step.prefix_bytes,
+            step.prefix_psnr_db,
+            step.own_bytes,
+            step.own_psnr_db,
+            step.loss_db
         );
     }
 }
 
 /// What was tried for the budget, and what it cost.
-fn print_choice(report: &Report) {
+fn print_choice(report: &PackageReport) {
     let Some(psnr) = report.whole_psnr_db else { return };
     println!(
         "{:22} {:>8} {:>7} {:>10} {:>7} {:>9}",
@@ -436,7 +435,7 @@ fn print_choice(report: &Report) {
 }
 
 /// What moving towards the photographs did.
-fn print_refined(report: &Report) {
+fn print_refined(report: &PackageReport) {
     let Some(RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }) =
         report.refined
     else {
