@@ -1,5 +1,7 @@
-//! Renders images and statistics of a clip, through the renderer that a window uses; of a playlist images
-//! alone, by the time that has gone by since its start.
+//! Renders images and statistics of a clip, through the renderer that a window uses; images only for a
+//! playlist, whose clips follow one another in time.
+//!
+//! A device that is lost after it has drawn enough is replaced, and the image drawn again.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,15 +9,18 @@ use std::time::Instant;
 
 use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
-use program::{Fault, output};
 
 use crate::args::Args;
-use crate::clips::{LoadEvent, cache_dir, playlist, printable};
-use crate::gpu::{FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
+use crate::clips::{
+    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, printable,
+};
+use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
 use crate::{clips, viewpoint};
+use program::Fault;
+use program::output;
 
 /// Size of images where nothing says another.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
@@ -67,57 +72,109 @@ impl Output<'_> {
     }
 }
 
-/// A clip on the device, and what draws it for the eyes that are asked for.
+/// The graphics device.
+struct Device {
+    gpu: Gpu,
+    /// Number of images that it has drawn.
+    images: u64,
+}
+
+impl Device {
+    fn open() -> Result<Device, Fault> {
+        Ok(Device { gpu: Gpu::new_headless()?, images: 0 })
+    }
+}
+
+/// A clip on the device, and the renderer of the requested eyes.
 struct Stage<'a> {
-    gpu: &'a Gpu,
+    args: &'a Args,
+    device: &'a mut Device,
     clip: Arc<Clip>,
     views: Vec<View>,
     settings: RenderSettings,
+    on_device: OnDevice,
+}
+
+/// The parts of a [`Stage`] that a lost device takes along.
+struct OnDevice {
     image: Offscreen,
     renderer: Renderer,
     upload_ms: f64,
 }
 
-impl<'a> Stage<'a> {
-    fn new(gpu: &'a Gpu, clip: Arc<Clip>, views: Vec<View>, args: &Args) -> Result<Stage<'a>, Fault> {
-        let settings = settings(args, &clip)?;
+impl OnDevice {
+    fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<OnDevice, Fault> {
         let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let start = Instant::now();
-        let on_gpu = Arc::new(GpuClip::upload(gpu, &clip)?);
+        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
-        Ok(Stage { gpu, clip, views, settings, image, renderer, upload_ms })
+        Ok(OnDevice { image, renderer, upload_ms })
+    }
+}
+
+impl<'a> Stage<'a> {
+    fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<Stage<'a>, Fault> {
+        let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
+        let on_device = OnDevice::new(&device.gpu, &clip, &views, args)?;
+        Ok(Stage { args, device, clip, views, settings, on_device })
     }
 
     /// Draws the instant `time` seconds from the start of the clip.
     fn draw(&mut self, time: f64) -> Result<Vec<Pixels>, Fault> {
-        self.render(time)?;
-        self.image.read(self.gpu)
+        self.unless_lost(|stage| {
+            stage.render(time)?;
+            stage.on_device.image.read(&stage.device.gpu)
+        })
     }
 
     fn render(&mut self, time: f64) -> Result<FrameCounts, Fault> {
         let t = clip_time(&self.clip, time);
-        self.image.render(self.gpu, &mut self.renderer, t, &self.views, &self.settings)
+        let OnDevice { image, renderer, .. } = &mut self.on_device;
+        image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
-    /// Draws a frame and measures it.
-    fn measure(&mut self, time: f64) -> Result<FrameStats, Fault> {
-        let start = Instant::now();
-        let counts = self.render(time)?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
-        let draw_ms = self.renderer.gpu_ms().unwrap_or(wall_ms);
-        let t = clip_time(&self.clip, time);
-        let coverage = self.renderer.count(self.gpu, t, &self.views, &self.settings)?;
-        Ok(FrameStats {
-            time,
-            alive: counts.alive,
-            sorted: counts.sorted,
-            drawn: coverage.drawn,
-            fragments: coverage.fragments,
-            alive_ms: counts.alive_ms,
-            sort_ms: counts.sort_ms,
-            draw_ms,
+    /// Draws a frame, measures it, and reads it back.
+    fn measure(&mut self, time: f64) -> Result<(FrameStats, Vec<Pixels>), Fault> {
+        self.unless_lost(|stage| {
+            if stage.device.images == 0 {
+                // Drivers finish compiling in the first frame: keep that out of the timings.
+                stage.render(time)?;
+            }
+            let start = Instant::now();
+            let counts = stage.render(time)?;
+            let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
+            let t = clip_time(&stage.clip, time);
+            let OnDevice { image, renderer, .. } = &mut stage.on_device;
+            let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
+            let coverage = renderer.count(&stage.device.gpu, t, &stage.views, &stage.settings)?;
+            let stats = FrameStats {
+                time,
+                alive: counts.alive,
+                sorted: counts.sorted,
+                drawn: coverage.drawn,
+                fragments: coverage.fragments,
+                alive_ms: counts.alive_ms,
+                sort_ms: counts.sort_ms,
+                draw_ms,
+            };
+            Ok((stats, image.read(&stage.device.gpu)?))
         })
+    }
+
+    /// Draws an image by `work`; again on another device if this one is lost after it has drawn enough.
+    fn unless_lost<T>(&mut self, mut work: impl FnMut(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
+        let result = match work(self) {
+            Err(_) if self.device.gpu.is_worth_replacing(self.device.images) => {
+                *self.device = Device::open()?;
+                self.on_device = OnDevice::new(&self.device.gpu, &self.clip, &self.views, self.args)?;
+                Reporter::new().tell(&LoadEvent::Note(DEVICE_REPLACED.into()));
+                work(self)
+            }
+            result => result,
+        }?;
+        self.device.images += 1;
+        Ok(result)
     }
 }
 
@@ -125,26 +182,24 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     let (clip, loading) = load(args)?;
     let times = times(args, clip.info.fps.into());
     check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
-    let views = views(args, &clip)?;
+    views(args, &clip)?;
     settings(args, &clip)?;
-    let gpu = Gpu::new_headless()?;
-    let mut stage = Stage::new(&gpu, Arc::new(clip), views, args)?;
+    let mut device = Device::open()?;
+    let mut stage = Stage::new(&mut device, Arc::new(clip), args)?;
     let mut frames = Vec::new();
     for (i, &time) in times.iter().enumerate() {
         if args.stats.is_some() {
-            if i == 0 {
-                // Drivers finish their compiling in the first frame: keep that out of the timings.
-                stage.render(time)?;
-            }
-            frames.push(stage.measure(time)?);
-            output.write(i, &stage.image.read(&gpu)?)?;
+            let (stats, eyes) = stage.measure(time)?;
+            frames.push(stats);
+            output.write(i, &eyes)?;
         } else {
             output.write(i, &stage.draw(time)?)?;
         }
     }
 
     if let Some(path) = &args.stats {
-        let Stage { clip, views, renderer, upload_ms, .. } = stage;
+        let Stage { device: Device { gpu, .. }, clip, views, on_device, .. } = stage;
+        let OnDevice { renderer, upload_ms, .. } = on_device;
         let stats = Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
@@ -170,32 +225,47 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Renders a playlist: its clips one after the other, as they play. One that cannot be had is told and
-/// skipped, as is one that cannot be drawn. Only clips of which pictures are asked for are on the device,
-/// one at a time.
+/// Makes nothing ready: only clips with requested images are uploaded, one at a time. Clips that cannot be
+/// drawn as `args` ask fail.
+#[derive(Clone)]
+struct ListTarget {
+    args: Args,
+}
+
+impl ClipTarget for ListTarget {
+    type Ready = Arc<Clip>;
+
+    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Arc<Clip>, Fault> {
+        views(&self.args, &clip)
+            .and_then(|_| settings(&self.args, &clip))
+            .map_err(|fault| named(fault, entry))?;
+        Ok(clip.into())
+    }
+}
+
+fn named(fault: Fault, entry: &Entry) -> Fault {
+    fault.about(&printable(entry.name.as_deref().unwrap_or_default()))
+}
+
+/// Renders a playlist: its clips one after the other, as they play. Clips that cannot be loaded or drawn are
+/// reported and skipped.
 fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
     let mut reporter = Reporter::new();
-    let list = playlist::wait(list, cache_dir(), |news| reporter.tell(news))?;
-    let gpu = Gpu::new_headless()?;
+    let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
+    let mut clips = ClipController::new(options, false, || ())?;
+    clips.open(Some(list.into()));
+    clips.set_target(ListTarget { args: args.clone() });
+    let mut device = None;
     let mut last: Option<Arc<Clip>> = None;
     let mut failed: Option<Fault> = None;
     let (mut todo, mut start) = (Vec::new(), 0.0);
-    for name in &list.clips {
+    while let Some((entry, clip)) = next_clip(&mut clips, &mut reporter)? {
         if let Some(fault) = failed.take() {
             reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        let arrived = clips::open(Some(name), cache_dir())
-            .and_then(|mut arrival| arrival.wait(None, |news| reporter.tell(news)));
-        let clip = match arrived {
-            Ok(clip) => Arc::new(clip),
-            Err(fault) => {
-                failed = Some(fault);
-                continue;
-            }
-        };
         if last.is_none() {
             let times = times(args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
@@ -206,20 +276,17 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         let end = start + f64::from(clip.info.duration_s);
         let (here, later): (Vec<_>, Vec<_>) =
             todo.iter().copied().partition(|&(_, time)| time < end - CHANGE_S);
-        let stage = views(args, &clip).and_then(|views| {
-            settings(args, &clip)?;
-            (!here.is_empty()).then(|| Stage::new(&gpu, clip.clone(), views, args)).transpose()
-        });
-        match stage {
-            Ok(Some(mut stage)) => {
-                for (i, time) in here {
-                    output.write(i, &stage.draw((time - start).max(0.0))?)?;
+        if !here.is_empty() {
+            match Stage::new(opened(&mut device)?, clip.clone(), args) {
+                Ok(mut stage) => {
+                    for (i, time) in here {
+                        output.write(i, &stage.draw((time - start).max(0.0))?)?;
+                    }
                 }
-            }
-            Ok(None) => {}
-            Err(fault) => {
-                failed = Some(fault.about(&printable(name)));
-                continue;
+                Err(fault) => {
+                    failed = Some(named(fault, &entry));
+                    continue;
+                }
             }
         }
         todo = later;
@@ -237,16 +304,43 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         (None, Some(fault)) => return Err(fault),
         (None, None) => return Err(Fault::Data("there is no clip".into())),
     };
-    // What is left is the very end, or beyond it.
+    // The times left are the very end, or beyond it.
     let (fps, duration) = (clip.info.fps, clip.info.duration_s);
     let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
     check_times(&left, start, fps.into())?;
-    let views = views(args, &clip)?;
-    let mut stage = Stage::new(&gpu, clip, views, args)?;
+    let mut stage = Stage::new(opened(&mut device)?, clip, args)?;
     for (i, _) in todo {
         output.write(i, &stage.draw(duration.into())?)?;
     }
     Ok(())
+}
+
+/// The device, opened when it is needed first.
+fn opened(device: &mut Option<Device>) -> Result<&mut Device, Fault> {
+    if device.is_none() {
+        *device = Some(Device::open()?);
+    }
+    Ok(device.as_mut().expect("it was just opened"))
+}
+
+/// Waits for the next clip of a playlist; `None` after the last.
+///
+/// # Errors
+/// Why none can be loaded.
+fn next_clip(
+    clips: &mut ClipController<ListTarget>,
+    reporter: &mut Reporter,
+) -> Result<Option<(Entry, Arc<Clip>)>, Fault> {
+    loop {
+        match clips.follow().or_else(|| clips.wait()) {
+            None => return Ok(None),
+            Some(Change::Show { entry, clip, .. }) => return Ok(Some((entry, clip))),
+            Some(Change::Progress(progress)) => reporter.tell(&LoadEvent::Progress(progress)),
+            Some(Change::Note(note)) => reporter.tell(&LoadEvent::Note(note)),
+            Some(Change::Failed(fault)) => return Err(fault),
+            Some(Change::Waiting | Change::Idle) => {}
+        }
+    }
 }
 
 /// Waits for the whole clip, with its progress on the terminal.

@@ -42,7 +42,7 @@ impl Reporter {
                 if is_new { format!("{}\n", progress.text()) } else { String::new() }
             }
             LoadEvent::Note(note) => format!("{}{note}\n", self.clear()),
-            LoadEvent::Clip(_) => String::new(),
+            _ => String::new(),
         }
     }
 

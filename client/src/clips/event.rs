@@ -3,8 +3,11 @@
 use codec::Clip;
 
 use super::progress::Progress;
+use super::queue::{Entry, Queue};
+use program::Fault;
 
-/// A report about a clip that is being loaded. Sources produce the first three; the loader adds the rest.
+/// A report about a clip that is being loaded. A source produces the first three; the loader adds the
+/// others.
 #[derive(Debug)]
 pub enum LoadEvent<C = Box<Clip>> {
     /// How much has arrived.
@@ -13,4 +16,23 @@ pub enum LoadEvent<C = Box<Clip>> {
     Note(String),
     /// A version of the clip that plays. Better ones may follow; the last one is the best.
     Clip(C),
+    /// The request names this playlist.
+    Playlist(Queue),
+    /// The request names a clip, and this one follows it in its folder; reported before the clip is read.
+    NextInFolder(Option<String>),
+    /// An entry cannot be loaded; the loader tries the next one.
+    Skipped(Fault),
+    /// The request failed. No event follows.
+    Failed(Fault),
+    /// The request is complete. No event follows.
+    Done,
+}
+
+/// A version of an entry, ready to be shown.
+#[derive(Debug)]
+pub(crate) struct Version<C> {
+    pub(crate) entry: Entry,
+    /// Whether it is the request's first version of this entry.
+    pub(crate) is_first: bool,
+    pub(crate) clip: C,
 }

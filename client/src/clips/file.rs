@@ -44,7 +44,6 @@ pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
 }
 
 /// The paths of the clips in a folder, sorted by name.
-#[cfg(feature = "xr")]
 pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut clips: Vec<_> = entries

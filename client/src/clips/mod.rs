@@ -1,34 +1,44 @@
 //! Clips: where they come from, and which one plays next.
 //!
 //! ```text
-//! source (file, URL, demo) -> loader (a thread) -> controller -> window | headset | images
-//!   playlist -> queue ------------^                  |
-//!                                 +---- LoadRequest --+
+//! file | URL | demo --source--> loader (a thread) --LoadEvent--> state --Change--> window | headset | images
+//!         playlist --queue-----------^                            |
+//!                                    +--------- LoadRequest ------+
 //! ```
 //!
-//! `source` opens one clip, `playlist` the list that names several, and `queue` orders them. The
-//! controller decides what to load and what to show; a thread loads, and reports [`LoadEvent`]s.
+//! `source` opens one clip, `playlist` the list that names several, and `queue` orders them. The `loader`
+//! carries requests out on the thread of a `worker`, up to clips that a [`ClipTarget`] can show. `state`
+//! decides what to load and what to show; `controller` joins it with the thread.
 
+mod controller;
 pub(crate) mod demo;
 mod event;
 mod file;
+mod loader;
 pub mod playlist;
 mod progress;
-#[cfg(any(feature = "window", feature = "xr"))]
-pub(crate) mod queue;
+mod queue;
 mod source;
+mod state;
 mod url;
+mod worker;
 
+pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
-#[cfg(feature = "xr")]
+#[cfg(all(feature = "xr", any(target_os = "android", test)))]
 pub(crate) use file::clips_in;
 #[cfg(feature = "net")]
 pub(crate) use file::decode;
 pub use file::load_file;
+pub(crate) use loader::{ClipTarget, LoadOptions};
 pub use progress::Progress;
+pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
 pub use source::cache_dir;
 pub use source::{Arrival, open};
+pub(crate) use state::{Change, Transition};
+#[cfg(feature = "xr")]
+pub(crate) use url::is_url;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use url::title;
-pub(crate) use url::{is_url, printable, redacted};
+pub(crate) use url::{printable, redacted};

@@ -22,7 +22,6 @@ pub(crate) fn printable(name: &str) -> String {
 }
 
 /// The file name of a clip, which titles it; "demo" for the built-in clip.
-#[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn title(name: Option<&str>) -> String {
     let Some(name) = name else { return "demo".into() };
     let path = printable(name);
@@ -34,7 +33,6 @@ pub(crate) fn title(name: Option<&str>) -> String {
 mod tests {
     use super::*;
 
-    #[cfg(any(feature = "window", feature = "xr"))]
     #[test]
     fn a_clip_is_titled_by_its_file_name() {
         assert_eq!(title(Some("a/b/clip.aarc")), "clip.aarc");

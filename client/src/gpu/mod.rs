@@ -25,6 +25,7 @@ mod timing;
 mod ui;
 
 pub use clip::GpuClip;
+pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER};
 pub use level::Level;
 pub use readback::Pixels;

@@ -10,8 +10,6 @@ mod frame_times;
 mod icon;
 mod icons;
 mod keys;
-mod loader;
-mod order;
 mod overlay;
 mod screen;
 mod screenshot;
@@ -23,17 +21,17 @@ use std::panic::catch_unwind;
 use std::time::Instant;
 
 use codec::Clip;
-use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
-use crate::clips::queue::{Entry, Queue};
-use crate::clips::{Arrival, LoadEvent, cache_dir, playlist};
+use crate::clips::{Arrival, Entry, LoadEvent, Queue, cache_dir, playlist};
+use crate::gpu::DEVICE_REPLACED;
 use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
+use program::Fault;
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip that `args` name in a window, until it is closed.
@@ -42,11 +40,11 @@ use session::{Event, Next, Session, Start};
 /// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until there is a clip to show;
 /// [`Fault::Device`] without a display or a graphics device that can draw on it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let First { origin, clip, rest, list } = first_clip(args)?;
+    let First { entry, clip, rest, queue } = first_clip(args)?;
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
-    let start = Start { origin, clip, rest, list, viewpoint, settings, size: args.size };
+    let start = Start { entry, clip, rest, queue, viewpoint, settings, size: args.size };
     let event_loop = open_display()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop
@@ -55,37 +53,37 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     app.result
 }
 
-/// What plays first.
+/// The clip that plays first.
 struct First {
-    /// Where it comes from, as [`clips::open`] takes it.
-    origin: Option<String>,
+    entry: Entry,
     clip: Clip,
+    /// Its better versions, which are still being loaded.
     rest: Arrival,
-    list: Option<Queue>,
+    queue: Option<Queue>,
 }
 
-/// Waits for what plays first: the clip that `args` name, or the first one of their playlist that can be
-/// had. What cannot is told on the terminal.
+/// Waits for the clip that `args` name, or for the first one of their playlist that can be loaded; reports
+/// on the terminal the ones that cannot.
 fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
-    let wait = |name: Option<&str>, list, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = clips::open(name, cache_dir())?;
-        let clip = rest.wait(Some(layers), |news| reporter.tell(news))?;
-        Ok(First { origin: name.map(str::to_owned), clip, rest, list })
+    let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
+        let mut rest = clips::open(entry.name.as_deref(), cache_dir())?;
+        let clip = rest.wait(Some(layers), |event| reporter.tell(event))?;
+        Ok(First { entry, clip, rest, queue })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
-        return wait(args.clip.as_deref(), None, &mut reporter);
+        return wait(Entry::single(args.clip.clone()), None, &mut reporter);
     };
-    let queue = Queue::new(playlist::wait(list, cache_dir(), |news| reporter.tell(news))?);
+    let queue = Queue::new(playlist::wait(list, cache_dir(), |event| reporter.tell(event))?.clips);
     let mut last = None;
-    for Entry { number, name } in queue.all() {
+    for entry in queue.all() {
         if let Some(fault) = last.take() {
             reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
         }
         let mut queue = queue.clone();
-        queue.go_to(number);
-        match wait(name.as_deref(), Some(queue), &mut reporter) {
+        queue.go_to(entry.number);
+        match wait(entry, Some(queue), &mut reporter) {
             Err(fault) => last = Some(fault),
             first => return first,
         }
@@ -181,9 +179,7 @@ impl ApplicationHandler<Event> for App {
                     }
                 }
                 Err(fault) => match session.reopen(fault) {
-                    Ok(()) => Reporter::new().tell(&LoadEvent::Note(
-                        "the graphics device stopped working: the clip goes on with another one".into(),
-                    )),
+                    Ok(()) => Reporter::new().tell(&LoadEvent::Note(DEVICE_REPLACED.into())),
                     Err(fault) => self.fail(event_loop, fault),
                 },
             },

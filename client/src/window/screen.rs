@@ -11,10 +11,6 @@ use winit::window::{Theme, Window};
 use super::style;
 use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
 
-/// Frames that a device must have shown for another one to be opened after it: one that is lost over and
-/// over is no use.
-const LASTING: u32 = 50;
-
 /// Longest to wait for the loader.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -27,7 +23,7 @@ pub(super) struct Screen {
     /// Put away last, see [`Screen::drop`].
     pub(super) surface: WindowSurface,
     /// Frames shown.
-    frames: u32,
+    frames: u64,
 }
 
 impl Screen {
@@ -62,9 +58,9 @@ impl Screen {
         self.frames = self.frames.saturating_add(1);
     }
 
-    /// Whether the device is gone after it worked for long enough that another one may, too.
-    pub(super) fn is_worth_reopening(&self) -> bool {
-        self.gpu.is_lost() && self.frames >= LASTING
+    /// Whether the device is lost after it worked for long enough that another one may as well.
+    pub(super) fn is_worth_replacing(&self) -> bool {
+        self.gpu.is_worth_replacing(self.frames)
     }
 }
 

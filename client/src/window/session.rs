@@ -1,9 +1,9 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
 //!
-//! Of a playlist, the next clip is made ready while this one plays: these two are on the device, and for a
-//! moment a better version of one of them. The change takes no longer than a frame.
+//! The next clip of a playlist is made ready while this one plays: both are on the device, and for a moment
+//! a better version of one of them. Going from one to the other takes no longer than a frame.
 //!
-//! A device that is lost takes all that was on it along: another one is opened, and the clip loaded anew.
+//! A lost device takes all clips on it along: the session opens another one and loads the clip again.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Weak};
@@ -13,7 +13,6 @@ use std::time::{Duration, Instant};
 use codec::Clip;
 use egui::ViewportId;
 use glam::UVec2;
-use program::Fault;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
@@ -21,16 +20,16 @@ use winit::window::{Fullscreen, Theme, Window};
 
 use super::frame_times::FrameTimes;
 use super::icon;
-use super::loader::Loader;
-use super::order::carry_out;
 use super::overlay::Message;
 use super::screen::Screen;
 use super::screenshot::Shot;
 use super::viewer::{Requests, Scene, Viewer};
-use crate::clips::queue::{Entry, List, Queue, Terms};
-use crate::clips::{Arrival, Progress, cache_dir, title};
+use crate::clips::{
+    Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
+};
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
 use crate::view::View;
+use program::Fault;
 
 /// Size of the window in points where nothing says another, and the least that holds the controls.
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
@@ -41,13 +40,12 @@ const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
 /// What to open a window with.
 pub(super) struct Start {
-    /// Where the clip comes from, as [`clips::open`] takes it.
-    pub(super) origin: Option<String>,
+    /// The clip to show, and its better versions, which are still being loaded.
+    pub(super) entry: Entry,
     pub(super) clip: Clip,
-    /// Better versions of it that are on their way.
     pub(super) rest: Arrival,
-    /// The playlist that it is of, standing at it.
-    pub(super) list: Option<Queue>,
+    /// The playlist of the clip, at its entry.
+    pub(super) queue: Option<Queue>,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
     pub(super) settings: RenderSettings,
@@ -57,49 +55,10 @@ pub(super) struct Start {
 
 /// What other threads report.
 pub(super) enum Event {
-    /// What came of an order, with its number.
-    Loading(u64, Told),
-    /// A picture, with its path.
+    /// The loader has something to tell.
+    Loading,
+    /// A screenshot was saved at this path.
     Saved(Result<PathBuf, Fault>),
-}
-
-/// What is to be loaded.
-pub(super) enum Order {
-    /// A clip or a playlist that was dropped on the window.
-    Open(String),
-    /// The rest of the clip from this origin, which plays already.
-    Rest(Option<String>, Arrival),
-    /// The clip from this origin, to go on with where it was.
-    Again(Option<String>),
-    /// The first of these that can be had, to be played next.
-    Next(Vec<Entry>, Terms),
-}
-
-/// An order, and the device that clips are made ready on, as long as the window has it.
-pub(super) struct Job {
-    pub(super) gpu: Weak<Gpu>,
-    pub(super) format: Format,
-    pub(super) order: Order,
-}
-
-/// What is told of an order.
-pub(super) enum Told {
-    /// How far it is.
-    Progress(Progress),
-    Note(String),
-    /// Something of a playlist could not be had.
-    Skipped(Fault),
-    /// A clip to be played from its start, with the playlist that it is of.
-    New(Box<Playing>, Option<Queue>),
-    /// The clip to be played next, by its number in the playlist.
-    Next(Box<Playing>, usize),
-    /// A better version of the clip that was told last.
-    Better(Box<Playing>),
-    Failed(Fault),
-    /// Nothing, to see whether somebody still waits.
-    Waiting,
-    /// No more is to come.
-    Done,
 }
 
 /// When to draw the next frame.
@@ -109,39 +68,51 @@ pub(super) enum Next {
     OnInput,
 }
 
+/// The device that clips are made ready on, as long as the window has it.
+#[derive(Clone)]
+struct WindowTarget {
+    gpu: Weak<Gpu>,
+    format: Format,
+}
+
+impl WindowTarget {
+    fn of(screen: &Screen) -> WindowTarget {
+        WindowTarget { gpu: Arc::downgrade(&screen.gpu), format: screen.surface.format() }
+    }
+}
+
+impl ClipTarget for WindowTarget {
+    type Ready = Box<Playing>;
+
+    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Box<Playing>, Fault> {
+        let gpu = self.gpu.upgrade().ok_or_else(|| Fault::Device("the graphics device is gone".into()))?;
+        Playing::new(&gpu, self.format, entry, &clip).map(Box::new)
+    }
+}
+
 /// A clip that is ready to be drawn.
-pub(super) struct Playing {
-    /// Where it comes from, as [`clips::open`] takes it.
-    origin: Option<String>,
+struct Playing {
+    title: String,
     scene: Scene,
-    /// `None` where the device that it was on is gone.
+    /// `None` once its device was lost.
     renderer: Option<Renderer>,
-    /// Gaussians in the clip, plate included.
+    /// Number of Gaussians, plate included.
     gaussians: usize,
-    /// Layers that the package announces; not all are there where the file was cut short.
+    /// Number of layers that the package announces; a truncated file has fewer.
     layers_announced: usize,
 }
 
 impl Playing {
-    /// Uploads a clip and builds what draws it.
-    pub(super) fn new(
-        gpu: &Gpu,
-        format: Format,
-        origin: Option<String>,
-        clip: &Clip,
-    ) -> Result<Playing, Fault> {
+    /// Uploads a clip and builds its renderer.
+    fn new(gpu: &Gpu, format: Format, entry: &Entry, clip: &Clip) -> Result<Playing, Fault> {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
-            origin,
+            title: title(entry.name.as_deref()),
             scene: Scene::of(clip),
             renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
         })
-    }
-
-    fn title(&self) -> String {
-        title(self.origin.as_deref())
     }
 }
 
@@ -164,10 +135,7 @@ pub(super) struct Session {
     frame_times: FrameTimes,
     /// When the frame before was drawn; `None` after a rest.
     last_frame: Option<Instant>,
-    loader: Loader<Job>,
-    /// Whether an order is under way.
-    loading: bool,
-    list: Option<List<Playing>>,
+    clips: ClipController<WindowTarget>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
     screen: Screen,
@@ -185,7 +153,7 @@ impl Session {
             Size::Physical(PhysicalSize::new(size.x, size.y))
         });
         let attributes = Window::default_attributes()
-            .with_title(title(start.origin.as_deref()))
+            .with_title(title(start.entry.name.as_deref()))
             .with_window_icon(icon::icon())
             .with_theme(Some(Theme::Dark))
             .with_min_inner_size(LEAST_SIZE)
@@ -195,33 +163,30 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}; try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let playing = Playing::new(&screen.gpu, screen.surface.format(), start.origin, &start.clip)?;
+        let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
         let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
-        let loader = {
+        let wake = {
             let proxy = proxy.clone();
-            // Without an event loop there is no window left to tell.
-            let deliver = move |order, told| drop(proxy.send_event(Event::Loading(order, told)));
-            Loader::new(carry_out, deliver)
+            // The event loop has ended where this fails.
+            move || drop(proxy.send_event(Event::Loading))
         };
-        let loader = loader.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: false };
+        let mut clips = ClipController::new(options, true, wake)?;
+        clips.adopt(WindowTarget::of(&screen), start.entry, start.queue, start.rest);
         window.request_redraw();
-        let mut session = Session {
+        Ok(Session {
             viewer,
             shown: None,
             counts: FrameCounts::default(),
             frame_times: FrameTimes::default(),
             last_frame: None,
-            loader,
-            loading: false,
-            list: start.list.map(List::new),
+            clips,
             saving: None,
             proxy,
             playing,
             screen,
             window,
-        };
-        session.order(Order::Rest(session.playing.origin.clone(), start.rest));
-        Ok(session)
+        })
     }
 
     /// Takes in an event of the window.
@@ -241,10 +206,7 @@ impl Session {
         self.screen.input.egui_input_mut().hovered_files.clear();
         self.viewer.message = Some(match path.to_str() {
             Some(name) => {
-                if let Some(list) = &mut self.list {
-                    list.forget_next();
-                }
-                self.order(Order::Open(name.into()));
+                self.clips.open(Some(name.into()));
                 Message::Working(format!("Opening {}", title(Some(name))))
             }
             None => Message::Error(format!("{}: its name is not text", path.display())),
@@ -252,123 +214,66 @@ impl Session {
         self.window.request_redraw();
     }
 
-    fn order(&mut self, order: Order) {
-        self.loading = true;
-        let Screen { gpu, surface, .. } = &self.screen;
-        self.loader.load(Job { gpu: Arc::downgrade(gpu), format: surface.format(), order });
-    }
-
-    /// Orders the next clip of the playlist, if there is one and nothing else is under way.
-    fn order_next(&mut self) {
-        if !self.loading
-            && let Some((entries, awaited)) = self.list.as_mut().and_then(List::ask)
-        {
-            let terms = Terms { kept: cache_dir(), layers: Some(1), awaited };
-            self.order(Order::Next(entries, terms));
-        }
-    }
-
-    /// At the end of a clip of a playlist, goes on with the next one as soon as it is ready, unless the
-    /// viewer has paused.
-    fn follow(&mut self) {
-        let Some(list) = &mut self.list else { return };
-        let player = &mut self.viewer.player;
-        if player.take_started_over() {
-            list.start_over();
-            return self.order_next();
-        }
-        if player.over_s().is_none() || !player.is_playing() {
-            return;
-        }
-        if let Some(playing) = list.take() {
-            self.window.set_title(&playing.title());
-            self.viewer.follow_scene(playing.scene.clone());
-            self.playing = playing;
-            self.shown = None;
-            self.forget_working();
-            self.order_next();
-        } else if list.awaits() {
-            self.viewer.message = Some(Message::Working("Loading the next clip".into()));
-        }
-    }
-
-    /// What was under way is done.
-    fn forget_working(&mut self) {
-        if let Some(Message::Working(_)) = self.viewer.message {
-            self.viewer.message = None;
-        }
-    }
-
-    /// Takes in what another thread reports.
+    /// Takes in an event of another thread.
     pub(super) fn receive(&mut self, event: Event) {
         match event {
-            Event::Loading(order, told) if self.loader.is_latest(order) => self.hear(told),
-            Event::Loading(..) => {}
-            Event::Saved(Ok(path)) => {
-                let text = format!("Saved {}", path.display());
-                self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), text));
+            Event::Loading => {
+                while let Some(change) = self.clips.poll() {
+                    self.apply(change);
+                }
             }
-            Event::Saved(Err(fault)) => self.viewer.message = Some(Message::Error(fault.to_string())),
+            Event::Saved(Ok(path)) => self.note(format!("Saved {}", path.display())),
+            Event::Saved(Err(fault)) => self.set_message(Message::Error(fault.to_string())),
         }
+    }
+
+    /// Carries out a change of the clip on display.
+    fn apply(&mut self, change: Change<Box<Playing>>) {
+        match change {
+            Change::Show { clip, transition, .. } => self.show(*clip, transition),
+            Change::Progress(progress) => {
+                self.set_message(Message::Working(format!("Loading: {}", progress.text())));
+            }
+            Change::Waiting => self.set_message(Message::Working("Loading the next clip".into())),
+            Change::Note(note) => self.note(note),
+            Change::Failed(fault) => self.set_message(Message::Error(fault.to_string())),
+            Change::Idle => self.clear_progress(),
+        }
+    }
+
+    fn show(&mut self, playing: Playing, transition: Transition) {
+        let scene = playing.scene.clone();
+        match transition {
+            Transition::Open => {
+                self.viewer.change_scene(scene);
+                self.last_frame = None;
+            }
+            Transition::Follow => {
+                self.viewer.follow_scene(scene);
+                self.clear_progress();
+            }
+            Transition::Refine => self.viewer.refine_scene(scene),
+        }
+        self.window.set_title(&playing.title);
+        self.playing = playing;
+        self.shown = None;
         self.window.request_redraw();
     }
 
-    /// Takes in what is told of the order under way.
-    fn hear(&mut self, told: Told) {
-        match told {
-            Told::Progress(progress) => {
-                let text = format!("Loading: {}", progress.text());
-                self.viewer.message = Some(Message::Working(text));
-            }
-            Told::Note(note) => self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), note)),
-            Told::Skipped(fault) => {
-                let text = format!("{fault}; skipped");
-                self.viewer.message = Some(Message::note(self.screen.input.egui_ctx(), text));
-            }
-            Told::New(playing, queue) => {
-                self.window.set_title(&playing.title());
-                self.viewer.change_scene(playing.scene.clone());
-                self.last_frame = None;
-                self.list = queue.map(List::new);
-                self.playing = *playing;
-                self.shown = None;
-            }
-            Told::Next(playing, number) => {
-                if let Some(list) = &mut self.list {
-                    list.put(number, *playing);
-                }
-            }
-            Told::Better(playing) => match self.list.as_mut().and_then(List::ready) {
-                Some(next) => *next = *playing,
-                None => {
-                    self.viewer.refine_scene(playing.scene.clone());
-                    self.playing = *playing;
-                    self.shown = None;
-                }
-            },
-            Told::Waiting => {}
-            Told::Failed(fault) => {
-                // Of what comes next, the others were told to be skipped, too.
-                self.viewer.message = Some(match self.list.as_ref().is_some_and(List::is_coming) {
-                    true => Message::note(self.screen.input.egui_ctx(), format!("{fault}; skipped")),
-                    false => Message::Error(fault.to_string()),
-                });
-                self.finish();
-            }
-            Told::Done => {
-                self.forget_working();
-                self.finish();
-            }
-        }
+    fn set_message(&mut self, message: Message) {
+        self.viewer.message = Some(message);
+        self.window.request_redraw();
     }
 
-    /// No more comes of the order under way.
-    fn finish(&mut self) {
-        self.loading = false;
-        if let Some(list) = &mut self.list {
-            list.finish();
+    fn note(&mut self, text: String) {
+        self.set_message(Message::note(self.screen.input.egui_ctx(), text));
+    }
+
+    fn clear_progress(&mut self) {
+        if let Some(Message::Working(_)) = self.viewer.message {
+            self.viewer.message = None;
+            self.window.request_redraw();
         }
-        self.order_next();
     }
 
     /// Draws and shows a frame.
@@ -387,13 +292,15 @@ impl Session {
         }
 
         let looping = self.viewer.player.is_looping();
-        self.viewer.player.set_followed(self.list.as_ref().is_some_and(|list| list.goes_on(looping)));
+        self.viewer.player.set_followed(self.clips.is_followed(looping));
         let ctx = self.screen.input.egui_ctx().clone();
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
         let output = ctx.run_ui(input, |ui| requests = self.viewer.frame(ui, elapsed_s, &statistics));
-        self.follow();
+        if let Some(change) = self.clips.advance(&mut self.viewer.player) {
+            self.apply(change);
+        }
 
         let [width, height] = frame.size;
         let wanted = Shown {
@@ -469,7 +376,7 @@ impl Session {
         let player = &self.viewer.player;
         let shot = Shot {
             clip: renderer.clip().clone(),
-            name: self.playing.title(),
+            name: self.playing.title.clone(),
             t: shown.t,
             time_s: player.position_s(),
             view: shown.view,
@@ -498,20 +405,16 @@ impl Session {
     /// `fault`, why the frame failed, if that is no reason to; [`Fault::Device`] if no other device can be
     /// opened.
     pub(super) fn reopen(&mut self, fault: Fault) -> Result<(), Fault> {
-        if !self.screen.is_worth_reopening() {
+        if !self.screen.is_worth_replacing() {
             return Err(fault);
         }
         self.finish_saving();
         self.screen = Screen::open(&self.window)?;
         self.playing.renderer = None;
-        if let Some(list) = &mut self.list {
-            list.forget_next();
-        }
         self.shown = None;
         self.last_frame = None;
-        self.order(Order::Again(self.playing.origin.clone()));
-        self.viewer.message = Some(Message::Working("Loading the clip for another graphics device".into()));
-        self.window.request_redraw();
+        self.clips.set_target(WindowTarget::of(&self.screen));
+        self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }
 
@@ -531,8 +434,8 @@ impl Session {
             let drawn = self.viewer.settings.layers.unwrap_or(there).min(there);
             rows.insert(1, ("layers", format!("{drawn} of {announced}")));
         }
-        if let Some(list) = &self.list {
-            rows.insert(0, ("clip", list.place()));
+        if let Some(queue) = self.clips.queue() {
+            rows.insert(0, ("clip", format!("{} of {}", queue.position() + 1, queue.len())));
         }
         if let Some(gpu_ms) = self.playing.renderer.as_mut().and_then(Renderer::gpu_ms) {
             rows.push(("GPU", format!("{gpu_ms:.2} ms")));

@@ -1,5 +1,5 @@
 //! The runtime's calls for frames and images, behind the order that [`super::frame`] proves, and
-//! [`Watch`], the time spent in them.
+//! [`Stopwatch`], which measures the time spent in them.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -10,12 +10,12 @@ use openxr as xr;
 use super::frame::{FrameCalls, ImageCalls};
 use super::runtime::Blends;
 
-/// Adds up the time that a frame spends in the runtime and the driver.
+/// Sums the time that a frame spends in the runtime and the driver.
 #[derive(Clone, Default)]
-pub(super) struct Watch(Rc<Cell<Duration>>);
+pub(super) struct Stopwatch(Rc<Cell<Duration>>);
 
-impl Watch {
-    /// Makes a call that is not ours.
+impl Stopwatch {
+    /// Measures a call into the runtime or the driver.
     pub(super) fn time<T>(&self, call: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = call();
@@ -23,7 +23,7 @@ impl Watch {
         result
     }
 
-    /// What has added up since the last time.
+    /// The sum since the last call of `take`.
     pub(super) fn take(&self) -> Duration {
         self.0.take()
     }
@@ -34,9 +34,9 @@ impl Watch {
 pub(super) struct Timing {
     /// In nanoseconds, on the clock of the runtime.
     pub(super) display_ns: i64,
-    /// From image to image of the display; 0 where the runtime cannot tell.
+    /// Nanoseconds between two images of the display; 0 if the runtime does not know.
     pub(super) period_ns: i64,
-    /// Whether anybody will see it.
+    /// Whether the viewer will see it.
     pub(super) visible: bool,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct Layers<'a> {
     /// Back to front.
     pub(super) layers: &'a [&'a xr::CompositionLayerBase<'a, xr::Vulkan>],
     /// Whether the room shows behind them.
-    pub(super) see_through: bool,
+    pub(super) passthrough: bool,
 }
 
 /// The calls for frames.
@@ -54,24 +54,24 @@ pub(super) struct SessionFrames {
     pub(super) waiter: xr::FrameWaiter,
     pub(super) stream: xr::FrameStream<xr::Vulkan>,
     pub(super) blends: Blends,
-    pub(super) watch: Watch,
-    pub(super) rate: Rate,
+    pub(super) watch: Stopwatch,
+    pub(super) rate: DisplayRate,
 }
 
-/// How many images the display shows per second, where the runtime tells that.
+/// Images per second of the display, if the runtime reports them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rate(Rc<Cell<Option<f32>>>);
+pub(super) struct DisplayRate(Rc<Cell<Option<f32>>>);
 
-impl Rate {
-    /// It is this from now on.
+impl DisplayRate {
+    /// Sets the rate; a rate that is not positive is unknown.
     pub(super) fn set(&self, hz: f32) {
         self.0.set(Some(hz).filter(|hz| *hz > 0.0));
     }
 
-    /// Nanoseconds from image to image, where the runtime tells `told_ns` of a frame: some tell how
-    /// often frames come, once these are late.
-    fn period_ns(&self, told_ns: i64) -> i64 {
-        self.0.get().map_or(told_ns, |hz| (1e9 / f64::from(hz)).round() as i64)
+    /// Nanoseconds between two images. The `predicted_ns` of a frame is the fallback: some runtimes
+    /// predict the interval of late frames instead of the display's.
+    fn period_ns(&self, predicted_ns: i64) -> i64 {
+        self.0.get().map_or(predicted_ns, |hz| (1e9 / f64::from(hz)).round() as i64)
     }
 }
 
@@ -94,7 +94,7 @@ impl FrameCalls for SessionFrames {
     }
 
     fn end(&mut self, timing: Timing, shown: Layers<'_>) -> xr::Result<()> {
-        let blend = self.blends.mode(shown.see_through);
+        let blend = self.blends.mode(shown.passthrough);
         let time = xr::Time::from_nanos(timing.display_ns);
         self.watch.time(|| self.stream.end(time, blend, shown.layers))
     }
@@ -103,7 +103,7 @@ impl FrameCalls for SessionFrames {
 /// The calls for images.
 pub(super) struct SwapchainImages {
     pub(super) swapchain: xr::Swapchain<xr::Vulkan>,
-    pub(super) watch: Watch,
+    pub(super) watch: Stopwatch,
 }
 
 impl ImageCalls for SwapchainImages {
@@ -114,7 +114,7 @@ impl ImageCalls for SwapchainImages {
     }
 
     fn wait(&mut self) -> xr::Result<()> {
-        // An image that is not waited for to the end may be neither drawn into nor released.
+        // Only an image whose wait has ended may be drawn into or released.
         self.watch.time(|| self.swapchain.wait_image(xr::Duration::INFINITE))
     }
 
@@ -128,8 +128,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_display_goes_on_at_its_rate_when_frames_are_late() {
-        let rate = Rate::default();
+    fn late_frames_do_not_change_the_period_of_the_display() {
+        let rate = DisplayRate::default();
         assert_eq!(rate.period_ns(16_000_000), 16_000_000, "nothing better is known");
         rate.set(90.0);
         assert_eq!(rate.period_ns(350_000_000), 11_111_111);

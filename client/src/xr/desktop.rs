@@ -1,4 +1,4 @@
-//! [`System`] on a desktop: the loader is a library of the system's, and nobody interrupts.
+//! [`System`] on a desktop: the OpenXR loader is a library of the system, and no event ends the program.
 
 #![allow(unsafe_code, reason = "a library is loaded")]
 
@@ -11,16 +11,16 @@ use program::Fault;
 use super::interaction::PlacementStore;
 use crate::{clips, folders};
 
-/// What the operating system gives a player and asks of it.
+/// The operating system, as a player needs it.
 pub(super) struct System;
 
 impl System {
     /// Loads the OpenXR loader.
     ///
     /// # Errors
-    /// [`Fault::Device`] that says what to install.
+    /// [`Fault::Device`] that names the package to install.
     pub(super) fn entry(&self) -> Result<xr::Entry, Fault> {
-        // SAFETY: the OpenXR loader of the system is what it says.
+        // SAFETY: the library with this name is the system's OpenXR loader.
         unsafe { xr::Entry::load(&()) }.map_err(|error| {
             log::info!("{error}");
             Fault::Device(
@@ -33,7 +33,7 @@ impl System {
     /// Starts the runtime with these extensions.
     ///
     /// # Errors
-    /// What the loader or the runtime says.
+    /// The code of the loader or the runtime.
     pub(super) fn start(
         &self,
         entry: &xr::Entry,
@@ -43,7 +43,7 @@ impl System {
         entry.create_instance(application, extensions, &[], &())
     }
 
-    /// Waits for this long; whether the program has to end now.
+    /// Waits for `time`; returns whether the program has to end now.
     pub(super) fn wait(&mut self, time: Duration) -> bool {
         if !time.is_zero() {
             std::thread::sleep(time);
@@ -51,12 +51,12 @@ impl System {
         false
     }
 
-    /// Where the placements of clips are remembered; `None` where there is no place for them.
+    /// The store of placements; `None` if the system has no place for it.
     pub(super) fn store(&self) -> Option<PlacementStore> {
         folders::state().map(|folder| PlacementStore::open(&folder))
     }
 
-    /// Where clips from the network are kept; `None` where there is no place for them.
+    /// The folder in which downloads are cached; `None` if the system has no place for them.
     pub(super) fn cache_dir(&self) -> Option<PathBuf> {
         clips::cache_dir()
     }

@@ -1,14 +1,14 @@
-//! [`Halt`]: why a session stops, and what results of the runtime mean to a person.
+//! [`Halt`]: why a session stops, and a sentence for each failure of the runtime.
 
 use openxr::sys::Result as Code;
 use program::Fault;
 
-/// Why a session cannot go on.
+/// Why a session cannot continue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Halt {
-    /// The runtime has dropped it; another one may be opened.
+    /// The runtime has dropped it; the program may open another one.
     SessionLost,
-    /// It is over.
+    /// The run is over.
     Fault(Fault),
 }
 
@@ -18,15 +18,15 @@ impl From<Fault> for Halt {
     }
 }
 
-/// Adds what was being done to a result of the runtime.
+/// Adds to a result of the runtime what the program was doing.
 pub(super) trait During<T> {
-    /// The same, with the sentence that a person is told.
+    /// Turns a failure into a fault.
     ///
     /// # Errors
     /// [`Fault::Device`].
     fn fault(self, what: &str) -> Result<T, Fault>;
 
-    /// The same within a session, which may be lost.
+    /// Turns a failure within a session, which may be lost, into a [`Halt`].
     ///
     /// # Errors
     /// See [`Halt`].
@@ -46,7 +46,7 @@ impl<T> During<T> for Result<T, Code> {
     }
 }
 
-/// The runtime went away below a running program.
+/// The fault of a runtime that ended during the run.
 pub(super) fn instance_lost() -> Fault {
     Fault::Device("the OpenXR runtime went away: start it again, then this program".into())
 }
@@ -73,7 +73,7 @@ fn fault(what: &str, code: Code) -> Fault {
     })
 }
 
-/// What is being done while a runtime starts.
+/// What the program does while a runtime starts.
 pub(super) const STARTING: &str = "starting";
 
 #[cfg(test)]

@@ -9,10 +9,10 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::calls::{SwapchainImages, Watch};
+use super::calls::{Stopwatch, SwapchainImages};
 use super::error::{During, Halt};
 use super::frame::Images;
-use super::panel::{Board, PIXELS_PER_POINT, Painting};
+use super::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
 use super::quad::quad;
 use super::swapchain::{make, wrap};
 use crate::gpu::{Gpu, Pixels, RuntimeFormat, RuntimeTargets, UiPainter};
@@ -26,7 +26,7 @@ pub(super) struct PanelLayer {
     painted: bool,
     /// Whether pictures are kept to be read back.
     readable: bool,
-    watch: Watch,
+    watch: Stopwatch,
 }
 
 impl PanelLayer {
@@ -39,7 +39,7 @@ impl PanelLayer {
         gpu: &Gpu,
         format: RuntimeFormat,
         readable: bool,
-        watch: Watch,
+        watch: Stopwatch,
     ) -> Result<PanelLayer, Halt> {
         let size = UVec2::from(Painting::SIZE);
         let swapchain = make(session, format, size, 1, readable)?;
@@ -79,15 +79,15 @@ impl PanelLayer {
         Ok(())
     }
 
-    /// How it is shown on `board`; `None` before there is a picture.
+    /// How it is shown on `panel`; `None` before there is a picture.
     pub(super) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
-        board: &Board,
+        panel: &PanelQuad,
     ) -> Option<xr::CompositionLayerQuad<'a, xr::Vulkan>> {
         let swapchain = &self.images.calls().swapchain;
         let pixels = UVec2::from(Painting::SIZE);
-        self.painted.then(|| quad(swapchain, pixels, stage, board.pose(), board.size_m()))
+        self.painted.then(|| quad(swapchain, pixels, stage, panel.pose(), panel.size_m()))
     }
 
     /// Waits for the last picture; `None` where there is none or it cannot be read.

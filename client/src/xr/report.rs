@@ -205,6 +205,11 @@ impl Report {
         self.last.is_some_and(|last| self.shown >= last)
     }
 
+    /// Number of frames that have shown the clip.
+    pub(super) fn frames_shown(&self) -> u64 {
+        self.shown
+    }
+
     /// Writes what was asked for.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What to play: an intent as the command line that asks for the same.
+//! [`IntentRequest`]: an Android intent as the command line that asks for the same.
 
 use std::path::PathBuf;
 
@@ -10,19 +10,19 @@ use crate::clips::clips_in;
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Request {
-    /// A clip: a path or an address.
+pub(super) struct IntentRequest {
+    /// A path or URL.
     pub(super) clip: Option<String>,
-    /// Options of the command line, with blanks between.
+    /// Options of the command line, separated by blanks.
     pub(super) options: Option<String>,
 }
 
-/// The command line. Where the intent names no clip, it is the first one, by name, in the first of
-/// the `folders` that has any; where there is none, the demo.
+/// The command line of an intent. An intent without a clip names the first clip, by name, of the first of
+/// the `folders` that has any; without one, the demo plays.
 ///
 /// # Errors
-/// [`Fault::Usage`] if the options are not understood.
-pub(super) fn command_line(request: Request, folders: &[PathBuf]) -> Result<Args, Fault> {
+/// [`Fault::Usage`] if the options cannot be parsed.
+pub(super) fn command_line(request: IntentRequest, folders: &[PathBuf]) -> Result<Args, Fault> {
     let options = request.options.unwrap_or_default();
     let mut args = Args::try_parse_from(["aarc", "--xr"].into_iter().chain(options.split_whitespace()))
         .map_err(|error| {
@@ -41,8 +41,8 @@ pub(super) fn command_line(request: Request, folders: &[PathBuf]) -> Result<Args
 mod tests {
     use super::*;
 
-    fn request(clip: Option<&str>, options: Option<&str>) -> Request {
-        Request { clip: clip.map(String::from), options: options.map(String::from) }
+    fn request(clip: Option<&str>, options: Option<&str>) -> IntentRequest {
+        IntentRequest { clip: clip.map(String::from), options: options.map(String::from) }
     }
 
     #[test]

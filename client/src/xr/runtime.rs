@@ -123,7 +123,7 @@ fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32) ->
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Blends {
     usual: xr::EnvironmentBlendMode,
-    see_through: Option<xr::EnvironmentBlendMode>,
+    passthrough: Option<xr::EnvironmentBlendMode>,
 }
 
 impl Blends {
@@ -131,19 +131,19 @@ impl Blends {
     fn of(offered: &[xr::EnvironmentBlendMode]) -> Blends {
         use xr::EnvironmentBlendMode as Mode;
         let usual = [Mode::OPAQUE].into_iter().find(|mode| offered.contains(mode));
-        let see_through = [Mode::ALPHA_BLEND].into_iter().find(|mode| offered.contains(mode));
+        let passthrough = [Mode::ALPHA_BLEND].into_iter().find(|mode| offered.contains(mode));
         // Glasses that only add light have but that one.
-        Blends { usual: usual.or(offered.first().copied()).unwrap_or(Mode::OPAQUE), see_through }
+        Blends { usual: usual.or(offered.first().copied()).unwrap_or(Mode::OPAQUE), passthrough }
     }
 
     /// Whether the room can be shown behind the clip.
-    pub(super) fn can_see_through(&self) -> bool {
-        self.see_through.is_some()
+    pub(super) fn has_passthrough(&self) -> bool {
+        self.passthrough.is_some()
     }
 
     /// With or without the room, as far as there is one.
-    pub(super) fn mode(&self, see_through: bool) -> xr::EnvironmentBlendMode {
-        self.see_through.filter(|_| see_through).unwrap_or(self.usual)
+    pub(super) fn mode(&self, passthrough: bool) -> xr::EnvironmentBlendMode {
+        self.passthrough.filter(|_| passthrough).unwrap_or(self.usual)
     }
 }
 
@@ -252,10 +252,10 @@ mod tests {
     #[test]
     fn images_are_opaque_unless_the_room_is_asked_for_and_offered() {
         let blends = Blends::of(&[Mode::ALPHA_BLEND, Mode::OPAQUE]);
-        assert!(blends.can_see_through());
+        assert!(blends.has_passthrough());
         assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE, Mode::ALPHA_BLEND]);
         let blends = Blends::of(&[Mode::OPAQUE]);
-        assert!(!blends.can_see_through());
+        assert!(!blends.has_passthrough());
         assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE; 2]);
         assert_eq!(Blends::of(&[Mode::ADDITIVE]).mode(true), Mode::ADDITIVE);
     }

@@ -1,40 +1,40 @@
-//! [`Life`]: the states of a session, as a function from the runtime's events to what to do.
+//! [`SessionLifecycle`]: the states of a session, as a function from the runtime's events to actions.
 
-/// What a runtime says a session is.
+/// The state of a session, as the runtime reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum State {
-    /// Nothing is shown; the headset may be off.
+    /// The runtime shows nothing; the headset may be off.
     #[default]
     Idle,
-    /// It waits to be begun.
+    /// The program may begin the session.
     Ready,
-    /// Frames are timed, and not seen.
+    /// Frames are timed and not shown.
     Synchronized,
-    /// Frames are seen; hands are for someone else, as while the system's menu is open.
+    /// Frames are shown; input goes elsewhere, as while the system's menu is open.
     Visible,
-    /// Frames are seen and hands are ours.
+    /// Frames are shown and input comes to this program.
     Focused,
-    /// It waits to be ended.
+    /// The program must end the session.
     Stopping,
-    /// It will be lost.
+    /// The runtime is about to drop the session.
     LossPending,
     /// The viewer wants to leave.
     Exiting,
 }
 
-/// What a runtime tells.
+/// An event of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// The session is now in this state.
     State(State),
-    /// At this display time, in nanoseconds, the origin of the stage moves: the viewer asked to be
-    /// in the middle, or put up another guard.
+    /// At this display time, in nanoseconds, the origin of the stage moves: the viewer recentred the view
+    /// or drew another boundary.
     SpaceChanges { at_ns: i64 },
-    /// The runtime itself goes away.
+    /// The runtime is about to end.
     InstanceLossPending,
 }
 
-/// What to do about it.
+/// What an event asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     /// Begin the session: frames run from now on.
@@ -45,36 +45,36 @@ pub(super) enum Action {
     Leave,
     /// Destroy it and open another.
     Renew,
-    /// Put the clip before the viewer anew, from this display time on.
-    Replace { at_ns: i64 },
+    /// Recentre the clip in front of the viewer at this display time.
+    Recentre { at_ns: i64 },
     /// Leave the program with an error.
     Fail,
 }
 
-/// Where a session is between opening and leaving.
+/// The state of a session between opening and leaving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Life {
+pub(super) struct SessionLifecycle {
     state: State,
     /// Begun and not ended.
     running: bool,
-    /// The program asked the runtime to let it leave.
-    exit_asked: bool,
+    /// The program has requested the exit.
+    exit_requested: bool,
 }
 
-impl Life {
-    /// The life after `event`, and what to do now.
-    pub(super) fn on(self, event: Event) -> (Life, Option<Action>) {
+impl SessionLifecycle {
+    /// The lifecycle after `event`, and the action it asks for.
+    pub(super) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
         let state = match event {
             Event::State(state) => state,
-            Event::SpaceChanges { at_ns } => return (self, Some(Action::Replace { at_ns })),
+            Event::SpaceChanges { at_ns } => return (self, Some(Action::Recentre { at_ns })),
             Event::InstanceLossPending => return (self, Some(Action::Fail)),
         };
-        let mut next = Life { state, ..self };
+        let mut next = SessionLifecycle { state, ..self };
         let action = match state {
             State::Ready if !self.running => Some(Action::Begin),
             State::Stopping if self.running => Some(Action::End),
             State::Exiting => Some(Action::Leave),
-            State::LossPending if self.exit_asked => Some(Action::Leave),
+            State::LossPending if self.exit_requested => Some(Action::Leave),
             State::LossPending => Some(Action::Renew),
             _ => None,
         };
@@ -86,20 +86,20 @@ impl Life {
         (next, action)
     }
 
-    /// Whether the runtime wants frames: also unseen ones, or it would never show any.
+    /// Whether the runtime wants frames; it wants some before it shows any.
     pub(super) fn wants_frames(&self) -> bool {
         self.running
     }
 
-    /// Whether the viewer is with this program. Otherwise hands are not for it and the clip waits:
-    /// nobody misses what happens behind the system's menu, or with the headset off.
+    /// Whether the viewer is with this program. Otherwise input goes elsewhere and the clip waits: the
+    /// viewer would miss what plays behind the system's menu, or with the headset off.
     pub(super) fn has_focus(&self) -> bool {
         self.running && self.state == State::Focused
     }
 
-    /// Whether to ask the runtime for leave: once, and only of a session that runs.
+    /// Whether to request the exit from the runtime: once, and only of a running session.
     pub(super) fn ask_exit(&mut self) -> bool {
-        !std::mem::replace(&mut self.exit_asked, true) && self.running
+        !std::mem::replace(&mut self.exit_requested, true) && self.running
     }
 }
 
@@ -107,24 +107,24 @@ impl Life {
 mod tests {
     use super::*;
 
-    /// Lets a session go through `states` and returns it with what was to be done.
-    fn live(states: &[State]) -> (Life, Vec<Action>) {
+    /// The lifecycle after `states`, and the actions on the way.
+    fn live(states: &[State]) -> (SessionLifecycle, Vec<Action>) {
         let mut actions = Vec::new();
-        let life = states.iter().fold(Life::default(), |life, &state| {
-            let (life, action) = life.on(Event::State(state));
+        let lifecycle = states.iter().fold(SessionLifecycle::default(), |lifecycle, &state| {
+            let (lifecycle, action) = lifecycle.on(Event::State(state));
             actions.extend(action);
-            life
+            lifecycle
         });
-        (life, actions)
+        (lifecycle, actions)
     }
 
     #[test]
     fn a_session_begins_plays_and_leaves() {
         use State::*;
-        let (life, actions) = live(&[Idle, Ready, Synchronized, Visible, Focused]);
-        assert!(life.wants_frames() && life.has_focus());
+        let (lifecycle, actions) = live(&[Idle, Ready, Synchronized, Visible, Focused]);
+        assert!(lifecycle.wants_frames() && lifecycle.has_focus());
         assert_eq!(actions, [Action::Begin]);
-        let (life, actions) = live(&[
+        let (lifecycle, actions) = live(&[
             Idle,
             Ready,
             Synchronized,
@@ -136,7 +136,7 @@ mod tests {
             Idle,
             Exiting,
         ]);
-        assert!(!life.wants_frames() && !life.has_focus());
+        assert!(!lifecycle.wants_frames() && !lifecycle.has_focus());
         assert_eq!(actions, [Action::Begin, Action::End, Action::Leave]);
     }
 
@@ -144,17 +144,17 @@ mod tests {
     fn the_clip_waits_whenever_the_viewer_is_away() {
         use State::*;
         for away in [Ready, Synchronized, Visible] {
-            let (life, _) = live(&[Idle, Ready, Synchronized, Visible, Focused, away]);
-            assert!(life.wants_frames() && !life.has_focus(), "{away:?}");
+            let (lifecycle, _) = live(&[Idle, Ready, Synchronized, Visible, Focused, away]);
+            assert!(lifecycle.wants_frames() && !lifecycle.has_focus(), "{away:?}");
         }
-        let (life, _) = live(&[Idle, Ready, Synchronized, Visible, Focused, Visible, Focused]);
-        assert!(life.has_focus(), "back from the system's menu");
+        let (lifecycle, _) = live(&[Idle, Ready, Synchronized, Visible, Focused, Visible, Focused]);
+        assert!(lifecycle.has_focus(), "back from the system's menu");
     }
 
     #[test]
     fn a_headset_taken_off_and_on_again_starts_over() {
         use State::*;
-        let (life, actions) = live(&[
+        let (lifecycle, actions) = live(&[
             Idle,
             Ready,
             Focused,
@@ -166,29 +166,29 @@ mod tests {
             Synchronized,
             Focused,
         ]);
-        assert!(life.wants_frames() && life.has_focus());
+        assert!(lifecycle.wants_frames() && lifecycle.has_focus());
         assert_eq!(actions, [Action::Begin, Action::End, Action::Begin]);
     }
 
     #[test]
     fn a_lost_session_is_renewed_unless_it_was_leaving() {
         use State::*;
-        let (mut life, actions) = live(&[Idle, Ready, Focused]);
+        let (mut lifecycle, actions) = live(&[Idle, Ready, Focused]);
         assert_eq!(actions, [Action::Begin]);
-        let (lost, action) = life.on(Event::State(LossPending));
+        let (lost, action) = lifecycle.on(Event::State(LossPending));
         assert_eq!((lost.wants_frames(), action), (false, Some(Action::Renew)));
-        assert!(life.ask_exit() && !life.ask_exit(), "asked once");
-        assert_eq!(life.on(Event::State(LossPending)).1, Some(Action::Leave));
-        assert!(!Life::default().ask_exit(), "a session that does not run has no leave to ask for");
+        assert!(lifecycle.ask_exit() && !lifecycle.ask_exit(), "requested once");
+        assert_eq!(lifecycle.on(Event::State(LossPending)).1, Some(Action::Leave));
+        assert!(!SessionLifecycle::default().ask_exit(), "a session that does not run cannot exit");
     }
 
     #[test]
     fn the_runtime_going_away_is_an_error_in_every_state() {
         for states in [&[][..], &[State::Ready], &[State::Ready, State::Stopping]] {
-            let (life, _) = live(states);
-            assert_eq!(life.on(Event::InstanceLossPending), (life, Some(Action::Fail)));
+            let (lifecycle, _) = live(states);
+            assert_eq!(lifecycle.on(Event::InstanceLossPending), (lifecycle, Some(Action::Fail)));
             let moved = Event::SpaceChanges { at_ns: 5 };
-            assert_eq!(life.on(moved), (life, Some(Action::Replace { at_ns: 5 })));
+            assert_eq!(lifecycle.on(moved), (lifecycle, Some(Action::Recentre { at_ns: 5 })));
         }
     }
 

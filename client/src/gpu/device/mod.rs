@@ -19,6 +19,13 @@ pub(super) use loss::{Fragile, Loss};
 /// those who look for it.
 pub const LOG_FILTER: &str = "error,wgpu_hal=off";
 
+/// What is printed once another device has taken the place of a lost one.
+pub(crate) const DEVICE_REPLACED: &str =
+    "the graphics device stopped working: the clip goes on with another one";
+
+/// Frames that a lost device must have drawn to be replaced: one that is lost over and over is no use.
+const LASTING_FRAMES: u64 = 50;
+
 /// What an adapter offers beyond what every one does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caps {
@@ -231,6 +238,12 @@ impl Gpu {
     fn gone(&self, why: &str) -> Fault {
         let name = &self.adapter_name;
         Fault::Device(format!("graphics device {name} stopped working ({why}): start again"))
+    }
+
+    /// Whether the device is lost, and worked for long enough that another one may as well: it has drawn
+    /// this many `frames`.
+    pub(crate) fn is_worth_replacing(&self, frames: u64) -> bool {
+        self.loss.why().is_some() && frames >= LASTING_FRAMES
     }
 
     /// Whether the device is gone: what is drawn with it is drawn nowhere.

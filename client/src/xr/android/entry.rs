@@ -1,4 +1,4 @@
-//! `android_main`: what Android calls, and what it brings about before a clip plays.
+//! `android_main`: the function that Android calls, and the preparation before a clip plays.
 
 #![allow(unsafe_code, reason = "the name of the entry point is fixed")]
 
@@ -15,17 +15,17 @@ use super::intent;
 use super::system::System;
 use crate::xr::request::command_line;
 
-/// What the log shows: what this program has to say, and the complaints of everything else.
+/// Log filter: messages of this program, and warnings of everything else.
 const LOG_FILTER: &str = "warn,client=info";
 
-/// The tag of this program's lines in the log.
+/// Tag of this program's lines in the log.
 const LOG_TAG: &str = "aarc";
 
-/// The assets of the APK, which belong to the process and not to one activity.
+/// The assets of the APK, which belong to the process rather than to one activity.
 static ASSETS: OnceLock<AssetManager> = OnceLock::new();
 
 /// Plays until the viewer leaves or the activity is destroyed. Returning ends the activity.
-// SAFETY: nothing else has this name, and it is of the type that the glue of the activity calls.
+// SAFETY: no other symbol has this name, and the type is the one that the activity's glue calls.
 #[unsafe(no_mangle)]
 fn android_main(app: AndroidApp) {
     log_to_system();
@@ -47,11 +47,11 @@ fn play(app: AndroidApp) -> Result<(), Fault> {
     }
     let args = command_line(intent::read(&app), &folders)?;
     log::info!("playing {}", args.clip.as_deref().unwrap_or("the demo clip"));
-    crate::xr::play(&args, &mut System::new(app))
+    crate::xr::run::play(&args, &mut System::new(app))
 }
 
-/// Sends what is logged, panics included, to the system's log. A process may run several activities
-/// one after the other; the first sets up the log for all.
+/// Sends log messages and panics to the system's log. A process may run several activities one after the
+/// other; the first one sets up the log for all.
 fn log_to_system() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
@@ -66,7 +66,7 @@ fn log_to_system() {
     });
 }
 
-/// The demo clip, an asset.
+/// Reads the demo clip, an asset.
 ///
 /// # Errors
 /// [`Fault::Data`] if the APK was packed without it.

@@ -1,5 +1,4 @@
-//! Asks the activity for the intent that started it and for its folders, through Java's native
-//! interface.
+//! Reads the intent that started the activity, and the activity's folders, through JNI.
 
 #![allow(unsafe_code, reason = "the activity is a reference of Java's")]
 
@@ -10,9 +9,9 @@ use jni::objects::JString;
 use jni::refs::{Global, Reference};
 use jni::{Env, JavaVM};
 
-use crate::xr::request::Request;
+use crate::xr::request::IntentRequest;
 
-/// Names of the extras that are looked at.
+/// Names of the extras that the player reads.
 const CLIP: &str = "clip";
 const OPTIONS: &str = "args";
 
@@ -50,15 +49,15 @@ jni::bind_java_type! {
     }
 }
 
-/// What the intent asks for; nothing, with a warning, where it cannot be read.
-pub(super) fn read(app: &AndroidApp) -> Request {
+/// Reads the intent; an unreadable one is empty, with a warning.
+pub(super) fn read(app: &AndroidApp) -> IntentRequest {
     with_activity(app, request).unwrap_or_else(|error| {
         log::warn!("the intent cannot be read: {error}");
-        Request::default()
+        IntentRequest::default()
     })
 }
 
-/// The folder for what can be fetched again; `None`, with a warning, where there is none.
+/// The folder for downloads; `None`, with a warning, if there is none.
 pub(super) fn cache_folder(app: &AndroidApp) -> Option<PathBuf> {
     let folder = with_activity(app, |env, activity| {
         let folder = activity.get_cache_dir(env)?;
@@ -66,29 +65,29 @@ pub(super) fn cache_folder(app: &AndroidApp) -> Option<PathBuf> {
         text(env, &path)
     });
     let folder = folder.unwrap_or_else(|error| {
-        log::warn!("the folder for clips from the network is not known: {error}");
+        log::warn!("the folder for downloads is not known: {error}");
         None
     });
     folder.map(PathBuf::from)
 }
 
-/// Calls `ask` with the activity, as Java has it.
+/// Calls `ask` with the Java object of the activity.
 fn with_activity<T>(
     app: &AndroidApp,
     ask: impl FnOnce(&mut Env<'_>, &Activity<'_>) -> jni::errors::Result<T>,
 ) -> jni::errors::Result<T> {
     JavaVM::singleton()?.attach_current_thread(|env| {
         let activity = app.activity_as_ptr().cast();
-        // SAFETY: it is a reference to the activity, and valid as long as `app`.
+        // SAFETY: it is a global reference to the activity, valid as long as `app`.
         let activity = unsafe { env.as_cast_raw::<Global<Activity<'static>>>(&activity) }?;
         ask(env, &activity)
     })
 }
 
-fn request(env: &mut Env<'_>, activity: &Activity<'_>) -> jni::errors::Result<Request> {
+fn request(env: &mut Env<'_>, activity: &Activity<'_>) -> jni::errors::Result<IntentRequest> {
     let intent = activity.get_intent(env)?;
     if intent.is_null() {
-        return Ok(Request::default());
+        return Ok(IntentRequest::default());
     }
     let mut extra = |name: &str| {
         let name = env.new_string(name)?;
@@ -96,22 +95,22 @@ fn request(env: &mut Env<'_>, activity: &Activity<'_>) -> jni::errors::Result<Re
         text(env, &value)
     };
     let (clip, options) = (extra(CLIP)?, extra(OPTIONS)?);
-    Ok(Request { clip: address(env, &intent)?.or(clip), options })
+    Ok(IntentRequest { clip: data(env, &intent)?.or(clip), options })
 }
 
-/// The data of an intent: of a file its path, else the address as it is.
-fn address(env: &mut Env<'_>, intent: &Intent<'_>) -> jni::errors::Result<Option<String>> {
+/// The data of an intent: the path of a file, or any other URL as it is.
+fn data(env: &mut Env<'_>, intent: &Intent<'_>) -> jni::errors::Result<Option<String>> {
     let uri = intent.get_data(env)?;
     if uri.is_null() {
         return Ok(None);
     }
     let scheme = uri.get_scheme(env)?;
-    let of_file = text(env, &scheme)?.is_none_or(|scheme| scheme == "file");
-    let address = if of_file { uri.get_path(env)? } else { uri.to_string(env)? };
-    text(env, &address)
+    let is_file = text(env, &scheme)?.is_none_or(|scheme| scheme == "file");
+    let name = if is_file { uri.get_path(env)? } else { uri.to_string(env)? };
+    text(env, &name)
 }
 
-/// What a string of Java's says, if it is one.
+/// The text of a Java string; `None` for null.
 fn text(env: &Env<'_>, string: &JString<'_>) -> jni::errors::Result<Option<String>> {
     if string.is_null() { Ok(None) } else { string.try_to_string(env).map(Some) }
 }

@@ -1,4 +1,4 @@
-//! [`System`] on Android: the loader is in the APK, and the activity's events are taken in.
+//! [`System`] on Android: the OpenXR loader is in the APK, and the activity's events may end the program.
 
 #![allow(unsafe_code, reason = "a library is loaded, and references of Java's are handed over")]
 
@@ -11,12 +11,12 @@ use program::Fault;
 
 use crate::xr::interaction::PlacementStore;
 
-/// How long to rest at a time while another program has the headset.
+/// Interval between looks for events while another program has the headset.
 const PAUSED_REST: Duration = Duration::from_millis(250);
 
-/// What the operating system gives a player and asks of it.
+/// The operating system, as a player needs it.
 pub(in crate::xr) struct System {
-    /// For the loader and the runtime. It refers to what `app` keeps.
+    /// For the loader and the runtime. It refers to objects of `app`.
     platform: xr::AndroidPlatformInfo,
     app: AndroidApp,
     paused: bool,
@@ -26,26 +26,26 @@ pub(in crate::xr) struct System {
 impl System {
     /// The system as the activity `app` sees it.
     pub(super) fn new(app: AndroidApp) -> System {
-        // SAFETY: both are what they are called, and valid as long as `app`.
+        // SAFETY: both pointers are what their functions are named for, and valid as long as `app`.
         let platform = unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) };
         System { platform, app, paused: false, destroyed: false }
     }
 
-    /// Loads the OpenXR loader and makes it known to the system.
+    /// Loads the OpenXR loader and initialises it for the activity.
     ///
     /// # Errors
-    /// [`Fault::Device`] that says what to do.
+    /// [`Fault::Device`] with the remedy.
     pub(in crate::xr) fn entry(&self) -> Result<xr::Entry, Fault> {
-        // SAFETY: the loader in the APK is what it says.
+        // SAFETY: the library with this name is the OpenXR loader of the APK.
         unsafe { xr::Entry::load(&self.platform) }.map_err(|error| {
             Fault::Device(format!("the OpenXR loader in the APK does not start: pack a newer one: {error}"))
         })
     }
 
-    /// Starts the runtime with these extensions and that which tells it of the activity.
+    /// Starts the runtime with these extensions and the one that passes the activity on.
     ///
     /// # Errors
-    /// What the loader or the runtime says.
+    /// The code of the loader or the runtime.
     pub(in crate::xr) fn start(
         &self,
         entry: &xr::Entry,
@@ -57,8 +57,8 @@ impl System {
         entry.create_instance(application, &extensions, &[], &self.platform)
     }
 
-    /// Takes in what the system tells the activity, and goes on doing so for this long, or longer
-    /// while the activity is paused; whether the program has to end now.
+    /// Handles the activity's events for `time`, or longer while the activity is paused; returns whether the
+    /// program has to end now.
     pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
         let rest = if self.paused && !time.is_zero() { time.max(PAUSED_REST) } else { time };
         let until = Instant::now() + rest;
@@ -79,8 +79,8 @@ impl System {
             MainEvent::Pause => self.paused = true,
             MainEvent::Destroy => self.destroyed = true,
             MainEvent::LowMemory => log::warn!("the headset runs out of memory"),
-            // Controllers come through the runtime; what else comes is left to the system, which
-            // would take a program that does not look for a hung one.
+            // Controllers come through the runtime. All other input goes back to the system, which takes a
+            // program that leaves it in the queue for a hung one.
             MainEvent::InputAvailable => match self.app.input_events_iter() {
                 Ok(mut inputs) => while inputs.next(|_| InputStatus::Unhandled) {},
                 Err(error) => log::warn!("input events: {error}"),
@@ -90,13 +90,13 @@ impl System {
         }
     }
 
-    /// Where the placements of clips are remembered; `None` where there is no place for them.
+    /// The store of placements; `None` if the system has no place for it.
     pub(in crate::xr) fn store(&self) -> Option<PlacementStore> {
         self.app.internal_data_path().map(|folder| PlacementStore::open(&folder))
     }
 
-    /// Where clips from the network are kept: the folder that the system empties when it needs room.
-    /// `None` where there is no place for them.
+    /// The folder in which downloads are cached, which the system empties when it needs room; `None` if
+    /// there is none.
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         super::intent::cache_folder(&self.app).map(|folder| folder.join("clips"))
     }

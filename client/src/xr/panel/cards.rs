@@ -4,8 +4,8 @@
 use egui::text::LayoutJob;
 use egui::{Align2, Painter, Rect, Ui, pos2, vec2};
 
-use super::board::SIZE;
 use super::console;
+use super::quad::SIZE;
 use super::style;
 use super::symbols::{Symbol, draw_working, rect};
 use super::widgets::{State, card, fitted, symbol_button};

@@ -2,7 +2,7 @@
 
 use egui::{Align2, Color32, Painter, Rect, Sense, Ui, WidgetInfo, pos2, vec2};
 
-use super::board::{CONSOLE_HEIGHT, SIZE};
+use super::quad::{CONSOLE_HEIGHT, SIZE};
 use super::style;
 use super::symbols::{Symbol, rect};
 use super::widgets::{GAP, State, button, captioned_tile, card, fitted, id, symbol_button, tile};

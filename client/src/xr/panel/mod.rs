@@ -1,15 +1,15 @@
-//! [`Panel`]: the controls in the headset, on a board that controllers point at.
+//! [`Panel`]: the controls in the headset, on a quad that controllers point at.
 //!
 //! It knows the interface library but neither runtime nor GPU: hands come in, commands and
-//! triangles go out, so that its tests point at buttons and look at the clock. The board is shown
-//! as a quad layer with its [`Board::pose`] and size; its image has display-referred, premultiplied
+//! triangles go out, so that its tests point at buttons and look at the clock. The quad is shown
+//! as a quad layer with its [`PanelQuad::pose`] and size; its image has display-referred, premultiplied
 //! colours and begins as nothing, all zeros.
 
-mod beam;
-mod board;
 mod cards;
 mod console;
 mod pointer;
+mod quad;
+mod ray;
 mod style;
 mod symbols;
 mod widgets;
@@ -21,8 +21,8 @@ use egui::{
     Color32, Context, Event, Pos2, RawInput, Rect, Stroke, TexturesDelta, Ui, ViewportId, ViewportInfo,
 };
 
-pub use beam::Beam;
-pub use board::{Board, PIXELS_PER_POINT, SIZE};
+pub use quad::{PIXELS_PER_POINT, PanelQuad, SIZE};
+pub use ray::PointerRay;
 
 use super::interaction::{Command, Haptics, Inputs, Pose, Side};
 use crate::player::Player;
@@ -108,7 +108,7 @@ impl Drop for Painting {
 /// The panel.
 pub struct Panel {
     ctx: Context,
-    board: Board,
+    quad: PanelQuad,
     pointer: Pointer,
     /// For the next frame of the interface.
     events: Vec<Event>,
@@ -133,7 +133,7 @@ impl Panel {
         style::apply(&ctx);
         Panel {
             ctx,
-            board: Board::before(head),
+            quad: PanelQuad::before(head),
             pointer: Pointer::default(),
             events: Vec::new(),
             press_lost: false,
@@ -152,19 +152,19 @@ impl Panel {
         if !self.shown {
             return [false; 2];
         }
-        let pointing = self.pointer.update(inputs, &self.board, &self.occupied, &mut self.events, haptics);
+        let pointing = self.pointer.update(inputs, &self.quad, &self.occupied, &mut self.events, haptics);
         self.press_lost |= pointing.lost;
         pointing.on_panel
     }
 
-    /// The beams of the hands, left then right, for eyes at the pose `head`: to the panel where they
+    /// The rays of the hands, left then right, for eyes at the pose `head`: to the panel where they
     /// meet it. None while it is not shown.
-    pub fn beams(&self, inputs: &Inputs, head: &Pose) -> [Option<Beam>; 2] {
+    pub fn rays(&self, inputs: &Inputs, head: &Pose) -> [Option<PointerRay>; 2] {
         Side::BOTH.map(|side| {
             let aim = inputs.aim(side).filter(|_| self.shown)?;
             let on_panel = |at: Pos2| self.occupied.iter().any(|area| area.contains(at));
-            let hit = self.board.hit(&aim).filter(|hit| on_panel(hit.at));
-            Beam::new(&aim, hit.map(|hit| hit.distance_m), head.position)
+            let hit = self.quad.hit(&aim).filter(|hit| on_panel(hit.at));
+            PointerRay::new(&aim, hit.map(|hit| hit.distance_m), head.position)
         })
     }
 
@@ -195,12 +195,12 @@ impl Panel {
 
     /// Puts it in front of a viewer whose head is at `head`.
     pub fn place(&mut self, head: &Pose) {
-        self.board = Board::before(head);
+        self.quad = PanelQuad::before(head);
     }
 
     /// Where it is.
-    pub fn board(&self) -> &Board {
-        &self.board
+    pub fn quad(&self) -> &PanelQuad {
+        &self.quad
     }
 
     /// Whether it is to be seen.

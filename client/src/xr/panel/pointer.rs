@@ -6,7 +6,7 @@
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Rect};
 
-use super::board::{Board, Hit};
+use super::quad::{Hit, PanelQuad};
 use crate::xr::interaction::{Button, Haptics, Inputs, Pulse, Side};
 
 /// How far beyond the edge the pointer stays, in points: a hand is never quite still.
@@ -39,12 +39,12 @@ impl Pointer {
     pub(super) fn update(
         &mut self,
         inputs: &Inputs,
-        board: &Board,
+        quad: &PanelQuad,
         occupied: &[Rect],
         events: &mut Vec<Event>,
         haptics: &mut Haptics,
     ) -> Pointing {
-        let hits = Side::BOTH.map(|side| inputs.aim(side).and_then(|aim| board.hit(&aim)));
+        let hits = Side::BOTH.map(|side| inputs.aim(side).and_then(|aim| quad.hit(&aim)));
         let on = |side: Side, margin: f32| {
             hits[side as usize].filter(|hit| occupied.iter().any(|rect| rect.expand(margin).contains(hit.at)))
         };

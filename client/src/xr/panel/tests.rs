@@ -80,7 +80,7 @@ impl Bench {
     /// Points from where a hand would be at a place on the panel, in points.
     fn aim(&mut self, side: Side, at: Pos2) {
         let position = vec3([-0.25, 0.25][side as usize], 1.1, -0.2);
-        let direction = (self.panel.board().stage_point(at) - position).normalize();
+        let direction = (self.panel.quad().stage_point(at) - position).normalize();
         let orientation = Quat::from_rotation_arc(Vec3::NEG_Z, direction);
         self.hand(side).aim = Pose { position, orientation };
     }
@@ -263,9 +263,9 @@ fn beams_end_on_the_panel_and_go_with_it() {
     bench.aim(Side::Left, at);
     bench.frame();
     let lengths =
-        |bench: &Bench| bench.panel.beams(&bench.inputs, &HEAD).map(|beam| beam.map(|beam| beam.size_m().y));
-    let [Some(left), Some(right)] = lengths(&bench) else { panic!("both hands have a beam") };
-    let distance = bench.hands.left.aim.position.distance(bench.panel.board().stage_point(at));
+        |bench: &Bench| bench.panel.rays(&bench.inputs, &HEAD).map(|ray| ray.map(|ray| ray.size_m().y));
+    let [Some(left), Some(right)] = lengths(&bench) else { panic!("both hands have a ray") };
+    let distance = bench.hands.left.aim.position.distance(bench.panel.quad().stage_point(at));
     assert!((left - distance).abs() < 0.06 && right < left, "{left} of {distance}, and {right}");
     bench.hands.right.tracked = false;
     bench.frame();
@@ -310,11 +310,11 @@ fn a_hidden_panel_takes_no_pointing_and_comes_back_before_the_viewer() {
     bench.select(Side::Right, false);
     let elsewhere = Pose { position: vec3(2.0, 1.2, 1.0), orientation: Quat::from_rotation_y(2.0) };
     bench.panel.apply(Command::TogglePanel, &elsewhere);
-    assert_eq!(*bench.panel.board(), Board::before(&elsewhere));
+    assert_eq!(*bench.panel.quad(), PanelQuad::before(&elsewhere));
     bench.frame();
     assert!(bench.painted && bench.commands.is_empty());
     assert!(!bench.panel.apply(Command::Recentre, &HEAD), "the clip recentres too");
-    assert_eq!(*bench.panel.board(), Board::before(&HEAD));
+    assert_eq!(*bench.panel.quad(), PanelQuad::before(&HEAD));
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub struct Args {
 pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
     anyhow::bail!(program::Fault::Usage(
         "depths: this build runs no networks; \
-         run `cargo run --release --package xtask --features onnx -- depths ...`"
+         run `cargo run --release --package studio --features onnx -- depths ...`"
             .into(),
     ))
 }

@@ -282,7 +282,7 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
 fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
     Err(Fault::Usage(
         "--backend gpu: this build has no back end for graphics devices; \
-         run `cargo run --release --package xtask --features gpu -- fit ...`"
+         run `cargo run --release --package studio --features gpu -- fit ...`"
             .into(),
     ))
 }

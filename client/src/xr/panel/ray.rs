@@ -1,4 +1,4 @@
-//! [`Beam`]: the line from a hand to where it points, by which both are found.
+//! [`PointerRay`]: the line from a hand to where it points, by which both are found.
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 
@@ -14,16 +14,16 @@ const FREE_M: f32 = 0.4;
 
 /// A narrow rectangle, turned to be seen from the eyes as well as a line can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beam {
+pub struct PointerRay {
     /// Of its middle, with y along it, away from the hand.
     pose: Pose,
     length_m: f32,
 }
 
-impl Beam {
+impl PointerRay {
     /// From a hand that points with `aim` to what it meets at `distance_m`, if it meets something,
     /// for eyes at `eye`. `None` where that is too near.
-    pub(super) fn new(aim: &Pose, distance_m: Option<f32>, eye: Vec3) -> Option<Beam> {
+    pub(super) fn new(aim: &Pose, distance_m: Option<f32>, eye: Vec3) -> Option<PointerRay> {
         let length_m = distance_m.map_or(FREE_M, |distance_m| distance_m - START_M);
         let along = aim.forward();
         let middle = aim.position + along * (START_M + 0.5 * length_m);
@@ -32,7 +32,7 @@ impl Beam {
         let normal = if to_eye.length() > 1e-3 { to_eye.normalize() } else { along.any_orthonormal_vector() };
         let orientation = Quat::from_mat3(&Mat3::from_cols(along.cross(normal), along, normal));
         let pose = Pose { position: middle, orientation };
-        (length_m > WIDTH_M && pose.is_valid()).then_some(Beam { pose, length_m })
+        (length_m > WIDTH_M && pose.is_valid()).then_some(PointerRay { pose, length_m })
     }
 
     /// Of its middle, with +z to the viewer: that of a quad layer.
@@ -62,9 +62,9 @@ mod tests {
     fn it_lies_on_the_ray_and_ends_where_that_does() {
         let aim = aim();
         let ends = |distance_m| {
-            let beam = Beam::new(&aim, distance_m, EYE).unwrap();
-            let half = beam.pose().orientation * (0.5 * beam.size_m().y * Vec3::Y);
-            [beam.pose().position - half, beam.pose().position + half]
+            let ray = PointerRay::new(&aim, distance_m, EYE).unwrap();
+            let half = ray.pose().orientation * (0.5 * ray.size_m().y * Vec3::Y);
+            [ray.pose().position - half, ray.pose().position + half]
         };
         for (distance_m, end_m) in [(Some(1.2), 1.2), (None, START_M + FREE_M)] {
             let [start, end] = ends(distance_m);
@@ -75,18 +75,18 @@ mod tests {
 
     #[test]
     fn it_turns_its_face_to_the_eyes() {
-        let beam = Beam::new(&aim(), Some(1.0), EYE).unwrap();
-        let to_eye = (EYE - beam.pose().position).normalize();
-        let normal = beam.pose().orientation * Vec3::Z;
-        let along = beam.pose().orientation * Vec3::Y;
+        let ray = PointerRay::new(&aim(), Some(1.0), EYE).unwrap();
+        let to_eye = (EYE - ray.pose().position).normalize();
+        let normal = ray.pose().orientation * Vec3::Z;
+        let along = ray.pose().orientation * Vec3::Y;
         assert!((normal.dot(to_eye) - to_eye.reject_from(along).length()).abs() < 1e-5, "no turn is better");
     }
 
     #[test]
     fn what_is_no_line_is_none() {
-        assert_eq!(Beam::new(&aim(), Some(0.04), EYE), None, "the hand is on the panel");
-        assert_eq!(Beam::new(&Pose { position: Vec3::NAN, ..aim() }, None, EYE), None);
+        assert_eq!(PointerRay::new(&aim(), Some(0.04), EYE), None, "the hand is on the panel");
+        assert_eq!(PointerRay::new(&Pose { position: Vec3::NAN, ..aim() }, None, EYE), None);
         let from_the_eye = Pose { position: EYE, ..aim() };
-        assert!(Beam::new(&from_the_eye, None, EYE).unwrap().pose().is_valid());
+        assert!(PointerRay::new(&from_the_eye, None, EYE).unwrap().pose().is_valid());
     }
 }

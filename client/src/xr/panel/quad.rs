@@ -1,4 +1,4 @@
-//! [`Board`]: the surface in the stage that the panel is shown on, and where rays meet it.
+//! [`PanelQuad`]: the surface in the stage that the panel is shown on, and where rays meet it.
 
 use egui::{Pos2, Vec2 as Points, pos2, vec2};
 use glam::{Mat3, Quat, Vec2, Vec3};
@@ -28,12 +28,12 @@ const BELOW_LEAST_M: f32 = 0.3;
 
 /// A rectangle of [`SIZE`], seen from the side that its z axis points to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Board {
+pub struct PanelQuad {
     /// Of its middle, with x to the right and y up along it.
     pose: Pose,
 }
 
-/// Where a ray meets the plane of a board.
+/// Where a ray meets the plane of a quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hit {
     /// In points from the upper left corner; may be outside.
@@ -42,9 +42,9 @@ pub(super) struct Hit {
     pub(super) distance_m: f32,
 }
 
-impl Board {
+impl PanelQuad {
     /// In front of a viewer whose head is at `head`, tilted towards its eyes.
-    pub fn before(head: &Pose) -> Board {
+    pub fn before(head: &Pose) -> PanelQuad {
         let turn = Quat::from_rotation_y(head.heading() as f32);
         let eye = head.position;
         let height = (eye.y - BELOW_M).max(FLOOR_M.min(eye.y - BELOW_LEAST_M));
@@ -54,7 +54,7 @@ impl Board {
         let up = normal.cross(right);
         let above = 0.5 * (SIZE.y - CONSOLE_HEIGHT) * METRES_PER_POINT;
         let orientation = Quat::from_mat3(&Mat3::from_cols(right, up, normal));
-        Board { pose: Pose { position: console + up * above, orientation } }
+        PanelQuad { pose: Pose { position: console + up * above, orientation } }
     }
 
     /// Of its middle, with +x to its right, +y up along it, and +z to the viewer: that of a quad
@@ -108,26 +108,26 @@ mod tests {
     fn it_is_ahead_below_the_eyes_level_and_faces_them() {
         for (height, heading) in [(1.7, 0.0), (1.2, 2.0), (0.3, -1.0), (0.0, 3.0)] {
             let head = head(height, heading);
-            let board = Board::before(&head);
-            let console = board.stage_point(pos2(0.5 * SIZE.x, SIZE.y - 0.5 * CONSOLE_HEIGHT));
+            let quad = PanelQuad::before(&head);
+            let console = quad.stage_point(pos2(0.5 * SIZE.x, SIZE.y - 0.5 * CONSOLE_HEIGHT));
             let seen = head.orientation.inverse() * (console - head.position);
             assert!(seen.x.abs() < 1e-5 && seen.y < -0.25 && seen.z < -0.9, "{seen}");
-            let normal = board.pose.orientation * Vec3::Z;
+            let normal = quad.pose.orientation * Vec3::Z;
             assert!(normal.dot((head.position - console).normalize()) > 0.999);
-            assert!((board.pose.orientation * Vec3::X).y.abs() < 1e-6);
+            assert!((quad.pose.orientation * Vec3::X).y.abs() < 1e-6);
         }
-        let console = |height| Board::before(&head(height, 0.0)).stage_point(pos2(410.0, 544.0));
+        let console = |height| PanelQuad::before(&head(height, 0.0)).stage_point(pos2(410.0, 544.0));
         assert!((console(1.7).distance(head(1.7, 0.0).position) - 1.18).abs() < 0.01);
         assert!(console(0.8).y > 0.3, "not in the floor");
     }
 
     #[test]
     fn a_ray_hits_what_it_points_at() {
-        let board = Board::before(&head(1.6, 0.7));
+        let quad = PanelQuad::before(&head(1.6, 0.7));
         let hand = Vec3::new(0.8, 1.0, 1.9);
         for at in [pos2(0.0, 0.0), pos2(820.0, 720.0), pos2(100.0, 600.0), pos2(-300.0, 900.0)] {
-            let target = board.stage_point(at);
-            let hit = board.hit(&ray(hand, target)).unwrap();
+            let target = quad.stage_point(at);
+            let hit = quad.hit(&ray(hand, target)).unwrap();
             assert!(hit.at.distance(at) < 0.1, "{hit:?}, expected {at}");
             assert!((hit.distance_m - hand.distance(target)).abs() < 1e-4);
         }
@@ -135,14 +135,11 @@ mod tests {
 
     #[test]
     fn a_ray_that_goes_by_or_comes_from_behind_hits_nothing() {
-        let board = Board::before(&head(1.6, 0.0));
-        let middle = board.stage_point(pos2(410.0, 360.0));
-        let normal = board.pose.orientation * Vec3::Z;
-        assert_eq!(board.hit(&ray(middle + normal, middle + normal * 2.0)), None);
-        assert_eq!(board.hit(&ray(middle - normal, middle)), None);
-        assert_eq!(
-            board.hit(&ray(middle + normal, middle + normal + board.pose.orientation * Vec3::X)),
-            None
-        );
+        let quad = PanelQuad::before(&head(1.6, 0.0));
+        let middle = quad.stage_point(pos2(410.0, 360.0));
+        let normal = quad.pose.orientation * Vec3::Z;
+        assert_eq!(quad.hit(&ray(middle + normal, middle + normal * 2.0)), None);
+        assert_eq!(quad.hit(&ray(middle - normal, middle)), None);
+        assert_eq!(quad.hit(&ray(middle + normal, middle + normal + quad.pose.orientation * Vec3::X)), None);
     }
 }

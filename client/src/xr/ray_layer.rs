@@ -1,4 +1,4 @@
-//! [`BeamLayer`]: the image that the beams from hands to the panel are shown with, all of one
+//! [`RayLayer`]: the image that the rays from hands to the panel are shown with, all of one
 //! colour, filled once.
 
 #![allow(unsafe_code, reason = "images of the runtime are wrapped")]
@@ -6,10 +6,10 @@
 use glam::UVec2;
 use openxr as xr;
 
-use super::calls::{SwapchainImages, Watch};
+use super::calls::{Stopwatch, SwapchainImages};
 use super::error::{During, Halt};
 use super::frame::Images;
-use super::panel::Beam;
+use super::panel::PointerRay;
 use super::quad::quad;
 use super::swapchain::{make, wrap};
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets};
@@ -20,14 +20,14 @@ const SIZE: UVec2 = UVec2::splat(16);
 /// White, half of it: what is behind shows through.
 const COLOR: [f64; 4] = [0.5; 4];
 
-/// The beams in a session.
-pub(super) struct BeamLayer {
+/// The rays in a session.
+pub(super) struct RayLayer {
     // Before the images that they wrap.
     _targets: RuntimeTargets,
     images: Images<SwapchainImages>,
 }
 
-impl BeamLayer {
+impl RayLayer {
     /// Makes the image and fills it.
     ///
     /// # Errors
@@ -36,27 +36,27 @@ impl BeamLayer {
         session: &xr::Session<xr::Vulkan>,
         gpu: &Gpu,
         format: RuntimeFormat,
-    ) -> Result<BeamLayer, Halt> {
+    ) -> Result<RayLayer, Halt> {
         let swapchain = make(session, format, SIZE, 1, false)?;
         // SAFETY: as `make` promises; `_targets` goes before `images`, which owns them, and is drawn
         // into only between acquiring and releasing.
         let wrapped = unsafe { wrap(&swapchain, SIZE, 1, format, false) }?;
         let targets = RuntimeTargets::new(gpu, &wrapped)?;
-        let mut images = Images::new(SwapchainImages { swapchain, watch: Watch::default() });
-        let image = images.acquire().halt("taking an image of a beam")?;
+        let mut images = Images::new(SwapchainImages { swapchain, watch: Stopwatch::default() });
+        let image = images.acquire().halt("taking an image of a ray")?;
         let mut encoder = gpu.encoder();
         targets.fill(&mut encoder, image.index(), COLOR);
         gpu.submit(encoder);
-        image.release().halt("handing over an image of a beam")?;
-        Ok(BeamLayer { _targets: targets, images })
+        image.release().halt("handing over an image of a ray")?;
+        Ok(RayLayer { _targets: targets, images })
     }
 
-    /// How `beam` is shown.
+    /// How `ray` is shown.
     pub(super) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
-        beam: &Beam,
+        ray: &PointerRay,
     ) -> xr::CompositionLayerQuad<'a, xr::Vulkan> {
-        quad(&self.images.calls().swapchain, SIZE, stage, beam.pose(), beam.size_m())
+        quad(&self.images.calls().swapchain, SIZE, stage, ray.pose(), ray.size_m())
     }
 }

@@ -1,0 +1,170 @@
+//! [`ClipController`]: plays clips and playlists on a [`ClipTarget`], with a loader on a thread of its own.
+//!
+//! Window, headset and images drive it alike: they open a name, take in [`Change`]s, and say when a clip
+//! is over. A take player of many segments will sit between the loader's source and the target, and ask
+//! for segments as this asks for clips.
+
+use super::event::LoadEvent;
+use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
+use super::queue::Queue;
+use super::state::{Change, QueueState};
+use super::worker::{Ended, Report, Worker};
+use crate::player::Player;
+use program::Fault;
+
+/// The clips of a display.
+pub(crate) struct ClipController<T: ClipTarget> {
+    state: QueueState<T::Ready>,
+    worker: Worker<(LoadRequest, T), TargetEvent<T>>,
+    options: LoadOptions,
+    /// What clips are made ready for; `None` while there is no device.
+    target: Option<T>,
+}
+
+impl<T: ClipTarget> ClipController<T> {
+    /// Starts the loader. `wake` is called from its thread whenever [`ClipController::poll`] may have a
+    /// change. In a `cyclic` playlist the first clip follows the last.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the system refuses another thread.
+    pub(crate) fn new(
+        options: LoadOptions,
+        cyclic: bool,
+        wake: impl Fn() + Send + 'static,
+    ) -> Result<ClipController<T>, Fault> {
+        let work = |(request, target), report: Report<'_, TargetEvent<T>>| {
+            let _ = load(request, &target, report);
+        };
+        let worker = Worker::new(work, wake)
+            .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        Ok(ClipController { state: QueueState::new(cyclic), worker, options, target: None })
+    }
+
+    /// Sets what clips are made ready for. The clip on display is loaded again for it, as a
+    /// [`Refine`](super::state::Transition::Refine).
+    pub(crate) fn set_target(&mut self, target: T) {
+        self.target = Some(target);
+        self.state.reload();
+        self.send_request();
+    }
+
+    /// Opens a path or URL of a clip or a playlist, or the demo; the present clip plays until it is shown.
+    pub(crate) fn open(&mut self, name: Option<String>) {
+        self.state.open(name);
+        self.send_request();
+    }
+
+    /// Takes over a clip that is on display already, its playlist, and its better versions.
+    #[cfg(feature = "window")]
+    pub(crate) fn adopt(
+        &mut self,
+        target: T,
+        entry: super::queue::Entry,
+        queue: Option<Queue>,
+        rest: super::source::Arrival,
+    ) {
+        self.target = Some(target);
+        self.state.adopt(entry, queue, rest);
+        self.send_request();
+    }
+
+    /// The next change that follows from the loader's events, if there is one. Does not block.
+    pub(crate) fn poll(&mut self) -> Option<Change<T::Ready>> {
+        while self.state.is_loading() {
+            let event = match self.worker.poll() {
+                Ok(event) => event?,
+                Err(ended) => failure(ended),
+            };
+            if let Some(change) = self.on_event(event) {
+                return Some(change);
+            }
+        }
+        None
+    }
+
+    /// Waits for the next change; `None` if nothing is being loaded.
+    #[cfg(not(target_os = "android"))]
+    pub(crate) fn wait(&mut self) -> Option<Change<T::Ready>> {
+        while self.state.is_loading() {
+            let event = self.worker.wait().unwrap_or_else(failure);
+            if let Some(change) = self.on_event(event) {
+                return Some(change);
+            }
+        }
+        None
+    }
+
+    fn on_event(&mut self, event: TargetEvent<T>) -> Option<Change<T::Ready>> {
+        let change = self.state.on_event(event);
+        self.send_request();
+        change
+    }
+
+    /// Takes in the clock of the clip on display, once a frame: at its end, unless the viewer has paused, or
+    /// after a skip, goes to the next clip as soon as it is ready.
+    pub(crate) fn advance(&mut self, player: &mut Player) -> Option<Change<T::Ready>> {
+        if player.take_started_over() {
+            self.state.start_over();
+            self.send_request();
+            return None;
+        }
+        let is_over = player.over_s().is_some() && player.is_playing();
+        if is_over || self.state.skip_requested() { self.follow() } else { None }
+    }
+
+    /// Goes to the next clip of the playlist if it is ready; else playback is blocked on it.
+    pub(crate) fn follow(&mut self) -> Option<Change<T::Ready>> {
+        let change = self.state.follow();
+        self.send_request();
+        change
+    }
+
+    /// Whether the clip on display waits at its end for the next one.
+    pub(crate) fn is_followed(&self, looping: bool) -> bool {
+        self.state.is_followed(looping)
+    }
+
+    /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder.
+    #[cfg(feature = "xr")]
+    pub(crate) fn skip(&mut self) -> Option<Change<T::Ready>> {
+        let change = self.state.skip();
+        self.send_request();
+        change
+    }
+
+    /// Whether there is a next clip to go to, as far as is known.
+    #[cfg(feature = "xr")]
+    pub(crate) fn has_next(&self) -> bool {
+        self.state.has_next()
+    }
+
+    /// Whether a clip is being loaded.
+    #[cfg(feature = "xr")]
+    pub(crate) fn is_loading(&self) -> bool {
+        self.state.is_loading()
+    }
+
+    /// What was opened last, a clip or a playlist.
+    #[cfg(feature = "xr")]
+    pub(crate) fn named(&self) -> Option<&str> {
+        self.state.named()
+    }
+
+    /// The playlist on display, at the clip on display.
+    pub(crate) fn queue(&self) -> Option<&Queue> {
+        self.state.queue()
+    }
+
+    fn send_request(&mut self) {
+        // Without a target the request waits for one.
+        let Some(target) = &self.target else { return };
+        if let Some((wanted, is_blocking)) = self.state.take_request() {
+            let request = LoadRequest { wanted, options: self.options.clone(), is_blocking };
+            self.worker.request((request, target.clone()));
+        }
+    }
+}
+
+fn failure<C>(Ended: Ended) -> LoadEvent<C> {
+    LoadEvent::Failed(Fault::Data("the clip could not be loaded: the loader's thread ended early".into()))
+}

@@ -1,0 +1,304 @@
+//! [`load`]: carries out a [`LoadRequest`] on the loader's thread, up to clips that can be drawn.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use codec::Clip;
+
+use super::event::{LoadEvent, Version};
+use super::file::clips_in;
+use super::playlist;
+use super::queue::{Entry, Queue};
+use super::source::{self, Arrival};
+use super::url::{is_url, title};
+use super::worker::Report;
+use program::Fault;
+
+/// What can show clips: a window, a headset, or images.
+pub(crate) trait ClipTarget: Clone + Send + 'static {
+    /// A clip that is ready to be shown.
+    type Ready: Send + 'static;
+
+    /// Makes a clip ready, usually by uploading it. Runs on the loader's thread.
+    ///
+    /// # Errors
+    /// Why the clip cannot be shown.
+    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Self::Ready, Fault>;
+}
+
+/// How clips are loaded.
+#[derive(Clone, Debug)]
+pub(crate) struct LoadOptions {
+    /// The folder in which downloads are cached.
+    pub(crate) cache_dir: Option<PathBuf>,
+    /// Layers that a version must have to be shown. A clip with fewer fails.
+    pub(crate) min_layers: usize,
+    /// Whether to load only complete clips, as measuring needs.
+    pub(crate) is_complete: bool,
+}
+
+/// What to load.
+#[derive(Debug)]
+pub(super) enum Wanted {
+    /// A path or URL of a clip or a playlist, or the demo.
+    Named(Option<String>),
+    /// The first of these that can be loaded.
+    FirstOf(Vec<Entry>),
+    /// The better versions of a clip on display.
+    #[cfg(feature = "window")]
+    Rest(Entry, Arrival),
+}
+
+/// A request to the loader.
+pub(super) struct LoadRequest {
+    pub(super) wanted: Wanted,
+    pub(super) options: LoadOptions,
+    /// Whether playback is blocked on the clip. Until it is, only the complete clip is reported.
+    pub(super) is_blocking: Arc<AtomicBool>,
+}
+
+/// The events of a loader for the target `T`.
+pub(super) type TargetEvent<T> = LoadEvent<Version<<T as ClipTarget>::Ready>>;
+
+/// Whether to go on, or the fault of the clip.
+type Flow = Result<ControlFlow<()>, Fault>;
+
+/// Carries out a request.
+pub(super) fn load<T: ClipTarget>(
+    request: LoadRequest,
+    target: &T,
+    report: Report<'_, TargetEvent<T>>,
+) -> ControlFlow<()> {
+    let LoadRequest { wanted, options, is_blocking } = request;
+    match (Loading { options, is_blocking, target, report }).load(wanted) {
+        Ok(ControlFlow::Continue(())) => report(LoadEvent::Done),
+        Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
+        Err(fault) => report(LoadEvent::Failed(fault)),
+    }
+}
+
+/// A request under way.
+struct Loading<'a, T: ClipTarget> {
+    options: LoadOptions,
+    is_blocking: Arc<AtomicBool>,
+    target: &'a T,
+    report: Report<'a, TargetEvent<T>>,
+}
+
+impl<T: ClipTarget> Loading<'_, T> {
+    fn load(&self, wanted: Wanted) -> Flow {
+        match wanted {
+            Wanted::FirstOf(entries) => self.first_of(&entries),
+            #[cfg(feature = "window")]
+            Wanted::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
+            Wanted::Named(Some(name)) if playlist::is_playlist(&name) => {
+                let cache_dir = self.options.cache_dir.clone();
+                let opened = playlist::open(&name, cache_dir, &mut |event| self.pass_on(event))?;
+                let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
+                let queue = Queue::new(opened.clips);
+                let entries = queue.all();
+                if (self.report)(LoadEvent::Playlist(queue)).is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
+                self.first_of(&entries)
+            }
+            Wanted::Named(name) => {
+                let path = name.as_deref().filter(|name| !is_url(name)).map(Path::new);
+                if (self.report)(LoadEvent::NextInFolder(path.and_then(next_in_folder))).is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
+                self.first_of(&[Entry::single(name)])
+            }
+        }
+    }
+
+    /// Loads the first of `entries` that can be loaded.
+    ///
+    /// # Errors
+    /// The fault of the last entry if all fail; why no better version follows one that was reported.
+    fn first_of(&self, entries: &[Entry]) -> Flow {
+        for (i, entry) in entries.iter().enumerate() {
+            let mut is_first = true;
+            let arrival = source::open(entry.name.as_deref(), self.options.cache_dir.clone());
+            match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
+                Err(fault) if is_first && i + 1 < entries.len() => {
+                    if (self.report)(LoadEvent::Skipped(fault)).is_break() {
+                        return Ok(ControlFlow::Break(()));
+                    }
+                }
+                flow => return flow,
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Reports the versions of a clip: each one with enough layers while playback is blocked on it, else
+    /// the complete one only.
+    fn versions(&self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
+        let min_layers = self.options.min_layers;
+        // The best version, until it is reported.
+        let mut latest: Option<Box<Clip>> = None;
+        for event in arrival {
+            let mut flow = ControlFlow::Continue(());
+            match event? {
+                LoadEvent::Clip(clip) => latest = Some(clip),
+                event => flow = self.pass_on(event),
+            }
+            if flow.is_continue()
+                && !self.options.is_complete
+                && self.is_blocking.load(Ordering::Relaxed)
+                && let Some(clip) = latest.take_if(|clip| clip.layers.len() >= min_layers)
+            {
+                flow = self.version(entry, clip, is_first)?;
+            }
+            if flow.is_break() {
+                return Ok(flow);
+            }
+        }
+        match latest {
+            None => Ok(ControlFlow::Continue(())),
+            Some(clip) if clip.layers.len() < min_layers => {
+                let (title, layers) = (title(entry.name.as_deref()), clip.layers.len());
+                Err(Fault::Usage(format!("--layer {min_layers}: {title} has {layers} layers")))
+            }
+            Some(clip) => self.version(entry, clip, is_first),
+        }
+    }
+
+    fn version(&self, entry: &Entry, clip: Box<Clip>, is_first: &mut bool) -> Flow {
+        let clip = self.target.prepare(entry, clip)?;
+        let version = Version { entry: entry.clone(), is_first: *is_first, clip };
+        *is_first = false;
+        Ok((self.report)(LoadEvent::Clip(version)))
+    }
+
+    /// Passes on an event of a source that holds no clip.
+    fn pass_on(&self, event: LoadEvent) -> ControlFlow<()> {
+        match event {
+            LoadEvent::Progress(progress) => (self.report)(LoadEvent::Progress(progress)),
+            LoadEvent::Note(note) => (self.report)(LoadEvent::Note(note)),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// The clip after `path` in its folder, by name, the first one after the last; `None` for the only one.
+fn next_in_folder(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut clips = clips_in(folder);
+    clips.retain(|clip| clip.file_name() != path.file_name());
+    let after = clips.iter().find(|clip| clip.file_name() > path.file_name());
+    after.or(clips.first())?.to_str().map(String::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+
+    const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
+
+    /// Shows clips by their number of layers, except an entry that is too large for it.
+    #[derive(Clone)]
+    struct Target {
+        too_large: Option<usize>,
+    }
+
+    impl ClipTarget for Target {
+        type Ready = usize;
+
+        fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<usize, Fault> {
+            match self.too_large == Some(entry.number) {
+                true => Err(Fault::Device("too large".into())),
+                false => Ok(clip.layers.len()),
+            }
+        }
+    }
+
+    /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,
+    /// and the fault.
+    fn events(wanted: Wanted, min_layers: usize, is_blocking: bool, too_large: Option<usize>) -> String {
+        let options = LoadOptions { cache_dir: None, min_layers, is_complete: false };
+        let request = LoadRequest { wanted, options, is_blocking: Arc::new(is_blocking.into()) };
+        let text = RefCell::new(String::new());
+        let _ = load(request, &Target { too_large }, &|event| {
+            text.borrow_mut().push_str(&match event {
+                LoadEvent::Clip(Version { entry, is_first, .. }) => {
+                    format!("{}{}", entry.number, if is_first { "!" } else { "" })
+                }
+                LoadEvent::Skipped(_) => "x".into(),
+                LoadEvent::Failed(fault) => format!(" {fault}"),
+                LoadEvent::Playlist(queue) => format!("{} ", queue.len()),
+                LoadEvent::Done => ".".into(),
+                LoadEvent::Progress(_) | LoadEvent::Note(_) | LoadEvent::NextInFolder(_) => String::new(),
+            });
+            ControlFlow::Continue(())
+        });
+        text.into_inner()
+    }
+
+    fn entries(folder: &Path, names: &[&str]) -> Vec<Entry> {
+        Queue::new(names.iter().map(|name| folder.join(name).to_str().unwrap().to_owned()).collect()).all()
+    }
+
+    #[test]
+    fn the_first_entry_that_loads_is_reported_and_others_are_skipped() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("good.aarc"), DEMO).unwrap();
+        std::fs::write(folder.path().join("bad.aarc"), "no clip").unwrap();
+        let names = ["missing.aarc", "bad.aarc", "good.aarc", "good.aarc"];
+        let all = entries(folder.path(), &names);
+        for is_blocking in [true, false] {
+            assert_eq!(events(Wanted::FirstOf(all.clone()), 1, is_blocking, None), "xx2!.");
+        }
+        let failed = events(Wanted::FirstOf(all[..2].to_vec()), 1, true, None);
+        assert!(failed.starts_with("x ") && failed.contains("bad.aarc"), "the last one is the error");
+        assert_eq!(events(Wanted::FirstOf(Vec::new()), 1, true, None), ".");
+        let list = folder.path().join("list.json");
+        std::fs::write(&list, r#"{"version": 1, "clips": ["bad.aarc", "good.aarc"]}"#).unwrap();
+        let named = Wanted::Named(Some(list.to_str().unwrap().into()));
+        assert_eq!(events(named, 1, true, None), "2 x1!.");
+    }
+
+    #[test]
+    fn a_clip_with_too_few_layers_fails() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
+        for is_blocking in [true, false] {
+            let wanted = Wanted::FirstOf(entries(folder.path(), &["a.aarc"]));
+            let events = events(wanted, 99, is_blocking, None);
+            assert!(events.starts_with(" --layer 99: a.aarc has "), "{events}");
+        }
+    }
+
+    #[test]
+    fn a_clip_that_cannot_be_shown_is_skipped() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
+        let all = entries(folder.path(), &["a.aarc", "a.aarc"]);
+        assert_eq!(events(Wanted::FirstOf(all.clone()), 1, false, Some(0)), "x1!.");
+        assert_eq!(events(Wanted::FirstOf(all[..1].to_vec()), 1, false, Some(0)), " too large");
+    }
+
+    #[test]
+    fn clips_of_a_folder_follow_one_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["b.aarc", "a.aarc", "c.aarc", "b.ply"] {
+            std::fs::write(path(name), "").unwrap();
+        }
+        let after = |name: &str| next_in_folder(&path(name)).map(PathBuf::from);
+        assert_eq!(after("a.aarc"), Some(path("b.aarc")));
+        assert_eq!(after("b.aarc"), Some(path("c.aarc")));
+        assert_eq!(after("c.aarc"), Some(path("a.aarc")));
+        assert_eq!(after("b.other"), Some(path("c.aarc")), "of whatever name");
+        assert_eq!(next_in_folder(Path::new("/nowhere/a.aarc")), None);
+        for name in ["a.aarc", "b.aarc"] {
+            std::fs::remove_file(path(name)).unwrap();
+        }
+        assert_eq!(after("c.aarc"), None);
+    }
+}

@@ -1,0 +1,574 @@
+//! [`QueueState`]: which clip is on display, which comes next, and what the loader has to do for it.
+//!
+//! A state machine without threads: it takes [`LoadEvent`]s and the wishes of the viewer, and answers with
+//! [`Change`]s to the display and requests to the loader. At most one clip besides the one on display is
+//! held ready.
+//!
+//! ```text
+//! open ----> Opening --first version--> Current --better versions--> idle
+//!                                                                     |  request_next
+//! shown <--- follow <--- Ready <--first version-- Next <--------------+
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::event::{LoadEvent, Version};
+use super::loader::Wanted;
+use super::progress::Progress;
+use super::queue::{Entry, Queue};
+use program::Fault;
+
+/// What a display has to do.
+#[derive(Debug)]
+pub(crate) enum Change<C> {
+    /// Show this clip.
+    Show { entry: Entry, clip: C, transition: Transition },
+    /// Say how much of the clip that playback waits for has arrived.
+    Progress(Progress),
+    /// Say that playback waits for the next clip.
+    Waiting,
+    /// Show a remark for a while.
+    Note(String),
+    /// Say why a clip cannot be shown. The clip on display, if there is one, stays.
+    Failed(Fault),
+    /// Remove the progress: nothing is being loaded.
+    Idle,
+}
+
+/// How a clip takes the place of the one on display.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Transition {
+    /// From its start: the viewer opened it.
+    Open,
+    /// As the next clip of the playlist, which loses no time and changes nothing else.
+    Follow,
+    /// As another version of the clip on display, at the same instant.
+    Refine,
+}
+
+/// What the loader works on.
+#[derive(Debug)]
+enum Loading {
+    /// What the viewer opened.
+    Opening,
+    /// Versions of the clip on display.
+    Current,
+    /// The next clip; the flag says whether playback is blocked on it.
+    Next(Arc<AtomicBool>),
+}
+
+/// The next clip of the playlist.
+#[derive(Debug)]
+enum Next<C> {
+    /// Not requested, or being loaded.
+    Pending,
+    Ready(Entry, C),
+    /// All candidates failed. They are tried again once the clip on display starts over.
+    Unavailable,
+}
+
+/// The clip on display, the next one, and the loader's work.
+#[derive(Debug)]
+pub(super) struct QueueState<C> {
+    /// Whether the first clip of a playlist follows the last.
+    cyclic: bool,
+    /// What was opened last, a clip or a playlist.
+    named: Option<String>,
+    /// The playlist on display.
+    queue: Option<Queue>,
+    /// The playlist that is being opened, until one of its clips is shown.
+    opened: Option<Queue>,
+    /// Without a playlist, the clip that a skip opens.
+    next_in_folder: Option<String>,
+    /// The clip on display.
+    current: Option<Entry>,
+    next: Next<C>,
+    loading: Option<Loading>,
+    request: Option<(Wanted, Arc<AtomicBool>)>,
+    skip_requested: bool,
+}
+
+impl<C> QueueState<C> {
+    /// With nothing on display.
+    pub(super) fn new(cyclic: bool) -> QueueState<C> {
+        QueueState {
+            cyclic,
+            named: None,
+            queue: None,
+            opened: None,
+            next_in_folder: None,
+            current: None,
+            next: Next::Pending,
+            loading: None,
+            request: None,
+            skip_requested: false,
+        }
+    }
+
+    /// Opens a clip or a playlist, which replaces everything once a clip of it can be shown.
+    pub(super) fn open(&mut self, name: Option<String>) {
+        self.named.clone_from(&name);
+        self.forget_next();
+        self.opened = None;
+        self.load(Loading::Opening, Wanted::Named(name));
+    }
+
+    /// Takes over a clip that is on display already, its playlist, and its better versions.
+    #[cfg(feature = "window")]
+    pub(super) fn adopt(&mut self, entry: Entry, queue: Option<Queue>, rest: super::source::Arrival) {
+        self.current = Some(entry.clone());
+        self.queue = queue;
+        self.load(Loading::Current, Wanted::Rest(entry, rest));
+    }
+
+    /// Loads the clip on display again, for another device, or opens again what was being opened. Clips
+    /// that are ready are lost.
+    pub(super) fn reload(&mut self) {
+        self.forget_next();
+        match self.current.clone() {
+            Some(entry) => self.load(Loading::Current, Wanted::FirstOf(vec![entry])),
+            None if self.loading.is_some() => self.open(self.named.clone()),
+            None => {}
+        }
+    }
+
+    /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder. Where no clip of
+    /// the playlist could be shown, all are tried again.
+    #[cfg(any(feature = "xr", test))]
+    pub(super) fn skip(&mut self) -> Option<Change<C>> {
+        match (&self.queue, &self.current) {
+            (Some(_), Some(_)) => {
+                self.skip_requested = true;
+                return None;
+            }
+            _ if self.loading.is_some() => return None,
+            (Some(queue), None) => {
+                let (queue, entries) = (queue.clone(), queue.all());
+                self.opened = Some(queue);
+                self.load(Loading::Opening, Wanted::FirstOf(entries));
+            }
+            (None, _) => self.open(Some(self.next_in_folder.clone()?)),
+        }
+        Some(Change::Waiting)
+    }
+
+    /// Whether there is a next clip to go to, as far as is known.
+    #[cfg(any(feature = "xr", test))]
+    pub(super) fn has_next(&self) -> bool {
+        match &self.queue {
+            None => self.next_in_folder.is_some(),
+            Some(_) if self.current.is_none() => true,
+            Some(queue) => queue.len() > 1 && !matches!(self.next, Next::Unavailable),
+        }
+    }
+
+    /// Takes in an event of the loader.
+    pub(super) fn on_event(&mut self, event: LoadEvent<Version<C>>) -> Option<Change<C>> {
+        match event {
+            LoadEvent::Progress(progress) => self.shows_progress().then_some(Change::Progress(progress)),
+            LoadEvent::Note(note) => Some(Change::Note(note)),
+            LoadEvent::Skipped(fault) => Some(skipped(&fault)),
+            LoadEvent::Playlist(queue) => {
+                (self.opened, self.next_in_folder) = (Some(queue), None);
+                None
+            }
+            LoadEvent::NextInFolder(next) => {
+                self.next_in_folder = next;
+                None
+            }
+            LoadEvent::Clip(version) => self.on_version(version),
+            LoadEvent::Failed(fault) => Some(self.on_failure(fault)),
+            LoadEvent::Done => {
+                self.finish();
+                Some(Change::Idle)
+            }
+        }
+    }
+
+    fn on_version(&mut self, Version { entry, is_first, clip }: Version<C>) -> Option<Change<C>> {
+        match self.loading {
+            Some(Loading::Opening) => {
+                self.queue = self.opened.take();
+                if let Some(queue) = &mut self.queue {
+                    queue.go_to(entry.number);
+                }
+                self.forget_next();
+                self.current = Some(entry.clone());
+                self.loading = Some(Loading::Current);
+                Some(Change::Show { entry, clip, transition: Transition::Open })
+            }
+            Some(Loading::Next(_)) if is_first || matches!(self.next, Next::Ready(..)) => {
+                self.next = Next::Ready(entry, clip);
+                None
+            }
+            _ => Some(Change::Show { entry, clip, transition: Transition::Refine }),
+        }
+    }
+
+    fn on_failure(&mut self, fault: Fault) -> Change<C> {
+        let is_last_candidate = self.is_next_coming();
+        if let (Some(Loading::Opening), None) = (&self.loading, &self.current) {
+            // The viewer may have the playlist tried again.
+            self.queue = self.opened.take();
+        }
+        self.finish();
+        if is_last_candidate { skipped(&fault) } else { Change::Failed(fault) }
+    }
+
+    /// No more events follow.
+    fn finish(&mut self) {
+        if self.is_next_coming() {
+            self.next = Next::Unavailable;
+        }
+        self.loading = None;
+        self.opened = None;
+        self.request_next();
+    }
+
+    /// Takes in that the clip on display started over: failed candidates are tried again.
+    pub(super) fn start_over(&mut self) {
+        if let Next::Unavailable = self.next {
+            self.next = Next::Pending;
+        }
+        self.request_next();
+    }
+
+    /// Whether the clip on display waits at its end for the next one. A looping clip whose better versions
+    /// are still being loaded does not: they may take long.
+    pub(super) fn is_followed(&self, looping: bool) -> bool {
+        let (Some(queue), Some(_)) = (&self.queue, &self.current) else { return false };
+        let number = match &self.next {
+            Next::Ready(entry, _) => entry.number,
+            Next::Pending if !self.is_next_coming() && looping => return false,
+            Next::Pending => (queue.position() + 1) % queue.len(),
+            Next::Unavailable => return false,
+        };
+        queue.is_followed_by(number, looping)
+    }
+
+    /// Whether a skip was requested and waits for the next clip.
+    pub(super) fn skip_requested(&self) -> bool {
+        self.skip_requested
+    }
+
+    /// Goes to the next clip of the playlist if it is ready; else playback is blocked on it.
+    pub(super) fn follow(&mut self) -> Option<Change<C>> {
+        self.request_next();
+        match std::mem::replace(&mut self.next, Next::Pending) {
+            Next::Ready(entry, clip) => {
+                if let Some(queue) = &mut self.queue {
+                    queue.go_to(entry.number);
+                }
+                self.current = Some(entry.clone());
+                self.skip_requested = false;
+                // Its better versions may be on their way.
+                if let Some(Loading::Next(_)) = self.loading {
+                    self.loading = Some(Loading::Current);
+                }
+                self.request_next();
+                Some(Change::Show { entry, clip, transition: Transition::Follow })
+            }
+            next => {
+                self.skip_requested &= !matches!(next, Next::Unavailable);
+                self.next = next;
+                match &self.loading {
+                    Some(Loading::Next(is_blocking)) if !is_blocking.swap(true, Ordering::Relaxed) => {
+                        Some(Change::Waiting)
+                    }
+                    _ => None,
+                }
+            }
+        }
+    }
+
+    /// The request for the loader, if there is a new one.
+    pub(super) fn take_request(&mut self) -> Option<(Wanted, Arc<AtomicBool>)> {
+        self.request.take()
+    }
+
+    /// Whether the loader is at work.
+    pub(super) fn is_loading(&self) -> bool {
+        self.loading.is_some()
+    }
+
+    /// What was opened last, a clip or a playlist.
+    #[cfg(feature = "xr")]
+    pub(super) fn named(&self) -> Option<&str> {
+        self.named.as_deref()
+    }
+
+    /// The playlist on display.
+    pub(super) fn queue(&self) -> Option<&Queue> {
+        self.queue.as_ref()
+    }
+
+    /// Requests the next clip of the playlist, unless the loader is at work.
+    fn request_next(&mut self) {
+        let (Some(queue), Some(_)) = (&self.queue, &self.current) else { return };
+        if self.loading.is_some() || !matches!(self.next, Next::Pending) {
+            return;
+        }
+        let candidates = queue.candidates(self.cyclic);
+        if candidates.is_empty() {
+            self.next = Next::Unavailable;
+        } else {
+            self.load(Loading::Next(Arc::default()), Wanted::FirstOf(candidates));
+        }
+    }
+
+    fn load(&mut self, loading: Loading, wanted: Wanted) {
+        let is_blocking = match &loading {
+            Loading::Next(is_blocking) => is_blocking.clone(),
+            Loading::Opening | Loading::Current => Arc::new(true.into()),
+        };
+        self.loading = Some(loading);
+        self.request = Some((wanted, is_blocking));
+    }
+
+    fn forget_next(&mut self) {
+        (self.next, self.skip_requested) = (Next::Pending, false);
+    }
+
+    fn is_next_coming(&self) -> bool {
+        matches!((&self.loading, &self.next), (Some(Loading::Next(_)), Next::Pending))
+    }
+
+    /// Whether the loader works on what playback waits for.
+    fn shows_progress(&self) -> bool {
+        match &self.loading {
+            Some(Loading::Next(is_blocking)) => is_blocking.load(Ordering::Relaxed),
+            _ => true,
+        }
+    }
+}
+
+fn skipped<C>(fault: &Fault) -> Change<C> {
+    Change::Note(format!("{fault}; skipped"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type State = QueueState<&'static str>;
+
+    fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
+        let entry = Entry { number, name: Some(number.to_string()) };
+        LoadEvent::Clip(Version { entry, is_first, clip })
+    }
+
+    fn failed(why: &str) -> LoadEvent<Version<&'static str>> {
+        LoadEvent::Failed(Fault::Data(why.into()))
+    }
+
+    fn queue(count: usize) -> Queue {
+        Queue::new((0..count).map(|number| number.to_string()).collect())
+    }
+
+    /// A change in short.
+    fn short(change: Option<Change<&'static str>>) -> String {
+        match change {
+            None => String::new(),
+            Some(Change::Show { entry, clip, transition }) => {
+                format!("{transition:?} {} {clip}", entry.number)
+            }
+            Some(Change::Progress(_)) => "progress".into(),
+            Some(Change::Waiting) => "waiting".into(),
+            Some(Change::Note(note)) => note,
+            Some(Change::Failed(fault)) => format!("failed: {fault}"),
+            Some(Change::Idle) => "idle".into(),
+        }
+    }
+
+    /// The numbers of the candidates requested, and the flag that says whether playback is blocked on them.
+    fn requested(state: &mut State) -> Option<(Vec<usize>, Arc<AtomicBool>)> {
+        match state.take_request()? {
+            (Wanted::FirstOf(entries), flag) => Some((entries.iter().map(|e| e.number).collect(), flag)),
+            _ => None,
+        }
+    }
+
+    fn candidates(state: &mut State) -> Option<Vec<usize>> {
+        requested(state).map(|(numbers, _)| numbers)
+    }
+
+    /// A playlist of `count` clips of which the first plays and nothing else was requested.
+    fn playing(count: usize) -> State {
+        let mut state = State::new(true);
+        state.open(Some("list".into()));
+        assert!(matches!(state.take_request(), Some((Wanted::Named(_), _))));
+        assert_eq!(short(state.on_event(LoadEvent::Playlist(queue(count)))), "");
+        assert_eq!(short(state.on_event(clip(0, true, "a"))), "Open 0 a");
+        assert!(state.take_request().is_none(), "better versions come first");
+        assert_eq!(short(state.on_event(LoadEvent::Done)), "idle");
+        state
+    }
+
+    #[test]
+    fn the_next_clip_is_requested_once_and_follows_when_it_is_ready() {
+        let mut state = playing(3);
+        assert_eq!(candidates(&mut state).unwrap(), [1, 2]);
+        assert!(state.is_followed(true) && state.is_followed(false));
+        assert_eq!(short(state.on_event(clip(2, true, "c"))), "");
+        assert_eq!(short(state.on_event(clip(2, false, "a better c"))), "", "of the next one");
+        assert_eq!(short(state.on_event(LoadEvent::Done)), "idle");
+        assert!(state.take_request().is_none() && state.is_followed(false));
+        assert_eq!(short(state.follow()), "Follow 2 a better c");
+        assert_eq!(state.queue().unwrap().position(), 2);
+        assert_eq!(candidates(&mut state).unwrap(), [0, 1], "looped");
+        assert!(!state.is_followed(false) && state.is_followed(true), "that was the last one");
+    }
+
+    #[test]
+    fn a_late_next_clip_blocks_playback() {
+        let mut state = playing(2);
+        let (_, is_blocking) = requested(&mut state).unwrap();
+        let progress = || LoadEvent::Progress(Progress::default());
+        assert_eq!(short(state.on_event(progress())), "", "nobody waits for it");
+        assert_eq!(short(state.follow()), "waiting");
+        assert!(is_blocking.load(Ordering::Relaxed) && state.follow().is_none(), "said once");
+        assert_eq!(short(state.on_event(progress())), "progress");
+        state.on_event(clip(1, true, "b"));
+        assert_eq!(short(state.follow()), "Follow 1 b");
+        assert!(state.take_request().is_none(), "its better versions come first");
+        assert!(!state.is_followed(true), "a loop does not wait for them");
+        assert_eq!(short(state.on_event(clip(1, false, "a better b"))), "Refine 1 a better b");
+        state.on_event(LoadEvent::Done);
+        assert_eq!(candidates(&mut state).unwrap(), [0]);
+    }
+
+    #[test]
+    fn a_skip_waits_for_the_next_clip() {
+        let mut state = playing(2);
+        candidates(&mut state).unwrap();
+        assert!(state.has_next());
+        assert_eq!(short(state.skip()), "");
+        assert!(state.skip_requested() && short(state.follow()) == "waiting");
+        state.on_event(clip(1, true, "b"));
+        assert_eq!(short(state.follow()), "Follow 1 b");
+        assert!(!state.skip_requested());
+        // A skip during the better versions waits for them and for the clip after.
+        state.skip();
+        assert!(state.follow().is_none() && state.skip_requested());
+        state.on_event(LoadEvent::Done);
+        assert_eq!(short(state.follow()), "waiting");
+        assert_eq!(short(state.on_event(failed("gone"))), "gone; skipped");
+        assert!(state.follow().is_none() && !state.skip_requested() && !state.has_next());
+    }
+
+    #[test]
+    fn failed_candidates_are_tried_again_when_the_clip_starts_over() {
+        let mut state = playing(3);
+        candidates(&mut state).unwrap();
+        let bad = Fault::Data("bad".into());
+        assert_eq!(short(state.on_event(LoadEvent::Skipped(bad))), "bad; skipped");
+        assert_eq!(short(state.on_event(failed("worse"))), "worse; skipped");
+        assert!(!state.is_followed(true) && state.take_request().is_none() && !state.is_loading());
+        state.start_over();
+        assert_eq!(candidates(&mut state).unwrap(), [1, 2]);
+        state.start_over();
+        assert!(state.take_request().is_none(), "they are being loaded");
+        let mut single = playing(1);
+        assert!(single.take_request().is_none() && !single.is_followed(true) && !single.has_next());
+    }
+
+    #[test]
+    fn a_skip_after_all_failed_tries_the_first_clip_again() {
+        let mut state = State::new(true);
+        state.open(Some("list".into()));
+        state.on_event(LoadEvent::Playlist(queue(2)));
+        state.skip();
+        assert!(!state.skip_requested(), "the loader is at work");
+        assert_eq!(short(state.on_event(failed("all"))), "failed: all");
+        state.take_request();
+        assert!(state.has_next() && state.follow().is_none() && !state.is_followed(true));
+        for _ in 0..2 {
+            assert_eq!(short(state.skip()), "waiting");
+            assert_eq!(candidates(&mut state).unwrap(), [0, 1]);
+            assert_eq!(short(state.on_event(failed("again"))), "failed: again");
+        }
+        state.skip();
+        assert_eq!(short(state.on_event(clip(1, true, "b"))), "Open 1 b");
+        state.take_request();
+        state.on_event(LoadEvent::Done);
+        assert_eq!(candidates(&mut state).unwrap(), [0]);
+    }
+
+    #[test]
+    fn without_a_playlist_a_skip_opens_the_next_clip_of_the_folder() {
+        let mut state = State::new(true);
+        state.open(Some("a".into()));
+        state.take_request();
+        state.on_event(LoadEvent::NextInFolder(Some("b".into())));
+        assert_eq!(short(state.on_event(failed("damaged"))), "failed: damaged");
+        assert!(state.has_next() && state.take_request().is_none());
+        state.skip();
+        let opened = state.take_request().unwrap().0;
+        assert!(matches!(opened, Wanted::Named(Some(name)) if name == "b"));
+        state.skip();
+        assert!(state.take_request().is_none(), "it is being loaded");
+    }
+
+    #[test]
+    fn a_new_clip_replaces_everything_once_it_can_be_shown() {
+        let mut state = playing(2);
+        candidates(&mut state).unwrap();
+        state.on_event(clip(1, true, "b"));
+        state.open(Some("other".into()));
+        assert!(matches!(state.take_request(), Some((Wanted::Named(_), _))));
+        assert_eq!(short(state.on_event(failed("missing"))), "failed: missing");
+        assert_eq!(candidates(&mut state).unwrap(), [1], "the playlist goes on");
+        state.open(Some("other".into()));
+        state.on_event(LoadEvent::NextInFolder(None));
+        assert_eq!(short(state.on_event(clip(0, true, "o"))), "Open 0 o");
+        assert!(state.queue().is_none());
+        assert_eq!(short(state.on_event(clip(0, false, "O"))), "Refine 0 O");
+        state.take_request();
+        assert!(short(state.on_event(LoadEvent::Done)) == "idle" && state.take_request().is_none());
+    }
+
+    #[test]
+    fn after_a_device_was_lost_the_clip_on_display_is_loaded_again() {
+        let mut state = playing(2);
+        candidates(&mut state).unwrap();
+        state.on_event(clip(1, true, "b"));
+        state.reload();
+        assert_eq!(candidates(&mut state).unwrap(), [0]);
+        assert!(state.follow().is_none(), "the next clip was lost, too");
+        assert_eq!(short(state.on_event(clip(0, true, "a"))), "Refine 0 a");
+        state.on_event(LoadEvent::Done);
+        assert_eq!(candidates(&mut state).unwrap(), [1]);
+        // Before there is a clip, what was named is opened again.
+        let mut state = State::new(true);
+        state.open(Some("list".into()));
+        state.take_request();
+        state.reload();
+        assert!(matches!(state.take_request(), Some((Wanted::Named(Some(_)), _))));
+    }
+
+    #[test]
+    fn better_versions_that_fail_leave_the_clip_on_display() {
+        let mut state = State::new(true);
+        state.open(None);
+        state.take_request();
+        state.on_event(clip(0, true, "a"));
+        assert_eq!(short(state.on_event(failed("lost"))), "failed: lost");
+        assert!(!state.is_loading() && state.take_request().is_none());
+    }
+
+    #[test]
+    fn images_play_a_list_once() {
+        let mut state = State::new(false);
+        state.open(Some("list".into()));
+        state.take_request();
+        state.on_event(LoadEvent::Playlist(queue(2)));
+        state.on_event(clip(0, true, "a"));
+        state.on_event(LoadEvent::Done);
+        assert_eq!(candidates(&mut state).unwrap(), [1]);
+        state.on_event(clip(1, true, "b"));
+        state.on_event(LoadEvent::Done);
+        assert_eq!(short(state.follow()), "Follow 1 b");
+        assert!(state.take_request().is_none() && state.follow().is_none() && !state.is_loading());
+    }
+}

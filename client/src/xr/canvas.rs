@@ -1,0 +1,148 @@
+//! [`Canvas`]: the images of a session, and how they are drawn and laid over one another.
+
+use std::sync::Arc;
+
+use glam::UVec2;
+use openxr as xr;
+
+use super::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
+use super::error::{During, Halt};
+use super::eye;
+use super::frame::{Frame, Images};
+use super::panel::{Painting, PanelQuad, PointerRay};
+use super::panel_layer::PanelLayer;
+use super::passthrough::PassthroughMode;
+use super::ray_layer::RayLayer;
+use super::show::Show;
+use super::tracking::Eyes;
+use crate::gpu::{FrameCounts, Gpu, Pixels, RuntimeTargets};
+use crate::view::View;
+use program::Fault;
+
+/// Background while no clip is loaded: dark, and not the black of a defect.
+const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
+
+/// Most layers of a frame: the room, the eyes, the panel and two rays. Every runtime takes 16.
+const LAYERS: usize = 5;
+
+/// What a session draws into.
+pub(super) struct Canvas {
+    // Textures go before the images that they wrap.
+    pub(super) panel: PanelLayer,
+    pub(super) rays: RayLayer,
+    pub(super) eyes: RuntimeTargets,
+    pub(super) images: Images<SwapchainImages>,
+    pub(super) passthrough: PassthroughMode,
+    /// Size of an eye's image in pixels; a frame may use less of it.
+    pub(super) size: UVec2,
+    pub(super) watch: Stopwatch,
+    pub(super) gpu: Arc<Gpu>,
+}
+
+/// The clip as a frame shows it.
+pub(super) struct DrawnClip {
+    pub(super) views: [View; 2],
+    pub(super) counts: FrameCounts,
+}
+
+impl Canvas {
+    /// Draws the clip for both eyes, `size` pixels each, and the new picture of the panel; `None` while
+    /// there is no clip to draw. With `is_captured` the clip can be read afterwards.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn draw(
+        &mut self,
+        eyes: &Eyes,
+        size: UVec2,
+        show: &mut Show,
+        painting: Option<Painting>,
+        is_captured: bool,
+    ) -> Result<Option<DrawnClip>, Halt> {
+        let views = show.stage_from_clip().and_then(|stage_from_clip| {
+            let view = |i: usize| eye::view(&eyes.poses[i], eyes.views[i].fov.into(), size, &stage_from_clip);
+            Some([view(0)?, view(1)?])
+        });
+        let (t, settings) = (show.player().clip_time(), show.quality().settings());
+        let image = self.images.acquire().halt("taking an image")?;
+        let mut encoder = self.gpu.encoder();
+        let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
+            let targets = self.eyes.targets(image.index());
+            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, targets);
+            DrawnClip { views, counts }
+        });
+        if drawn.is_none() {
+            let color = if show.shows_passthrough() { [0.0; 4] } else { EMPTY };
+            self.eyes.fill(&mut encoder, image.index(), color);
+        } else if is_captured {
+            self.eyes.record_read(&mut encoder, image.index());
+        }
+        self.watch.time(|| self.gpu.submit(encoder));
+        image.release().halt("handing an image over")?;
+        if let Some((painter, painting)) = show.painter().zip(painting) {
+            self.panel.paint(&self.gpu, painter, painting)?;
+        }
+        Ok(drawn)
+    }
+
+    /// Ends `frame` with the layers back to front: room, eyes, panel, rays.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(super) fn compose(
+        &mut self,
+        frame: Frame<'_, SessionFrames>,
+        stage: &xr::Space,
+        eyes: &Eyes,
+        size: UVec2,
+        panel: Option<&PanelQuad>,
+        rays: [Option<PointerRay>; 2],
+        passthrough: bool,
+    ) -> Result<(), Halt> {
+        let projections = projections(&self.images.calls().swapchain, &eyes.views, size);
+        let alpha = if passthrough {
+            xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
+        } else {
+            xr::CompositionLayerFlags::EMPTY
+        };
+        let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(stage).views(&projections);
+        let room = self.passthrough.layer(passthrough);
+        let panel = panel.and_then(|panel| self.panel.quad(stage, panel));
+        let rays = rays.map(|ray| ray.map(|ray| self.rays.quad(stage, &ray)));
+        let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(LAYERS);
+        layers.extend(room.as_deref());
+        layers.push(&layer);
+        layers.extend(panel.as_deref());
+        layers.extend(rays.iter().flatten().map(|ray| &**ray));
+        frame.end(Layers { layers: &layers, passthrough }).halt("ending a frame")
+    }
+
+    /// Waits for the images of the frame drawn last: `size` pixels of each eye, and the panel if it is
+    /// shown.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the device was lost.
+    pub(super) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
+        let eyes = self.eyes.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
+        Ok((eyes, self.panel.read(&self.gpu)?))
+    }
+}
+
+/// `size` pixels in the corner of both layers of the image released last, at the pose and angles that they
+/// were drawn for.
+fn projections<'a>(
+    swapchain: &'a xr::Swapchain<xr::Vulkan>,
+    views: &[xr::View; 2],
+    size: UVec2,
+) -> [xr::CompositionLayerProjectionView<'a, xr::Vulkan>; 2] {
+    let extent = xr::Extent2Di { width: size.x as i32, height: size.y as i32 };
+    let rect = xr::Rect2Di { offset: xr::Offset2Di::default(), extent };
+    [0, 1].map(|layer: usize| {
+        let sub_image = xr::SwapchainSubImage::new()
+            .swapchain(swapchain)
+            .image_array_index(layer as u32)
+            .image_rect(rect);
+        let xr::View { pose, fov } = views[layer];
+        xr::CompositionLayerProjectionView::new().pose(pose).fov(fov).sub_image(sub_image)
+    })
+}

@@ -1,0 +1,153 @@
+//! The headset's loop: sessions of a runtime, one after the other, and the frames of each.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::System;
+use super::error::{self, Halt};
+use super::quality::Quality;
+use super::report::Report;
+use super::runtime::Runtime;
+use super::session::{Request, Session};
+use super::show::Show;
+use super::state::{Action, SessionLifecycle};
+use crate::args::Args;
+use crate::clips::LoadOptions;
+use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};
+use program::Fault;
+use program::output;
+
+/// How often to look for events while the runtime wants no frames.
+const IDLE_POLL: Duration = Duration::from_millis(10);
+
+/// Plays the clip that `args` name in a headset, until the runtime or the viewer ends it.
+///
+/// # Errors
+/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::clips::open`].
+#[cfg(not(target_os = "android"))]
+pub fn run(args: &Args) -> Result<(), Fault> {
+    play(args, &mut System)
+}
+
+/// [`run`] on a given system.
+pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
+    if args.out.is_some() && args.frames.is_none() {
+        return Err(Fault::Usage("--xr --out writes the last of the frames: give --frames A..B".into()));
+    }
+    args.out.as_ref().map_or(Ok(()), |folder| output::check_folder(folder))?;
+    args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
+    let started = Instant::now();
+    let runtime = Runtime::open(system)?;
+    // A run with a number of frames measures: it neither adapts nor remembers, and shows complete clips.
+    let (adapts, store) = match args.frames {
+        None => (true, system.store()),
+        Some(_) => (false, None),
+    };
+    let quality = Quality::new(args.settings(), args.quality, adapts);
+    let options = LoadOptions {
+        cache_dir: system.cache_dir(),
+        min_layers: args.layer.map_or(1, |layers| layers as usize),
+        is_complete: !adapts,
+    };
+    let mut show = Show::new(args.clip.clone(), options, quality, store, adapts)?;
+    let mut report = Report::new(args, started);
+    loop {
+        let device = Device::open(&runtime)?;
+        let shown_before = report.frames_shown();
+        match device.run_sessions(system, &runtime, args, &mut show, &mut report) {
+            Ok(()) => {
+                show.save();
+                report.write(args, &runtime, &device.gpu, &mut show)?;
+                return show.outcome();
+            }
+            Err(_) if device.gpu.is_worth_replacing(report.frames_shown() - shown_before) => {
+                log::warn!("{DEVICE_REPLACED}");
+                report.lose_session();
+                show.release_device();
+            }
+            Err(fault) => return Err(fault),
+        }
+    }
+}
+
+/// A graphics device that the runtime has opened.
+struct Device {
+    gpu: Arc<Gpu>,
+    handles: VulkanHandles,
+    failures: Failures,
+}
+
+impl Device {
+    fn open(runtime: &Runtime) -> Result<Device, Fault> {
+        let (gpu, handles) = Gpu::from_vulkan(runtime)?;
+        let failures = Failures::watch(&gpu);
+        Ok(Device { gpu: Arc::new(gpu), handles, failures })
+    }
+
+    /// Runs sessions until one ends that was not lost.
+    fn run_sessions(
+        &self,
+        system: &mut System,
+        runtime: &Runtime,
+        args: &Args,
+        show: &mut Show,
+        report: &mut Report,
+    ) -> Result<(), Fault> {
+        loop {
+            let mut session = Session::open(runtime, &self.gpu, &self.handles, args.out.is_some())?;
+            show.prepare(&self.gpu, session.format(), session.has_passthrough());
+            match self.run_session(system, runtime, &mut session, show, report) {
+                Ok(()) => return Ok(()),
+                Err(Halt::SessionLost) => {
+                    log::warn!("the headset's session was lost: starting another");
+                    report.lose_session();
+                    drop(session);
+                    runtime.wait_for_headset(system)?;
+                }
+                Err(Halt::Fault(fault)) => return Err(fault),
+            }
+        }
+    }
+
+    /// Runs a session to its end.
+    fn run_session(
+        &self,
+        system: &mut System,
+        runtime: &Runtime,
+        session: &mut Session,
+        show: &mut Show,
+        report: &mut Report,
+    ) -> Result<(), Halt> {
+        let mut lifecycle = SessionLifecycle::default();
+        loop {
+            // A frame waits for its own time.
+            if system.wait(if lifecycle.wants_frames() { Duration::ZERO } else { IDLE_POLL }) {
+                return Ok(());
+            }
+            while let Some(event) = session.poll(runtime)? {
+                let (next, action) = lifecycle.on(event);
+                lifecycle = next;
+                match action {
+                    None => {}
+                    Some(Action::Begin) => session.begin()?,
+                    Some(Action::End) => {
+                        session.end()?;
+                        show.save();
+                    }
+                    Some(Action::Leave) => return Ok(()),
+                    Some(Action::Renew) => return Err(Halt::SessionLost),
+                    Some(Action::Recentre { at_ns }) => show.recentre_at(at_ns),
+                    Some(Action::Fail) => return Err(Halt::Fault(error::instance_lost())),
+                }
+            }
+            self.failures.check(&self.gpu).map_err(Halt::Fault)?;
+            if !lifecycle.wants_frames() {
+                continue;
+            }
+            let request = session.frame(show, report, lifecycle.has_focus())?;
+            if request == Request::Exit && lifecycle.ask_exit() {
+                session.request_exit()?;
+            }
+        }
+    }
+}

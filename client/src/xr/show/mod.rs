@@ -1,0 +1,386 @@
+//! [`Show`]: the clip on display, its clock, its place, and the panel.
+//!
+//! It outlives sessions and devices: the next one continues with the same clip at the same instant and
+//! place. `clip` is what the loader makes, `place` where it stands, `notices` and `statistics` what the
+//! panel says.
+
+mod clip;
+mod notices;
+mod place;
+mod statistics;
+
+use std::sync::Arc;
+
+use glam::UVec2;
+
+use super::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
+use super::pacing::Clock;
+use super::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
+use super::quality::Quality;
+use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
+use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
+use crate::player::Player;
+use clip::{HeadsetTarget, ReadyClip};
+use notices::Notices;
+use place::Place;
+use program::Fault;
+use statistics::{FrameCost, Statistics};
+
+/// What the viewer sees and does.
+pub(super) struct Show {
+    // Before the device that they are on.
+    playing: Option<Playing>,
+    clips: ClipController<HeadsetTarget>,
+    panel: Option<Panel>,
+    painter: Option<UiPainter>,
+    device: Option<Device>,
+    place: Place,
+    player: Player,
+    clock: Clock,
+    /// Time of the panel, which goes on while the clip waits.
+    panel_clock: Clock,
+    quality: Quality,
+    commands: Vec<Command>,
+    /// Display time at which to recentre the clip.
+    recentre_at_ns: Option<i64>,
+    /// Whether the room is seen behind the clip; `None` if the headset cannot show it.
+    passthrough: Option<bool>,
+    notices: Notices,
+    statistics: Statistics,
+}
+
+/// The device of a session, and the format that eyes are drawn in.
+struct Device {
+    gpu: Arc<Gpu>,
+    format: RuntimeFormat,
+}
+
+/// The clip on display.
+struct Playing {
+    title: String,
+    clip: ReadyClip,
+}
+
+/// The viewer during a frame.
+pub(super) struct Viewer<'a> {
+    /// Whether the viewer is with this program: tracked, and not in the system's menu.
+    pub(super) attends: bool,
+    /// Whether the frame will be seen.
+    pub(super) looks: bool,
+    pub(super) head: Option<&'a Pose>,
+    pub(super) hands: &'a Hands,
+}
+
+/// What a frame changed.
+#[derive(Default)]
+pub(super) struct Moved {
+    /// Whether the viewer wants to leave.
+    pub(super) leaves: bool,
+    /// A new picture of the panel, which must be drawn.
+    pub(super) painting: Option<Painting>,
+    /// From the hands, left then right, to the panel.
+    pub(super) rays: [Option<PointerRay>; 2],
+}
+
+impl Show {
+    /// Opens `name`, a clip or a playlist, which loads once there is a device. `attended` is whether a
+    /// viewer is there to read on the panel why it cannot be loaded.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the system refuses another thread.
+    pub(super) fn new(
+        name: Option<String>,
+        options: LoadOptions,
+        quality: Quality,
+        store: Option<PlacementStore>,
+        attended: bool,
+    ) -> Result<Show, Fault> {
+        let mut notices = Notices::new(attended);
+        notices.work(format!("Opening {}", title(name.as_deref())));
+        let mut clips = ClipController::new(options, true, || ())?;
+        clips.open(name);
+        Ok(Show {
+            playing: None,
+            clips,
+            panel: None,
+            painter: None,
+            device: None,
+            place: Place::new(store),
+            player: Player::new(0.0, 0.0),
+            clock: Clock::default(),
+            panel_clock: Clock::default(),
+            quality,
+            commands: Vec::new(),
+            recentre_at_ns: None,
+            passthrough: None,
+            notices,
+            statistics: Statistics::default(),
+        })
+    }
+
+    /// Prepares for a session on `gpu` that draws in `format` and may show the room. The clip on display is
+    /// loaded again if the device or the format is another one.
+    pub(super) fn prepare(&mut self, gpu: &Arc<Gpu>, format: RuntimeFormat, has_passthrough: bool) {
+        self.clock = Clock::default();
+        self.passthrough = has_passthrough.then(|| self.shows_passthrough());
+        // The images of the session before are gone, and with them the picture of the panel.
+        self.panel = None;
+        let is_same = |device: &Device| Arc::ptr_eq(&device.gpu, gpu) && device.format == format;
+        if !self.device.as_ref().is_some_and(is_same) {
+            self.release_device();
+            self.device = Some(Device { gpu: gpu.clone(), format });
+            self.clips.set_target(HeadsetTarget { gpu: Arc::downgrade(gpu), format });
+        }
+        self.painter = Some(UiPainter::for_runtime(gpu, format));
+    }
+
+    /// Lets go of everything on the device. The clip stays where it is and waits.
+    pub(super) fn release_device(&mut self) {
+        (self.panel, self.painter) = (None, None);
+        if let Some(playing) = &mut self.playing {
+            playing.clip.renderer = None;
+            self.notices.work("Loading the clip for another graphics device".into());
+        }
+        self.device = None;
+    }
+
+    /// Takes in what was loaded: the first version of a clip plays from its start, better ones take its
+    /// place. Faults are shown on the panel.
+    ///
+    /// # Errors
+    /// Why the first clip could not be loaded, if no viewer is there to read it.
+    pub(super) fn receive(&mut self) -> Result<(), Fault> {
+        while let Some(change) = self.clips.poll() {
+            self.apply(change)?;
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, change: Change<Box<ReadyClip>>) -> Result<(), Fault> {
+        match change {
+            Change::Show { entry, clip, transition } => self.show(&entry, *clip, transition),
+            Change::Progress(progress) => self.notices.progress(&progress),
+            Change::Waiting => self.notices.work("Loading the next clip".into()),
+            Change::Note(note) => self.notices.note(note),
+            Change::Idle => self.notices.clear_progress(),
+            Change::Failed(fault) => {
+                self.notices.fail(fault, self.playing.is_some())?;
+                if self.panel.as_ref().is_some_and(|panel| !panel.is_shown()) {
+                    self.commands.push(Command::TogglePanel);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, entry: &Entry, mut clip: ReadyClip, transition: Transition) {
+        self.quality.change_clip(std::mem::take(&mut clip.layer_ends));
+        self.notices.clip_shown();
+        let (duration_s, fps) = (clip.info.duration_s.into(), clip.info.fps.into());
+        match (transition, &mut self.playing) {
+            (Transition::Refine, Some(playing)) if playing.clip.info == clip.info => {
+                // What hands hold stays where it is.
+                clip.subject = playing.clip.subject;
+                playing.clip = clip;
+                log::info!("{}: now {} layers", playing.title, self.quality.layers());
+                return;
+            }
+            (Transition::Follow, Some(playing)) => {
+                match self.player.over_s() {
+                    Some(_) => self.player.follow_with(duration_s, fps),
+                    None => self.player.change_clip(duration_s, fps),
+                }
+                if clip.shares_stage(&playing.clip) {
+                    clip.subject = playing.clip.subject;
+                }
+                self.place.hand_over(clip.subject);
+                self.notices.clear_progress();
+            }
+            _ => {
+                self.player.change_clip(duration_s, fps);
+                self.clock = Clock::default();
+                // The clips of a playlist stand in one place.
+                let name =
+                    if self.clips.queue().is_some() { self.clips.named() } else { entry.name.as_deref() };
+                self.place.change(name);
+            }
+        }
+        let title = title(entry.name.as_deref());
+        log::info!("playing {title}");
+        self.playing = Some(Playing { title, clip });
+    }
+
+    /// Recentres the clip in front of the viewer at a display time.
+    pub(super) fn recentre_at(&mut self, at_ns: i64) {
+        self.recentre_at_ns = Some(at_ns);
+    }
+
+    /// Moves on to the frame seen at `display_ns`: hands, then the panel, then their commands, then the
+    /// clock.
+    pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
+        let elapsed_s = self.clock.elapsed_s(display_ns, viewer.attends);
+        let panel_elapsed_s = self.panel_clock.elapsed_s(display_ns, true);
+        let mut moved = Moved::default();
+        let Some(head) = viewer.head else { return moved };
+        let mut commands = std::mem::take(&mut self.commands);
+        let mut scrubbing = self.take_hands(viewer, head, elapsed_s, &mut moved, &mut commands, haptics);
+        if self.recentre_at_ns.take_if(|at_ns| *at_ns <= display_ns).is_some() {
+            commands.push(Command::Recentre);
+        }
+        if viewer.looks {
+            moved.painting = self.paint_panel(panel_elapsed_s, &mut commands);
+            scrubbing |= self.panel.as_ref().is_some_and(Panel::is_scrubbing);
+        }
+        for &command in &commands {
+            moved.leaves |= self.carry_out(command, head);
+        }
+        commands.clear();
+        self.commands = commands;
+        self.player.set_followed(self.clips.is_followed(self.player.is_looping()));
+        if !scrubbing {
+            self.player.advance(elapsed_s);
+        }
+        if let Some(change) = self.clips.advance(&mut self.player)
+            && let Err(fault) = self.apply(change)
+        {
+            log::warn!("{fault}");
+        }
+        moved
+    }
+
+    /// Takes in the hands, on the panel and on the clip; whether one of them scrubs.
+    fn take_hands(
+        &mut self,
+        viewer: &Viewer<'_>,
+        head: &Pose,
+        elapsed_s: f64,
+        moved: &mut Moved,
+        commands: &mut Vec<Command>,
+        haptics: &mut Haptics,
+    ) -> bool {
+        if let Some(playing) = &self.playing {
+            self.place.settle(playing.clip.subject, head);
+        }
+        let panel = self.panel.get_or_insert_with(|| Panel::new(head));
+        let was_scrubbing = panel.is_scrubbing();
+        let interaction = &mut self.place.interaction;
+        interaction.take(viewer.hands, viewer.attends, elapsed_s);
+        let on_panel = panel.point(interaction.inputs(), haptics);
+        interaction.update(head, on_panel, &self.player, commands, haptics);
+        moved.rays = panel.rays(interaction.inputs(), head);
+        was_scrubbing || interaction.is_scrubbing()
+    }
+
+    /// A new picture of the panel, if something on it changed; its buttons go to `commands`.
+    fn paint_panel(&mut self, elapsed_s: f64, commands: &mut Vec<Command>) -> Option<Painting> {
+        self.statistics.refresh(elapsed_s);
+        let title = match &self.playing {
+            Some(playing) => &playing.title,
+            None if self.clips.is_loading() => "",
+            None => "No clip",
+        };
+        let state = PanelState {
+            title,
+            player: &self.player,
+            qualities: &Level::ALL.map(Level::name),
+            quality: self.quality.level() as usize,
+            lowered: self.quality.is_lowered(),
+            passthrough: self.passthrough,
+            has_next: self.clips.has_next(),
+            statistics: &self.statistics.rows,
+            notice: self.notices.shown(),
+        };
+        self.panel.as_mut()?.frame(&state, elapsed_s, commands)
+    }
+
+    /// Carries out a command of the viewer; whether it is to leave.
+    fn carry_out(&mut self, command: Command, head: &Pose) -> bool {
+        if self.panel.as_mut().is_some_and(|panel| panel.apply(command, head))
+            || command.play(&mut self.player)
+        {
+            return false;
+        }
+        match command {
+            Command::Exit => return true,
+            Command::Recentre => self.place.interaction.recentre(head),
+            Command::NextClip => {
+                if let Some(Change::Waiting) = self.clips.skip() {
+                    self.notices.work("Loading the next clip".into());
+                }
+            }
+            Command::Better => self.quality.choose(self.quality.level().better()),
+            Command::Coarser => self.quality.choose(self.quality.level().coarser()),
+            Command::TogglePassthrough => self.passthrough = self.passthrough.map(|shown| !shown),
+            Command::Dismiss if !self.clips.is_loading() => self.notices.dismiss(),
+            _ => {}
+        }
+        false
+    }
+
+    /// Takes in a frame of `size` pixels an eye, on a display with one image every `period_ns`; milliseconds
+    /// of the GPU, if it has timestamps.
+    pub(super) fn measure(&mut self, counts: FrameCounts, size: UVec2, period_ns: i64) -> Option<f64> {
+        let gpu_ms = self.renderer().and_then(Renderer::gpu_ms);
+        let (settings, layers) = (self.quality.settings(), self.quality.layers());
+        let period_ms = period_ns as f64 * 1e-6;
+        self.statistics.latest = Some(FrameCost { counts, settings, layers, size, gpu_ms, period_ms });
+        self.quality.measure(gpu_ms, period_ms);
+        gpu_ms
+    }
+
+    /// Writes to disk where clips stand.
+    pub(super) fn save(&mut self) {
+        self.place.save();
+    }
+
+    /// The outcome of the run.
+    ///
+    /// # Errors
+    /// Why no clip was shown.
+    pub(super) fn outcome(self) -> Result<(), Fault> {
+        self.notices.outcome()
+    }
+
+    /// Whether a clip is being loaded.
+    pub(super) fn is_loading(&self) -> bool {
+        self.clips.is_loading()
+    }
+
+    /// From clip to stage; `None` before the clip has a place.
+    pub(super) fn stage_from_clip(&self) -> Option<Similarity> {
+        self.place.interaction.stage_from_clip()
+    }
+
+    /// The renderer of the clip; `None` while it is being loaded.
+    pub(super) fn renderer(&mut self) -> Option<&mut Renderer> {
+        self.playing.as_mut().and_then(|playing| playing.clip.renderer.as_mut())
+    }
+
+    /// The painter of the panel.
+    pub(super) fn painter(&mut self) -> Option<&mut UiPainter> {
+        self.painter.as_mut()
+    }
+
+    /// The panel's quad, if the panel is shown.
+    pub(super) fn panel_quad(&self) -> Option<&PanelQuad> {
+        self.panel.as_ref().filter(|panel| panel.is_shown()).map(Panel::quad)
+    }
+
+    /// Number of Gaussians of the clip, plate included.
+    pub(super) fn gaussians(&self) -> usize {
+        self.playing.as_ref().map_or(0, |playing| playing.clip.gaussians)
+    }
+
+    pub(super) fn quality(&self) -> &Quality {
+        &self.quality
+    }
+
+    pub(super) fn player(&self) -> &Player {
+        &self.player
+    }
+
+    /// Whether the room is shown behind the clip.
+    pub(super) fn shows_passthrough(&self) -> bool {
+        self.passthrough.unwrap_or(false)
+    }
+}

@@ -1,0 +1,59 @@
+//! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
+
+use crate::clips::{is_url, redacted};
+use crate::xr::interaction::{Interaction, PlacementStore, Pose, Subject};
+
+/// Where the clip on display stands.
+pub(super) struct Place {
+    pub(super) interaction: Interaction,
+    store: Option<PlacementStore>,
+    /// Name of the clip or playlist on display in the store.
+    key: Option<String>,
+}
+
+impl Place {
+    pub(super) fn new(store: Option<PlacementStore>) -> Place {
+        Place { interaction: Interaction::default(), store, key: None }
+    }
+
+    /// Changes to another clip or playlist, which [`Place::settle`] places once the head is tracked.
+    pub(super) fn change(&mut self, name: Option<&str>) {
+        self.save();
+        self.interaction.take_away();
+        self.key = Some(key(name));
+    }
+
+    /// Places a clip that has no place yet: where it was left, or in front of the viewer.
+    pub(super) fn settle(&mut self, subject: Subject, head: &Pose) {
+        if self.interaction.placement().is_none() {
+            let left = self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key));
+            self.interaction.put(subject, left.unwrap_or_else(|| subject.start(head)));
+        }
+    }
+
+    /// Puts the next clip of a playlist where the one before stands.
+    pub(super) fn hand_over(&mut self, subject: Subject) {
+        if let Some(placement) = self.interaction.placement().copied() {
+            self.interaction.put(subject, placement);
+        }
+    }
+
+    /// Writes the placements to disk.
+    pub(super) fn save(&mut self) {
+        let (Some(store), Some(key)) = (&mut self.store, &self.key) else { return };
+        if let Some(placement) = self.interaction.placement() {
+            store.set(key, placement);
+        }
+        store.save();
+    }
+}
+
+/// Name of a clip in the store, the same wherever the program is started.
+fn key(name: Option<&str>) -> String {
+    name.map_or("demo".into(), |name| {
+        if is_url(name) {
+            return redacted(name);
+        }
+        std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
+    })
+}
