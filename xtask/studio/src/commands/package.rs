@@ -8,10 +8,11 @@ use std::time::Instant;
 use crate::capture::Footage;
 use crate::fit::{self, Refinement, RefinementReport, Settings, Shots};
 use crate::package::{
-    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with, prefix_quality,
+    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
+    prefix_quality,
 };
-use crate::progress::StagedProgress;
 use crate::playlist;
+use crate::progress::StagedProgress;
 use crate::scene::Scene;
 use crate::takes::{List, Record, Standing, Take, key};
 use anyhow::bail;

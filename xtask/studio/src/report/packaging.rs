@@ -12,8 +12,8 @@ use refine::code::{CodeError, TRIALS, code_knowing};
 use refine::prune::{Candidate, Pictures, Ranking, Selection, by_importance, recolor};
 use refine::reference::{self, sensitivities};
 
-use super::subject::Subject;
 use super::rd::{coded_views, seen_views};
+use super::subject::Subject;
 use crate::package::{
     FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, ranking_views, refused, render_scene,
 };

@@ -16,9 +16,7 @@ use refine::prune::{Floor, Kept, Measure, Pictures, ROUNDS, Ranking, Selection};
 use refine::reference::{self, sensitivities};
 
 use super::subject::Subject;
-use crate::package::{
-    FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, floor, refused, render_scene,
-};
+use crate::package::{FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, floor, refused, render_scene};
 use crate::progress::StagedProgress;
 
 pub use rates::{Rate, Simpler};

@@ -26,7 +26,8 @@ pub enum Selector {
 }
 
 impl Selector {
-    pub(super) const ALL: [Selector; 5] = [Selector::LightGaussian, Selector::RadSplat, Selector::Mass, Selector::MassFloor, Selector::Ours];
+    pub(super) const ALL: [Selector; 5] =
+        [Selector::LightGaussian, Selector::RadSplat, Selector::Mass, Selector::MassFloor, Selector::Ours];
 
     pub(super) fn name(self) -> &'static str {
         match self {
