@@ -51,8 +51,8 @@ pub(super) fn choose<'a>(
     };
     let whole = FieldAnalysis::new(scene, field, plate, settings, progress)?;
     let selection = whole.select(budget)?;
-    let Candidate { ranking, kept: pruned, psnr_db } = &selection.candidates[selection.best];
-    let mut chosen = field.select(&pruned.rows);
+    let Candidate { ranking, retained, psnr_db } = &selection.candidates[selection.best];
+    let mut chosen = field.select(&retained.rows);
     let mut recolor_gain_db = None;
     if settings.recolor {
         progress.stage("colours", 1);
@@ -68,7 +68,7 @@ pub(super) fn choose<'a>(
     Ok(Choice {
         field: chosen,
         ranking: *ranking,
-        topology: PreservedTopology::from(&pruned.topology),
+        topology: PreservedTopology::from(&retained.topology),
         tried: tried(&selection),
         why: Some(why(&selection)),
         recolor_gain_db,

@@ -115,11 +115,11 @@ impl From<&Topology> for PreservedTopology {
 pub(super) fn tried(selection: &Selection) -> Vec<TriedCandidate> {
     let tried = |(i, candidate): (usize, &Candidate)| TriedCandidate {
         ranking: candidate.ranking.name(),
-        floor: candidate.kept.restored > 0,
+        floor: candidate.retained.restored > 0,
         chosen: i == selection.best,
         psnr_db: candidate.psnr_db,
-        topology: PreservedTopology::from(&candidate.kept.topology),
-        restored: candidate.kept.restored,
+        topology: PreservedTopology::from(&candidate.retained.topology),
+        restored: candidate.retained.restored,
     };
     selection.candidates.iter().enumerate().map(tried).collect()
 }
@@ -127,11 +127,11 @@ pub(super) fn tried(selection: &Selection) -> Vec<TriedCandidate> {
 /// Why the best candidate is the best, and why the floor has a part in it or not.
 pub(super) fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
     let chosen = &candidates[*best];
-    let name = |candidate: &Candidate| match candidate.kept.restored {
+    let name = |candidate: &Candidate| match candidate.retained.restored {
         0 => candidate.ranking.name().to_owned(),
         _ => format!("{} with the floor", candidate.ranking.name()),
     };
-    let preserved = |candidate: &Candidate| candidate.kept.topology.preserved(Measure::Strict);
+    let preserved = |candidate: &Candidate| candidate.retained.topology.preserved(Measure::Strict);
     let rival = &candidates[*most_faithful];
     let mut why = if best != most_faithful {
         format!(
@@ -166,7 +166,7 @@ pub(super) fn why(Selection { candidates, best, most_faithful }: &Selection) -> 
     };
     let twin = candidates.iter().enumerate().find(|(i, other)| i != best && other.ranking == chosen.ranking);
     match twin {
-        Some((_, twin)) if chosen.kept.restored == 0 => {
+        Some((_, twin)) if chosen.retained.restored == 0 => {
             why += &format!(
                 "; the floor would preserve {:.3} of the topology instead of {:.3} and cost {:.2} dB",
                 preserved(twin),

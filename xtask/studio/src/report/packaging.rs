@@ -167,7 +167,7 @@ fn choosing(subject: &Subject, budget: usize, progress: &StagedProgress) -> anyh
     progress.stage("colours", 1);
     let start = Instant::now();
     let pictures = Pictures::take(&render_scene(field, plate.as_ref()), ranking_views(scene, field), || ());
-    let recolored = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, || ());
+    let recolored = recolor(&field.select(&chosen.retained.rows), plate.as_ref(), &pictures, || ());
     let seconds = start.elapsed().as_secs_f64();
     let anew = ParameterValue {
         cost: Quartiles::exactly(seconds),

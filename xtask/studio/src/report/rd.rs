@@ -12,7 +12,7 @@ mod views;
 
 use codec::{Field, Sensitivity, Source};
 use refine::code::{TRIALS, code_knowing};
-use refine::prune::{Floor, Kept, Measure, Pictures, ROUNDS, Ranking, Selection};
+use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference::{self, sensitivities};
 
 use super::subject::Subject;
@@ -111,14 +111,14 @@ impl<'a> Bench<'a> {
             leave(Selector::RadSplat, Ranking::BlendMax),
             leave(Selector::Mass, Ranking::Mass),
             SelectedRows { row: Selector::MassFloor, ranking: Ranking::Mass, kept: floored },
-            SelectedRows { row: Selector::Ours, ranking: best.ranking, kept: best.kept },
+            SelectedRows { row: Selector::Ours, ranking: best.ranking, kept: best.retained },
         ];
         let mut packages = Vec::new();
         choices.into_iter().map(|choice| self.point(choice, &mut packages)).collect()
     }
 
     fn point(&self, choice: SelectedRows, packages: &mut Vec<CodedRows>) -> anyhow::Result<RatePoint> {
-        let SelectedRows { row, ranking, kept: Kept { rows, topology, restored, .. } } = choice;
+        let SelectedRows { row, ranking, kept: Retained { rows, topology, restored, .. } } = choice;
         let same = packages.iter().position(|package| package.rows == rows);
         let package = match same {
             Some(package) => &packages[package],
