@@ -17,6 +17,19 @@ pub enum Holdout {
 }
 
 impl Holdout {
+    /// Name on command lines and in field files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Holdout::Odd => "odd",
+            Holdout::None => "none",
+        }
+    }
+
+    /// The holdout of this [`Holdout::name`].
+    pub fn named(name: &str) -> Option<Holdout> {
+        [Holdout::Odd, Holdout::None].into_iter().find(|holdout| holdout.name() == name)
+    }
+
     /// Whether `frame` is held out.
     pub fn holds(self, frame: usize) -> bool {
         self == Holdout::Odd && frame % 2 == 1

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::capture::Cut;
+use super::capture::{FrameSelection, HeldFrames};
 
 /// Make depth maps of a capture's photographs by a network, for `fit --depths`.
 ///
@@ -19,7 +19,10 @@ pub struct Args {
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that are held out from fitting, and get no depth maps
+    #[arg(long, value_enum, default_value_t = HeldFrames::None)]
+    holdout: HeldFrames,
 }
 
 #[cfg(not(feature = "onnx"))]
@@ -40,8 +43,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use program::{Fault, output};
     use refine::capture::{PhotoId, Split};
 
-    let footage = args.cut.open(&args.capture)?;
-    let splits = Split::assign(&footage.capture, args.cut.holdout())
+    let footage = args.selection.open(&args.capture)?;
+    let splits = Split::assign(&footage.capture, args.holdout.into())
         .map_err(|error| Fault::Data(error.to_string()))?;
     let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
     let mut shots: Vec<PhotoId> = train.map(|(shot, _)| shot).collect();

@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
 use crate::gpu::settings::{RenderSettings, SortOrder};
-use crate::view::{MiddleEye, View};
+use crate::view::{CyclopeanEye, View};
 use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
@@ -154,7 +154,7 @@ struct DepthKeys {
 
 impl DepthKeys {
     fn new(views: &[View], origin: DVec3, order: SortOrder) -> DepthKeys {
-        let eye = MiddleEye::of(views);
+        let eye = CyclopeanEye::new(views);
         DepthKeys { order, from: (eye.position - origin).as_vec3a(), forward: eye.forward.as_vec3a() }
     }
 

@@ -1,0 +1,433 @@
+//! The programs as a user runs them: from a field to images, and with bad input.
+//!
+//! Bad input gets one line on stderr and the exit code of its kind, and leaves no file behind: no
+//! output, no partial output, no temporary file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ::studio::cli::Cli;
+use ::studio::export::field_file;
+use aarc_tests::gpu::{self, Passes, device};
+use aarc_tests::programs::{Folder, Outcome, client, run, studio};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
+use clap::CommandFactory;
+use client::gpu::Gpu;
+use codec::Field;
+use image::RgbImage;
+use libtest_mimic::{Completion, Failed, Trial};
+use refine::reference::{Order, RenderScene, render};
+use serde_json::Value;
+use xtask::workspace;
+
+const USAGE: i32 = 2;
+const DATA: i32 = 3;
+const NETWORK: i32 = 4;
+const DEVICE: i32 = 5;
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    let plain = |name: &str, test: fn() -> Result<(), String>| {
+        Trial::test(name, move || test().map_err(Failed::from))
+    };
+    vec![
+        gpu::trial("from a field to images", Passes::Shared, field_to_pictures),
+        gpu::trial("the demo scene", Passes::Shared, demo_scene),
+        gpu::trial("a camera file gives the reference's image", Passes::Shared, camera_file),
+        gpu::trial("stereo and statistics", Passes::Shared, stereo_and_statistics),
+        gpu::trial("one time or many", Passes::Shared, one_time_or_many),
+        bad_input_to_the_player(),
+        plain("bad input to package", bad_input_to_package),
+        plain("bad input to inspect", bad_input_to_inspect),
+        plain("bad input to render and export", bad_input_to_render_and_export),
+        plain("without a graphics device", without_a_device),
+        plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
+    ]
+}
+
+/// A temporary folder in which programs run, with a clip and a field in it.
+struct Workshop {
+    folder: Folder,
+    before: BTreeMap<PathBuf, Vec<u8>>,
+}
+
+const RECIPE: Recipe =
+    Recipe { count: 500, sh_degree: 1, motion: Motion::Mixed, motion_order: 3, turning: false, seed: 11 };
+
+impl Workshop {
+    fn new() -> Workshop {
+        let workshop = Workshop { folder: Folder::default(), before: BTreeMap::new() };
+        workshop.write("clip.aarc", &packaged(&RECIPE.field(), None, &[100, 200]));
+        workshop.write("field.ply", &field_file(&RECIPE.field(), &info()));
+        workshop
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path(name)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) {
+        self.folder.write(name, bytes);
+    }
+
+    /// Runs a program here with the words of a line as arguments.
+    fn run(&self, program: &Path, line: &str) -> Outcome {
+        run(&mut self.folder.command(program, line))
+    }
+
+    fn json(&self, name: &str) -> Result<Value, String> {
+        serde_json::from_slice(&self.folder.read(name)?).map_err(|error| format!("{name}: {error}"))
+    }
+
+    fn image(&self, name: &str) -> Result<RgbImage, String> {
+        Ok(image::open(self.path(name)).map_err(|error| format!("{name}: {error}"))?.into_rgb8())
+    }
+
+    /// Every path in the folder with its file's bytes; empty for folders.
+    fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut found = BTreeMap::new();
+        let mut folders = vec![self.path("")];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(&folder).expect("a folder of this test") {
+                let path = entry.expect("a folder of this test").path();
+                let bytes =
+                    if path.is_dir() { Vec::new() } else { fs::read(&path).expect("a file of this test") };
+                folders.extend(Some(path.clone()).filter(|path| path.is_dir()));
+                found.insert(path, bytes);
+            }
+        }
+        found
+    }
+
+    /// Records the contents that refused commands must not change. Call it after the last write.
+    fn seal(mut self) -> Workshop {
+        self.before = self.contents();
+        self
+    }
+
+    /// Expects a command to fail with this code and one line on stderr that contains `mention`, and to
+    /// change no file.
+    fn refuses(&self, program: &Path, line: &str, code: i32, mention: &str) -> Result<(), String> {
+        let outcome = self.run(program, line);
+        let name = program.file_name().expect("a program has a name").to_string_lossy();
+        let complain = |what: &str| Err(format!("{name} {line}: {what}\n{outcome:#?}"));
+        if outcome.code != Some(code) {
+            return complain(&format!("exit code {code} was expected"));
+        }
+        // The argument parser explains errors in several lines.
+        let from_parser = outcome.stderr.contains("For more information, try '--help'");
+        if outcome.stderr.trim_end().lines().count() != 1 && !from_parser {
+            return complain("one line was expected");
+        }
+        if !outcome.stderr.starts_with("error: ") || !outcome.stderr.contains(mention) {
+            return complain(&format!("it does not mention {mention:?}"));
+        }
+        if self.contents() != self.before {
+            let names: Vec<_> = self.contents().into_keys().collect();
+            return complain(&format!("it changed something: now there are {names:?}"));
+        }
+        Ok(())
+    }
+}
+
+fn field_to_pictures(_: &Gpu) -> Result<(), String> {
+    let workshop = Workshop::new();
+    let report =
+        workshop.run(studio(), "package field.ply -o made.aarc --budget 300 --json").success().stdout;
+    let report: Value = serde_json::from_str(&report).map_err(|error| error.to_string())?;
+    let shown = workshop.run(studio(), "inspect made.aarc --json").success().stdout;
+    let shown: Value = serde_json::from_str(&shown).map_err(|error| error.to_string())?;
+    let size = fs::metadata(workshop.path("made.aarc")).map_err(|error| error.to_string())?.len();
+    for (what, value, expected) in [
+        ("gaussians_in", &report["gaussians_in"], 500),
+        ("gaussians_out", &report["gaussians_out"], 300),
+        ("bytes of the report", &report["bytes"], size),
+        ("gaussians", &shown["gaussians"], 300),
+        ("bytes", &shown["bytes"], size),
+        ("sh_degree", &shown["sh_degree"], 1),
+        ("motion_order", &shown["motion_order"], 3),
+    ] {
+        if *value != expected {
+            return Err(format!("{what} is {value}, not {expected}"));
+        }
+    }
+    workshop.run(client(), "made.aarc --headless --time 1.0 --size 96x64 --out frame.png").success();
+    let picture = workshop.image("frame.png")?;
+    let lit = picture.pixels().filter(|pixel| pixel.0.iter().any(|&c| c > 40)).count();
+    if picture.dimensions() == (96, 64) && lit > 500 { Ok(()) } else { Err(format!("{lit} lit pixels")) }
+}
+
+/// The commands behind `cargo xtask demo`.
+fn demo_scene(_: &Gpu) -> Result<(), String> {
+    let workshop = Workshop::new();
+    workshop.run(studio(), "synth clip -o juggler.ply").success();
+    workshop.run(studio(), "package juggler.ply -o juggler.aarc").success();
+    workshop.run(client(), "juggler.aarc --headless --time 0,1 --size 160x90 --out frames").success();
+    let [first, second] = ["frames/frame_0000.png", "frames/frame_0001.png"].map(|name| workshop.image(name));
+    if first? == second? { Err("nothing moves within a second".into()) } else { Ok(()) }
+}
+
+/// The player draws the reference renderer's image for a camera and a time.
+fn camera_file(_: &Gpu) -> Result<(), String> {
+    let workshop = Workshop::new();
+    let view = camera(Place::Whole, 120, 90);
+    workshop.write("camera.json", &serde_json::to_vec(&view).map_err(|error| error.to_string())?);
+    let line = "clip.aarc --headless --time 0.9 --camera camera.json --target 16 --out";
+    workshop.run(client(), &format!("{line} gpu.png")).success();
+    workshop.run(studio(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
+    let (gpu, cpu) = (workshop.image("gpu.png")?, workshop.image("cpu.png")?);
+    let expected = render(&RenderScene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
+    if cpu.as_raw() != &expected {
+        return Err("cargo xtask render and the library disagree".into());
+    }
+    let worst = gpu.as_raw().iter().zip(cpu.as_raw()).map(|(a, b)| a.abs_diff(*b)).max();
+    if gpu.dimensions() != (120, 90) || worst > Some(2) {
+        return Err(format!("{:?}, off by up to {worst:?}", gpu.dimensions()));
+    }
+    // `--size` scales the camera's image.
+    workshop.run(client(), &format!("{line} large.png --size 240x180")).success();
+    let large = workshop.image("large.png")?;
+    if large.dimensions() == (240, 180) { Ok(()) } else { Err(format!("{:?}", large.dimensions())) }
+}
+
+fn decoded_clip() -> codec::Clip {
+    codec::decode(&packaged(&RECIPE.field(), None, &[100, 200]), &codec::Limits::default())
+        .expect("a valid package")
+}
+
+fn stereo_and_statistics(_: &Gpu) -> Result<(), String> {
+    let workshop = Workshop::new();
+    let line =
+        "clip.aarc --headless --frames 0..5 --fps 10 --stereo --size 80x60 --out eyes --stats stats.json";
+    workshop.run(client(), line).success();
+    let picture = workshop.image("eyes/frame_0004.png")?;
+    if picture.dimensions() != (160, 60) {
+        return Err(format!("{:?}", picture.dimensions()));
+    }
+    let half = |x: u32| image::imageops::crop_imm(&picture, x, 0, 80, 60).to_image();
+    if half(0) == half(80) {
+        return Err("both eyes see the same".into());
+    }
+    let stats = workshop.json("stats.json")?;
+    let frames = stats["frames"].as_array().ok_or("no frames")?;
+    for (i, frame) in frames.iter().enumerate() {
+        let number = |key: &str| frame[key].as_f64().ok_or(format!("no {key} in {frame}"));
+        let (alive, sorted, drawn) = (number("alive")?, number("sorted")?, number("drawn")?);
+        if !(alive >= sorted && sorted > 0.0 && drawn > 0.0 && number("fragments")? >= drawn) {
+            return Err(format!("{frame}"));
+        }
+        if number("sort_ms")? < 0.0
+            || number("draw_ms")? <= 0.0
+            || (number("time")? - 0.1 * i as f64).abs() > 1e-9
+        {
+            return Err(format!("{frame}"));
+        }
+    }
+    let texts =
+        ["adapter", "driver"].iter().all(|key| stats[*key].as_str().is_some_and(|text| !text.is_empty()));
+    if frames.len() == 5 && texts { Ok(()) } else { Err(format!("{stats:#}")) }
+}
+
+/// Several times make a folder, one makes a file; one layer shows less than the whole clip.
+fn one_time_or_many(_: &Gpu) -> Result<(), String> {
+    let workshop = Workshop::new();
+    workshop.run(client(), "clip.aarc --headless --time 0.5,1.5 --size 64x48 --out many").success();
+    workshop.run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --out one.png").success();
+    if workshop.image("many/frame_0001.png")? != workshop.image("one.png")? {
+        return Err("an image depends on those before it".into());
+    }
+    workshop
+        .run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --layer 1 --out layer.png")
+        .success();
+    workshop
+        .run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --view front --out named.png")
+        .success();
+    if workshop.image("layer.png")? == workshop.image("one.png")? {
+        return Err("one layer looks like all".into());
+    }
+    if workshop.image("named.png")? != workshop.image("one.png")? {
+        return Err("the first viewpoint is not where it starts".into());
+    }
+    let files = fs::read_dir(workshop.path("many")).map_err(|error| error.to_string())?.count();
+    if files == 2 { Ok(()) } else { Err(format!("{files} files in the folder")) }
+}
+
+/// A workshop with damaged, foreign and incomplete files.
+fn bad_files() -> Workshop {
+    let workshop = Workshop::new();
+    let clip = fs::read(workshop.path("clip.aarc")).expect("written before");
+    workshop.write("empty", b"");
+    workshop.write("noise", b"this is not what you are looking for");
+    workshop.write("short.aarc", &clip[..40]);
+    let mut flipped = clip.clone();
+    flipped[clip.len() / 3] ^= 0x10;
+    workshop.write("flipped.aarc", &flipped);
+    let mut version = clip.clone();
+    version[4] = 99;
+    workshop.write("version.aarc", &version);
+    workshop.write("longer.aarc", &[&clip[..], b"more"].concat());
+    workshop.write("nothing.ply", &field_file(&Field::default(), &info()));
+    workshop.write(
+        "points.ply",
+        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",
+    );
+    let field = fs::read(workshop.path("field.ply")).expect("written before");
+    workshop.write("cut.ply", &field[..field.len() / 2]);
+    fs::create_dir(workshop.path("bare")).expect("temporary files can be written");
+    workshop.write("bare/readme.txt", b"no field here");
+    workshop.write("camera.json", b"{\"width\": 64}");
+    workshop.write("singular.json", b"{\"width\":64,\"height\":48,\"K\":[[0,0,32],[0,0,24],[0,0,1]],\"world_to_camera\":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
+    workshop.seal()
+}
+
+fn bad_input_to_the_player() -> Trial {
+    Trial::ignorable_test("bad input to the player", || {
+        let bad = bad_files();
+        let refuses = |line: &str, code, mention: &str| bad.refuses(client(), line, code, mention);
+        let one = "--headless --out frame.png";
+        let many = "--headless --time 0,1 --out frames";
+        for (file, mention) in [
+            ("missing.aarc", "missing.aarc"),
+            ("bare", "folder"),
+            ("empty", "empty"),
+            ("noise", "noise"),
+            ("field.ply", "field.ply"),
+            ("short.aarc", "short.aarc"),
+            ("flipped.aarc", "byte"),
+            ("version.aarc", "version"),
+            ("longer.aarc", "longer.aarc"),
+        ] {
+            for output in [one, many] {
+                refuses(&format!("{file} {output}"), DATA, mention)?;
+            }
+        }
+        for (line, mention) in [
+            ("--time nan", "nan"),
+            ("--time -1", "-1"),
+            ("--time 99", "99"),
+            ("--frames 3..3", "3..3"),
+            ("--fps 10", "--frames"),
+            ("--size 0x0", "0x0"),
+            ("--size 99999x99999", "99999"),
+            ("--view nowhere", "nowhere"),
+            ("--layer 9", "9"),
+            ("--cutoff 7", "7"),
+            ("--target 12", "12"),
+            ("--sort never", "never"),
+            ("--stats absent/stats.json", "absent"),
+            ("--nonsense", "--nonsense"),
+        ] {
+            // Image sizes are checked against the device.
+            if device(Passes::Shared).is_ok() || !line.contains("99999") {
+                refuses(&format!("clip.aarc {one} {line}"), USAGE, mention)?;
+            }
+        }
+        for (line, code, mention) in [
+            ("clip.aarc --headless", USAGE, "--out"),
+            ("clip.aarc --headless --out absent/frame.png", USAGE, "absent"),
+            ("clip.aarc --headless --out bare", USAGE, "bare"),
+            ("clip.aarc --headless --out noise/frame.png", USAGE, "noise"),
+            ("clip.aarc --headless --time 0,1 --out noise", USAGE, "noise"),
+            ("clip.aarc --headless --out f.png --camera missing.json", DATA, "missing.json"),
+            ("clip.aarc --headless --out f.png --camera camera.json", DATA, "camera.json"),
+            ("clip.aarc --headless --out f.png --camera singular.json", DATA, "singular.json"),
+        ] {
+            refuses(line, code, mention)?;
+        }
+        // Every try is reported, the failure in the last line.
+        let outcome = bad.run(client(), "http://127.0.0.1:9/clip.aarc --headless --out f.png");
+        let last = outcome.stderr.trim_end().lines().last();
+        if outcome.code != Some(NETWORK)
+            || !last.is_some_and(|line| line.starts_with("error: http://127.0.0.1:9/"))
+        {
+            return Err(format!("one error with exit code {NETWORK} was expected: {outcome:#?}").into());
+        }
+        Ok(Completion::Completed)
+    })
+}
+
+fn bad_input_to_package() -> Result<(), String> {
+    let bad = bad_files();
+    for (input, mention) in [
+        ("missing.ply", "missing.ply"),
+        ("bare", "bare"),
+        ("empty", "empty"),
+        ("noise", "noise"),
+        ("points.ply", "opacity"),
+        ("nothing.ply", "nothing.ply"),
+        ("cut.ply --strict", "truncated"),
+    ] {
+        bad.refuses(studio(), &format!("package {input} -o out.aarc"), DATA, mention)?;
+    }
+    for (line, mention) in [
+        ("package field.ply -o absent/out.aarc", "absent"),
+        ("package field.ply -o bare", "bare"),
+        ("package field.ply -o noise/out.aarc", "noise"),
+        ("package field.ply -o out.aarc --budget 0", "0"),
+        ("package field.ply -o out.aarc --coder magic", "magic"),
+    ] {
+        bad.refuses(studio(), line, USAGE, mention)?;
+    }
+    Ok(())
+}
+
+fn bad_input_to_inspect() -> Result<(), String> {
+    let bad = bad_files();
+    for file in ["missing.aarc", "bare", "empty", "noise", "short.aarc", "flipped.aarc", "version.aarc"] {
+        bad.refuses(studio(), &format!("inspect {file}"), DATA, file)?;
+    }
+    Ok(())
+}
+
+fn bad_input_to_render_and_export() -> Result<(), String> {
+    let bad = bad_files();
+    for file in ["missing.aarc", "bare", "empty", "noise", "flipped.aarc", "points.ply"] {
+        bad.refuses(studio(), &format!("render {file} -o frame.png"), DATA, file)?;
+        bad.refuses(studio(), &format!("export {file} --ply -o frozen.ply"), DATA, file)?;
+    }
+    for (line, mention) in [
+        ("render clip.aarc --time nan -o frame.png", "NaN"),
+        ("render clip.aarc --size 0x0 -o frame.png", "0x0"),
+        ("render clip.aarc --view nowhere -o frame.png", "nowhere"),
+        ("render clip.aarc -o absent/frame.png", "absent"),
+        ("export clip.aarc --ply -o absent/frozen.ply", "absent"),
+        ("synth clip -o absent/clip.ply", "absent"),
+    ] {
+        bad.refuses(studio(), line, USAGE, mention)?;
+    }
+    Ok(())
+}
+
+/// A Vulkan loader without a driver stands for a machine without a device.
+fn without_a_device() -> Result<(), String> {
+    let workshop = Workshop::new().seal();
+    let mut command = workshop.folder.command(client(), "clip.aarc --headless --out frame.png");
+    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        command.env(variable, workshop.path("no-driver.json"));
+    }
+    let outcome = run(&mut command);
+    let one_line = outcome.stderr.trim_end().lines().count() == 1;
+    if outcome.code == Some(DEVICE) && one_line && workshop.contents() == workshop.before {
+        return Ok(());
+    }
+    Err(format!("{outcome:#?}"))
+}
+
+/// `cargo xtask` lists the commands of the host tool, runs them, and passes on their exit codes.
+fn xtask_hands_over() -> Result<(), String> {
+    let xtask = workspace::build("xtask", "dev").map_err(|fault| fault.to_string())?;
+    let workshop = Workshop::new().seal();
+    let help = workshop.run(&xtask, "--help").success().stdout;
+    for command in Cli::command().get_subcommands().map(|command| command.get_name()) {
+        if !help.lines().any(|line| line.trim_start().starts_with(&format!("{command} "))) {
+            return Err(format!("{command} is missing in:\n{help}"));
+        }
+    }
+    let line = "inspect clip.aarc --json";
+    let expected = workshop.run(studio(), line).success().stdout;
+    if workshop.run(&xtask, line).success().stdout != expected {
+        return Err(format!("{line} differs from aarc-studio's"));
+    }
+    workshop.refuses(&xtask, "inspect missing.aarc", DATA, "missing.aarc")
+}

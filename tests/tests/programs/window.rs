@@ -1,0 +1,133 @@
+//! The desktop window on a display in memory: screenshots and key presses.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use aarc_tests::display::{CONTROLS, Display, Screenshot, Window, trial};
+use aarc_tests::programs::{client, run};
+use aarc_tests::scene::{Motion, Recipe, packaged};
+use libtest_mimic::{Failed, Trial};
+
+const SPACE: u32 = 0x20;
+const RIGHT: u32 = 0xff53;
+const P: u32 = 'p' as u32;
+const U: u32 = 'u' as u32;
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("a clip plays, pauses, steps and is saved as an image", plays),
+        trial("a broken clip opens no window", bad_clip),
+        Trial::test("without a display", || without_display().map_err(Failed::from)),
+    ]
+}
+
+/// Writes a clip that moves throughout.
+fn write_clip(path: &Path) {
+    let recipe =
+        Recipe { count: 300, sh_degree: 1, motion: Motion::Moving, motion_order: 3, turning: false, seed: 3 };
+    fs::write(path, packaged(&recipe.field(), None, &[])).expect("temporary files can be written");
+}
+
+fn plays(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("dancers.aarc");
+    write_clip(&clip);
+    let mut command = display.command(client());
+    command.arg(&clip).args(["--size", "800x600"]).current_dir(folder.path()).stderr(Stdio::inherit());
+    let player = display.open(&mut command, "dancers.aarc")?;
+    let window = player.window;
+    let look = |what: &str, condition: &dyn Fn(&Screenshot) -> bool| {
+        display.wait_until(window, condition).ok_or(format!("the window never {what}"))
+    };
+
+    let first = look("shows an image", &|screen| screen.colors() > 500)?;
+    if (first.width, first.height) != (800, 600) {
+        return Err(format!("the window has {}x{} pixels", first.width, first.height));
+    }
+    look("moves", &|screen| screen.clip_changed(&first))?;
+
+    display.focus(window);
+    display.press(SPACE);
+    let paused = unchanging(display, window).ok_or("it does not pause on the space bar")?;
+    display.press(RIGHT);
+    let stepped = look("steps to another frame", &|screen| screen.clip_changed(&paused))?;
+    if unchanging(display, window).is_none_or(|screen| screen.clip_changed(&stepped)) {
+        return Err("it moves on after a step".into());
+    }
+    display.press(SPACE);
+    look("plays on", &|screen| screen.clip_changed(&stepped))?;
+
+    let controls =
+        |screen: &Screenshot| screen.rgb[(3 * screen.width * (screen.height - CONTROLS)) as usize..].to_vec();
+    let with = controls(&stepped);
+    display.press(U);
+    look("hides its controls", &|screen| controls(screen) != with)?;
+
+    display.press(P);
+    let saved = wait_for_image(folder.path()).ok_or("the key P saves no image")?;
+    let size = image::image_dimensions(&saved).map_err(|error| error.to_string())?;
+    if size.0 < 800 || size.1 < 600 {
+        return Err(format!("{} has {size:?} pixels", saved.display()));
+    }
+
+    player.close()
+}
+
+/// Waits until the clip has not changed for half a second.
+fn unchanging(display: &Display, window: Window) -> Option<Screenshot> {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        let before = display.screenshot(window)?;
+        sleep(Duration::from_millis(500));
+        let after = display.screenshot(window)?;
+        if !before.clip_changed(&after) {
+            return Some(after);
+        }
+    }
+    None
+}
+
+/// Waits for a PNG in the folder.
+fn wait_for_image(folder: &Path) -> Option<PathBuf> {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        let entries = fs::read_dir(folder).ok()?;
+        let is_image = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
+        if let Some(path) = entries.flatten().map(|entry| entry.path()).find(is_image) {
+            return Some(path);
+        }
+        sleep(Duration::from_millis(50));
+    }
+    None
+}
+
+/// A clip that does not decode is reported on the terminal, before a window opens.
+fn bad_clip(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("broken.aarc");
+    fs::write(&clip, b"not a clip").map_err(|error| error.to_string())?;
+    let outcome = run(display.command(client()).arg(&clip));
+    if outcome.code == Some(3) && outcome.stderr.contains("broken.aarc") {
+        return Ok(());
+    }
+    Err(format!("{outcome:?}"))
+}
+
+/// The error names `--headless` as the alternative.
+fn without_display() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("clip.aarc");
+    write_clip(&clip);
+    let mut command = Command::new(client());
+    command.arg(&clip).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let outcome = run(&mut command);
+    let one_line = outcome.stderr.trim_end().lines().count() == 1;
+    if outcome.code == Some(5) && outcome.stderr.contains("--headless") && one_line {
+        return Ok(());
+    }
+    Err(format!("{outcome:?}"))
+}

@@ -1,0 +1,303 @@
+//! The GPU draws what the reference renderer draws.
+//!
+//! A matrix over everything that selects a shader or places Gaussians in the image: SH degree, motion
+//! order, static, dynamic and mixed fields, one eye and two (in one pass and in two), viewpoints. Both
+//! renderers get the same decoded clip. The target has 16-bit floats, so that its rounding hides no
+//! difference between the renderers.
+
+use std::sync::{Arc, OnceLock};
+
+use aarc_tests::gpu::{self, Drawing, Passes};
+use aarc_tests::image::{Tolerance, check, difference};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with, stereo_pair};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings, SortOrder};
+use codec::{Camera, Clip};
+use libtest_mimic::Trial;
+use refine::image::Image;
+use refine::reference::{Order, RenderScene, render};
+
+/// The tolerance of every test that does not state its own.
+const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
+
+const SIZE: (u32, u32) = (160, 120);
+
+const PLACES: [Place; 4] = [Place::Whole, Place::Near, Place::Far, Place::Edge];
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    let mut trials = Vec::new();
+    for sh_degree in 0..=3 {
+        trials.extend(eyes_trials(Recipe { sh_degree, motion: Motion::Still, ..RECIPE }));
+        for motion in [Motion::Moving, Motion::Mixed] {
+            for motion_order in 0..=3 {
+                trials.extend(eyes_trials(Recipe { sh_degree, motion, motion_order, ..RECIPE }));
+            }
+        }
+    }
+    for motion_order in 0..=3 {
+        trials.extend(eyes_trials(Recipe { motion_order, turning: true, ..RECIPE }));
+    }
+    trials.extend([
+        gpu::trial("plate", Passes::Shared, plate),
+        gpu::trial("layers", Passes::Shared, layers),
+        gpu::trial("sorted by distance from the eye", Passes::Shared, radial),
+        gpu::trial("cutoffs that clip nothing", Passes::Shared, cutoffs),
+        gpu::trial("cutoffs that clip", Passes::Shared, cutoffs_that_clip),
+        gpu::trial("before, at and after the ends of the clip", Passes::Shared, outside_the_clip),
+        gpu::trial("off-centre principal point", Passes::Shared, off_centre),
+        gpu::trial("8-bit target", Passes::Shared, eight_bits),
+    ]);
+    trials
+}
+
+const RECIPE: Recipe =
+    Recipe { count: 600, sh_degree: 0, motion: Motion::Moving, motion_order: 3, turning: false, seed: 7 };
+
+/// One eye, two in one pass, two in two passes.
+fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
+    let Recipe { sh_degree, motion, motion_order, turning, .. } = recipe;
+    let order = if motion == Motion::Still { String::new() } else { format!(" of order {motion_order}") };
+    let turning = if turning { ", turning" } else { "" };
+    let name = format!("SH {sh_degree}, {motion:?}{order}{turning}").to_lowercase();
+    // Both ways to draw two eyes are compared with the same images.
+    let (mono, stereo) = (OnceLock::new(), Arc::new(OnceLock::new()));
+    let (shared, per_eye) = (stereo.clone(), stereo);
+    let names =
+        ["one eye", "two eyes in one pass", "two eyes in two passes"].map(|eyes| format!("{name}, {eyes}"));
+    let [a, b, c] = names.clone();
+    [
+        gpu::trial(&names[0], Passes::Shared, move |gpu| {
+            matrix(gpu, &a, mono.get_or_init(|| Expected::new(&recipe, false)))
+        }),
+        gpu::multiview_trial(&names[1], move |gpu| {
+            matrix(gpu, &b, shared.get_or_init(|| Expected::new(&recipe, true)))
+        }),
+        gpu::trial(&names[2], Passes::PerEye, move |gpu| {
+            matrix(gpu, &c, per_eye.get_or_init(|| Expected::new(&recipe, true)))
+        }),
+    ]
+}
+
+/// A clip, and the reference's images of it from all places, each at another time.
+struct Expected {
+    clip: Clip,
+    views: Vec<(Place, f64, Vec<(Camera, Image)>)>,
+}
+
+impl Expected {
+    fn new(recipe: &Recipe, stereo: bool) -> Expected {
+        let clip = decoded(&recipe.field());
+        let scene = RenderScene::from(&clip);
+        let views = PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]).map(|(place, t)| {
+            let camera = camera(place, SIZE.0, SIZE.1);
+            let cameras = if stereo { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
+            let image = |camera: &Camera| render(&scene, camera, t, Order::Depth);
+            (place, t, cameras.into_iter().map(|camera| (camera.clone(), image(&camera))).collect())
+        });
+        Expected { views: views.collect(), clip }
+    }
+}
+
+/// Compares the GPU's images with all expected ones.
+fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
+    let uploaded = Arc::new(GpuClip::upload(gpu, &expected.clip).map_err(|fault| fault.to_string())?);
+    for (place, t, eyes) in &expected.views {
+        let cameras: Vec<Camera> = eyes.iter().map(|(camera, _)| camera.clone()).collect();
+        let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, ChannelDepth::Sixteen)
+            .map_err(|fault| fault.to_string())?;
+        let images = drawing.frame(*t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
+        if images.len() != cameras.len() {
+            return Err(format!("{} images for {} cameras", images.len(), cameras.len()));
+        }
+        for (eye, (image, (_, expected))) in images.iter().zip(eyes).enumerate() {
+            if expected.pixels.iter().all(|pixel| pixel[3] < 0.5) {
+                return Err(format!(
+                    "{name}, {place:?}: the reference image is almost empty, so this tests nothing"
+                ));
+            }
+            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, TOLERANCE)?;
+        }
+    }
+    Ok(())
+}
+
+/// Draws one image and compares it with the reference's image of `scene`.
+fn compare(
+    gpu: &Gpu,
+    name: &str,
+    clip: &Clip,
+    (camera, t): (&Camera, f64),
+    settings: &RenderSettings,
+    (scene, order): (&RenderScene, Order),
+) -> Result<(), String> {
+    // A plate doubles the number of blended layers.
+    let tolerance = match clip.plate {
+        Some(_) => Tolerance { diff_pixels: 400, ..TOLERANCE },
+        None => TOLERANCE,
+    };
+    let images = gpu::draw(gpu, clip, std::slice::from_ref(camera), t, settings, ChannelDepth::Sixteen);
+    let images = images.map_err(|fault| fault.to_string())?;
+    let expected = render(scene, camera, t, order);
+    check(name, &images[0], &expected, tolerance).map(|_| ())
+}
+
+fn plate(gpu: &Gpu) -> Result<(), String> {
+    let recipe = Recipe { sh_degree: 2, ..RECIPE };
+    let mut background = Recipe { motion: Motion::Still, sh_degree: 1, seed: 9, ..RECIPE }.field();
+    // Larger than the clip and partly in front of it; it must be drawn behind it all the same.
+    background.log_scales.iter_mut().flatten().for_each(|scale| *scale += 0.8);
+    let clip = decoded_with(&recipe.field(), Some(&background), &[]);
+    let without = Clip { plate: None, ..clip.clone() };
+    for place in PLACES {
+        let view = (&camera(place, SIZE.0, SIZE.1), 0.5);
+        compare(
+            gpu,
+            &format!("plate, {place:?}"),
+            &clip,
+            view,
+            &RenderSettings::default(),
+            (&RenderScene::from(&clip), Order::Depth),
+        )?;
+    }
+    let view = camera(Place::Whole, SIZE.0, SIZE.1);
+    let [with, without] =
+        [&clip, &without].map(|clip| render(&RenderScene::from(clip), &view, 0.5, Order::Depth));
+    if with.psnr(&without) > 30.0 {
+        return Err("the plate is hardly visible, so this tests nothing".into());
+    }
+    Ok(())
+}
+
+fn layers(gpu: &Gpu) -> Result<(), String> {
+    let recipe = Recipe { motion: Motion::Mixed, ..RECIPE };
+    let clip = decoded_with(&recipe.field(), None, &[100, 250, 400]);
+    if clip.layers.len() != 4 {
+        return Err(format!("{} layers", clip.layers.len()));
+    }
+    let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
+    for layers in 1..=4 {
+        let settings = RenderSettings { layers: Some(layers), ..RenderSettings::default() };
+        let scene = RenderScene::from_layers(&clip, layers);
+        compare(gpu, &format!("layers, {layers}"), &clip, view, &settings, (&scene, Order::Depth))?;
+    }
+    Ok(())
+}
+
+fn radial(gpu: &Gpu) -> Result<(), String> {
+    let clip = decoded(&RECIPE.field());
+    let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };
+    for place in PLACES {
+        let view = (&camera(place, SIZE.0, SIZE.1), 0.5);
+        compare(
+            gpu,
+            &format!("radial, {place:?}"),
+            &clip,
+            view,
+            &settings,
+            (&RenderScene::from(&clip), Order::Radial),
+        )?;
+    }
+    // From inside, with a wide angle, the two orders give different images.
+    let near = camera(Place::Near, SIZE.0, SIZE.1);
+    let [depth, radial] =
+        [Order::Depth, Order::Radial].map(|order| render(&RenderScene::from(&clip), &near, 0.5, order));
+    if depth.max_difference(&radial) < 3.0 / 255.0 {
+        return Err("both orders give the same image, so this tests nothing".into());
+    }
+    Ok(())
+}
+
+/// `sqrt(8)` standard deviations suffice for opacities up to `e^4 / 255`, `sqrt(5)` for opacities up to
+/// `e^2.5 / 255`.
+fn cutoffs(gpu: &Gpu) -> Result<(), String> {
+    for (cutoff, squared_radius) in [(Cutoff::Sqrt8, 8.0f32), (Cutoff::Sqrt5, 5.0)] {
+        let mut field = Recipe { motion: Motion::Still, ..RECIPE }.field();
+        let limit = 0.98 * (0.5f32 * squared_radius).exp() / 255.0;
+        field.opacities.iter_mut().for_each(|opacity| *opacity *= limit);
+        let clip = decoded(&field);
+        let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
+        let settings = RenderSettings { cutoff, ..RenderSettings::default() };
+        compare(
+            gpu,
+            &format!("cutoff, {cutoff:?}"),
+            &clip,
+            view,
+            &settings,
+            (&RenderScene::from(&clip), Order::Depth),
+        )?;
+    }
+    Ok(())
+}
+
+/// A cutoff that the opacities exceed darkens the image; a tighter one darkens it more.
+fn cutoffs_that_clip(gpu: &Gpu) -> Result<(), String> {
+    let clip = decoded(&Recipe { motion: Motion::Still, ..RECIPE }.field());
+    let view = camera(Place::Whole, SIZE.0, SIZE.1);
+    let light = |cutoff| {
+        let settings = RenderSettings { cutoff, ..RenderSettings::default() };
+        let images =
+            gpu::draw(gpu, &clip, std::slice::from_ref(&view), 0.5, &settings, ChannelDepth::Sixteen);
+        let images = images.map_err(|fault| fault.to_string())?;
+        Ok::<f64, String>(images[0].pixels.iter().map(|pixel| pixel[3]).sum())
+    };
+    let [exact, sqrt8, sqrt5] = [light(Cutoff::Exact)?, light(Cutoff::Sqrt8)?, light(Cutoff::Sqrt5)?];
+    if exact > sqrt8 && sqrt8 > sqrt5 && sqrt5 > 0.8 * exact {
+        return Ok(());
+    }
+    Err(format!("total alpha: exact {exact}, sqrt(8) {sqrt8}, sqrt(5) {sqrt5}"))
+}
+
+fn outside_the_clip(gpu: &Gpu) -> Result<(), String> {
+    let clip = decoded(&RECIPE.field());
+    let view = camera(Place::Whole, SIZE.0, SIZE.1);
+    for t in [0.0, 1.0] {
+        let name = format!("ends of the clip, {t}");
+        compare(
+            gpu,
+            &name,
+            &clip,
+            (&view, t),
+            &RenderSettings::default(),
+            (&RenderScene::from(&clip), Order::Depth),
+        )?;
+    }
+    Ok(())
+}
+
+/// Real cameras have an off-centre principal point and unequal focal lengths.
+fn off_centre(gpu: &Gpu) -> Result<(), String> {
+    let clip = decoded(&Recipe { sh_degree: 1, ..RECIPE }.field());
+    let mut camera = camera(Place::Whole, SIZE.0, SIZE.1);
+    camera.k = [[170.0, 0.0, 43.0], [0.0, 120.0, 81.5], [0.0, 0.0, 1.0]];
+    compare(
+        gpu,
+        "off-centre",
+        &clip,
+        (&camera, 0.5),
+        &RenderSettings::default(),
+        (&RenderScene::from(&clip), Order::Depth),
+    )
+}
+
+/// Every blend rounds to 1/255, which loses contributions below half of that. The tolerance is looser,
+/// and the differences are printed.
+fn eight_bits(gpu: &Gpu) -> Result<(), String> {
+    let tolerance = Tolerance { max_diff: 16.0, diff_pixels: usize::MAX, psnr: 36.0 };
+    let clip = decoded(&RECIPE.field());
+    for place in PLACES {
+        let view = camera(place, SIZE.0, SIZE.1);
+        let images = gpu::draw(
+            gpu,
+            &clip,
+            std::slice::from_ref(&view),
+            0.5,
+            &RenderSettings::default(),
+            ChannelDepth::Eight,
+        );
+        let images = images.map_err(|fault| fault.to_string())?;
+        let expected = render(&RenderScene::from(&clip), &view, 0.5, Order::Depth);
+        println!("8-bit target, {place:?}: {}", difference(&images[0], &expected));
+        check(&format!("8-bit, {place:?}"), &images[0], &expected, tolerance)?;
+    }
+    Ok(())
+}

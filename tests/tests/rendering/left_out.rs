@@ -1,0 +1,105 @@
+//! A clip's package, GPU memory and pipelines hold nothing that the clip does not use: their sizes are
+//! exactly those of its columns.
+
+use std::mem::size_of;
+use std::sync::Arc;
+
+use aarc_tests::gpu::{self, Passes};
+use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, Renderer};
+use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, Temporal, sh_coefficients};
+use libtest_mimic::{Failed, Trial};
+use shaders::layout::{Gaussian, Ranges};
+use shaders::sh_words;
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        gpu::trial("GPU memory and pipelines", Passes::Shared, memory_and_pipelines),
+        Trial::test("columns that say nothing", columns_that_say_nothing),
+    ]
+}
+
+const COUNT: usize = 100;
+
+/// A field without any optional column.
+const BARE: Recipe =
+    Recipe { count: COUNT, sh_degree: 0, motion: Motion::Still, motion_order: 0, turning: false, seed: 2 };
+
+const WORD: usize = size_of::<u32>();
+
+fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
+    let least = size_of::<Ranges>() + COUNT * size_of::<Gaussian>();
+    expect(gpu, "nothing optional", &decoded_with(&BARE.field(), None, &[]), least, 1)?;
+    for sh_degree in 1..=3 {
+        let clip = decoded_with(&Recipe { sh_degree, ..BARE }.field(), None, &[]);
+        let bytes = least + COUNT * WORD * sh_words(sh_degree);
+        expect(gpu, &format!("SH {sh_degree}"), &clip, bytes, 1)?;
+    }
+    for (motion_order, turning) in [(0, false), (1, false), (2, false), (3, false), (3, true)] {
+        let recipe = Recipe { motion: Motion::Mixed, motion_order, turning, ..BARE };
+        let clip = decoded_with(&recipe.field(), None, &[]);
+        if clip.dynamic_field.len() != COUNT / 2 {
+            return Err(format!("{} of {COUNT} Gaussians are dynamic", clip.dynamic_field.len()));
+        }
+        let words = shaders::Motion { order: motion_order, rotates: turning }.words();
+        let bytes = least + clip.dynamic_field.len() * WORD * words;
+        expect(gpu, &format!("motion of order {motion_order}, turning: {turning}"), &clip, bytes, 1)?;
+    }
+    let plate = Recipe { sh_degree: 1, ..BARE }.field();
+    let bytes = 2 * least + COUNT * WORD * sh_words(1);
+    expect(gpu, "plate", &decoded_with(&BARE.field(), Some(&plate), &[]), bytes, 2)
+}
+
+/// Columns that hold only defaults are not packaged: the package is the same as without them.
+fn columns_that_say_nothing() -> Result<(), Failed> {
+    let bare = BARE.field();
+    let coefficients = sh_coefficients(3);
+    let wide = Field {
+        sh_degree: 3,
+        sh: bare
+            .sh
+            .iter()
+            .flat_map(|&c| [&[c][..], &vec![[0.0; 3]; coefficients - 1][..]].concat())
+            .collect(),
+        temporal: Some(Temporal {
+            tau: vec![0.5; COUNT],
+            s: vec![f32::INFINITY; COUNT],
+            motion_order: 3,
+            motion: vec![[0.0; 3]; 3 * COUNT],
+            rotation_rates: Some(vec![[0.0; 4]; COUNT]),
+        }),
+        ..bare.clone()
+    };
+    let package = |coder, field| {
+        let options = EncodeOptions { coder, ..EncodeOptions::default() };
+        codec::encode(&Source { info: &info(), field, plate: None }, &options)
+    };
+    for coder in [Coder::Fixed, Coder::Context] {
+        let [exact, least] = [&wide, &bare].map(|field| package(coder, field));
+        if exact? != least? {
+            return Err(format!("another package by the coder {coder:?}").into());
+        }
+    }
+    let clip = codec::decode(&package(Coder::Context, &wide)?, &Limits::default())?;
+    if (clip.static_field.len(), clip.static_field.sh_degree, clip.dynamic_field.len()) != (COUNT, 0, 0) {
+        return Err(format!(
+            "{} of SH degree {} are static",
+            clip.static_field.len(),
+            clip.static_field.sh_degree
+        )
+        .into());
+    }
+    Ok(())
+}
+
+fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
+    let fault = |fault: program::Fault| fault.to_string();
+    let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
+    let renderer = Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), 1).map_err(fault)?;
+    if (uploaded.bytes(), renderer.pipelines()) == (bytes as u64, pipelines) {
+        return Ok(());
+    }
+    let (has_bytes, has_pipelines) = (uploaded.bytes(), renderer.pipelines());
+    Err(format!("{what}: {has_bytes} bytes for {bytes}, {has_pipelines} pipelines for {pipelines}"))
+}

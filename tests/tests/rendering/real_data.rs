@@ -1,0 +1,146 @@
+//! The GPU on other people's data: forward renders of gsplat, the rasteriser that fits most fields, and
+//! a real fitted field, packaged and played.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use aarc_tests::data;
+use aarc_tests::gpu::{self, Drawing};
+use aarc_tests::image::{Tolerance, check, pixels_beyond};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
+use codec::{Camera, Clip, Field, LayerEnd, Limits, TimeIndex};
+use libtest_mimic::Trial;
+use refine::image::Image;
+use refine::prune::Ranking;
+use refine::reference::{Order, RenderScene, render};
+use safetensors::SafeTensors;
+use studio::package::{self, package};
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        data::trial("gsplat, tiny case", "raster-reference/brush/tiny_case.safetensors", gsplat),
+        data::trial("gsplat, basic case", "raster-reference/brush/basic_case.safetensors", gsplat),
+        data::trial("spinach, 40,000 Gaussians", "spacetime-spinach/spinach_4.splatv", spinach),
+    ]
+}
+
+/// The tolerance is for the GPU's records, which round scales and colours to 16 bits.
+fn gsplat(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
+    let bytes = fs::read(&path).map_err(|error| error.to_string())?;
+    let file = SafeTensors::deserialize(&bytes).map_err(|error| error.to_string())?;
+    let (shape, expected) = floats(&file, "out_img");
+    let (width, height) = (shape[1] as u32, shape[0] as u32);
+    let expected = Image {
+        width,
+        height,
+        pixels: expected.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f64::from)).collect(),
+    };
+    let field = Field {
+        centers: rows(&file, "means"),
+        rotations: rows(&file, "quats").into_iter().map(normalized).collect(),
+        log_scales: rows(&file, "scales"),
+        opacities: floats(&file, "opacities").1.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
+        sh_degree: floats(&file, "coeffs").0[1].isqrt() as u8 - 1,
+        sh: rows(&file, "coeffs"),
+        temporal: None,
+    };
+    field.check()?;
+    let (w, h) = (f64::from(width), f64::from(height));
+    let camera = Camera {
+        width,
+        height,
+        k: [[0.5 * w, 0.0, 0.5 * w], [0.0, 0.5 * w, 0.5 * h], [0.0, 0.0, 1.0]],
+        camera_from_world: [
+            [1.0, 0.0, 0.0, -0.123],
+            [0.0, 1.0, 0.0, -0.456],
+            [0.0, 0.0, 1.0, 8.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ],
+    };
+    let images =
+        gpu::draw(gpu, &unpackaged(field), &[camera], 0.0, &RenderSettings::default(), ChannelDepth::Sixteen);
+    let images = images.map_err(|fault| fault.to_string())?;
+    let name = path.file_stem().expect("it is a file").to_string_lossy();
+    let tolerance = Tolerance { max_diff: 1.0, diff_pixels: 20, psnr: 55.0 };
+    println!("gsplat {name}: {}", check(&format!("gsplat {name}"), &images[0], &expected, tolerance)?);
+    Ok(())
+}
+
+/// A static clip of the field, without the rounding of a package.
+fn unpackaged(field: Field) -> Clip {
+    Clip {
+        info: aarc_tests::scene::info(),
+        bounds: field.bounds(),
+        layers: vec![LayerEnd { static_count: field.len(), dynamic_count: 0 }],
+        layers_announced: 1,
+        static_field: field,
+        dynamic_field: Field::default(),
+        time_index: TimeIndex::default(),
+        plate: None,
+    }
+}
+
+fn floats(file: &SafeTensors, name: &str) -> (Vec<usize>, Vec<f32>) {
+    let tensor = file.tensor(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let values = tensor.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+    (tensor.shape().to_vec(), values.collect())
+}
+
+fn rows<const N: usize>(file: &SafeTensors, name: &str) -> Vec<[f32; N]> {
+    floats(file, name).1.as_chunks().0.to_vec()
+}
+
+fn normalized(q: [f32; 4]) -> [f32; 4] {
+    let length = q.iter().map(|c| f64::from(*c) * f64::from(*c)).sum::<f64>().sqrt();
+    q.map(|c| (f64::from(c) / length) as f32)
+}
+
+/// A real field at five times from its cameras' viewpoint: each image is the reference's, and differs
+/// from the one before, since the cook's arm moves.
+fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
+    let scene = studio::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
+    let settings = package::PackageSettings {
+        budget: Some(40_000),
+        rank: Some(Ranking::Mass),
+        no_floor: true,
+        coding: package::Coding::Fixed,
+        ..package::PackageSettings::default()
+    };
+    let package = package(&scene, &settings).map_err(|error| format!("{error:#}"))?;
+    let clip = codec::decode(&package.bytes, &Limits::default()).map_err(|error| error.to_string())?;
+    if clip.len() != 40_000 {
+        return Err(format!("{} Gaussians in the package", clip.len()));
+    }
+    // From the data's notes: at the origin, looking along z, y down, focal length 0.75 widths.
+    let (width, height) = (1024, 768);
+    let focal = 0.75 * f64::from(width);
+    let camera = Camera {
+        width,
+        height,
+        k: [[focal, 0.0, 0.5 * f64::from(width)], [0.0, focal, 0.5 * f64::from(height)], [0.0, 0.0, 1.0]],
+        camera_from_world: std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c)))),
+    };
+    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?);
+    let mut drawing = Drawing::new(gpu, uploaded, std::slice::from_ref(&camera), ChannelDepth::Sixteen)
+        .map_err(|fault| fault.to_string())?;
+    let mut before: Option<Image> = None;
+    for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
+        let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
+        let expected = render(&RenderScene::from(&clip), &camera, t, Order::Depth);
+        // The reference stops before the Gaussian that would bring a pixel's transmittance to 1e-4.
+        // Blending back to front cannot stop, so a few pixels differ by more than 3/255.
+        let tolerance = Tolerance { max_diff: 8.0, diff_pixels: usize::MAX, psnr: 50.0 };
+        let beyond = pixels_beyond(3.0, &images[0], &expected);
+        if beyond > 40 {
+            return Err(format!("at {t}, {beyond} pixels are off by more than 3/255"));
+        }
+        println!("spinach at {t}: {}", check(&format!("spinach at {t}"), &images[0], &expected, tolerance)?);
+        if before.is_some_and(|before| before.psnr(&expected) > 40.0) {
+            return Err(format!("at {t} the image equals the one before"));
+        }
+        before = Some(expected);
+    }
+    Ok(())
+}
