@@ -9,7 +9,8 @@ use glam::{DMat3, DQuat};
 use program::Fault;
 use refine::capture::Lens;
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+use super::capture_files::{Builder, Files, Footage, pinhole, rigid};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// Folders that a model can be in.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];

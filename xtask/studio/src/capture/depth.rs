@@ -13,7 +13,8 @@ use program::Fault;
 use refine::anchor::DepthMap;
 use refine::capture::{CalibratedCamera, Lens, PhotoId};
 
-use super::{Footage, bad, read};
+use super::capture_files::Footage;
+use super::image_file::{bad, read};
 
 /// Metres, or whatever the capture's unit is, for each step of a 16-bit image.
 const PNG_STEP: f32 = 1e-3;

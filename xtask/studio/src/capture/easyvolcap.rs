@@ -11,7 +11,8 @@ use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{Lens, even_times};
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+use super::capture_files::{Builder, Files, Footage, pinhole, rigid};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// File of the intrinsics, by which the layout is known.
 pub(super) const INTRINSICS: &str = "intri.yml";

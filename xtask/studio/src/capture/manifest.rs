@@ -6,7 +6,8 @@ use std::path::Path;
 use refine::capture::{Lens, even_times};
 use serde::Deserialize;
 
-use super::{Builder, Files, Footage, bad, pinhole, read_text};
+use super::capture_files::{Builder, Files, Footage, pinhole};
+use super::image_file::{bad, read_text};
 
 /// The manifest, by which the layout is known.
 pub(super) const FILE: &str = "capture.json";

@@ -5,7 +5,7 @@ use std::ops::Range;
 use codec::Camera;
 use program::Fault;
 
-use super::Footage;
+use super::capture_files::Footage;
 
 impl Footage {
     /// Keeps the cameras with these names.
@@ -97,7 +97,7 @@ fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
 mod tests {
     use refine::capture::{Capture, Lens, PhotoId};
 
-    use super::super::{Builder, Files};
+    use super::super::capture_files::{Builder, Files};
     use super::*;
 
     /// Two cameras of 40x30 pixels and five frames.

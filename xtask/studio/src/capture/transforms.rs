@@ -10,7 +10,8 @@ use glam::{DMat4, DVec4};
 use refine::capture::Lens;
 use serde::Deserialize;
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, size_of};
+use super::capture_files::{Builder, Files, Footage, pinhole};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);

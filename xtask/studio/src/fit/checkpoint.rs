@@ -7,7 +7,7 @@ use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
 use super::log::{Density, Entry, beside};
-use super::{Settings, crc};
+use super::plan::{Settings, crc};
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
 const MAGIC: [u8; 8] = *b"aarcfit\x02";

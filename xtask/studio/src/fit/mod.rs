@@ -9,6 +9,7 @@
 
 mod checkpoint;
 pub mod log;
+mod plan;
 mod refinement;
 mod shots;
 mod start;
@@ -19,10 +20,8 @@ use std::time::{Duration, Instant};
 use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
-use refine::anchor::Mirror;
-use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, RenderedImage, Run, TrainingView};
-use serde::{Deserialize, Serialize};
+use refine::capture::CalibratedCamera;
+use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::Footage;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
@@ -30,11 +29,8 @@ use checkpoint::{Checkpoint, Tally};
 use log::Entry;
 pub use refinement::{Refinement, RefinementReport};
 pub use shots::Shots;
-use shots::train_frames;
-pub use start::{DepthScale, Start};
-
-/// Degree of view-dependent colour, unless told otherwise.
-pub const SH_DEGREE: u8 = 3;
+use shots::mean_psnr;
+pub use plan::{DepthScale, SH_DEGREE, Settings, Start, crc};
 
 /// Time between two checkpoints, unless told otherwise.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
@@ -47,37 +43,6 @@ const LINES: u64 = 50;
 
 /// Time between two calls to the caller, which draws progress.
 const SHOW_EVERY: Duration = Duration::from_millis(200);
-
-/// What decides what a fit ends as, so that a checkpoint of other settings is refused. The pixels of
-/// photographs and depth maps are not compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
-    /// Steps to take.
-    pub steps: u64,
-    /// What the fit starts from.
-    pub start: Start,
-    /// Names of the cameras whose pixels an anchor puts Gaussians at; all where none is named.
-    pub anchor_cameras: Vec<String>,
-    /// When an anchor's back side is mirrored.
-    pub mirror: Mirror,
-    /// Gaussians that the anchor makes about.
-    pub gaussians: usize,
-    /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for no floor.
-    pub floor: usize,
-    /// How Gaussians are made and removed.
-    pub rule: DensityRule,
-    /// Degree of the spherical harmonics.
-    pub sh_degree: u8,
-    /// Seed of all chance.
-    pub seed: u64,
-    /// The frames that are held out.
-    pub holdout: Holdout,
-    /// Network and checksum of the weights of LPIPS, where that is a part of the loss.
-    pub lpips: Option<String>,
-    /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
-    /// of its cameras.
-    pub capture: String,
-}
 
 /// With what a fit is carried out.
 pub struct Runtime<'a> {
@@ -233,14 +198,6 @@ fn on_device(error: DeviceError) -> Fault {
     Fault::Device(error.to_string())
 }
 
-/// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
-fn mean_psnr(shots: &Shots, pictures: &[RenderedImage<f32>]) -> Option<f64> {
-    let psnr =
-        |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
-    let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
-    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
-}
-
 /// The picture that is left beside the field: of a held photograph where there is one. `pictures` are
 /// those of the held ones.
 fn preview(run: &mut Run, shots: &Shots, pictures: &[RenderedImage<f32>]) -> Result<RgbImage, Fault> {
@@ -252,41 +209,6 @@ fn preview(run: &mut Run, shots: &Shots, pictures: &[RenderedImage<f32>]) -> Res
             log::preview(shot, &run.render(shot).map_err(on_device)?)
         }
     })
-}
-
-impl Settings {
-    /// What is done with a capture where nothing is said.
-    ///
-    /// # Errors
-    /// [`Fault::Data`] where nothing is left to fit to.
-    pub fn usual(footage: &Footage, holdout: Holdout) -> Result<Settings, Fault> {
-        let frames = train_frames(footage, holdout)?.len();
-        let gaussians = usual_gaussians(frames, footage);
-        Ok(Settings {
-            steps: usual_steps(frames),
-            start: Start::Sweep,
-            anchor_cameras: Vec::new(),
-            mirror: Mirror::Auto,
-            gaussians,
-            floor: gaussians,
-            rule: DensityRule::Floor,
-            sh_degree: SH_DEGREE,
-            seed: 0,
-            holdout,
-            lpips: None,
-            capture: fingerprint(footage),
-        })
-    }
-
-    fn of_fit(&self) -> fit::FitSettings {
-        fit::FitSettings {
-            steps: self.steps,
-            floor: self.floor,
-            rule: self.rule,
-            seed: self.seed,
-            ..fit::FitSettings::default()
-        }
-    }
 }
 
 /// Checks, before the photographs are read, that a fit of `out` with `settings` can begin or go on: a
@@ -340,20 +262,6 @@ pub fn forget_checkpoint(out: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Steps for so many frames that are fitted to: the paper takes 96,000 for 17.
-fn usual_steps(frames: usize) -> u64 {
-    (5_600 * frames as u64).min(96_000)
-}
-
-/// Gaussians for so many frames that are fitted to: the paper takes 200,000 for 17 frames of 512x375
-/// pixels. Smaller photographs show less.
-fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
-    let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
-    let largest = footage.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
-    let part = (largest / (512.0 * 375.0)).min(1.0);
-    (part * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
-}
-
 /// What a clip of this capture is, as far as a capture tells: its frames at `fps`, upwards as its
 /// cameras are held, and the views of its first camera and of a few others, from wherever they stand.
 pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
@@ -392,31 +300,4 @@ fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
         target: std::array::from_fn(|axis| (position[axis] + distance * forward[axis]) as f32),
         fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
     }
-}
-
-/// A checksum.
-pub fn crc(bytes: &[u8]) -> u32 {
-    let mut crc = flate2::Crc::new();
-    crc.update(bytes);
-    crc.sum()
-}
-
-/// What tells a capture, as it is cut and shrunk, from another.
-fn fingerprint(footage: &Footage) -> String {
-    let capture = &footage.capture;
-    let mut crc = flate2::Crc::new();
-    for camera in &capture.cameras {
-        crc.update(format!("{camera:?}").as_bytes());
-    }
-    crc.update(format!("{:?}", capture.times).as_bytes());
-    for shot in &capture.photos {
-        crc.update(footage.name(*shot).as_bytes());
-    }
-    format!(
-        "{} cameras, {} frames, {} photographs, {:08x}",
-        capture.cameras.len(),
-        capture.times.len(),
-        capture.photos.len(),
-        crc.sum()
-    )
 }

@@ -7,7 +7,7 @@ use refine::fit::{
 };
 use serde::Serialize;
 
-use super::{Shots, mean_psnr};
+use super::shots::{Shots, mean_psnr};
 
 /// What a field is refined by.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use codec::Camera;
 use program::Fault;
 use rayon::prelude::*;
 use refine::capture::{Holdout, PhotoId, Split};
-use refine::fit::{Photograph, Timeline, TrainingView};
+use refine::fit::{self, Photograph, RenderedImage, Timeline, TrainingView};
 
 use crate::capture::Footage;
 
@@ -76,6 +76,14 @@ pub(super) fn train_frames(footage: &Footage, holdout: Holdout) -> Result<BTreeS
 fn shot_of(footage: &Footage, shot: PhotoId, timeline: Timeline, photograph: Photograph) -> TrainingView {
     let camera: Camera = footage.capture.cameras[shot.camera].camera.clone();
     TrainingView { camera, frame: footage.capture.times[shot.frame] * timeline.frames_per_clip(), photograph }
+}
+
+/// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
+pub(super) fn mean_psnr(shots: &Shots, pictures: &[RenderedImage<f32>]) -> Option<f64> {
+    let psnr =
+        |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
+    let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
 /// At most `count` of `all`, from its first to its last.

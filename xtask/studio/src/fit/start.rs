@@ -10,39 +10,11 @@ use refine::anchor::{
 };
 use refine::capture::PhotoId;
 use refine::fit::{Fit, Parameters, Photograph, TrainingView};
-use serde::{Deserialize, Serialize};
 
-use super::{Settings, Shots};
+use super::plan::{DepthScale, Settings, Start};
+use super::shots::Shots;
 use crate::capture::Footage;
 use crate::input::Input;
-
-/// What a fit starts from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Start {
-    /// The visual hull of the masks.
-    Hull,
-    /// The visual hull, refined by plane sweep.
-    Sweep,
-    /// Depth maps in a folder, named as the photographs are.
-    Depths(String, DepthScale),
-    /// Nothing: Gaussians anywhere.
-    Scatter,
-    /// A fitted field or a package, and a checksum of it.
-    Field(String, u32),
-}
-
-/// How depth maps come to the scale of the cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum DepthScale {
-    /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
-    Auto,
-    /// They are in units of the capture.
-    Metric,
-    /// One factor for all: their median becomes the radius of the rig (the paper's rule).
-    Rig,
-    /// A factor and an offset for each, by which it fits the visual hull.
-    Hull,
-}
 
 impl DepthScale {
     fn alignment(self, shots: &Shots) -> Alignment {

@@ -5,7 +5,7 @@
 
 use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
 
-use super::Repairs;
+use super::imported::Repairs;
 
 /// Makes a field of raw rows keep the invariants of [`Field`], counting what it does.
 ///

@@ -7,7 +7,7 @@
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
 use super::ply::Table;
-use super::{Hints, Imported, Repairs};
+use super::imported::{Hints, Imported, Repairs};
 
 /// Reads the rows of a static field.
 pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {

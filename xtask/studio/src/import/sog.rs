@@ -16,7 +16,7 @@ use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
 
-use super::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
 
 /// Longest file accepted from an archive, whose packed size does not bound the plain one.
 const FILE_MAX: u64 = 1 << 30;

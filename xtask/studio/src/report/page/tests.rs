@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::report::fitting::FitLog;
 use crate::fit::log::{Density, Entry};
 use measure::parameter::{ImageErrors, Quartiles};
-use measure::playing::{ClipFeature, NamedPicture, PlayingSetup, ResourceUse};
+use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
 fn counts(counts: &[(&str, f64)]) -> BTreeMap<String, f64> {
     counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
