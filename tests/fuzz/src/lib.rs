@@ -1,7 +1,7 @@
-//! What must hold of any bytes that the host tool or the player's downloader is given, and inputs to
-//! start from.
+//! Properties of the host tool's readers and the player's downloader on any bytes, and the initial corpus.
 
 pub mod capture;
+pub mod clips;
 pub mod import;
 pub mod net;
 pub mod scene;
@@ -9,7 +9,3 @@ pub mod seeds;
 
 mod files;
 mod parts;
-
-// The downloader names what it is of the player.
-#[path = "../../../client/src/progress.rs"]
-pub mod progress;

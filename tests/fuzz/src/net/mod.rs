@@ -1,5 +1,5 @@
-//! Dialogues between the player's downloader and a server that any bytes make up: the downloader's
-//! own files, and in the place of HTTP a [`request::Server`] that keeps to it or does not.
+//! Dialogues between the player's downloader and a server that any bytes script. The downloader is the
+//! player's own code; a [`request::Server`], honest or not, replaces HTTP.
 
 #[path = "../../../../client/src/net/arrived.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
@@ -30,7 +30,7 @@ use fetch::{End, Fetch};
 use request::{Script, versions};
 use transfer::Patience;
 
-/// Breaks are not waited after: what is fuzzed decides, not the clock.
+/// No waiting, so that the input alone determines the dialogue.
 const PATIENCE: Patience = Patience {
     answer: Duration::ZERO,
     silence: Duration::ZERO,
@@ -39,17 +39,17 @@ const PATIENCE: Patience = Patience {
     first_wait: Duration::ZERO,
 };
 
-/// Longest time for a dialogue, which takes microseconds.
-const LONGEST: Duration = Duration::from_secs(20);
+/// Longest time of a dialogue, which usually takes microseconds.
+const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Bytes that the downloader reads at a time, which come on top of the limits.
+/// Bytes that the downloader reads at a time, beyond the limits.
 const READ_BYTES: usize = 64 << 10;
 
-/// Holds the dialogue that `bytes` stand for.
+/// Runs the dialogue that `bytes` script.
 ///
 /// # Panics
-/// If the downloader hangs or keeps more than it may, or takes for a clip what is none of those that
-/// an honest server has.
+/// If the downloader hangs, keeps more bytes than its limits, or returns a clip that an honest server
+/// does not have.
 pub fn check_dialogue(bytes: &[u8]) {
     let script = Script::of(bytes);
     let (honest, known) = (script.is_honest(), script.known());
@@ -58,14 +58,14 @@ pub fn check_dialogue(bytes: &[u8]) {
     script.stage();
     let fetch = Fetch::start("", PATIENCE, limits.max_bytes, Arrived::new(limits), known.clone())
         .expect("a thread can be started");
-    let mut state = fetch.wait(LONGEST, |state| state.end.is_some());
-    let kept = state.arrived.take();
-    assert!(kept.len() <= limits.max_bytes + READ_BYTES, "{} bytes kept", kept.len());
+    let mut state = fetch.wait(TIMEOUT, |state| state.end.is_some());
+    let received = state.arrived.take();
+    assert!(received.len() <= limits.max_bytes + READ_BYTES, "{} bytes received", received.len());
     match state.end.take().expect("every dialogue ends") {
         End::Complete { .. } => {
-            assert!(!honest || versions().contains(&kept), "{} bytes of no version", kept.len());
+            assert!(!honest || versions().contains(&received), "{} bytes of no version", received.len());
         }
-        End::Unchanged => assert!(known.is_some(), "unchanged from nothing"),
+        End::Unchanged => assert!(known.is_some(), "unchanged without a known version"),
         End::Failed { fault, .. } => {
             let text = fault.to_string();
             assert!(!text.is_empty() && !text.contains('\n'), "one line: {text}");
