@@ -108,7 +108,7 @@ impl<T: ClipTarget> ClipController<T> {
             self.send_request();
             return None;
         }
-        let is_over = player.over_s().is_some() && player.is_playing();
+        let is_over = player.overrun_s().is_some() && player.is_playing();
         if is_over || self.state.skip_requested() { self.follow() } else { None }
     }
 
@@ -158,8 +158,8 @@ impl<T: ClipTarget> ClipController<T> {
     fn send_request(&mut self) {
         // Without a target the request waits for one.
         let Some(target) = &self.target else { return };
-        if let Some((wanted, is_blocking)) = self.state.take_request() {
-            let request = LoadRequest { wanted, options: self.options.clone(), is_blocking };
+        if let Some((selection, is_blocking)) = self.state.take_request() {
+            let request = LoadRequest { selection, options: self.options.clone(), is_blocking };
             self.worker.request((request, target.clone()));
         }
     }

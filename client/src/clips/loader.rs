@@ -41,7 +41,7 @@ pub(crate) struct LoadOptions {
 
 /// What to load.
 #[derive(Debug)]
-pub(super) enum Wanted {
+pub(super) enum Selection {
     /// A path or URL of a clip or a playlist, or the demo.
     Named(Option<String>),
     /// The first of these that can be loaded.
@@ -53,7 +53,7 @@ pub(super) enum Wanted {
 
 /// A request to the loader.
 pub(super) struct LoadRequest {
-    pub(super) wanted: Wanted,
+    pub(super) selection: Selection,
     pub(super) options: LoadOptions,
     /// Whether playback is blocked on the clip. Until it is, only the complete clip is reported.
     pub(super) is_blocking: Arc<AtomicBool>,
@@ -71,8 +71,8 @@ pub(super) fn load<T: ClipTarget>(
     target: &T,
     report: Report<'_, TargetEvent<T>>,
 ) -> ControlFlow<()> {
-    let LoadRequest { wanted, options, is_blocking } = request;
-    match (Loading { options, is_blocking, target, report }).load(wanted) {
+    let LoadRequest { selection, options, is_blocking } = request;
+    match (Loading { options, is_blocking, target, report }).load(selection) {
         Ok(ControlFlow::Continue(())) => report(LoadEvent::Done),
         Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
         Err(fault) => report(LoadEvent::Failed(fault)),
@@ -88,12 +88,12 @@ struct Loading<'a, T: ClipTarget> {
 }
 
 impl<T: ClipTarget> Loading<'_, T> {
-    fn load(&self, wanted: Wanted) -> Flow {
-        match wanted {
-            Wanted::FirstOf(entries) => self.first_of(&entries),
+    fn load(&self, selection: Selection) -> Flow {
+        match selection {
+            Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
-            Wanted::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
-            Wanted::Named(Some(name)) if playlist::is_playlist(&name) => {
+            Selection::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
+            Selection::Named(Some(name)) if playlist::is_playlist(&name) => {
                 let cache_dir = self.options.cache_dir.clone();
                 let opened = playlist::open(&name, cache_dir, &mut |event| self.pass_on(event))?;
                 let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
@@ -104,7 +104,7 @@ impl<T: ClipTarget> Loading<'_, T> {
                 }
                 self.first_of(&entries)
             }
-            Wanted::Named(name) => {
+            Selection::Named(name) => {
                 let path = name.as_deref().filter(|name| !is_url(name)).map(Path::new);
                 if (self.report)(LoadEvent::NextInFolder(path.and_then(next_in_folder))).is_break() {
                     return Ok(ControlFlow::Break(()));
@@ -220,9 +220,14 @@ mod tests {
 
     /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,
     /// and the fault.
-    fn events(wanted: Wanted, min_layers: usize, is_blocking: bool, too_large: Option<usize>) -> String {
+    fn events(
+        selection: Selection,
+        min_layers: usize,
+        is_blocking: bool,
+        too_large: Option<usize>,
+    ) -> String {
         let options = LoadOptions { cache_dir: None, min_layers, is_complete: false };
-        let request = LoadRequest { wanted, options, is_blocking: Arc::new(is_blocking.into()) };
+        let request = LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) };
         let text = RefCell::new(String::new());
         let _ = load(request, &Target { too_large }, &|event| {
             text.borrow_mut().push_str(&match event {
@@ -252,14 +257,14 @@ mod tests {
         let names = ["missing.aarc", "bad.aarc", "good.aarc", "good.aarc"];
         let all = entries(folder.path(), &names);
         for is_blocking in [true, false] {
-            assert_eq!(events(Wanted::FirstOf(all.clone()), 1, is_blocking, None), "xx2!.");
+            assert_eq!(events(Selection::FirstOf(all.clone()), 1, is_blocking, None), "xx2!.");
         }
-        let failed = events(Wanted::FirstOf(all[..2].to_vec()), 1, true, None);
+        let failed = events(Selection::FirstOf(all[..2].to_vec()), 1, true, None);
         assert!(failed.starts_with("x ") && failed.contains("bad.aarc"), "the last one is the error");
-        assert_eq!(events(Wanted::FirstOf(Vec::new()), 1, true, None), ".");
+        assert_eq!(events(Selection::FirstOf(Vec::new()), 1, true, None), ".");
         let list = folder.path().join("list.json");
         std::fs::write(&list, r#"{"version": 1, "clips": ["bad.aarc", "good.aarc"]}"#).unwrap();
-        let named = Wanted::Named(Some(list.to_str().unwrap().into()));
+        let named = Selection::Named(Some(list.to_str().unwrap().into()));
         assert_eq!(events(named, 1, true, None), "2 x1!.");
     }
 
@@ -268,8 +273,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
         for is_blocking in [true, false] {
-            let wanted = Wanted::FirstOf(entries(folder.path(), &["a.aarc"]));
-            let events = events(wanted, 99, is_blocking, None);
+            let selection = Selection::FirstOf(entries(folder.path(), &["a.aarc"]));
+            let events = events(selection, 99, is_blocking, None);
             assert!(events.starts_with(" --layer 99: a.aarc has "), "{events}");
         }
     }
@@ -279,8 +284,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
         let all = entries(folder.path(), &["a.aarc", "a.aarc"]);
-        assert_eq!(events(Wanted::FirstOf(all.clone()), 1, false, Some(0)), "x1!.");
-        assert_eq!(events(Wanted::FirstOf(all[..1].to_vec()), 1, false, Some(0)), " too large");
+        assert_eq!(events(Selection::FirstOf(all.clone()), 1, false, Some(0)), "x1!.");
+        assert_eq!(events(Selection::FirstOf(all[..1].to_vec()), 1, false, Some(0)), " too large");
     }
 
     #[test]

@@ -18,26 +18,26 @@ pub const BYTES_MAX: usize = 1 << 20;
 /// Most clips of a playlist.
 pub const CLIPS_MAX: usize = 10_000;
 
-/// The version of the form of playlists. Format.
+/// Version of the playlist format.
 const VERSION: u32 = 1;
 
-/// What is encoded in an address: all but unreserved characters (RFC 3986, 2.3).
-const MEANT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+/// Characters that are percent-encoded in a URL: all but the unreserved ones (RFC 3986, 2.3).
+const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// The clips of a playlist.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Playlist {
-    /// Paths and addresses, at least one.
+    /// Paths and URLs, at least one.
     pub clips: Vec<String>,
 }
 
-/// Any version of the form.
+/// A playlist of any version.
 #[derive(Deserialize)]
 struct Versioned {
     version: u32,
 }
 
-/// This version of the form.
+/// A playlist of this version.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Manifest {
@@ -46,35 +46,34 @@ struct Manifest {
     clips: Vec<String>,
 }
 
-/// Whether a path or an address is that of a playlist and not of a clip: by its ending, `.json`.
+/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`.
 pub fn is_playlist(name: &str) -> bool {
-    let name = if is_url(name) { redacted(name) } else { name.to_owned() };
-    Path::new(&name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+    Path::new(&printable(name)).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Opens the playlist with this path or address. Those from the network are cache_dir in the folder `cache_dir`.
-/// `tell` is told what there is to say; it says whether to go on, and if not, the result is `None`.
+/// Opens the playlist with this path or URL. Downloads are cached in `cache_dir`. `on_event` takes progress
+/// and notes; where it breaks, the result is `None`.
 ///
 /// # Errors
-/// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] that names the playlist.
+/// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] with the name of the playlist.
 pub fn open(
     name: &str,
     cache_dir: Option<PathBuf>,
-    tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
     let bytes = if is_url(name) {
-        match fetch(name, cache_dir, tell)? {
+        match fetch(name, cache_dir, on_event)? {
             Some(bytes) => bytes,
             None => return Ok(None),
         }
     } else {
-        read(Path::new(name), BYTES_MAX).map_err(|what| Fault::Data(format!("{name}: {what}")))?
+        read(Path::new(name), BYTES_MAX).map_err(|reason| Fault::Data(format!("{name}: {reason}")))?
     };
     let playlist = Playlist::parse(name, &bytes);
-    playlist.map(Some).map_err(|what| Fault::Data(format!("{}: {what}", printable(name))))
+    playlist.map(Some).map_err(|reason| Fault::Data(format!("{}: {reason}", printable(name))))
 }
 
-/// The same where nobody goes away meanwhile.
+/// Opens a playlist as [`open`] does, without a way to stop.
 ///
 /// # Errors
 /// As for [`open`].
@@ -82,30 +81,31 @@ pub fn open(
 pub(crate) fn wait(
     name: &str,
     cache_dir: Option<PathBuf>,
-    mut tell: impl FnMut(&LoadEvent),
+    mut on_event: impl FnMut(&LoadEvent),
 ) -> Result<Playlist, Fault> {
-    let opened = open(name, cache_dir, &mut |news| {
-        tell(&news);
+    let opened = open(name, cache_dir, &mut |event| {
+        on_event(&event);
         ControlFlow::Continue(())
     });
-    opened.map(|playlist| playlist.expect("somebody waits"))
+    opened.map(|playlist| playlist.expect("it is never stopped"))
 }
 
 #[cfg(feature = "net")]
 fn fetch(
     url: &str,
     cache_dir: Option<PathBuf>,
-    tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Vec<u8>>, Fault> {
     use super::source::net_options;
-    let progress = &mut |progress: &super::progress::Progress| tell(LoadEvent::Progress(progress.clone()));
+    let progress =
+        &mut |progress: &super::progress::Progress| on_event(LoadEvent::Progress(progress.clone()));
     let is_sound = &|bytes: &[u8]| Playlist::parse(url, bytes).is_ok();
     let options = net_options(cache_dir);
     let Some(document) = crate::net::document(url, &options, BYTES_MAX, is_sound, progress)? else {
         return Ok(None);
     };
     if let Some(note) = document.note
-        && tell(LoadEvent::Note(note)).is_break()
+        && on_event(LoadEvent::Note(note)).is_break()
     {
         return Ok(None);
     }
@@ -115,14 +115,14 @@ fn fetch(
 #[cfg(not(feature = "net"))]
 fn fetch(
     url: &str,
-    _kept: Option<PathBuf>,
-    _tell: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    _cache_dir: Option<PathBuf>,
+    _on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Vec<u8>>, Fault> {
     Err(super::source::no_net(url))
 }
 
 impl Playlist {
-    /// Reads the playlist with this path or address, from which relative entries lead.
+    /// Parses the playlist `name`; relative entries start from its folder.
     fn parse(name: &str, bytes: &[u8]) -> Result<Playlist, String> {
         let Versioned { version } = serde_json::from_slice(bytes)
             .map_err(|error| format!("no playlist, which is {{\"version\": 1, \"clips\": [..]}}: {error}"))?;
@@ -137,24 +137,24 @@ impl Playlist {
             }
             _ => {}
         }
-        let resolve =
-            |(i, entry): (usize, &String)| resolve(name, entry).map_err(|what| format!("clips[{i}] {what}"));
+        let resolve = |(i, entry): (usize, &String)| {
+            resolve(name, entry).map_err(|reason| format!("clips[{i}] {reason}"))
+        };
         Ok(Playlist { clips: clips.iter().enumerate().map(resolve).collect::<Result<_, _>>()? })
     }
 }
 
-/// The path or address that an entry of the playlist `base` means.
+/// Path or URL of an entry of the playlist `base`.
 fn resolve(base: &str, entry: &str) -> Result<String, String> {
     if entry.is_empty() || entry.chars().any(char::is_control) {
-        return Err("is neither a path nor an address".into());
+        return Err("is neither a path nor a URL".into());
     }
     if is_playlist(entry) {
         return Err(format!("is a playlist itself, {}", printable(entry)));
     }
     if is_url(entry) {
-        let is_secure =
-            |address: &str| address.get(..6).is_some_and(|start| start.eq_ignore_ascii_case("https:"));
-        // What was asked for in secret is not fetched in the open.
+        let is_secure = |url: &str| url.get(..6).is_some_and(|start| start.eq_ignore_ascii_case("https:"));
+        // A list that was fetched encrypted names no clip that would be fetched in the open.
         return match is_secure(base) && !is_secure(entry) {
             true => Err(format!("leads from https to http, {}", redacted(entry))),
             false => Ok(entry.into()),
@@ -167,8 +167,8 @@ fn resolve(base: &str, entry: &str) -> Result<String, String> {
     Ok(path.into_os_string().into_string().expect("both parts are text"))
 }
 
-/// The address of what has the path `entry` from the folder of the address `base` (RFC 3986, 5.2). The
-/// path is as it would be on disk: what has a meaning in addresses is encoded.
+/// URL of the path `entry`, relative to the folder of the URL `base` (RFC 3986, 5.2). The path is written as
+/// on disk: characters with a meaning in URLs are encoded.
 fn join(base: &str, entry: &str) -> String {
     let base = base.split(['?', '#']).next().unwrap_or_default();
     let host_at = base.find("://").map_or(0, |at| at + 3);
@@ -183,7 +183,7 @@ fn join(base: &str, entry: &str) -> String {
         match part {
             "" | "." => {}
             ".." => drop(parts.pop()),
-            part => parts.push(utf8_percent_encode(part, MEANT).to_string()),
+            part => parts.push(utf8_percent_encode(part, RESERVED).to_string()),
         }
     }
     format!("{server}/{}", parts.join("/"))
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn playlists_are_told_from_clips() {
+    fn playlists_differ_from_clips() {
         for name in ["a.json", "a/b.JSON", "https://h/list.json?key=1#x"] {
             assert!(is_playlist(name), "{name}");
         }
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_lead_from_the_folder_of_the_playlist() {
+    fn entries_are_relative_to_the_folder_of_the_playlist() {
         let text =
             r#"{"version": 1, "clips": ["a.aarc", "../b/c d#1.aarc", "/e.aarc", "https://o/f.aarc?g"]}"#;
         assert_eq!(
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_playlist_is_refused_in_one_line() {
+    fn malformed_playlists_are_refused_in_one_line() {
         let clips = |count: usize| format!(r#"{{"version":1,"clips":[{}]}}"#, vec!["\"a\""; count].join(","));
         assert_eq!(parse("l.json", &clips(CLIPS_MAX)).unwrap().len(), CLIPS_MAX);
         for (text, what) in [

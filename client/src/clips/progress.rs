@@ -1,26 +1,26 @@
-//! [`Progress`]: how much of a clip has arrived, how fast, and when the rest will be there.
+//! [`Progress`]: how much of a download has arrived, at which rate, and how long the rest takes.
 
-/// What is known of a clip on its way.
+/// State of a download.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Bytes that are here.
+    /// Bytes received.
     pub received: u64,
-    /// Bytes in all, if that is known.
+    /// Size in bytes, if the server announces it.
     pub total: Option<u64>,
-    /// Bytes per second, once there is something to tell.
+    /// Bytes per second, once measured.
     pub bytes_per_s: Option<f64>,
-    /// What holds it up, and what is done about it.
+    /// Why the download stalls, and the remedy under way.
     pub trouble: Option<String>,
 }
 
 impl Progress {
-    /// The part that is here, 0 to 1, if the whole is known.
+    /// Received fraction, 0 to 1, if the size is known.
     pub fn part(&self) -> Option<f32> {
         let total = self.total.filter(|&total| total > 0)?;
         Some((self.received as f64 / total as f64).min(1.0) as f32)
     }
 
-    /// Seconds until the rest is here at the present rate.
+    /// Seconds until completion at the present rate.
     pub fn remaining_s(&self) -> Option<f64> {
         let rate = self.bytes_per_s.filter(|&rate| rate > 0.0)?;
         Some(self.total?.saturating_sub(self.received) as f64 / rate)
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(progress.text(), "0.4 of 2.0 MB, 800 kB/s, 2 s left");
         assert_eq!((progress.part(), progress.remaining_s()), (Some(0.2), Some(2.0)));
         progress.bytes_per_s = Some(0.0);
-        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0 kB/s", "nobody knows how long");
+        assert_eq!(progress.text(), "0.4 of 2.0 MB, 0 kB/s", "no estimate at this rate");
         progress.bytes_per_s = Some(7.25e6);
         assert_eq!(progress.text(), "0.4 of 2.0 MB, 7.2 MB/s, 1 s left");
         progress.trouble = Some("the connection was lost".into());
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_as_fine_as_they_are_short() {
+    fn short_durations_are_shown_finely() {
         assert_eq!([0.2, 59.0, 61.5, 7300.0].map(duration), ["1 s", "59 s", "1 min 2 s", "2 h 1 min"]);
         assert_eq!(duration(f64::INFINITY), "99 h 59 min");
     }

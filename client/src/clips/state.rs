@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::event::{LoadEvent, Version};
-use super::loader::Wanted;
+use super::loader::Selection;
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
 use program::Fault;
@@ -85,7 +85,7 @@ pub(super) struct QueueState<C> {
     current: Option<Entry>,
     next: Next<C>,
     loading: Option<Loading>,
-    request: Option<(Wanted, Arc<AtomicBool>)>,
+    request: Option<(Selection, Arc<AtomicBool>)>,
     skip_requested: bool,
 }
 
@@ -111,7 +111,7 @@ impl<C> QueueState<C> {
         self.named.clone_from(&name);
         self.forget_next();
         self.opened = None;
-        self.load(Loading::Opening, Wanted::Named(name));
+        self.load(Loading::Opening, Selection::Named(name));
     }
 
     /// Takes over a clip that is on display already, its playlist, and its better versions.
@@ -119,7 +119,7 @@ impl<C> QueueState<C> {
     pub(super) fn adopt(&mut self, entry: Entry, queue: Option<Queue>, rest: super::source::Arrival) {
         self.current = Some(entry.clone());
         self.queue = queue;
-        self.load(Loading::Current, Wanted::Rest(entry, rest));
+        self.load(Loading::Current, Selection::Rest(entry, rest));
     }
 
     /// Loads the clip on display again, for another device, or opens again what was being opened. Clips
@@ -127,7 +127,7 @@ impl<C> QueueState<C> {
     pub(super) fn reload(&mut self) {
         self.forget_next();
         match self.current.clone() {
-            Some(entry) => self.load(Loading::Current, Wanted::FirstOf(vec![entry])),
+            Some(entry) => self.load(Loading::Current, Selection::FirstOf(vec![entry])),
             None if self.loading.is_some() => self.open(self.named.clone()),
             None => {}
         }
@@ -146,7 +146,7 @@ impl<C> QueueState<C> {
             (Some(queue), None) => {
                 let (queue, entries) = (queue.clone(), queue.all());
                 self.opened = Some(queue);
-                self.load(Loading::Opening, Wanted::FirstOf(entries));
+                self.load(Loading::Opening, Selection::FirstOf(entries));
             }
             (None, _) => self.open(Some(self.next_in_folder.clone()?)),
         }
@@ -283,7 +283,7 @@ impl<C> QueueState<C> {
     }
 
     /// The request for the loader, if there is a new one.
-    pub(super) fn take_request(&mut self) -> Option<(Wanted, Arc<AtomicBool>)> {
+    pub(super) fn take_request(&mut self) -> Option<(Selection, Arc<AtomicBool>)> {
         self.request.take()
     }
 
@@ -313,17 +313,17 @@ impl<C> QueueState<C> {
         if candidates.is_empty() {
             self.next = Next::Unavailable;
         } else {
-            self.load(Loading::Next(Arc::default()), Wanted::FirstOf(candidates));
+            self.load(Loading::Next(Arc::default()), Selection::FirstOf(candidates));
         }
     }
 
-    fn load(&mut self, loading: Loading, wanted: Wanted) {
+    fn load(&mut self, loading: Loading, selection: Selection) {
         let is_blocking = match &loading {
             Loading::Next(is_blocking) => is_blocking.clone(),
             Loading::Opening | Loading::Current => Arc::new(true.into()),
         };
         self.loading = Some(loading);
-        self.request = Some((wanted, is_blocking));
+        self.request = Some((selection, is_blocking));
     }
 
     fn forget_next(&mut self) {
@@ -384,7 +384,7 @@ mod tests {
     /// The numbers of the candidates requested, and the flag that says whether playback is blocked on them.
     fn requested(state: &mut State) -> Option<(Vec<usize>, Arc<AtomicBool>)> {
         match state.take_request()? {
-            (Wanted::FirstOf(entries), flag) => Some((entries.iter().map(|e| e.number).collect(), flag)),
+            (Selection::FirstOf(entries), flag) => Some((entries.iter().map(|e| e.number).collect(), flag)),
             _ => None,
         }
     }
@@ -397,7 +397,7 @@ mod tests {
     fn playing(count: usize) -> State {
         let mut state = State::new(true);
         state.open(Some("list".into()));
-        assert!(matches!(state.take_request(), Some((Wanted::Named(_), _))));
+        assert!(matches!(state.take_request(), Some((Selection::Named(_), _))));
         assert_eq!(short(state.on_event(LoadEvent::Playlist(queue(count)))), "");
         assert_eq!(short(state.on_event(clip(0, true, "a"))), "Open 0 a");
         assert!(state.take_request().is_none(), "better versions come first");
@@ -505,7 +505,7 @@ mod tests {
         assert!(state.has_next() && state.take_request().is_none());
         state.skip();
         let opened = state.take_request().unwrap().0;
-        assert!(matches!(opened, Wanted::Named(Some(name)) if name == "b"));
+        assert!(matches!(opened, Selection::Named(Some(name)) if name == "b"));
         state.skip();
         assert!(state.take_request().is_none(), "it is being loaded");
     }
@@ -516,7 +516,7 @@ mod tests {
         candidates(&mut state).unwrap();
         state.on_event(clip(1, true, "b"));
         state.open(Some("other".into()));
-        assert!(matches!(state.take_request(), Some((Wanted::Named(_), _))));
+        assert!(matches!(state.take_request(), Some((Selection::Named(_), _))));
         assert_eq!(short(state.on_event(failed("missing"))), "failed: missing");
         assert_eq!(candidates(&mut state).unwrap(), [1], "the playlist goes on");
         state.open(Some("other".into()));
@@ -544,7 +544,7 @@ mod tests {
         state.open(Some("list".into()));
         state.take_request();
         state.reload();
-        assert!(matches!(state.take_request(), Some((Wanted::Named(Some(_)), _))));
+        assert!(matches!(state.take_request(), Some((Selection::Named(Some(_)), _))));
     }
 
     #[test]

@@ -134,7 +134,7 @@ mod tests {
     fn it_ends_when_the_request_under_way_reports_its_next_event() {
         const ENOUGH: usize = 60_000;
         let (reported, reports) = channel();
-        // Goes on for a minute unless it is told to stop.
+        // Runs for a minute unless it is stopped.
         let work = move |(), report: Report<'_, ()>| {
             let _ = (0..ENOUGH).try_for_each(|_| {
                 std::thread::sleep(Duration::from_millis(1));
@@ -146,7 +146,7 @@ mod tests {
         worker.request(());
         assert_eq!(worker.wait(), Ok(()));
         drop(worker);
-        assert!(reports.iter().count() < ENOUGH, "it was told to stop");
+        assert!(reports.iter().count() < ENOUGH, "it was stopped");
     }
 
     #[test]

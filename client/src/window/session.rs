@@ -22,8 +22,9 @@ use super::frame_times::FrameTimes;
 use super::icon;
 use super::overlay::Message;
 use super::screen::Screen;
-use super::screenshot::Shot;
-use super::viewer::{Requests, Scene, Viewer};
+use super::screenshot::Screenshot;
+use super::viewed_clip::ViewedClip;
+use super::viewer::{Requests, Viewer};
 use crate::clips::{
     Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
 };
@@ -31,11 +32,11 @@ use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Ren
 use crate::view::View;
 use program::Fault;
 
-/// Size of the window in points where nothing says another, and the least that holds the controls.
+/// Default size of the window in points, and the least one that holds the controls.
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(720, 360);
 
-/// How often to look whether a hidden window has come back.
+/// Interval between looks whether a hidden window is visible again.
 const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
 /// What to open a window with.
@@ -93,7 +94,7 @@ impl ClipTarget for WindowTarget {
 /// A clip that is ready to be drawn.
 struct Playing {
     title: String,
-    scene: Scene,
+    viewed: ViewedClip,
     /// `None` once its device was lost.
     renderer: Option<Renderer>,
     /// Number of Gaussians, plate included.
@@ -108,7 +109,7 @@ impl Playing {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
             title: title(entry.name.as_deref()),
-            scene: Scene::of(clip),
+            viewed: ViewedClip::new(clip),
             renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
@@ -116,9 +117,9 @@ impl Playing {
     }
 }
 
-/// What a picture of a clip depends on.
+/// The inputs of a picture of a clip.
 #[derive(Clone, Copy, PartialEq)]
-struct Shown {
+struct PictureState {
     /// Normalised clip time.
     t: f64,
     view: View,
@@ -129,11 +130,11 @@ struct Shown {
 pub(super) struct Session {
     playing: Playing,
     viewer: Viewer,
-    /// What the picture shows; `None` where it must be drawn anew.
-    shown: Option<Shown>,
+    /// Inputs of the present picture; `None` if it must be drawn again.
+    drawn: Option<PictureState>,
     counts: FrameCounts,
     frame_times: FrameTimes,
-    /// When the frame before was drawn; `None` after a rest.
+    /// Time of the previous frame; `None` after a rest.
     last_frame: Option<Instant>,
     clips: ClipController<WindowTarget>,
     saving: Option<JoinHandle<()>>,
@@ -164,7 +165,7 @@ impl Session {
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
-        let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
+        let viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         let wake = {
             let proxy = proxy.clone();
             // The event loop has ended where this fails.
@@ -176,7 +177,7 @@ impl Session {
         window.request_redraw();
         Ok(Session {
             viewer,
-            shown: None,
+            drawn: None,
             counts: FrameCounts::default(),
             frame_times: FrameTimes::default(),
             last_frame: None,
@@ -189,7 +190,7 @@ impl Session {
         })
     }
 
-    /// Takes in an event of the window.
+    /// Handles an event of the window.
     pub(super) fn input(&mut self, event: &WindowEvent) {
         if self.screen.input.on_window_event(&self.window, event).repaint {
             self.window.request_redraw();
@@ -201,7 +202,7 @@ impl Session {
         self.window.request_redraw();
     }
 
-    /// Loads a clip or a playlist in the background; the present one plays on.
+    /// Loads a clip or a playlist in the background, while the present one plays.
     pub(super) fn load(&mut self, path: &Path) {
         self.screen.input.egui_input_mut().hovered_files.clear();
         self.viewer.message = Some(match path.to_str() {
@@ -242,21 +243,21 @@ impl Session {
     }
 
     fn show(&mut self, playing: Playing, transition: Transition) {
-        let scene = playing.scene.clone();
+        let viewed = playing.viewed.clone();
         match transition {
             Transition::Open => {
-                self.viewer.change_scene(scene);
+                self.viewer.change_clip(viewed);
                 self.last_frame = None;
             }
             Transition::Follow => {
-                self.viewer.follow_scene(scene);
+                self.viewer.continue_with(viewed);
                 self.clear_progress();
             }
-            Transition::Refine => self.viewer.refine_scene(scene),
+            Transition::Refine => self.viewer.update_clip(viewed),
         }
         self.window.set_title(&playing.title);
         self.playing = playing;
-        self.shown = None;
+        self.drawn = None;
         self.window.request_redraw();
     }
 
@@ -292,7 +293,7 @@ impl Session {
         }
 
         let looping = self.viewer.player.is_looping();
-        self.viewer.player.set_followed(self.clips.is_followed(looping));
+        self.viewer.player.set_has_next(self.clips.is_followed(looping));
         let ctx = self.screen.input.egui_ctx().clone();
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
@@ -303,14 +304,14 @@ impl Session {
         }
 
         let [width, height] = frame.size;
-        let wanted = Shown {
+        let state = PictureState {
             t: self.viewer.player.clip_time(),
             view: View::from_camera(&self.viewer.camera(width, height)),
             settings: self.viewer.settings,
         };
-        let outdated = self.shown != Some(wanted);
+        let outdated = self.drawn != Some(state);
         if outdated {
-            self.draw_picture(frame.size, &wanted)?;
+            self.draw_picture(frame.size, &state)?;
         }
         let mut encoder = self.screen.gpu.encoder();
         self.screen.picture.show(&mut encoder, &frame);
@@ -334,14 +335,14 @@ impl Session {
             self.window.set_fullscreen(full);
         }
         if requests.screenshot {
-            self.save_picture(wanted);
+            self.save_picture(state);
         }
         let animating = self.viewer.is_animating();
         self.last_frame = animating.then_some(now);
         let delay =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
         Ok(match delay {
-            // The statistics shown are those of the frame before.
+            // The statistics are those of the previous frame.
             _ if animating || outdated => Next::Now,
             Duration::ZERO => Next::Now,
             Duration::MAX => Next::OnInput,
@@ -350,12 +351,12 @@ impl Session {
     }
 
     /// Draws the clip into the picture.
-    fn draw_picture(&mut self, size: [u32; 2], wanted: &Shown) -> Result<(), Fault> {
+    fn draw_picture(&mut self, size: [u32; 2], state: &PictureState) -> Result<(), Fault> {
         if self.screen.picture.size != size {
             self.screen.picture = Picture::new(&self.screen.gpu, self.screen.surface.format(), size)?;
         }
-        let Shown { t, view, settings } = wanted;
-        // A picture is black until something is drawn.
+        let PictureState { t, view, settings } = state;
+        // A new picture is black.
         if let Some(renderer) = &mut self.playing.renderer {
             let Screen { gpu, picture, .. } = &self.screen;
             let mut encoder = gpu.encoder();
@@ -363,47 +364,47 @@ impl Session {
             self.counts = renderer.draw(gpu, &mut encoder, *t, &[*view], settings, target);
             gpu.submit(encoder);
         }
-        self.shown = Some(*wanted);
+        self.drawn = Some(*state);
         Ok(())
     }
 
-    /// Saves what is seen in the background, in the folder that the program runs in.
-    fn save_picture(&mut self, shown: Shown) {
+    /// Saves the picture in the background, in the working directory.
+    fn save_picture(&mut self, state: PictureState) {
         if self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
             return;
         }
         let Some(renderer) = &self.playing.renderer else { return };
         let player = &self.viewer.player;
-        let shot = Shot {
+        let screenshot = Screenshot {
             clip: renderer.clip().clone(),
             name: self.playing.title.clone(),
-            t: shown.t,
+            t: state.t,
             time_s: player.position_s(),
-            view: shown.view,
-            settings: shown.settings,
+            view: state.view,
+            settings: state.settings,
         };
         let (gpu, proxy) = (self.screen.gpu.clone(), self.proxy.clone());
         self.viewer.message = Some(Message::Working("Saving a picture".into()));
         self.saving = Some(std::thread::spawn(move || {
             let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
-            // Without an event loop there is no window left to tell.
-            let _ = proxy.send_event(Event::Saved(shot.save(&gpu, &folder)));
+            // The event loop has ended where this fails.
+            let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folder)));
         }));
     }
 
-    /// Waits for a picture under way: it is written whole, and the device must not go away below it.
+    /// Waits for a picture that is being saved: it is written whole, and the device must outlive it.
     fn finish_saving(&mut self) {
         if let Some(saving) = self.saving.take() {
             let _ = saving.join();
         }
     }
 
-    /// After a frame that failed: opens another device if this one is gone and has worked until then. The
-    /// clip is loaded anew, and goes on where it is.
+    /// Opens another device after a frame failed because this one was lost; the clip is loaded again and
+    /// continues where it was.
     ///
     /// # Errors
-    /// `fault`, why the frame failed, if that is no reason to; [`Fault::Device`] if no other device can be
-    /// opened.
+    /// `fault`, of the failed frame, if the device was not lost or had not worked long enough;
+    /// [`Fault::Device`] if no other device can be opened.
     pub(super) fn reopen(&mut self, fault: Fault) -> Result<(), Fault> {
         if !self.screen.is_worth_replacing() {
             return Err(fault);
@@ -411,14 +412,14 @@ impl Session {
         self.finish_saving();
         self.screen = Screen::open(&self.window)?;
         self.playing.renderer = None;
-        self.shown = None;
+        self.drawn = None;
         self.last_frame = None;
         self.clips.set_target(WindowTarget::of(&self.screen));
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }
 
-    /// Rows for the corner of the window.
+    /// Rows of the statistics in the corner of the window.
     fn statistics(&mut self, size: [u32; 2]) -> Vec<(&'static str, String)> {
         let FrameCounts { alive, sorted, alive_ms, sort_ms, .. } = self.counts;
         let total = self.playing.gaussians;

@@ -54,7 +54,7 @@ pub(super) struct SessionFrames {
     pub(super) waiter: xr::FrameWaiter,
     pub(super) stream: xr::FrameStream<xr::Vulkan>,
     pub(super) blends: Blends,
-    pub(super) watch: Stopwatch,
+    pub(super) stopwatch: Stopwatch,
     pub(super) rate: DisplayRate,
 }
 
@@ -93,33 +93,33 @@ impl FrameCalls for SessionFrames {
         self.stream.begin()
     }
 
-    fn end(&mut self, timing: Timing, shown: Layers<'_>) -> xr::Result<()> {
-        let blend = self.blends.mode(shown.passthrough);
+    fn end(&mut self, timing: Timing, layers: Layers<'_>) -> xr::Result<()> {
+        let blend = self.blends.mode(layers.passthrough);
         let time = xr::Time::from_nanos(timing.display_ns);
-        self.watch.time(|| self.stream.end(time, blend, shown.layers))
+        self.stopwatch.time(|| self.stream.end(time, blend, layers.layers))
     }
 }
 
 /// The calls for images.
 pub(super) struct SwapchainImages {
     pub(super) swapchain: xr::Swapchain<xr::Vulkan>,
-    pub(super) watch: Stopwatch,
+    pub(super) stopwatch: Stopwatch,
 }
 
 impl ImageCalls for SwapchainImages {
     type Error = xr::sys::Result;
 
     fn acquire(&mut self) -> xr::Result<usize> {
-        self.watch.time(|| self.swapchain.acquire_image()).map(|index| index as usize)
+        self.stopwatch.time(|| self.swapchain.acquire_image()).map(|index| index as usize)
     }
 
     fn wait(&mut self) -> xr::Result<()> {
         // Only an image whose wait has ended may be drawn into or released.
-        self.watch.time(|| self.swapchain.wait_image(xr::Duration::INFINITE))
+        self.stopwatch.time(|| self.swapchain.wait_image(xr::Duration::INFINITE))
     }
 
     fn release(&mut self) -> xr::Result<()> {
-        self.watch.time(|| self.swapchain.release_image())
+        self.stopwatch.time(|| self.swapchain.release_image())
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) struct Canvas {
     pub(super) passthrough: PassthroughMode,
     /// Size of an eye's image in pixels; a frame may use less of it.
     pub(super) size: UVec2,
-    pub(super) watch: Stopwatch,
+    pub(super) stopwatch: Stopwatch,
     pub(super) gpu: Arc<Gpu>,
 }
 
@@ -77,7 +77,7 @@ impl Canvas {
         } else if is_captured {
             self.eyes.record_read(&mut encoder, image.index());
         }
-        self.watch.time(|| self.gpu.submit(encoder));
+        self.stopwatch.time(|| self.gpu.submit(encoder));
         image.release().halt("handing an image over")?;
         if let Some((painter, painting)) = show.painter().zip(painting) {
             self.panel.paint(&self.gpu, painter, painting)?;

@@ -1,4 +1,4 @@
-//! Where an eye looks: [`View`]s from the poses and angles that a runtime gives.
+//! [`View`]s from the poses and angles that a runtime reports.
 
 use codec::Camera;
 use glam::{Quat, UVec2, vec2};
@@ -22,15 +22,15 @@ impl From<xr::Fovf> for Fov {
     }
 }
 
-/// A pose of the runtime.
+/// Converts a pose of the runtime.
 pub(super) fn pose(pose: xr::Posef) -> Pose {
     let (p, q) = (pose.position, pose.orientation);
     Pose { position: [p.x, p.y, p.z].into(), orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w) }
 }
 
-/// What an eye at `eye` in the stage sees of a clip, in an image of `size` pixels whose edges are
-/// at the angles of `fov`. `None` where pose or angles make no image: the view axis may lie outside
-/// it, but left must be left of right.
+/// The view of a clip from the pose `eye` in the stage, in an image of `size` pixels with its edges at the
+/// angles of `fov`. `None` for an invalid pose or angles without an image: the view axis may lie outside the
+/// image, but left must be left of right.
 pub(super) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similarity) -> Option<View> {
     let [left, right, up, down] = [fov.left, fov.right, fov.up, fov.down].map(f32::tan);
     let image = size.as_vec2();
@@ -42,7 +42,7 @@ pub(super) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similari
     good.then(|| View { view_from_world: stage_from_clip.view_from_clip(eye), focal, principal, size })
 }
 
-/// Between the eyes, turned as they are.
+/// The pose midway between the eyes.
 pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
     Pose {
         position: 0.5 * (eyes[0].position + eyes[1].position),
@@ -50,7 +50,7 @@ pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
     }
 }
 
-/// The same view as a camera file holds it.
+/// The camera file of a view.
 pub(super) fn camera(view: &View) -> Camera {
     let [fx, fy, cx, cy] = [view.focal.x, view.focal.y, view.principal.x, view.principal.y].map(f64::from);
     Camera {
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     const SIZE: UVec2 = UVec2::new(320, 240);
-    /// Wider outwards than inwards, as the left eye of a headset.
+    /// Wider outwards than inwards, like the left eye of a headset.
     const FOV: Fov = Fov { left: -0.9, right: 0.7, up: 0.6, down: -0.8 };
     const SAME: Similarity = Similarity { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
@@ -76,7 +76,7 @@ mod tests {
         Pose { position, ..Pose::IDENTITY }
     }
 
-    /// Where a point of the stage falls in the image of `view`, which must be one of [`SAME`].
+    /// The pixel of a point of the stage in the image of `view`, which must be one of [`SAME`].
     fn project(view: &View, point: Vec3) -> Vec2 {
         let p = view.view_from_world.transform_point3(point.as_dvec3()).as_vec3();
         assert!(p.z > 0.0, "{p}");
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_that_make_no_image_are_refused() {
+    fn angles_without_an_image_are_refused() {
         let eye = at(Vec3::Y);
         for fov in [
             Fov { left: 0.7, right: -0.9, ..FOV },
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_file_holds_the_very_view() {
+    fn a_camera_file_holds_the_same_view() {
         let eye = Pose { orientation: Quat::from_rotation_y(0.4), ..at(vec3(0.3, 1.6, 0.2)) };
         let view = view(&eye, FOV, SIZE, &SAME).unwrap();
         let camera = camera(&view);

@@ -1,4 +1,4 @@
-//! Frames and images in the order that a runtime demands, which the types leave no way around.
+//! Frames and images in the order of calls that a runtime demands; the types permit no other.
 //!
 //! [`Frames::begin`] waits for the time of the next frame and begins it; the [`Frame`] it returns
 //! is ended exactly once, with nothing to show if it is dropped. [`Images::acquire`] takes the next
@@ -9,7 +9,7 @@
 pub(super) trait FrameCalls {
     /// When a frame will be seen.
     type Timing: Copy;
-    /// What a frame shows; the default is nothing.
+    /// Layers of a frame; the default is none.
     type Layers<'a>: Default;
     type Error;
     fn wait(&mut self) -> Result<Self::Timing, Self::Error>;
@@ -32,7 +32,7 @@ impl<C: FrameCalls> Frames<C> {
         Frames(calls)
     }
 
-    /// Waits until it is time to draw a frame, and begins it.
+    /// Waits until it is time to draw a frame, then begins it.
     pub(super) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
         let timing = self.0.wait()?;
         self.0.begin()?;
@@ -45,7 +45,7 @@ impl<C: FrameCalls> Frame<'_, C> {
         self.timing
     }
 
-    /// Ends it with what is to be seen.
+    /// Ends the frame with its layers.
     pub(super) fn end(mut self, layers: C::Layers<'_>) -> Result<(), C::Error> {
         self.ended = true;
         self.calls.end(self.timing, layers)
@@ -55,7 +55,7 @@ impl<C: FrameCalls> Frame<'_, C> {
 impl<C: FrameCalls> Drop for Frame<'_, C> {
     fn drop(&mut self) {
         if !self.ended {
-            // Whatever went wrong before is what is reported.
+            // The first error is the one to report.
             let _ = self.calls.end(self.timing, Default::default());
         }
     }
@@ -84,15 +84,15 @@ impl<C: ImageCalls> Images<C> {
         Images(calls)
     }
 
-    /// What is shown of it.
+    /// The calls, for the swapchain in them.
     pub(super) fn calls(&self) -> &C {
         &self.0
     }
 
-    /// Takes the next image and waits until the runtime no longer reads it.
+    /// Acquires the next image and waits until the runtime no longer reads it.
     pub(super) fn acquire(&mut self) -> Result<Image<'_, C>, C::Error> {
         let index = self.0.acquire()?;
-        // Only an image that was waited for may be released.
+        // Only an image whose wait has ended may be released.
         self.0.wait()?;
         Ok(Image { calls: &mut self.0, index, released: false })
     }
@@ -104,7 +104,7 @@ impl<C: ImageCalls> Image<'_, C> {
         self.index
     }
 
-    /// Hands it to the runtime; all drawing into it has been submitted.
+    /// Releases the image to the runtime. All drawing into it must be submitted.
     pub(super) fn release(mut self) -> Result<(), C::Error> {
         self.released = true;
         self.calls.release()
@@ -123,7 +123,7 @@ impl<C: ImageCalls> Drop for Image<'_, C> {
 mod tests {
     use super::*;
 
-    /// Writes down what is called, and fails at one call.
+    /// Records the calls, and fails at one of them.
     #[derive(Default)]
     struct Log {
         calls: Vec<String>,
@@ -166,7 +166,7 @@ mod tests {
         }
     }
 
-    /// The calls of a frame that is drawn by `draw`, and what came of it.
+    /// The calls of a frame with the drawing `draw`, and the result.
     fn frame(
         fails: &'static str,
         draw: impl Fn() -> Result<(), String>,
@@ -188,14 +188,14 @@ mod tests {
     }
 
     #[test]
-    fn all_is_called_in_order() {
+    fn calls_come_in_order() {
         let (calls, result) = frame("", || Ok(()));
         assert_eq!(calls, ["wait", "begin", "end 1", "acquire", "wait image", "release"]);
         assert_eq!(result, Ok(()));
     }
 
     #[test]
-    fn what_was_begun_is_ended_and_what_was_acquired_released() {
+    fn frames_are_ended_and_images_released_after_errors() {
         let (calls, result) = frame("", || Err("draw".into()));
         assert_eq!(calls, ["wait", "begin", "end 0", "acquire", "wait image", "release"]);
         assert_eq!(result, Err("draw".into()));

@@ -1,5 +1,4 @@
-//! [`Input`]: the actions of the program, what controllers they are bound to, and the [`Hands`] that
-//! come of them.
+//! [`Input`]: the actions of the program, their bindings to controllers, and the [`Hands`] read from them.
 
 use glam::Vec2;
 use openxr as xr;
@@ -8,9 +7,9 @@ use super::error::{During, Halt};
 use super::eye;
 use super::interaction::{Hand, Hands, Haptics, Side};
 
-/// Something a hand can do, by the name of its action.
+/// An action of a hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Deed {
+enum ActionName {
     Aim,
     Grip,
     Select,
@@ -22,68 +21,68 @@ enum Deed {
     Haptic,
 }
 
-/// A kind of controller, and what its parts do.
+/// A kind of controller, and the bindings of its parts.
 struct Profile {
     path: &'static str,
-    /// Whether the runtime knows it.
-    is_there: fn(&xr::ExtensionSet) -> bool,
-    /// Parts that both hands have.
-    both: &'static [(Deed, &'static str)],
-    /// Parts of one hand, `left` or `right`.
-    single: &'static [(Deed, &'static str, &'static str)],
+    /// Whether the runtime supports it.
+    is_supported: fn(&xr::ExtensionSet) -> bool,
+    /// Parts of both hands.
+    both: &'static [(ActionName, &'static str)],
+    /// Parts of a single hand, `left` or `right`.
+    single: &'static [(ActionName, &'static str, &'static str)],
 }
 
-const TOUCH_BOTH: &[(Deed, &str)] = &[
-    (Deed::Aim, "input/aim/pose"),
-    (Deed::Grip, "input/grip/pose"),
-    (Deed::Select, "input/trigger/value"),
-    (Deed::Squeeze, "input/squeeze/value"),
-    (Deed::Stick, "input/thumbstick"),
-    (Deed::Haptic, "output/haptic"),
+const TOUCH_BOTH: &[(ActionName, &str)] = &[
+    (ActionName::Aim, "input/aim/pose"),
+    (ActionName::Grip, "input/grip/pose"),
+    (ActionName::Select, "input/trigger/value"),
+    (ActionName::Squeeze, "input/squeeze/value"),
+    (ActionName::Stick, "input/thumbstick"),
+    (ActionName::Haptic, "output/haptic"),
 ];
 
-const TOUCH_SINGLE: &[(Deed, &str, &str)] = &[
-    (Deed::Primary, "left", "input/x/click"),
-    (Deed::Secondary, "left", "input/y/click"),
-    (Deed::Menu, "left", "input/menu/click"),
-    (Deed::Primary, "right", "input/a/click"),
-    (Deed::Secondary, "right", "input/b/click"),
+const TOUCH_SINGLE: &[(ActionName, &str, &str)] = &[
+    (ActionName::Primary, "left", "input/x/click"),
+    (ActionName::Secondary, "left", "input/y/click"),
+    (ActionName::Menu, "left", "input/menu/click"),
+    (ActionName::Primary, "right", "input/a/click"),
+    (ActionName::Secondary, "right", "input/b/click"),
 ];
 
 const PROFILES: [Profile; 4] = [
     Profile {
         path: "/interaction_profiles/khr/simple_controller",
-        is_there: |_| true,
+        is_supported: |_| true,
         both: &[
-            (Deed::Aim, "input/aim/pose"),
-            (Deed::Grip, "input/grip/pose"),
-            (Deed::Select, "input/select/click"),
-            (Deed::Menu, "input/menu/click"),
-            (Deed::Haptic, "output/haptic"),
+            (ActionName::Aim, "input/aim/pose"),
+            (ActionName::Grip, "input/grip/pose"),
+            (ActionName::Select, "input/select/click"),
+            (ActionName::Menu, "input/menu/click"),
+            (ActionName::Haptic, "output/haptic"),
         ],
         single: &[],
     },
     Profile {
         path: "/interaction_profiles/oculus/touch_controller",
-        is_there: |_| true,
+        is_supported: |_| true,
         both: TOUCH_BOTH,
         single: TOUCH_SINGLE,
     },
     Profile {
         path: "/interaction_profiles/meta/touch_controller_plus",
-        is_there: |extensions| extensions.meta_touch_controller_plus,
+        is_supported: |extensions| extensions.meta_touch_controller_plus,
         both: TOUCH_BOTH,
         single: TOUCH_SINGLE,
     },
     // Bare hands: a pinch selects, a fist holds.
     Profile {
         path: "/interaction_profiles/ext/hand_interaction_ext",
-        is_there: |extensions| extensions.ext_hand_interaction,
+        is_supported: |extensions| extensions.ext_hand_interaction,
         both: &[
-            (Deed::Aim, "input/aim/pose"),
-            (Deed::Grip, "input/grip/pose"),
-            (Deed::Select, "input/pinch_ext/value"),
-            (Deed::Squeeze, "input/grasp_ext/value"),
+            (ActionName::Aim, "input/aim/pose"),
+            (ActionName::Grip, "input/grip/pose"),
+            (ActionName::Select, "input/pinch_ext/value"),
+            (ActionName::Squeeze, "input/grasp_ext/value"),
         ],
         single: &[],
     },
@@ -91,11 +90,11 @@ const PROFILES: [Profile; 4] = [
 
 impl Profile {
     /// Every part with its full path.
-    fn parts(&self) -> impl Iterator<Item = (Deed, String)> {
+    fn parts(&self) -> impl Iterator<Item = (ActionName, String)> {
         let both =
-            self.both.iter().flat_map(|&(deed, part)| ["left", "right"].map(|hand| (deed, hand, part)));
+            self.both.iter().flat_map(|&(action, part)| ["left", "right"].map(|hand| (action, hand, part)));
         both.chain(self.single.iter().copied())
-            .map(|(deed, hand, part)| (deed, format!("/user/hand/{hand}/{part}")))
+            .map(|(action, hand, part)| (action, format!("/user/hand/{hand}/{part}")))
     }
 }
 
@@ -125,7 +124,7 @@ struct HandSpaces {
 }
 
 impl Input {
-    /// Makes the actions, suggests what they are bound to, and attaches them.
+    /// Creates the actions, suggests bindings, and attaches them to the session.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -137,10 +136,12 @@ impl Input {
         let path = |text: &str| instance.string_to_path(text).halt("naming an input");
         let hands = [path(xr::USER_HAND_LEFT)?, path(xr::USER_HAND_RIGHT)?];
         let actions = Actions::new(instance, &hands)?;
-        for profile in PROFILES.iter().filter(|profile| (profile.is_there)(extensions)) {
-            let parts: Vec<_> =
-                profile.parts().map(|(deed, part)| Ok((deed, path(&part)?))).collect::<Result<_, Halt>>()?;
-            let bindings: Vec<_> = parts.iter().map(|&(deed, part)| actions.bind(deed, part)).collect();
+        for profile in PROFILES.iter().filter(|profile| (profile.is_supported)(extensions)) {
+            let parts: Vec<_> = profile
+                .parts()
+                .map(|(action, part)| Ok((action, path(&part)?)))
+                .collect::<Result<_, Halt>>()?;
+            let bindings: Vec<_> = parts.iter().map(|&(action, part)| actions.bind(action, part)).collect();
             let suggested = instance.suggest_interaction_profile_bindings(path(profile.path)?, &bindings);
             if let Err(code) = suggested {
                 log::warn!("the runtime refuses {}: {code:?}", profile.path);
@@ -156,7 +157,7 @@ impl Input {
         Ok(Input { hands: [spaces(hands[0])?, spaces(hands[1])?], actions })
     }
 
-    /// What both hands do, and where they will be at display time `time`.
+    /// State of both hands, with poses at display time `time`.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -202,7 +203,7 @@ impl Input {
         })
     }
 
-    /// Lets the hands feel `haptics`. What a controller cannot do it leaves.
+    /// Plays `haptics`. A controller without vibration ignores them.
     pub(super) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
         for side in Side::BOTH {
             let Some(pulse) = haptics.on(side) else { continue };
@@ -243,17 +244,17 @@ impl Actions {
         })
     }
 
-    fn bind(&self, deed: Deed, part: xr::Path) -> xr::Binding<'_> {
-        match deed {
-            Deed::Aim => xr::Binding::new(&self.aim, part),
-            Deed::Grip => xr::Binding::new(&self.grip, part),
-            Deed::Select => xr::Binding::new(&self.select, part),
-            Deed::Squeeze => xr::Binding::new(&self.squeeze, part),
-            Deed::Stick => xr::Binding::new(&self.stick, part),
-            Deed::Primary => xr::Binding::new(&self.primary, part),
-            Deed::Secondary => xr::Binding::new(&self.secondary, part),
-            Deed::Menu => xr::Binding::new(&self.menu, part),
-            Deed::Haptic => xr::Binding::new(&self.haptic, part),
+    fn bind(&self, action: ActionName, part: xr::Path) -> xr::Binding<'_> {
+        match action {
+            ActionName::Aim => xr::Binding::new(&self.aim, part),
+            ActionName::Grip => xr::Binding::new(&self.grip, part),
+            ActionName::Select => xr::Binding::new(&self.select, part),
+            ActionName::Squeeze => xr::Binding::new(&self.squeeze, part),
+            ActionName::Stick => xr::Binding::new(&self.stick, part),
+            ActionName::Primary => xr::Binding::new(&self.primary, part),
+            ActionName::Secondary => xr::Binding::new(&self.secondary, part),
+            ActionName::Menu => xr::Binding::new(&self.menu, part),
+            ActionName::Haptic => xr::Binding::new(&self.haptic, part),
         }
     }
 }
@@ -269,15 +270,15 @@ mod tests {
         for profile in &PROFILES {
             let parts: Vec<_> = profile.parts().collect();
             for hand in ["left", "right"] {
-                for deed in [Deed::Aim, Deed::Grip, Deed::Select] {
-                    let found = parts.iter().any(|(d, part)| *d == deed && part.contains(hand));
-                    assert!(found, "{} {hand} {deed:?}", profile.path);
+                for action in [ActionName::Aim, ActionName::Grip, ActionName::Select] {
+                    let found = parts.iter().any(|(d, part)| *d == action && part.contains(hand));
+                    assert!(found, "{} {hand} {action:?}", profile.path);
                 }
             }
             let paths: HashSet<_> = parts.iter().map(|(_, part)| part).collect();
-            assert_eq!(paths.len(), parts.len(), "{}: a part does one thing", profile.path);
-            for (deed, part) in &parts {
-                assert_eq!(*deed == Deed::Haptic, part.contains("/output/"), "{part}");
+            assert_eq!(paths.len(), parts.len(), "{}: a part has one action", profile.path);
+            for (action, part) in &parts {
+                assert_eq!(*action == ActionName::Haptic, part.contains("/output/"), "{part}");
             }
         }
     }
@@ -286,7 +287,7 @@ mod tests {
     fn the_leave_button_is_on_every_controller_that_has_one() {
         let with_menu = |path: &str| {
             let profile = PROFILES.iter().find(|profile| profile.path.ends_with(path)).unwrap();
-            profile.parts().any(|(deed, _)| deed == Deed::Menu)
+            profile.parts().any(|(action, _)| action == ActionName::Menu)
         };
         assert!(with_menu("simple_controller") && with_menu("touch_controller"));
         assert!(with_menu("touch_controller_plus") && !with_menu("hand_interaction_ext"));

@@ -1,7 +1,6 @@
-//! [`PanelLayer`]: the images that the panel is shown on, as a board in the room.
+//! [`PanelLayer`]: the images of the panel, shown as a quad in the room.
 //!
-//! A new picture is drawn only when something on the panel changes; until then the runtime goes on
-//! showing the last one.
+//! A new picture is drawn only when the panel changes; until then the runtime shows the last one.
 
 #![allow(unsafe_code, reason = "images of the runtime are wrapped")]
 
@@ -22,15 +21,15 @@ pub(super) struct PanelLayer {
     // Before the images that they wrap.
     targets: RuntimeTargets,
     images: Images<SwapchainImages>,
-    /// Whether there is a picture.
+    /// Whether a picture was drawn.
     painted: bool,
-    /// Whether pictures are kept to be read back.
+    /// Whether pictures can be read back.
     readable: bool,
-    watch: Stopwatch,
+    stopwatch: Stopwatch,
 }
 
 impl PanelLayer {
-    /// Makes its images, which can be read back if `readable`.
+    /// Creates the images, which can be read back if `readable`.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -39,19 +38,19 @@ impl PanelLayer {
         gpu: &Gpu,
         format: RuntimeFormat,
         readable: bool,
-        watch: Stopwatch,
+        stopwatch: Stopwatch,
     ) -> Result<PanelLayer, Halt> {
         let size = UVec2::from(Painting::SIZE);
         let swapchain = make(session, format, size, 1, readable)?;
-        // SAFETY: as `make` promises; `targets` goes before `images`, which owns them, and
-        // is drawn into only between acquiring and releasing.
+        // SAFETY: `make` had the same arguments; `targets` goes before `images`, which owns them, and is drawn
+        // into only between acquiring and releasing.
         let images = unsafe { wrap(&swapchain, size, 1, format, readable) }?;
         Ok(PanelLayer {
             targets: RuntimeTargets::new(gpu, &images)?,
-            images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
+            images: Images::new(SwapchainImages { swapchain, stopwatch: stopwatch.clone() }),
             painted: false,
             readable,
-            watch,
+            stopwatch,
         })
     }
 
@@ -73,13 +72,13 @@ impl PanelLayer {
         if self.readable {
             self.targets.record_read(&mut encoder, image.index());
         }
-        self.watch.time(|| gpu.submit(encoder));
+        self.stopwatch.time(|| gpu.submit(encoder));
         image.release().halt("handing over an image of the panel")?;
         self.painted = true;
         Ok(())
     }
 
-    /// How it is shown on `panel`; `None` before there is a picture.
+    /// The layer that shows the picture on `panel`; `None` before the first picture.
     pub(super) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
@@ -90,7 +89,7 @@ impl PanelLayer {
         self.painted.then(|| quad(swapchain, pixels, stage, panel.pose(), panel.size_m()))
     }
 
-    /// Waits for the last picture; `None` where there is none or it cannot be read.
+    /// Waits for the last picture; `None` if there is none or it cannot be read.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.

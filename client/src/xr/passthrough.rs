@@ -48,11 +48,11 @@ impl PassthroughMode {
         !matches!(self, PassthroughMode::Never)
     }
 
-    /// The layer to show below all others, if this mode has one and the room is `shown`.
-    pub(super) fn layer(&mut self, shown: bool) -> Option<PassthroughLayer<'_>> {
+    /// The layer to show below all others, if this mode has one and the room is `visible`.
+    pub(super) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
         match self {
             PassthroughMode::Never | PassthroughMode::Blend => None,
-            PassthroughMode::Layer(passthrough) => passthrough.layer(shown),
+            PassthroughMode::Layer(passthrough) => passthrough.layer(visible),
         }
     }
 }

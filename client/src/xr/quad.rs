@@ -1,12 +1,12 @@
-//! A quad layer: a flat image somewhere in the stage.
+//! Quad layers: flat images in the stage.
 
 use glam::{UVec2, Vec2};
 use openxr as xr;
 
 use super::interaction::Pose;
 
-/// The image released last of `swapchain`, which has `pixels`, premultiplied, at `pose` in `stage`
-/// with the size `meters`.
+/// The image of `swapchain` released last, `pixels` in size and premultiplied, at `pose` in `stage` and
+/// `meters` wide and high.
 pub(super) fn quad<'a>(
     swapchain: &'a xr::Swapchain<xr::Vulkan>,
     pixels: UVec2,

@@ -1,33 +1,32 @@
-//! [`Quality`]: draws as well as the GPU keeps up with.
+//! [`Quality`]: the best level of quality that the GPU keeps up with.
 //!
-//! The levels go from the best down; the viewer chooses the best one to use. When the GPU takes
-//! longer than its share of a frame for a few frames in a row, the next lower level is taken; when
-//! it has had much room for a while, the next higher. A step up that does not last doubles the time
-//! until the next one is tried, so that the picture does not waver. The lowest level is a bound on
-//! what may be left out: the viewer rather sees frames missing than limbs.
+//! The levels go from the best down; the viewer chooses the best one to use. When the GPU exceeds its share
+//! of a frame for a few frames in a row, the level drops by one; when it has had room for a while, it rises
+//! by one. A rise that does not last doubles the time until the next one, so that the picture does not
+//! flicker between levels. `Least` is the floor: below it the player drops frames instead of quality.
 
 use glam::UVec2;
 
 use crate::gpu::{Level, RenderSettings};
 
-/// Part of a frame's time that the GPU may take: the runtime needs the rest.
+/// Share of a frame's time for the GPU's work on the clip: the runtime needs the rest.
 const SHARE: f64 = 0.8;
 
-/// Part of that below which there is room for the next higher level, which takes up to 1.6 times as
-/// long.
+/// Load, relative to that share, below which there is room for the next higher level, which takes up to 1.6
+/// times as long.
 const ROOM: f64 = 0.55;
 
-/// Frames in a row that must be too slow, and frames of room that must have passed at first and at
+/// Frames in a row over the share before a drop, and frames with room before a rise: initially and at
 /// most.
 const SLOW_FRAMES: u32 = 6;
 const ROOM_FRAMES: (u32, u32) = (180, 180 << 4);
 
-/// What is drawn, and how that follows the GPU.
+/// The level in use, and how it follows the GPU.
 #[derive(Clone, Debug)]
 pub(super) struct Quality {
-    /// What was asked for: no level draws more.
+    /// Settings of the command line: no level draws more.
     asked: RenderSettings,
-    /// Gaussians in the first layer of the clip, the first two, and so on.
+    /// Number of Gaussians in the first k layers, for each k.
     layer_ends: Vec<usize>,
     /// The best level to use.
     chosen: Level,
@@ -41,8 +40,8 @@ pub(super) struct Quality {
 }
 
 impl Quality {
-    /// Begins at the level `chosen`, with no more drawn than `asked`. Without `adapts` it follows
-    /// the viewer only.
+    /// Starts at the level `chosen` and draws no more than `asked`. Without `adapts` the level changes only
+    /// at the viewer's wish.
     pub(super) fn new(asked: RenderSettings, chosen: Level, adapts: bool) -> Quality {
         Quality {
             asked,
@@ -57,7 +56,7 @@ impl Quality {
         }
     }
 
-    /// Changes to a clip with so many Gaussians in the first layer, the first two, and so on.
+    /// Changes to a clip with `layer_ends[k - 1]` Gaussians in its first k layers.
     pub(super) fn change_clip(&mut self, layer_ends: Vec<usize>) {
         self.layer_ends = layer_ends;
     }
@@ -67,12 +66,12 @@ impl Quality {
         self.layer_ends.len()
     }
 
-    /// How to draw the next frame.
+    /// Settings of the next frame.
     pub(super) fn settings(&self) -> RenderSettings {
         self.level.settings(self.asked, &self.layer_ends)
     }
 
-    /// Size of the next frame's image, where there is room for `full` pixels.
+    /// Size of the next frame's viewport in an image of `full` pixels.
     pub(super) fn size(&self, full: UVec2) -> UVec2 {
         self.level.size(full)
     }
@@ -82,20 +81,20 @@ impl Quality {
         self.level
     }
 
-    /// Whether the GPU does not keep up with the level that was chosen.
+    /// Whether the level is below the chosen one, because the GPU does not keep up.
     pub(super) fn is_lowered(&self) -> bool {
         self.level > self.chosen
     }
 
-    /// Takes this level, and none better from now on.
+    /// Changes to this level, the best one from now on.
     pub(super) fn choose(&mut self, level: Level) {
         (self.chosen, self.level) = (level, level);
         (self.slow, self.room) = (0, 0);
         (self.room_frames, self.climbed) = (ROOM_FRAMES.0, false);
     }
 
-    /// Takes in a frame for which the GPU took `gpu_ms` milliseconds, if it can tell, where the
-    /// display shows one every `period_ms`.
+    /// Takes in the GPU's milliseconds for a frame, if it has timestamps, on a display with one image every
+    /// `period_ms`.
     pub(super) fn measure(&mut self, gpu_ms: Option<f64>, period_ms: f64) {
         let Some(load) = gpu_ms.filter(|_| self.adapts && period_ms > 0.0).map(|ms| ms / (SHARE * period_ms))
         else {
@@ -133,7 +132,7 @@ mod tests {
         quality
     }
 
-    /// Draws frames on a GPU that takes `ms` for each level; how often the level changed.
+    /// Draws frames on a GPU that takes `ms` at each level; returns the number of level changes.
     fn draw(quality: &mut Quality, frames: usize, ms: [f64; 6]) -> usize {
         (0..frames).fold(0, |changes, _| {
             let before = quality.level();
@@ -151,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_one_gets_less_and_no_less_than_the_bound() {
+    fn a_slow_gpu_drops_to_the_floor_and_no_further() {
         let mut quality = quality(Level::Exact);
         assert_eq!(draw(&mut quality, 5000, [60.0, 50.0, 40.0, 30.0, 25.0, 20.0]), 5);
         assert!(quality.level() == Level::Least && quality.is_lowered());
@@ -171,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn room_brings_it_back_but_not_at_once() {
+    fn room_raises_the_level_after_a_while() {
         let mut quality = quality(Level::Exact);
         draw(&mut quality, 10, [20.0, 8.0, 6.0, 6.0, 6.0, 6.0]);
         assert_eq!(quality.level(), Level::Fine, "the face was near");
@@ -182,8 +181,8 @@ mod tests {
     }
 
     #[test]
-    fn between_two_levels_it_comes_to_rest() {
-        // The better one is too slow, the lower one leaves room: the case that makes pictures waver.
+    fn between_two_levels_it_settles() {
+        // The better one is too slow and the lower one leaves room: the case that makes pictures flicker.
         for above in 0..5 {
             let mut quality = quality(Level::Exact);
             let ms = [0, 1, 2, 3, 4, 5].map(|level| if level <= above { 12.0 } else { 4.0 });
@@ -195,8 +194,8 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_that_cost_as_levels_do_are_never_taken_in_turn() {
-        // The parts of the cost that the demo has at each level, on GPUs of every speed.
+    fn levels_with_the_costs_of_the_demo_never_alternate() {
+        // Relative cost of the demo at each level, on GPUs of every speed.
         for fastest in [2.0, 5.0, 9.0, 10.0, 15.0, 30.0, 80.0] {
             let mut quality = quality(Level::Exact);
             let ms = [1.0, 0.74, 0.57, 0.36, 0.26, 0.18].map(|part| part * fastest);
@@ -215,7 +214,7 @@ mod tests {
         assert_eq!(draw(&mut fixed, 5000, [99.0; 6]), 0);
         quality.measure(None, PERIOD_MS);
         quality.measure(Some(5.0), 0.0);
-        assert_eq!(quality.level(), Level::Exact, "nothing is concluded from nothing");
+        assert_eq!(quality.level(), Level::Exact, "without a measurement nothing changes");
     }
 
     #[test]

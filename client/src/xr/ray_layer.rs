@@ -1,5 +1,4 @@
-//! [`RayLayer`]: the image that the rays from hands to the panel are shown with, all of one
-//! colour, filled once.
+//! [`RayLayer`]: the image of the pointer rays, of a single colour, filled once.
 
 #![allow(unsafe_code, reason = "images of the runtime are wrapped")]
 
@@ -14,13 +13,13 @@ use super::quad::quad;
 use super::swapchain::{make, wrap};
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets};
 
-/// Smaller ones are refused by some runtimes.
+/// Some runtimes refuse smaller images.
 const SIZE: UVec2 = UVec2::splat(16);
 
-/// White, half of it: what is behind shows through.
+/// Half transparent white, premultiplied.
 const COLOR: [f64; 4] = [0.5; 4];
 
-/// The rays in a session.
+/// The pointer rays in a session.
 pub(super) struct RayLayer {
     // Before the images that they wrap.
     _targets: RuntimeTargets,
@@ -28,7 +27,7 @@ pub(super) struct RayLayer {
 }
 
 impl RayLayer {
-    /// Makes the image and fills it.
+    /// Creates the image and fills it.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -38,11 +37,11 @@ impl RayLayer {
         format: RuntimeFormat,
     ) -> Result<RayLayer, Halt> {
         let swapchain = make(session, format, SIZE, 1, false)?;
-        // SAFETY: as `make` promises; `_targets` goes before `images`, which owns them, and is drawn
+        // SAFETY: `make` had the same arguments; `_targets` goes before `images`, which owns them, and is drawn
         // into only between acquiring and releasing.
         let wrapped = unsafe { wrap(&swapchain, SIZE, 1, format, false) }?;
         let targets = RuntimeTargets::new(gpu, &wrapped)?;
-        let mut images = Images::new(SwapchainImages { swapchain, watch: Stopwatch::default() });
+        let mut images = Images::new(SwapchainImages { swapchain, stopwatch: Stopwatch::default() });
         let image = images.acquire().halt("taking an image of a ray")?;
         let mut encoder = gpu.encoder();
         targets.fill(&mut encoder, image.index(), COLOR);
@@ -51,7 +50,7 @@ impl RayLayer {
         Ok(RayLayer { _targets: targets, images })
     }
 
-    /// How `ray` is shown.
+    /// The layer that shows `ray`.
     pub(super) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,

@@ -1,5 +1,5 @@
-//! [`Report`]: what `--frames`, `--stats` and `--out` ask of a run: how long it goes on, what it
-//! counted, and what the eyes and the panel showed last.
+//! [`Report`]: the run that `--frames`, `--stats` and `--out` ask for: its length, its counts, and the last
+//! images of the eyes and the panel.
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,24 +18,24 @@ use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
 
-/// Names of the eyes in files.
+/// File names of the eyes.
 const EYES: [&str; 2] = ["left", "right"];
 
-/// Frames whose times are kept, the latest ones.
-const KEPT: usize = 1 << 16;
+/// Most frames with recorded times: the latest ones.
+const CAPACITY: usize = 1 << 16;
 
-/// A run so far.
+/// The state of a run.
 pub(super) struct Report {
-    /// Frames of the clip after which to end; none to go on.
+    /// Number of frames of the clip after which to end; `None` for no end.
     last: Option<u64>,
-    /// Frames of the clip that are left out of the statistics.
+    /// Number of initial frames of the clip that the statistics leave out.
     skipped: u64,
     measures: bool,
     captures: bool,
     started: Instant,
     first_frame_ms: Option<f64>,
     first_picture_ms: Option<f64>,
-    shown: u64,
+    drawn_frames: u64,
     empty: u64,
     unseen: u64,
     sessions_lost: u64,
@@ -47,49 +47,49 @@ pub(super) struct Report {
     sort_ms: Latest,
     gpu_ms: Latest,
     loading: WhileLoading,
-    /// Frames at each level, and the last one.
+    /// Number of frames at each level, and the last frame.
     levels: [u64; Level::ALL.len()],
     drawn: Drawn,
-    capture: Option<Shown>,
+    capture: Option<EyeImages>,
 }
 
-/// What a frame took.
+/// Cost of a frame.
 pub(super) struct Work {
-    /// Seconds from the beginning to the end of the frame, outside the runtime and the driver.
+    /// Seconds of the frame outside the runtime and the driver.
     pub(super) cpu_s: f64,
     pub(super) display_ns: i64,
     pub(super) period_ns: i64,
-    /// Whether a clip was on its way.
+    /// Whether a clip was being loaded.
     pub(super) loading: bool,
 }
 
-/// What was drawn of the clip.
+/// How the clip was drawn.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Drawn {
     pub(super) level: Level,
-    /// Of an eye's image, in pixels.
+    /// Size of an eye's image in pixels.
     pub(super) size: UVec2,
     pub(super) settings: RenderSettings,
     pub(super) counts: FrameCounts,
-    /// For both eyes, if the GPU can tell.
+    /// For both eyes; `None` if the GPU has no timestamps.
     pub(super) gpu_ms: Option<f64>,
 }
 
-/// What the eyes saw.
-pub(super) struct Shown {
+/// The images of a frame.
+pub(super) struct EyeImages {
     pub(super) views: [View; 2],
-    /// Clip time.
+    /// Normalised clip time.
     pub(super) t: f64,
     /// Seconds from the start of the clip.
     pub(super) position_s: f64,
     pub(super) settings: RenderSettings,
-    /// An image for each eye.
+    /// Image of each eye.
     pub(super) pixels: Vec<Pixels>,
-    /// The panel, if there is one.
+    /// Image of the panel, if it was drawn.
     pub(super) panel: Option<Pixels>,
 }
 
-/// The latest numbers of many, in a bounded space.
+/// The latest [`CAPACITY`] of a series of numbers.
 #[derive(Default)]
 struct Latest {
     values: Vec<f64>,
@@ -98,11 +98,11 @@ struct Latest {
 
 impl Latest {
     fn push(&mut self, value: f64) {
-        if self.values.len() < KEPT {
+        if self.values.len() < CAPACITY {
             self.values.push(value);
         } else {
             self.values[self.next] = value;
-            self.next = (self.next + 1) % KEPT;
+            self.next = (self.next + 1) % CAPACITY;
         }
     }
 
@@ -112,7 +112,7 @@ impl Latest {
 }
 
 impl Report {
-    /// For what `args` ask, of a program that was `started`.
+    /// A run as `args` ask for, of a program that was started at `started`.
     pub(super) fn new(args: &Args, started: Instant) -> Report {
         let frames = args.frames.as_ref();
         Report {
@@ -123,7 +123,7 @@ impl Report {
             started,
             first_frame_ms: None,
             first_picture_ms: None,
-            shown: 0,
+            drawn_frames: 0,
             empty: 0,
             unseen: 0,
             sessions_lost: 0,
@@ -141,33 +141,33 @@ impl Report {
         }
     }
 
-    /// A frame that nobody saw.
-    pub(super) fn unseen(&mut self) {
+    /// Counts a frame that was not visible.
+    pub(super) fn on_unseen_frame(&mut self) {
         self.unseen += 1;
         self.pacing.rest();
     }
 
-    /// A frame that showed no clip, because there was none yet.
-    pub(super) fn empty(&mut self, work: Work) {
+    /// Counts a frame without a clip.
+    pub(super) fn on_empty_frame(&mut self, work: Work) {
         self.empty += 1;
         self.seen(&work);
     }
 
-    /// A frame that showed the clip.
-    pub(super) fn shown(&mut self, work: Work, drawn: Drawn) {
+    /// Counts a frame with the clip.
+    pub(super) fn on_frame(&mut self, work: Work, drawn: Drawn) {
         let missed = self.seen(&work);
         if work.loading {
             self.loading.frames += 1;
             self.loading.missed += missed;
         }
         self.first_picture_ms.get_or_insert_with(|| self.started.elapsed().as_secs_f64() * 1e3);
-        self.shown += 1;
-        if self.shown == self.skipped {
+        self.drawn_frames += 1;
+        if self.drawn_frames == self.skipped {
             self.missed_before = self.pacing.missed();
         }
         self.drawn = drawn;
         self.levels[drawn.level as usize] += 1;
-        if self.measures && self.shown > self.skipped {
+        if self.measures && self.drawn_frames > self.skipped {
             self.cpu_ms.push(work.cpu_s * 1e3);
             self.alive_ms.push(drawn.counts.alive_ms);
             self.sort_ms.push(drawn.counts.sort_ms);
@@ -175,7 +175,7 @@ impl Report {
         }
     }
 
-    /// How often an old frame had to be shown before this one.
+    /// Number of repeated frames before this one.
     fn seen(&mut self, work: &Work) -> u64 {
         self.first_frame_ms.get_or_insert_with(|| self.started.elapsed().as_secs_f64() * 1e3);
         let missed = self.pacing.missed();
@@ -184,33 +184,33 @@ impl Report {
         self.pacing.missed() - missed
     }
 
-    /// What the eyes saw in the frame that was the last.
-    pub(super) fn capture(&mut self, shown: Shown) {
-        self.capture = Some(shown);
+    /// Stores the images of the last frame.
+    pub(super) fn capture(&mut self, images: EyeImages) {
+        self.capture = Some(images);
     }
 
-    /// A session was lost and another is opened.
+    /// Counts a lost session.
     pub(super) fn lose_session(&mut self) {
         self.sessions_lost += 1;
         self.pacing.rest();
     }
 
-    /// Whether the next frame that shows the clip is to be captured.
+    /// Whether to capture the next frame with the clip.
     pub(super) fn is_last(&self) -> bool {
-        self.captures && self.last.is_some_and(|last| self.shown + 1 == last)
+        self.captures && self.last.is_some_and(|last| self.drawn_frames + 1 == last)
     }
 
-    /// Whether all frames asked for were shown.
+    /// Whether all requested frames were drawn.
     pub(super) fn is_complete(&self) -> bool {
-        self.last.is_some_and(|last| self.shown >= last)
+        self.last.is_some_and(|last| self.drawn_frames >= last)
     }
 
-    /// Number of frames that have shown the clip.
-    pub(super) fn frames_shown(&self) -> u64 {
-        self.shown
+    /// Number of frames with the clip so far.
+    pub(super) fn frames_drawn(&self) -> u64 {
+        self.drawn_frames
     }
 
-    /// Writes what was asked for.
+    /// Writes the requested files.
     ///
     /// # Errors
     /// [`Fault::Usage`] if a file cannot be written, [`Fault::Device`] if the run ended early.
@@ -231,25 +231,25 @@ impl Report {
             output::write(path, &json)?;
         }
         match self.last {
-            Some(last) if self.shown < last => {
-                Err(Fault::Device(format!("the session ended after {} of {last} frames", self.shown)))
+            Some(last) if self.drawn_frames < last => {
+                Err(Fault::Device(format!("the session ended after {} of {last} frames", self.drawn_frames)))
             }
             _ => Ok(()),
         }
     }
 
     fn write_eyes(&self, folder: &Path) -> Result<(), Fault> {
-        let Some(shown) = &self.capture else { return Ok(()) };
+        let Some(images) = &self.capture else { return Ok(()) };
         output::make_folder(folder)?;
-        for ((eye, view), pixels) in EYES.into_iter().zip(&shown.views).zip(&shown.pixels) {
+        for ((eye, view), pixels) in EYES.into_iter().zip(&images.views).zip(&images.pixels) {
             let picture = folder.join(format!("{eye}.png"));
             output::write_png(&picture, &pixels.to_rgb8(), pixels.size.into())?;
-            let camera = EyeCamera { camera: eye::camera(view), time: shown.position_s };
+            let camera = EyeCamera { camera: eye::camera(view), time: images.position_s };
             let mut json = serde_json::to_vec_pretty(&camera).expect("numbers serialise");
             json.push(b'\n');
             output::write(&folder.join(format!("{eye}.json")), &json)?;
         }
-        if let Some(panel) = &shown.panel {
+        if let Some(panel) = &images.panel {
             output::write_png(&folder.join("panel.png"), &panel.to_rgb8(), panel.size.into())?;
         }
         Ok(())
@@ -262,11 +262,11 @@ impl Report {
             frames: self.levels,
             width: size.x,
             height: size.y,
-            reach_sigma: settings.cutoff.radius_max(),
-            least_px: settings.min_contribution_px,
+            cutoff_sigma: settings.cutoff.radius_max(),
+            min_contribution_px: settings.min_contribution_px,
             layers: settings.layers,
             alive: counts.alive,
-            faint: counts.culled,
+            culled: counts.culled,
             sorted: counts.sorted,
         }
     }
@@ -278,7 +278,7 @@ impl Report {
         if let Some(renderer) = show.renderer() {
             passes = 2 / renderer.eyes_per_pass();
             gpu_bytes = renderer.clip().bytes();
-            if let Some(Shown { views, t, position_s, settings, .. }) = &self.capture {
+            if let Some(EyeImages { views, t, position_s, settings, .. }) = &self.capture {
                 let coverage = renderer.count(gpu, *t, views, settings)?;
                 frames.push(FrameStats {
                     time: *position_s,
@@ -305,7 +305,7 @@ impl Report {
             display_hz: if self.period_ns > 0 { 1e9 / self.period_ns as f64 } else { 0.0 },
             first_frame_ms: self.first_frame_ms,
             first_picture_ms: self.first_picture_ms,
-            frames_shown: self.shown,
+            frames_drawn: self.drawn_frames,
             frames_empty: self.empty,
             frames_unseen: self.unseen,
             frames_missed: self.pacing.missed() - self.missed_before,
@@ -321,36 +321,39 @@ impl Report {
     }
 }
 
-/// Frames that showed a clip while another was on its way.
+/// Frames with a clip while another one was being loaded.
 #[derive(Clone, Copy, Default, Serialize)]
 struct WhileLoading {
     frames: u64,
-    /// Times at which the display had to show an old frame before one of them.
+    /// Number of repeated frames before them.
     missed: u64,
 }
 
-/// What the last frame was drawn with, and what that left out.
+/// Quality of the last frame, and the Gaussians that it left out.
 #[derive(Serialize)]
 struct QualityStats {
     level: &'static str,
-    /// Frames at each level, from the best down.
+    /// Number of frames at each level, from the best down.
     frames: [u64; Level::ALL.len()],
-    /// Of what was drawn of an eye's image, in pixels.
+    /// Viewport of an eye in pixels.
     width: u32,
     height: u32,
-    /// Standard deviations that a Gaussian reaches at most.
-    reach_sigma: f32,
-    /// Pixels of alpha below which a Gaussian is left out.
-    least_px: f32,
-    /// Layers drawn; null for all.
+    /// Largest extent of a Gaussian in standard deviations.
+    #[serde(rename = "reach_sigma")]
+    cutoff_sigma: f32,
+    /// Contribution in pixels of alpha below which a Gaussian is culled.
+    #[serde(rename = "least_px")]
+    min_contribution_px: f32,
+    /// Number of drawn layers; null for all.
     layers: Option<usize>,
     alive: u32,
-    /// Those that were left out for `least_px`.
-    faint: u32,
+    /// Number of Gaussians culled for their contribution.
+    #[serde(rename = "faint")]
+    culled: u32,
     sorted: u32,
 }
 
-/// A camera file with the time at which the eye saw.
+/// A camera file with the time of the image.
 #[derive(Serialize)]
 struct EyeCamera {
     #[serde(flatten)]
@@ -366,34 +369,34 @@ struct XrStats {
     headset: String,
     adapter: String,
     driver: String,
-    /// Of an eye's image, in pixels.
+    /// Size of an eye's image in pixels.
     width: u32,
     height: u32,
-    /// That the eyes took.
+    /// Render passes for both eyes.
     passes: u32,
-    /// In the clip, plate included.
+    /// Number of Gaussians of the clip, plate included.
     gaussians: usize,
     gpu_bytes: u64,
-    /// Images per second of the display, as the runtime says.
+    /// Images per second of the display, as the runtime reports.
     display_hz: f64,
-    /// From the start of the program until the first frame was handed over, and the first with
-    /// the clip.
+    /// Milliseconds from the start of the program to the first frame, and to the first one with the clip.
     first_frame_ms: Option<f64>,
     first_picture_ms: Option<f64>,
-    /// With the clip; without it, while it was loaded; and those nobody saw.
-    frames_shown: u64,
+    /// Number of frames with the clip, without one, and of frames that were not visible.
+    #[serde(rename = "frames_shown")]
+    frames_drawn: u64,
     frames_empty: u64,
     frames_unseen: u64,
-    /// Times at which the display had to show an old frame, since the frames left out.
+    /// Number of repeated frames, after the initial ones left out.
     frames_missed: u64,
     while_loading: WhileLoading,
     sessions_lost: u64,
     quality: QualityStats,
-    /// From the beginning to the end of a frame, outside the runtime and the driver.
+    /// Milliseconds of a frame outside the runtime and the driver.
     cpu_ms: Summary,
     alive_ms: Summary,
     sort_ms: Summary,
-    /// For both eyes, where the GPU can tell.
+    /// For both eyes, if the GPU has timestamps.
     gpu_ms: Option<Summary>,
     /// The last frame, if it was captured.
     frames: Vec<FrameStats>,
@@ -416,38 +419,38 @@ mod tests {
     #[test]
     fn a_run_ends_after_the_frames_asked_for_and_captures_the_last() {
         let mut report = report("aarc --xr --frames 2..4 --out o --stats s");
-        report.unseen();
-        report.empty(work(1));
+        report.on_unseen_frame();
+        report.on_empty_frame(work(1));
         for (number, last) in [(2, false), (3, false), (4, false), (8, true)] {
             assert!(report.is_last() == last && !report.is_complete(), "{number}");
-            report.shown(work(number), Drawn::default());
+            report.on_frame(work(number), Drawn::default());
         }
         assert!(report.is_complete());
-        assert_eq!((report.shown, report.empty, report.unseen), (4, 1, 1));
+        assert_eq!((report.drawn_frames, report.empty, report.unseen), (4, 1, 1));
         assert_eq!(report.cpu_ms.values.len(), 2, "the first two are left out");
         assert_eq!(report.pacing.missed() - report.missed_before, 3);
     }
 
     #[test]
-    fn what_is_missed_while_a_clip_loads_is_told_apart() {
+    fn frames_missed_while_a_clip_loads_are_counted_apart() {
         let mut report = report("aarc --xr --frames 0..9");
         for (number, loading) in [(1, true), (2, true), (5, true), (6, false), (9, false), (11, true)] {
-            report.shown(Work { loading, ..work(number) }, Drawn::default());
+            report.on_frame(Work { loading, ..work(number) }, Drawn::default());
         }
         assert_eq!((report.loading.frames, report.loading.missed), (4, 3));
         assert_eq!(report.pacing.missed(), 5);
     }
 
     #[test]
-    fn without_a_bound_it_goes_on_and_keeps_little() {
+    fn an_endless_run_stores_little() {
         let mut report = report("aarc --xr");
         for number in 0..10 {
-            report.shown(work(number), Drawn::default());
+            report.on_frame(work(number), Drawn::default());
         }
         assert!(!report.is_complete() && !report.is_last() && report.cpu_ms.values.is_empty());
         let mut latest = Latest::default();
-        (0..KEPT + 10).for_each(|i| latest.push(i as f64));
-        assert_eq!(latest.values.len(), KEPT);
+        (0..CAPACITY + 10).for_each(|i| latest.push(i as f64));
+        assert_eq!(latest.values.len(), CAPACITY);
         assert!(!latest.values.contains(&9.0) && latest.values.contains(&10.0));
     }
 }

@@ -53,14 +53,14 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let mut report = Report::new(args, started);
     loop {
         let device = Device::open(&runtime)?;
-        let shown_before = report.frames_shown();
+        let drawn_before = report.frames_drawn();
         match device.run_sessions(system, &runtime, args, &mut show, &mut report) {
             Ok(()) => {
                 show.save();
                 report.write(args, &runtime, &device.gpu, &mut show)?;
                 return show.outcome();
             }
-            Err(_) if device.gpu.is_worth_replacing(report.frames_shown() - shown_before) => {
+            Err(_) if device.gpu.is_worth_replacing(report.frames_drawn() - drawn_before) => {
                 log::warn!("{DEVICE_REPLACED}");
                 report.lose_session();
                 show.release_device();
@@ -80,7 +80,7 @@ struct Device {
 impl Device {
     fn open(runtime: &Runtime) -> Result<Device, Fault> {
         let (gpu, handles) = Gpu::from_vulkan(runtime)?;
-        let failures = Failures::watch(&gpu);
+        let failures = Failures::collect(&gpu);
         Ok(Device { gpu: Arc::new(gpu), handles, failures })
     }
 

@@ -1,4 +1,4 @@
-//! [`Runtime`]: the OpenXR runtime and its headset, and the graphics device that they open.
+//! [`Runtime`]: the OpenXR runtime, its headset, and the Vulkan objects that it creates.
 
 #![allow(unsafe_code, reason = "a library is loaded, and handles of Vulkan are handed over")]
 
@@ -14,20 +14,20 @@ use super::error::{During, STARTING};
 use super::{System, extensions};
 use crate::gpu::VulkanRuntime;
 
-/// How a headset with two eyes is drawn for.
+/// View configuration of a headset with two eyes.
 pub(super) const EYES: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
-/// How often, and after how long, to ask whether a headset that is known has come.
+/// Number of times to ask again for a headset that is not available, and the delay in between.
 const RETRIES: u32 = 60;
 const RETRY_DELAY: Duration = Duration::from_millis(500);
 
-/// A runtime and the headset that it drives.
+/// A runtime and its headset.
 pub(super) struct Runtime {
     pub(super) instance: xr::Instance,
     pub(super) system: xr::SystemId,
     pub(super) extensions: xr::ExtensionSet,
     pub(super) blends: Blends,
-    /// Pixels of an eye's image that the runtime would like.
+    /// Size of an eye's image in pixels that the runtime recommends.
     pub(super) eye_size: UVec2,
     /// Name and version of the runtime.
     pub(super) name: String,
@@ -39,7 +39,7 @@ impl Runtime {
     /// Starts the system's runtime and waits, for half a minute, for its headset.
     ///
     /// # Errors
-    /// [`Fault::Device`] that says what is missing.
+    /// [`Fault::Device`] that names what is missing.
     pub(super) fn open(system: &mut System) -> Result<Runtime, Fault> {
         let entry = system.entry()?;
         let offered = entry.enumerate_extensions().fault(STARTING)?;
@@ -50,13 +50,13 @@ impl Runtime {
                     .into(),
             ));
         }
-        let extensions = extensions::wanted(&offered);
+        let extensions = extensions::supported(&offered);
         let application = xr::ApplicationInfo {
             application_name: "aarc client",
             application_version: 1,
             engine_name: "",
             engine_version: 0,
-            // What is used of later versions is there as extensions; old loaders refuse more.
+            // Later versions are used through extensions; old loaders refuse more than 1.0.
             api_version: xr::Version::new(1, 0, 0),
         };
         let instance = system.start(&entry, &application, &extensions).fault(STARTING)?;
@@ -86,16 +86,16 @@ impl Runtime {
         })
     }
 
-    /// Waits, for half a minute, until the headset is there again.
+    /// Waits, for half a minute, until the headset is available again.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it does not come.
+    /// [`Fault::Device`] if it stays away.
     pub(super) fn wait_for_headset(&self, system: &mut System) -> Result<(), Fault> {
         find_headset(&self.instance, system).map(drop)
     }
 }
 
-/// The headset of a runtime. Where it is known and not available, waits for it and says so.
+/// Finds the headset of a runtime. Waits for one that is known and not available, and says so.
 fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::SystemId, Fault> {
     let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
     retry(ask, |attempt| {
@@ -107,8 +107,8 @@ fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::Syst
     .fault("looking for the headset")
 }
 
-/// Asks until the answer is another than that the headset is not available now, [`RETRIES`] times
-/// more at most, with `wait` for the number of the attempt in between, which says whether to go on.
+/// Asks until the answer is not "unavailable", at most [`RETRIES`] more times. In between it calls `wait` with
+/// the number of the attempt, which returns whether to continue.
 fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32) -> bool) -> xr::Result<T> {
     for attempt in 0..RETRIES {
         match ask() {
@@ -119,7 +119,7 @@ fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32) ->
     ask()
 }
 
-/// How images are laid over what the eye sees.
+/// Environment blend modes: with and without the room behind the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Blends {
     usual: xr::EnvironmentBlendMode,
@@ -127,27 +127,27 @@ pub(super) struct Blends {
 }
 
 impl Blends {
-    /// Of those that a runtime offers, the one it likes best first.
+    /// Chooses from the modes that a runtime offers, its preferred one first.
     fn of(offered: &[xr::EnvironmentBlendMode]) -> Blends {
         use xr::EnvironmentBlendMode as Mode;
         let usual = [Mode::OPAQUE].into_iter().find(|mode| offered.contains(mode));
         let passthrough = [Mode::ALPHA_BLEND].into_iter().find(|mode| offered.contains(mode));
-        // Glasses that only add light have but that one.
+        // Glasses that only add light offer nothing else.
         Blends { usual: usual.or(offered.first().copied()).unwrap_or(Mode::OPAQUE), passthrough }
     }
 
-    /// Whether the room can be shown behind the clip.
+    /// Whether the runtime can blend the room behind the clip.
     pub(super) fn has_passthrough(&self) -> bool {
         self.passthrough.is_some()
     }
 
-    /// With or without the room, as far as there is one.
+    /// The mode with or without the room; without one for the room, the usual one.
     pub(super) fn mode(&self, passthrough: bool) -> xr::EnvironmentBlendMode {
         self.passthrough.filter(|_| passthrough).unwrap_or(self.usual)
     }
 }
 
-// SAFETY: the handles are those that the runtime makes for its headset.
+// SAFETY: the runtime creates the handles for its headset.
 unsafe impl VulkanRuntime for Runtime {
     fn version_min(&self) -> Result<u32, Fault> {
         let needs = self
@@ -158,7 +158,7 @@ unsafe impl VulkanRuntime for Runtime {
         Ok(vk::make_api_version(0, u32::from(least.major()), u32::from(least.minor()), 0))
     }
 
-    // SAFETY: what the trait demands of the caller is what the runtime demands.
+    // SAFETY: the trait demands the same of the caller as the runtime.
     unsafe fn create_instance(
         &self,
         loader: vk::PFN_vkGetInstanceProcAddr,
@@ -206,12 +206,12 @@ unsafe impl VulkanRuntime for Runtime {
     }
 }
 
-/// A dispatchable handle of Vulkan as the runtime takes it.
+/// A dispatchable Vulkan handle in the type of the runtime.
 pub(super) fn raw(handle: impl vk::Handle) -> *const c_void {
     handle.as_raw() as *const c_void
 }
 
-/// What Vulkan made for the runtime.
+/// The object that Vulkan created for the runtime.
 fn made_by_vulkan<T>(made: xr::Result<Result<T, i32>>, what: &str) -> Result<T, Fault> {
     made.fault(what)?.map_err(|code| {
         Fault::Device(format!("OpenXR runtime: {what} failed: {:?}", vk::Result::from_raw(code)))
@@ -225,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_headset_that_comes_later_is_waited_for() {
+    fn the_player_waits_for_a_headset_that_comes_later() {
         let unavailable = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE);
         let answer_after = |refusals: u32, patience: u32, answer: xr::Result<u8>| {
             let (mut asked, mut waited) = (0, 0);
@@ -244,13 +244,17 @@ mod tests {
         assert_eq!(answer_after(0, always, Ok(1)), (Ok(1), 0));
         assert_eq!(answer_after(7, always, Ok(1)), (Ok(1), 7));
         assert_eq!(answer_after(7, 3, Ok(1)), (unavailable, 3), "not when the program has to end");
-        assert_eq!(answer_after(always, always, Ok(1)), (unavailable, RETRIES), "not for ever");
+        assert_eq!(answer_after(always, always, Ok(1)), (unavailable, RETRIES), "up to a limit");
         let unsupported = Err(xr::sys::Result::ERROR_FORM_FACTOR_UNSUPPORTED);
-        assert_eq!(answer_after(1, always, unsupported), (unsupported, 1), "another reason is none to wait");
+        assert_eq!(
+            answer_after(1, always, unsupported),
+            (unsupported, 1),
+            "only unavailability is a reason to wait"
+        );
     }
 
     #[test]
-    fn images_are_opaque_unless_the_room_is_asked_for_and_offered() {
+    fn images_are_opaque_unless_passthrough_is_requested_and_offered() {
         let blends = Blends::of(&[Mode::ALPHA_BLEND, Mode::OPAQUE]);
         assert!(blends.has_passthrough());
         assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE, Mode::ALPHA_BLEND]);

@@ -19,7 +19,7 @@ use super::interaction::Haptics;
 use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
-use super::report::{Drawn, Report, Shown, Work};
+use super::report::{Drawn, EyeImages, Report, Work};
 use super::runtime::{EYES, Runtime, raw};
 use super::show::{Moved, Show, Viewer};
 use super::state::{Event, State};
@@ -36,7 +36,7 @@ pub(super) struct Session {
     session: xr::Session<xr::Vulkan>,
     format: RuntimeFormat,
     events: xr::EventDataBuffer,
-    watch: Stopwatch,
+    stopwatch: Stopwatch,
     rate: DisplayRate,
     gpu: Arc<Gpu>,
 }
@@ -103,35 +103,35 @@ impl Session {
             log::info!("{hz} Hz");
             rate.set(hz);
         }
-        let watch = Stopwatch::default();
+        let stopwatch = Stopwatch::default();
         Ok(Session {
             canvas: Canvas {
-                panel: PanelLayer::open(&session, gpu, format, readable, watch.clone())?,
+                panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
                 eyes: RuntimeTargets::new(gpu, &images)?,
-                images: Images::new(SwapchainImages { swapchain, watch: watch.clone() }),
+                images: Images::new(SwapchainImages { swapchain, stopwatch: stopwatch.clone() }),
                 passthrough: PassthroughMode::open(runtime, &session),
                 size,
-                watch: watch.clone(),
+                stopwatch: stopwatch.clone(),
                 gpu: gpu.clone(),
             },
             tracking: Tracking {
                 input: Input::attach(&session, &runtime.extensions)?,
                 stage: space::open(&session)?,
-                watch: watch.clone(),
+                stopwatch: stopwatch.clone(),
             },
             frames: Frames::new(SessionFrames {
                 waiter,
                 stream,
                 blends: runtime.blends,
-                watch: watch.clone(),
+                stopwatch: stopwatch.clone(),
                 rate: rate.clone(),
             }),
             events: xr::EventDataBuffer::new(),
             gpu: gpu.clone(),
             session,
             format,
-            watch,
+            stopwatch,
             rate,
         })
     }
@@ -220,7 +220,7 @@ impl Session {
     ) -> Result<Request, Halt> {
         let frame = self.frames.begin().halt("beginning a frame")?;
         let (start, timing) = (Instant::now(), frame.timing());
-        self.watch.take();
+        self.stopwatch.take();
         show.receive()?;
 
         let tracked = self.tracking.locate(&self.session, timing.display_ns, has_focus)?;
@@ -236,7 +236,7 @@ impl Session {
 
         let request = if leaves || report.is_complete() { Request::Exit } else { Request::Nothing };
         let Some(eyes) = tracked.eyes.filter(|_| timing.visible) else {
-            report.unseen();
+            report.on_unseen_frame();
             frame.end(Layers::default()).halt("ending a frame")?;
             return Ok(request);
         };
@@ -248,7 +248,7 @@ impl Session {
         self.canvas.compose(frame, stage, &eyes, size, show.panel_quad(), rays, show.shows_passthrough())?;
 
         let work = Work {
-            cpu_s: (start.elapsed().saturating_sub(self.watch.take())).as_secs_f64(),
+            cpu_s: (start.elapsed().saturating_sub(self.stopwatch.take())).as_secs_f64(),
             display_ns: timing.display_ns,
             period_ns: timing.period_ns,
             loading: show.is_loading(),
@@ -268,16 +268,16 @@ impl Session {
         is_captured: bool,
     ) -> Result<(), Halt> {
         let Some(DrawnClip { views, counts }) = drawn else {
-            report.empty(work);
+            report.on_empty_frame(work);
             return Ok(());
         };
         let (level, settings) = (show.quality().level(), show.quality().settings());
         let gpu_ms = show.measure(counts, size, work.period_ns);
-        report.shown(work, Drawn { level, size, settings, counts, gpu_ms });
+        report.on_frame(work, Drawn { level, size, settings, counts, gpu_ms });
         if is_captured {
             let (pixels, panel) = self.canvas.read(size)?;
             let (t, position_s) = (show.player().clip_time(), show.player().position_s());
-            report.capture(Shown { views, t, position_s, settings, pixels, panel });
+            report.capture(EyeImages { views, t, position_s, settings, pixels, panel });
         }
         Ok(())
     }

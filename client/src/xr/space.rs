@@ -1,13 +1,13 @@
-//! The stage: the space that poses are in, with the floor at 0.
+//! The stage: the reference space of all poses, with the floor at 0.
 
 use openxr as xr;
 
 use super::error::{During, Halt};
 
-/// Height of the eyes of someone who sits or stands, where the runtime cannot tell the floor.
+/// Assumed eye height, between sitting and standing, for a runtime that does not know the floor.
 const EYE_HEIGHT_M: f32 = 1.5;
 
-/// Opens the best space that the runtime offers.
+/// Opens the best reference space that the runtime offers.
 ///
 /// # Errors
 /// See [`Halt`].
@@ -20,8 +20,8 @@ pub(super) fn open(session: &xr::Session<xr::Vulkan>) -> Result<xr::Space, Halt>
     session.create_reference_space(kind, origin).halt("opening a space")
 }
 
-/// The best of the spaces `offered`, and the height of the floor in it: first the room as it was
-/// measured, then a space of which the floor is known, then one around where the head was.
+/// The best of the spaces `offered`, and the height of the floor in it: the measured room, else a space with
+/// a known floor, else one around the initial head position.
 fn choose(offered: &[xr::ReferenceSpaceType]) -> (xr::ReferenceSpaceType, f32) {
     use xr::ReferenceSpaceType as Type;
     [Type::STAGE, Type::LOCAL_FLOOR]

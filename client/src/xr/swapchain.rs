@@ -1,4 +1,4 @@
-//! Swapchains: images that the runtime owns and shows, and the renderer draws into.
+//! Swapchains: images that the runtime owns and shows and that the renderer draws into.
 
 #![allow(unsafe_code, reason = "images of the runtime are wrapped")]
 
@@ -23,8 +23,7 @@ pub(super) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<Runtime
     })
 }
 
-/// Makes images of `size` with `layers` layers, to be drawn into in `format` and, if `readable`,
-/// copied from.
+/// Creates images of `size` with `layers` layers for drawing in `format` and, if `readable`, for copying.
 ///
 /// # Errors
 /// See [`Halt`].
@@ -60,8 +59,8 @@ pub(super) fn make(
 /// The images of a swapchain made by [`make`] with the same arguments.
 ///
 /// # Safety
-/// They must be wrapped for the device of the session, the textures must go before the swapchain,
-/// and be used only between acquiring and releasing.
+/// The images must be wrapped for the device of the session; the textures must be dropped before the
+/// swapchain, and be used only between acquiring and releasing.
 pub(super) unsafe fn wrap(
     swapchain: &xr::Swapchain<xr::Vulkan>,
     size: UVec2,
@@ -71,7 +70,7 @@ pub(super) unsafe fn wrap(
 ) -> Result<RuntimeImages, Halt> {
     let images = swapchain.enumerate_images().halt("making images")?;
     let images = images.into_iter().map(|image| vk::Image::from_raw(image as _)).collect();
-    // SAFETY: the caller vouches for their use; acquired images are in the layout of a colour
-    // attachment, as the runtime's interface to Vulkan says.
+    // SAFETY: the caller vouches for their use; XR_KHR_vulkan_enable2 hands out images in the layout of a
+    // colour attachment.
     Ok(unsafe { RuntimeImages::new(images, size, layers, format, readable) })
 }

@@ -13,7 +13,7 @@ use super::runtime::EYES;
 pub(super) struct Tracking {
     pub(super) input: Input,
     pub(super) stage: xr::Space,
-    pub(super) watch: Stopwatch,
+    pub(super) stopwatch: Stopwatch,
 }
 
 /// The viewer at a display time.
@@ -42,10 +42,10 @@ impl Tracking {
         has_focus: bool,
     ) -> Result<Tracked, Halt> {
         let time = xr::Time::from_nanos(display_ns);
-        let views = self.watch.time(|| self.views(session, time))?;
+        let views = self.stopwatch.time(|| self.views(session, time))?;
         let eyes = views.map(|views| Eyes { poses: [0, 1].map(|i: usize| eye::pose(views[i].pose)), views });
         let hands = if has_focus {
-            self.watch.time(|| self.input.hands(session, &self.stage, time))?
+            self.stopwatch.time(|| self.input.hands(session, &self.stage, time))?
         } else {
             Hands::default()
         };
@@ -54,7 +54,7 @@ impl Tracking {
 
     /// Lets the hands feel `haptics`.
     pub(super) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
-        self.watch.time(|| self.input.feel(session, haptics));
+        self.stopwatch.time(|| self.input.feel(session, haptics));
     }
 
     fn views(

@@ -1,7 +1,6 @@
-//! `XR_FB_passthrough`: the room as a layer below what is drawn, on headsets whose images cannot be
-//! blended with it.
+//! `XR_FB_passthrough`: the room as a layer below the images, for headsets without a blend mode for it.
 
-#![allow(unsafe_code, reason = "the crate keeps its form of this layer to itself")]
+#![allow(unsafe_code, reason = "the crate keeps its type of this layer private")]
 
 use std::marker::PhantomData;
 use std::ops::Deref;
@@ -9,19 +8,19 @@ use std::ops::Deref;
 use openxr as xr;
 use openxr::sys::Handle as _;
 
-/// The room, which is recorded only while it is seen.
+/// The room, filmed only while it is visible.
 pub(in crate::xr) struct Passthrough {
-    // Before what it is part of.
+    // Before the cameras that it belongs to.
     layer: xr::PassthroughLayerFB,
     _cameras: xr::Passthrough,
     running: bool,
 }
 
 impl Passthrough {
-    /// Gets it ready, not yet to be seen; `None` where the headset has no cameras for it.
+    /// Creates the layer, hidden; `None` for a headset without cameras.
     pub(in crate::xr) fn open(session: &xr::Session<xr::Vulkan>) -> Option<Passthrough> {
         let open = || {
-            // The crate's function that starts it later pauses it instead.
+            // The crate's function to start it later pauses it instead.
             let cameras = session.create_passthrough(xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION)?;
             let flags = xr::PassthroughFlagsFB::EMPTY;
             let purpose = xr::PassthroughLayerPurposeFB::RECONSTRUCTION;
@@ -31,22 +30,22 @@ impl Passthrough {
         open().inspect_err(|code: &xr::sys::Result| log::info!("no passthrough: {code:?}")).ok()
     }
 
-    /// The layer to show first of all in this frame; `None` unless it is `wanted`.
-    pub(in crate::xr) fn layer(&mut self, wanted: bool) -> Option<PassthroughLayer<'_>> {
-        if wanted != self.running {
-            let result = if wanted { self.layer.resume() } else { self.layer.pause() };
+    /// The bottom layer of this frame; `None` unless it is `visible`.
+    pub(in crate::xr) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
+        if visible != self.running {
+            let result = if visible { self.layer.resume() } else { self.layer.pause() };
             if let Err(code) = result {
                 log::warn!("passthrough: {code:?}");
             }
-            // Whatever came of it, it is not tried again in every frame.
-            self.running = wanted;
+            // After a failure, too: it is not tried again in every frame.
+            self.running = visible;
         }
-        wanted.then(|| PassthroughLayer {
+        visible.then(|| PassthroughLayer {
             raw: xr::sys::CompositionLayerPassthroughFB {
                 ty: xr::sys::CompositionLayerPassthroughFB::TYPE,
                 next: std::ptr::null(),
                 flags: xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
-                // It fills the view.
+                // The layer fills the view.
                 space: xr::sys::Space::NULL,
                 layer_handle: self.layer.as_raw(),
             },
@@ -65,8 +64,8 @@ impl<'a> Deref for PassthroughLayer<'a> {
     type Target = xr::CompositionLayerBase<'a, xr::Vulkan>;
 
     fn deref(&self) -> &Self::Target {
-        // SAFETY: every layer begins with the header that the target stands for, and is named by
-        // its type; the handle in it outlives `'a`.
+        // SAFETY: every layer begins with the header of the target type, which names the layer's type; the
+        // handle in it outlives `'a`.
         unsafe { &*std::ptr::from_ref(&self.raw).cast() }
     }
 }

@@ -1,10 +1,10 @@
-//! `XR_EXT_performance_settings`: how hard the headset should work.
+//! `XR_EXT_performance_settings`: the performance level of the headset.
 
 #![allow(unsafe_code, reason = "the function has no safe form")]
 
 use openxr as xr;
 
-/// Asks for as much as the headset can keep up without growing too hot.
+/// Requests the highest level that the headset sustains without overheating.
 pub(in crate::xr) fn request(session: &xr::Session<xr::Vulkan>) {
     let Some(settings) = &session.instance().exts().ext_performance_settings else { return };
     for domain in [xr::PerfSettingsDomainEXT::CPU, xr::PerfSettingsDomainEXT::GPU] {

@@ -1,12 +1,11 @@
-//! `XR_FB_display_refresh_rate`: how often the display shows a new image.
+//! `XR_FB_display_refresh_rate`: the refresh rate of the display.
 
 use openxr as xr;
 
-/// What is asked for where it is offered, in images per second: smooth, and reached by headsets
-/// that stand alone.
-const WANTED_HZ: f32 = 90.0;
+/// Preferred rate in Hz: smooth, and within the power of standalone headsets.
+const PREFERRED_HZ: f32 = 90.0;
 
-/// Asks for the best rate, if there is a choice; the rate asked for, in images per second.
+/// Requests the best rate, if there is a choice; returns the requested rate in Hz.
 pub(in crate::xr) fn request(session: &xr::Session<xr::Vulkan>) -> Option<f32> {
     let offered = session.enumerate_display_refresh_rates().ok()?;
     let rate_hz = choose(&offered)?;
@@ -17,10 +16,10 @@ pub(in crate::xr) fn request(session: &xr::Session<xr::Vulkan>) -> Option<f32> {
     Some(rate_hz)
 }
 
-/// The wanted rate if it is among those `offered`, else the highest.
+/// The preferred rate if it is among the `offered` ones, else the highest.
 fn choose(offered: &[f32]) -> Option<f32> {
-    let wanted = offered.iter().copied().find(|rate| (rate - WANTED_HZ).abs() < 0.5);
-    wanted.or_else(|| offered.iter().copied().max_by(f32::total_cmp))
+    let preferred = offered.iter().copied().find(|rate| (rate - PREFERRED_HZ).abs() < 0.5);
+    preferred.or_else(|| offered.iter().copied().max_by(f32::total_cmp))
 }
 
 #[cfg(test)]
@@ -28,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ninety_or_the_most() {
+    fn ninety_else_the_highest() {
         assert_eq!(choose(&[60.0, 72.0, 80.0, 90.0, 120.0]), Some(90.0));
         assert_eq!(choose(&[72.0, 89.95, 120.0]), Some(89.95));
         assert_eq!(choose(&[60.0, 72.0]), Some(72.0));

@@ -1,50 +1,50 @@
-//! [`Command`]: what buttons and panel ask for.
+//! [`Command`]: a wish of the viewer, from a button or the panel.
 
 use crate::player::Player;
 
-/// Something a person wants.
+/// A wish of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// Play or pause.
     TogglePlaying,
     /// One captured frame back.
     StepBack,
-    /// One captured frame on.
+    /// One captured frame forward.
     StepForward,
     /// To this many seconds from the start.
     Seek(f64),
-    /// The next slower rate.
+    /// The next slower speed.
     Slower,
-    /// The next faster rate.
+    /// The next faster speed.
     Faster,
-    /// The rate of life.
+    /// The speed of life.
     NormalSpeed,
-    /// Start over at the end, or not.
+    /// Turn looping on or off.
     ToggleLoop,
     /// Play the next clip.
     NextClip,
     /// The next better quality.
     Better,
-    /// The next faster one.
+    /// The next lower quality.
     Coarser,
-    /// See the room behind the clip, or not.
+    /// Show or hide the room behind the clip.
     TogglePassthrough,
     /// Show or hide the statistics.
     ToggleStatistics,
-    /// Show or hide what the buttons do.
+    /// Show or hide the list of buttons.
     ToggleButtons,
     /// Show or hide the panel.
     TogglePanel,
-    /// Put clip and panel in front of the viewer, at life size.
+    /// Put clip, at life size, and panel in front of the viewer.
     Recentre,
-    /// Take the message away.
+    /// Remove the message.
     Dismiss,
     /// Leave the program.
     Exit,
 }
 
 impl Command {
-    /// Carries it out if it is for the clock; whether it was.
+    /// Carries the command out if it is for the clock; returns whether it was.
     pub fn play(self, player: &mut Player) -> bool {
         match self {
             Command::TogglePlaying => player.toggle_playing(),

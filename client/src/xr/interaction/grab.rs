@@ -1,9 +1,9 @@
 //! [`Grab`]: hands that hold the clip.
 //!
-//! One hand carries it as if it were a statue on a pole: it moves with the hand and turns with it
-//! about the vertical, but never tilts. Two hands carry, turn and scale it: what was midway between
-//! them stays midway. Whenever the holding hands change, or something else moved the clip, the
-//! motion starts anew from where things are, so that nothing jumps.
+//! One hand carries the clip like a statue on a pole: the clip moves with the hand and turns with it about the
+//! vertical, but never tilts. Two hands carry, turn and scale it: the point midway between them stays midway.
+//! When the holding hands change, or something else moves the clip, the motion restarts from the present
+//! poses, so that nothing jumps.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -11,23 +11,22 @@ use super::hands::{Pose, Side};
 use super::haptics::{Haptics, Pulse};
 use super::placement::Placement;
 
-/// Distance between two hands below which their direction, or the ratio of distances, is noise;
-/// in metres.
+/// Distance between two hands, in metres, below which their direction and the ratio of distances are noise.
 const HANDS_APART_M: f64 = 0.05;
 
-/// A hand that has swung this far from how it took hold, as the squared cosine of half the angle
-/// (a right angle), takes hold anew: towards half a turn its turn about the vertical is undefined.
+/// Swing of a hand since it took hold, as the squared cosine of half the angle (a right angle), from which it
+/// takes hold again: near half a turn, its turn about the vertical is undefined.
 const SWUNG: f64 = 0.5;
 
-/// What the hands hold.
+/// State of the holding hands.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Grab {
     hold: Hold,
-    /// What the last frame made of the clip.
+    /// Placement after the last frame.
     placement: Placement,
 }
 
-/// How things were when hands took hold.
+/// Poses when the hands took hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Hold {
     #[default]
@@ -38,12 +37,12 @@ enum Hold {
         placement: Placement,
     },
     Two {
-        middle: DVec3,
+        center: DVec3,
         apart_m: f64,
         placement: Placement,
-        /// Level direction from left to right, as of the last frame in which it was clear.
+        /// Level direction from left to right, in the last frame with a defined one.
         level: Option<DVec2>,
-        /// Angle about +y that the hands have turned the clip by.
+        /// Angle about +y by which the hands have turned the clip.
         turned: f64,
     },
 }
@@ -55,8 +54,8 @@ impl Hold {
             [Some(hand), None] => Hold::One { side: Side::Left, hand, placement },
             [None, Some(hand)] => Hold::One { side: Side::Right, hand, placement },
             [Some(left), Some(right)] => {
-                let Span { middle, apart_m, level } = Span::of(left, right);
-                Hold::Two { middle, apart_m, placement, level, turned: 0.0 }
+                let Span { center, apart_m, level } = Span::of(left, right);
+                Hold::Two { center, apart_m, placement, level, turned: 0.0 }
             }
         }
     }
@@ -70,11 +69,11 @@ impl Hold {
     }
 }
 
-/// What lies between two hands.
+/// The line between two hands.
 struct Span {
-    middle: DVec3,
+    center: DVec3,
     apart_m: f64,
-    /// Level direction from left to right, x and z, unless one is above the other.
+    /// Level direction from left to right, x and z; `None` if one hand is above the other.
     level: Option<DVec2>,
 }
 
@@ -83,7 +82,7 @@ impl Span {
         let (left, right) = (left.position.as_dvec3(), right.position.as_dvec3());
         let level = DVec2::new(right.x - left.x, right.z - left.z);
         Span {
-            middle: left.midpoint(right),
+            center: left.midpoint(right),
             apart_m: left.distance(right).max(HANDS_APART_M),
             level: (level.length() >= HANDS_APART_M).then(|| level.normalize()),
         }
@@ -91,8 +90,8 @@ impl Span {
 }
 
 impl Grab {
-    /// Where hands with the grip poses `hands`, `None` for one that holds nothing, left then right,
-    /// take a clip at `placement`. Taking hold and letting go are felt.
+    /// Placement of a clip at `placement` after a frame with the grip poses `hands`, left then right, `None` for
+    /// a hand that holds nothing. Taking hold and releasing give pulses.
     pub(super) fn update(
         &mut self,
         hands: [Option<Pose>; 2],
@@ -119,7 +118,7 @@ impl Grab {
         self.hold != Hold::Nothing
     }
 
-    /// `None` where nothing is held.
+    /// `None` if no hand holds.
     fn carry(&mut self, hands: [Option<Pose>; 2]) -> Option<Placement> {
         match (&mut self.hold, hands) {
             (Hold::One { hand: start, placement, .. }, [Some(hand), None] | [None, Some(hand)]) => {
@@ -132,7 +131,7 @@ impl Grab {
                 }
                 Some(carried)
             }
-            (Hold::Two { middle, apart_m, placement, level, turned }, [Some(left), Some(right)]) => {
+            (Hold::Two { center, apart_m, placement, level, turned }, [Some(left), Some(right)]) => {
                 let span = Span::of(left, right);
                 if let (Some(before), Some(now)) = (*level, span.level) {
                     // The angle about +y goes from z to x.
@@ -140,15 +139,15 @@ impl Grab {
                 }
                 *level = span.level;
                 let scale = placement.scale() * (span.apart_m / *apart_m);
-                Some(placement.carried(*middle, span.middle, *turned, scale))
+                Some(placement.carried(*center, span.center, *turned, scale))
             }
             _ => None,
         }
     }
 }
 
-/// The part of a rotation that turns about +y, as an angle in radians, and the squared cosine of
-/// half the angle by which the rest swings the vertical.
+/// Angle in radians of a rotation's turn about +y, and the squared cosine of half the angle by which its rest
+/// swings the vertical.
 fn turn_about_up(rotation: DQuat) -> (f64, f64) {
     (2.0 * rotation.y.atan2(rotation.w), rotation.y * rotation.y + rotation.w * rotation.w)
 }
@@ -162,7 +161,7 @@ mod tests {
     use super::super::random::Random;
     use super::*;
 
-    /// Feeds frames and keeps the placement, as a session does.
+    /// Feeds frames and holds the placement, as a session does.
     struct Bench {
         grab: Grab,
         placement: Placement,
@@ -185,12 +184,12 @@ mod tests {
         Pose { position, orientation: Quat::IDENTITY }
     }
 
-    /// Where a point of the clip, upright and in metres, is in the stage.
+    /// Position in the stage of a point of the clip, upright and in metres.
     fn stage(placement: &Placement, point: DVec3) -> DVec3 {
         DQuat::from_rotation_y(placement.yaw()) * point * placement.scale() + placement.position()
     }
 
-    /// What is at a point of the stage: the inverse of [`stage`].
+    /// Inverse of [`stage`].
     fn clip(placement: &Placement, point: DVec3) -> DVec3 {
         DQuat::from_rotation_y(-placement.yaw()) * (point - placement.position()) / placement.scale()
     }
@@ -285,12 +284,12 @@ mod tests {
             let mut bench = Bench::new(random.placement());
             let (left, right) = (random.pose(), random.pose());
             let start = bench.hold([Some(left), Some(right)]);
-            let middle = |l: Pose, r: Pose| l.position.as_dvec3().midpoint(r.position.as_dvec3());
-            let held = clip(&start, middle(left, right));
+            let center = |l: Pose, r: Pose| l.position.as_dvec3().midpoint(r.position.as_dvec3());
+            let held = clip(&start, center(left, right));
             for _ in 0..5 {
                 let (left, right) = (random.pose(), random.pose());
                 let end = bench.hold([Some(left), Some(right)]);
-                let error = stage(&end, held).distance(middle(left, right));
+                let error = stage(&end, held).distance(center(left, right));
                 assert!(error < 1e-5, "{error}: {end:?}");
                 assert!((0.05..=20.0).contains(&end.scale()));
             }

@@ -1,17 +1,17 @@
-//! [`Hands`]: what a runtime says of both hands in a frame, in metres of the stage: +y up, the
-//! floor at 0, -z ahead.
+//! [`Hands`]: both hands in a frame, as the runtime reports them, in metres of the stage: +y up, the floor at
+//! 0, -z ahead.
 
 use glam::{DVec3, Quat, Vec2, Vec3};
 
-/// Farthest from the origin of the stage that a pose is believed, in metres.
+/// Farthest distance of a plausible pose from the origin of the stage, in metres.
 const FARTHEST_M: f32 = 100.0;
 
-/// Where something is and how it is turned, in the stage.
+/// Position and orientation in the stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// In metres.
     pub position: Vec3,
-    /// Unit quaternion from its own axes, of which -z points ahead and +y up.
+    /// Unit quaternion from the local axes: -z ahead, +y up.
     pub orientation: Quat,
 }
 
@@ -19,23 +19,23 @@ impl Pose {
     /// At the origin, looking along -z.
     pub const IDENTITY: Pose = Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY };
 
-    /// Whether it is a pose at all: finite, near enough to be in a room, and not scaled.
+    /// Whether the pose is plausible: finite, near enough to be in a room, and not scaled.
     pub fn is_valid(&self) -> bool {
         // A comparison with NaN is false.
         self.position.length_squared() <= FARTHEST_M * FARTHEST_M
             && (self.orientation.length_squared() - 1.0).abs() < 0.01
     }
 
-    /// Unit vector in which it points.
+    /// Unit vector of the local -z axis.
     pub fn forward(&self) -> Vec3 {
         self.orientation * Vec3::NEG_Z
     }
 
-    /// Angle about +y by which it is turned from looking along -z, in radians; defined also where
-    /// it looks straight up or down.
+    /// Angle about +y from looking along -z, in radians; defined also for a pose that looks straight up or
+    /// down.
     pub fn heading(&self) -> f64 {
         let (forward, up) = (self.forward(), self.orientation * Vec3::Y);
-        // Looking down, what is up for the viewer points ahead; looking up, it points back.
+        // For a viewer who looks down, the head's up axis points ahead; for one who looks up, back.
         let ahead = (forward - up * forward.y).as_dvec3();
         if DVec3::new(ahead.x, 0.0, ahead.z).length_squared() > 1e-12 {
             (-ahead.x).atan2(-ahead.z)
@@ -54,14 +54,14 @@ impl Default for Pose {
 /// One of two hands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The left hand, number 0 where there is an array for both.
+    /// The left hand, index 0 in arrays.
     Left,
-    /// The right hand, number 1.
+    /// The right hand, index 1.
     Right,
 }
 
 impl Side {
-    /// Both, in the order of arrays.
+    /// Both sides in the order of arrays.
     pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
 
     /// The other hand.
@@ -84,30 +84,30 @@ pub enum Button {
     Primary,
     /// The upper of the two: Y on the left, B on the right.
     Secondary,
-    /// The menu button, on the controllers that leave one to programs.
+    /// The menu button, on controllers that do not reserve it for the system.
     Menu,
 }
 
 impl Button {
-    /// All, in the order of arrays.
+    /// All buttons in the order of arrays.
     pub(super) const ALL: [Button; 5] =
         [Button::Select, Button::Squeeze, Button::Primary, Button::Secondary, Button::Menu];
 }
 
-/// A hand with its controller, as the runtime reports it. What a controller lacks stays at rest.
+/// A hand with its controller, as the runtime reports it. Buttons that a controller lacks stay released.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hand {
     /// Whether both poses are known now.
     pub tracked: bool,
-    /// Origin and direction of the ray that points.
+    /// Origin and direction of the pointer ray.
     pub aim: Pose,
-    /// The palm that holds.
+    /// Pose of the palm.
     pub grip: Pose,
     /// [`Button::Select`].
     pub select: bool,
     /// [`Button::Squeeze`].
     pub squeeze: bool,
-    /// Right and up, each -1 to 1.
+    /// Deflection to the right and up, each -1 to 1.
     pub stick: Vec2,
     /// [`Button::Primary`].
     pub primary: bool,
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn the_heading_is_kept_while_looking_up_and_down() {
+    fn the_heading_is_stable_while_looking_up_and_down() {
         for heading in [-3.0, -1.0, 0.0, 0.7, 2.5] {
             for pitch in [-FRAC_PI_2, -1.2, 0.0, 0.9, FRAC_PI_2] {
                 let found = looking(heading, pitch).heading();
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pose_is_told() {
+    fn implausible_poses_are_found() {
         let pose = looking(1.0, 0.3);
         assert!(pose.is_valid() && Pose::IDENTITY.is_valid());
         for position in [Vec3::NAN, Vec3::X * f32::INFINITY, Vec3::Y * 1e4] {

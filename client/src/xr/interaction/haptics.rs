@@ -1,11 +1,11 @@
-//! [`Haptics`]: what the hands are to feel in a frame.
+//! [`Haptics`]: the vibrations of a frame.
 
 use super::hands::Side;
 
 /// A short vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
-    /// From 0 to 1.
+    /// Strength, 0 to 1.
     pub amplitude: f32,
     /// Length in seconds.
     pub duration_s: f32,
@@ -14,22 +14,22 @@ pub struct Pulse {
 impl Pulse {
     /// A hand takes hold of the clip.
     pub const GRAB: Pulse = Pulse { amplitude: 0.6, duration_s: 0.03 };
-    /// It lets go.
+    /// A hand releases the clip.
     pub const RELEASE: Pulse = Pulse { amplitude: 0.3, duration_s: 0.02 };
-    /// The viewer turned by a step.
+    /// The viewer turns by a step.
     pub const SNAP: Pulse = Pulse { amplitude: 0.4, duration_s: 0.02 };
-    /// Something on the panel was pressed.
+    /// A hand presses on the panel.
     pub const PRESS: Pulse = Pulse { amplitude: 0.25, duration_s: 0.012 };
 }
 
-/// At most a pulse for each hand.
+/// At most one pulse for each hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Haptics {
     pulses: [Option<Pulse>; 2],
 }
 
 impl Haptics {
-    /// Asks for a pulse; the stronger one of two counts.
+    /// Adds a pulse; of two for a hand, the stronger one wins.
     pub fn play(&mut self, side: Side, pulse: Pulse) {
         let slot = &mut self.pulses[side as usize];
         if slot.is_none_or(|other| other.amplitude < pulse.amplitude) {
@@ -37,7 +37,7 @@ impl Haptics {
         }
     }
 
-    /// What a hand is to feel.
+    /// Pulse of a hand.
     pub fn on(&self, side: Side) -> Option<Pulse> {
         self.pulses[side as usize]
     }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_stronger_pulse_counts() {
+    fn the_stronger_pulse_wins() {
         let mut haptics = Haptics::default();
         for pulse in [Pulse::RELEASE, Pulse::GRAB, Pulse::PRESS] {
             haptics.play(Side::Left, pulse);

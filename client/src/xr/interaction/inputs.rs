@@ -1,7 +1,7 @@
-//! [`Inputs`]: buttons and sticks over time: what was pressed just now, and for how long it is held.
+//! [`Inputs`]: buttons and sticks over time: presses, taps and holds.
 //!
-//! A hand that is not tracked, or a program that does not have the focus, holds nothing. What is
-//! still held when they come back counts only after it was let go: nobody meant it for us.
+//! An untracked hand, or a program without the focus, holds nothing. A button that is down when hand or focus
+//! comes back counts only after its release: the press was meant for another program.
 
 use glam::Vec2;
 
@@ -10,7 +10,7 @@ use super::stick::STICK_CENTRE;
 
 const BUTTONS: usize = Button::ALL.len();
 
-/// Seconds for which a button is held; `None` where it is not.
+/// Seconds for which a button has been held; `None` for a released one.
 type Held = Option<f64>;
 
 /// Both hands, with their recent past.
@@ -21,13 +21,13 @@ pub struct Inputs {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct SideInputs {
-    /// `None` while the hand is not there.
+    /// `None` while the hand is not tracked.
     poses: Option<Poses>,
     held: [Held; BUTTONS],
-    /// As of the frame before.
+    /// In the previous frame.
     held_before: [Held; BUTTONS],
     stick: Vec2,
-    /// Which buttons, and whether the stick, were seen at rest since the hand came back.
+    /// Buttons, and the stick, that were at rest since the hand came back.
     button_ready: [bool; BUTTONS],
     stick_ready: bool,
 }
@@ -39,15 +39,14 @@ struct Poses {
 }
 
 impl Inputs {
-    /// Takes in the hands of a frame that lasts `elapsed_s` seconds. `focused` is whether input
-    /// is meant for this program.
+    /// Takes in the hands of a frame of `elapsed_s` seconds. `focused` is whether input is for this program.
     pub fn update(&mut self, hands: &Hands, focused: bool, elapsed_s: f64) {
         let elapsed_s = if elapsed_s.is_finite() { elapsed_s.max(0.0) } else { 0.0 };
         for side in Side::BOTH {
             let (hand, inputs) = (hands.on(side), &mut self.sides[side as usize]);
-            let there = focused && hand.tracked && hand.aim.is_valid() && hand.grip.is_valid();
+            let is_present = focused && hand.tracked && hand.aim.is_valid() && hand.grip.is_valid();
             inputs.held_before = inputs.held;
-            if !there {
+            if !is_present {
                 *inputs = SideInputs::default();
                 continue;
             }
@@ -64,17 +63,17 @@ impl Inputs {
         }
     }
 
-    /// The pose that a hand points with, if it is there.
+    /// Aim pose of a hand, if it is tracked.
     pub fn aim(&self, side: Side) -> Option<Pose> {
         self.sides[side as usize].poses.map(|poses| poses.aim)
     }
 
-    /// The pose that a hand holds with, if it is there.
+    /// Grip pose of a hand, if it is tracked.
     pub fn grip(&self, side: Side) -> Option<Pose> {
         self.sides[side as usize].poses.map(|poses| poses.grip)
     }
 
-    /// Right and up, no longer than 1.
+    /// Deflection to the right and up, of length 1 at most.
     pub fn stick(&self, side: Side) -> Vec2 {
         self.sides[side as usize].stick
     }
@@ -89,14 +88,14 @@ impl Inputs {
         self.held(side, button).is_some() && self.held_before(side, button).is_none()
     }
 
-    /// Whether a button was let go in this frame after less than `within_s` seconds. A hand that
-    /// is lost lets nothing go.
+    /// Whether a button was released in this frame after less than `within_s` seconds. Losing a hand releases
+    /// nothing.
     pub fn tapped(&self, side: Side, button: Button, within_s: f64) -> bool {
         self.held(side, button).is_none()
             && self.held_before(side, button).is_some_and(|held_s| held_s < within_s)
     }
 
-    /// Whether a button has been held for `after_s` seconds as of this frame.
+    /// Whether a button has reached `after_s` seconds of being held in this frame.
     pub fn held_for(&self, side: Side, button: Button, after_s: f64) -> bool {
         let passed = |held: Held| held.is_some_and(|held_s| held_s >= after_s);
         passed(self.held(side, button)) && !passed(self.held_before(side, button))
@@ -134,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_press_and_a_tap_are_told_once() {
+    fn a_press_and_a_tap_are_reported_once() {
         let up = (false, true);
         let down = (true, true);
         assert!(inputs(&[up, down]).pressed(A.0, A.1));
@@ -146,19 +145,19 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_is_told_once() {
+    fn a_hold_is_reported_once() {
         let mut inputs = inputs(&[(false, true), (true, true)]);
-        let told: Vec<usize> = (1..20)
+        let found: Vec<usize> = (1..20)
             .filter(|_| {
                 inputs.update(&hands(true), true, 0.1);
                 inputs.held_for(A.0, A.1, 0.55)
             })
             .collect();
-        assert_eq!(told, [6]);
+        assert_eq!(found, [6]);
     }
 
     #[test]
-    fn what_was_held_while_we_were_away_counts_only_after_it_was_let_go() {
+    fn a_button_held_since_before_the_focus_counts_only_after_its_release() {
         assert!(!inputs(&[(true, true)]).is_held(A.0, A.1), "held since before the program began");
         let back = inputs(&[(false, true), (true, true), (true, false), (true, true)]);
         assert!(!back.is_held(A.0, A.1) && !back.pressed(A.0, A.1));
@@ -175,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stick_counts_once_it_was_seen_in_the_middle() {
+    fn a_stick_counts_once_it_was_at_rest() {
         let hands =
             |stick| Hands { left: Hand { tracked: true, stick, ..Hand::default() }, ..Hands::default() };
         let mut inputs = Inputs::default();
@@ -189,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_that_are_none_count_as_lost() {
+    fn implausible_poses_count_as_lost() {
         let mut inputs = Inputs::default();
         let mut hands = hands(false);
         inputs.update(&hands, true, 0.1);

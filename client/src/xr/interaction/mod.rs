@@ -1,14 +1,14 @@
-//! [`Interaction`]: from hands to what they do: where the clip stands, what was asked for, and what
-//! is felt. It knows neither runtime nor GPU.
+//! [`Interaction`]: turns hands into the place of the clip, commands and haptics. It knows neither runtime nor
+//! GPU.
 //!
-//! A frame goes in this order, with the panel in between, because what is pointed at it is not
-//! meant for the clip:
+//! A frame has this order. The panel comes before the clip, because a hand that points at the panel does not
+//! mean the clip:
 //!
 //! 1. [`Interaction::take`] the hands of the frame;
 //! 2. the panel's `point` with [`Interaction::inputs`] says which hands are on it;
 //! 3. [`Interaction::update`] moves the clip and appends commands;
-//! 4. carry the commands out; [`Command::play`] does those for the clock, and
-//!    [`Interaction::recentre`] does [`Command::Recentre`].
+//! 4. carry the commands out: [`Command::play`] those for the clock, [`Interaction::recentre`] for
+//!    [`Command::Recentre`].
 
 mod command;
 mod grab;
@@ -37,20 +37,20 @@ use stick::StickSnap;
 
 use crate::player::Player;
 
-/// What hands do, to a clip if there is one.
+/// State of the hands, and the clip that they move, if there is one.
 #[derive(Clone, Debug, Default)]
 pub struct Interaction {
     clip: Option<Placed>,
     inputs: Inputs,
     sticks: [StickSnap; 2],
-    /// Hands whose trigger was pulled off the panel: it holds the clip until it is let go.
+    /// Hands whose trigger was pulled away from the panel: it holds the clip until its release.
     select_holds: [bool; 2],
     grab: Grab,
     playback: Playback,
     elapsed_s: f64,
 }
 
-/// A clip and where it stands.
+/// A clip and its placement.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     subject: Subject,
@@ -58,19 +58,19 @@ struct Placed {
 }
 
 impl Interaction {
-    /// Puts a clip at `placement`, for instance from a [`PlacementStore`], in place of the one that
-    /// was there; what hands hold they go on holding.
+    /// Puts a clip at `placement`, for instance from a [`PlacementStore`], in place of the present one. Hands
+    /// that hold keep holding.
     pub fn put(&mut self, subject: Subject, placement: Placement) {
         self.clip = Some(Placed { subject, placement });
     }
 
-    /// Takes the clip away. Buttons and sticks go on.
+    /// Removes the clip. Buttons and sticks stay active.
     pub fn take_away(&mut self) {
         (self.clip, self.select_holds, self.grab) = (None, [false; 2], Grab::default());
     }
 
-    /// Takes in the hands of a frame that lasts `elapsed_s` seconds. `focused` is whether the
-    /// runtime gives input to this program.
+    /// Takes in the hands of a frame of `elapsed_s` seconds. `focused` is whether the runtime gives input to
+    /// this program.
     pub fn take(&mut self, hands: &Hands, focused: bool, elapsed_s: f64) {
         self.elapsed_s = if elapsed_s.is_finite() { elapsed_s.max(0.0) } else { 0.0 };
         self.inputs.update(hands, focused, self.elapsed_s);
@@ -81,8 +81,8 @@ impl Interaction {
         &self.inputs
     }
 
-    /// Moves the clip as the hands say and appends what else they ask for to `commands`. `head` is
-    /// between the eyes; `on_panel` says which hands, left then right, point at the panel.
+    /// Moves the clip by the hands, and appends the commands of buttons and sticks. `head` is the pose between
+    /// the eyes; `on_panel` says which hands, left then right, point at the panel.
     pub fn update(
         &mut self,
         head: &Pose,
@@ -112,24 +112,24 @@ impl Interaction {
         *placement = self.grab.update(holding, *placement, haptics);
     }
 
-    /// Puts the clip in front of a viewer whose head is at `head`, at life size.
+    /// Puts the clip at life size in front of a viewer with the head at `head`.
     pub fn recentre(&mut self, head: &Pose) {
         if let Some(Placed { subject, placement }) = &mut self.clip {
             *placement = subject.start(head);
         }
     }
 
-    /// Where the clip stands: what to remember. `None` where there is none.
+    /// Placement of the clip; `None` without a clip.
     pub fn placement(&self) -> Option<&Placement> {
         self.clip.as_ref().map(|clip| &clip.placement)
     }
 
-    /// Puts the clip into the stage. `None` where there is none.
+    /// Transform from clip to stage; `None` without a clip.
     pub fn stage_from_clip(&self) -> Option<Similarity> {
         self.clip.as_ref().map(|clip| clip.subject.stage_from_clip(&clip.placement))
     }
 
-    /// Whether a stick holds the clock, which must then not advance by itself.
+    /// Whether a stick scrubs: the clock must then not advance by itself.
     pub fn is_scrubbing(&self) -> bool {
         self.playback.is_scrubbing()
     }

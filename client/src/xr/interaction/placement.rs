@@ -1,11 +1,9 @@
-//! [`Placement`]: where a clip stands in the room, and [`Subject`], what that means for its
-//! coordinates.
+//! [`Placement`]: the place of a clip in the room, and [`Subject`], the clip's own upright frame.
 //!
-//! The stage is the room: metres, +y up, the floor at 0. A clip is laid into it in three steps:
-//! [`Subject`] turns the clip's own axes upright, with the side that its first viewpoint sees to +z
-//! and the ground below its middle at the origin; life size makes metres of its units; and the
-//! placement scales, turns about the vertical and moves that. So a clip always stands upright,
-//! whatever hands do to it.
+//! The stage is the room: metres, +y up, the floor at 0. Three transforms put a clip into it: [`Subject`] turns
+//! the clip's axes upright, with the side that its first viewpoint sees towards +z and the ground below its
+//! center at the origin; life size converts its units to metres; the placement scales, turns about the vertical
+//! and moves. So a clip always stands upright.
 
 use std::f64::consts::PI;
 
@@ -18,28 +16,27 @@ use crate::viewpoint;
 /// Smallest and largest size of a clip, as a multiple of life.
 pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
 
-/// Farthest from the origin of the stage that a clip is moved along an axis, in metres.
+/// Farthest position of a clip along an axis of the stage, in metres.
 const FARTHEST_M: f64 = 1000.0;
 
-/// Distance between the viewer and the middle of a clip that starts in front, in metres, and the
-/// least to its near side.
+/// Initial distance in metres from the viewer to the center of a clip in front, and the least distance to its
+/// near side.
 const START_M: f64 = 1.75;
 const START_CLEARANCE_M: f64 = 1.0;
 
-/// Largest radius, in metres, of what is put in front of the viewer rather than around.
+/// Largest radius in metres of a clip that starts in front of the viewer rather than around.
 const IN_FRONT_RADIUS_M: f64 = 2.0;
 
-/// Heights of an eye above the floor, in metres, that people have, sitting to standing.
+/// Eye heights of people above the floor in metres, sitting to standing.
 const EYE_HEIGHTS_M: (f64, f64) = (0.8, 2.2);
 
-/// Part of the Gaussians that may lie beyond each side of the box of a subject: captures have
-/// stray ones far away.
+/// Fraction of the Gaussians beyond each side of the box of a subject: captures have far outliers.
 const STRAY: f64 = 0.01;
 
-/// Peak opacity from which a Gaussian tells where the subject is.
+/// Least peak opacity of a Gaussian that counts for the box.
 const OPAQUE: f32 = 0.1;
 
-/// Where a clip stands. The default is life size at the origin.
+/// Scale, heading and position of a clip. The default is life size at the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     scale: f64,
@@ -48,9 +45,9 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// `scale` times life size, turned about +y by `yaw` radians, with the ground below its middle
-    /// at `position` in metres. What is no number becomes that of the default; the rest is cut to
-    /// [`SCALE_RANGE`] and to a kilometre.
+    /// `scale` times life size, turned about +y by `yaw` radians, with the ground below the center at
+    /// `position` in metres. Values that are not finite become the default; others are clamped to
+    /// [`SCALE_RANGE`] and a kilometre.
     pub fn new(scale: f64, yaw: f64, position: DVec3) -> Placement {
         let or = |x: f64, default: f64| if x.is_finite() { x } else { default };
         Placement {
@@ -71,20 +68,19 @@ impl Placement {
         self.yaw
     }
 
-    /// The ground below the middle of the clip, in metres.
+    /// The ground below the center of the clip, in metres.
     pub fn position(&self) -> DVec3 {
         self.position
     }
 
-    /// Scaled to `scale`, turned by `angle` and moved so that what was at `from` in the stage is
-    /// now at `to`.
+    /// Scales to `scale`, turns by `angle` and moves so that the point at `from` in the stage goes to `to`.
     pub fn carried(&self, from: DVec3, to: DVec3, angle: f64, scale: f64) -> Placement {
         let scaled = Placement::new(scale, self.yaw + angle, self.position);
         let arm = DQuat::from_rotation_y(angle) * (self.position - from) * (scaled.scale / self.scale);
         Placement::new(scaled.scale, scaled.yaw, to + arm)
     }
 
-    /// Turned by `angle` about the vertical through `point`, which stays where it is in the clip.
+    /// Turns by `angle` about the vertical through `point`, which keeps its place in the clip.
     pub fn turned_about(&self, point: DVec3, angle: f64) -> Placement {
         self.carried(point, point, angle, self.scale)
     }
@@ -96,22 +92,22 @@ impl Default for Placement {
     }
 }
 
-/// What placing a clip must know of it.
+/// The upright frame of a clip, and its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subject {
     upright_from_clip: DQuat,
     /// At least the smallest positive normal number.
     metres_per_unit: f64,
-    /// The ground below the middle, in units of the clip.
+    /// The ground below the center, in units of the clip.
     ground: DVec3,
-    /// From the middle to the sides, level, in metres.
+    /// Level distance from the center to the sides, in metres.
     radius_m: f64,
-    /// First viewpoint from the ground below the middle, upright, in metres.
+    /// First viewpoint relative to the ground below the center, upright, in metres.
     eye_m: DVec3,
 }
 
 impl Subject {
-    /// Of a clip.
+    /// The subject of a clip.
     pub fn of(clip: &Clip) -> Subject {
         let centers = visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field));
         let info = &clip.info;
@@ -157,11 +153,11 @@ impl Subject {
         }
     }
 
-    /// A comfortable start for a viewer whose head is at `head`: life size, feet on the floor.
+    /// A comfortable initial placement for a viewer with the head at `head`: life size, feet on the floor.
     ///
-    /// What is small enough stands in front and faces the viewer. Around a scene that is larger,
-    /// or that its viewpoint lies within, the viewer stands where the viewpoint is and looks the
-    /// way it looks; where its eyes are at no height of a person's, at that height too.
+    /// A small clip stands in front and faces the viewer. In a larger scene, or one around its viewpoint, the
+    /// viewer takes the place and direction of the viewpoint, and its height too if that is not an eye height
+    /// of people.
     pub fn start(&self, head: &Pose) -> Placement {
         let heading = head.heading();
         let stage_from_upright = DQuat::from_rotation_y(heading);
@@ -187,8 +183,8 @@ impl Subject {
     }
 }
 
-/// Where the centres of a field are at the instant of the clip at which each is clearest, leaving
-/// out what is never clear.
+/// Position of each Gaussian at the instant of its highest opacity; Gaussians that stay transparent are left
+/// out.
 fn visible_centers(field: &Field) -> impl Iterator<Item = DVec3> {
     (0..field.len()).filter_map(|i| {
         let t = field.temporal.as_ref().map_or(0.0, |temporal| f64::from(temporal.tau[i]).clamp(0.0, 1.0));
@@ -209,25 +205,25 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Where a point goes.
+    /// Image of a point.
     pub fn point(&self, source: DVec3) -> DVec3 {
         self.rotation * (source * self.scale) + self.translation
     }
 
-    /// Where a point comes from.
+    /// Source of a point: the inverse of [`Similarity::point`].
     pub fn source_of(&self, target: DVec3) -> DVec3 {
         self.rotation.inverse() * (target - self.translation) / self.scale
     }
 
-    /// As a matrix for column vectors.
+    /// Matrix for column vectors.
     pub fn matrix(&self) -> Mat4 {
         DMat4::from_scale_rotation_translation(DVec3::splat(self.scale), self.rotation, self.translation)
             .as_mat4()
     }
 
-    /// With this being `stage_from_clip`: the rigid transform, in OpenCV axes and units of the
-    /// clip, of an eye in the stage. It is what [`View::view_from_world`] holds; focal lengths and
-    /// principal points are those of the stage, which a uniform scale does not change.
+    /// For `self` = `stage_from_clip`: the rigid transform of an eye in the stage, in OpenCV axes and units of
+    /// the clip, as in [`View::view_from_world`]. Focal lengths and principal points are those of the stage: a
+    /// uniform scale does not change them.
     ///
     /// [`View::view_from_world`]: crate::view::View::view_from_world
     pub fn view_from_clip(&self, eye: &Pose) -> DMat4 {

@@ -1,5 +1,4 @@
-//! The buttons: one table that both acts on them and lists them, and the stick that steps and
-//! scrubs.
+//! The buttons, in one table that both acts and is listed on the panel, and the stick that steps and scrubs.
 
 use super::command::Command;
 use super::hands::{Button, Side};
@@ -7,44 +6,44 @@ use super::inputs::Inputs;
 use super::stick::{Push, STICK_CENTRE};
 use crate::player::Player;
 
-/// Longest time for which a button is down in a tap, in seconds.
+/// Longest tap in seconds.
 const TAP_S: f64 = 0.5;
 
-/// Time after which a held button does the other thing that it does.
+/// Seconds after which a held button has its second effect.
 const HOLD_S: f64 = 0.7;
 
-/// Time after which a held button ends the program: no slip does that.
+/// Seconds after which a held button ends the program: long enough to exclude a slip.
 const EXIT_S: f64 = 1.5;
 
-/// Time after which a stick that stepped a frame begins to scrub.
+/// Seconds after which a pushed stick scrubs instead of stepping.
 const SCRUB_AFTER_S: f64 = 0.5;
 
-/// Seconds in which a stick that is pushed all the way scrubs through a clip, and the slowest such
-/// rate in seconds of the clip per second.
+/// Seconds in which a fully pushed stick scrubs through a clip, and the lowest such rate in seconds of the clip
+/// per second.
 const SCRUB_THROUGH_S: f64 = 5.0;
 const SCRUB_RATE_LEAST: f64 = 1.0;
 
 /// When a button acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Gesture {
-    /// As it goes down.
+    /// On the press.
     Press,
-    /// As it comes up soon after.
+    /// On a release soon after the press.
     Tap,
-    /// Once it has been down for this many seconds.
+    /// After this many seconds of being held.
     Hold(f64),
 }
 
 /// One line of the table.
 pub struct Binding {
-    /// Sides on which the button does that.
+    /// Hands to which the line applies.
     sides: &'static [Side],
     button: Button,
     gesture: Gesture,
     command: Command,
-    /// The button as the list shows it; empty where another line says so.
+    /// The button in the list; empty if another line covers it.
     pub label: &'static str,
-    /// What it does.
+    /// Effect, in words.
     pub action: &'static str,
 }
 
@@ -61,7 +60,7 @@ const fn bind(
     Binding { sides, button, gesture, command, label, action }
 }
 
-/// What the buttons do.
+/// Effects of the buttons.
 pub const BUTTONS: [Binding; 9] = {
     use Button::{Menu, Primary, Secondary};
     use Gesture::{Hold, Press, Tap};
@@ -78,7 +77,7 @@ pub const BUTTONS: [Binding; 9] = {
     ]
 };
 
-/// What sticks and held hands do, for the list.
+/// Effects of sticks and held hands, for the list.
 pub const GESTURES: [(&str, &str); 7] = [
     ("Trigger", "Press on the panel"),
     ("Grip, trigger elsewhere", "Carry the clip"),
@@ -92,13 +91,13 @@ pub const GESTURES: [(&str, &str); 7] = [
 /// The stick that steps and scrubs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Playback {
-    /// How long the left stick is pushed sideways, in seconds.
+    /// Seconds for which the left stick has been pushed sideways.
     pushed_s: f64,
 }
 
 impl Playback {
-    /// What buttons and sticks ask for in a frame of `elapsed_s` seconds. `pushes` are those that
-    /// begin in it, left and right, and `pushed` is that which lasts on the left.
+    /// Appends the commands of buttons and sticks in a frame of `elapsed_s` seconds. `pushes` begin in this
+    /// frame, left then right; `pushed` is the push under way on the left.
     pub(super) fn update(
         &mut self,
         inputs: &Inputs,
@@ -136,7 +135,7 @@ impl Playback {
             self.pushed_s = 0.0;
         }
         if self.is_scrubbing() {
-            // From nothing at the edge of the middle to all at the rim.
+            // From 0 at the edge of the rest zone to 1 at the rim.
             let x = f64::from(inputs.stick(Side::Left).x);
             let centre = f64::from(STICK_CENTRE);
             let part = ((x.abs() - centre) / (1.0 - centre)).max(0.0).copysign(x);
@@ -145,7 +144,7 @@ impl Playback {
         }
     }
 
-    /// Whether the stick holds the clock.
+    /// Whether the stick scrubs.
     pub(super) fn is_scrubbing(&self) -> bool {
         self.pushed_s >= SCRUB_AFTER_S
     }

@@ -36,7 +36,7 @@ impl Random {
         Pose { position, orientation: if short { Quat::IDENTITY } else { orientation.normalize() } }
     }
 
-    /// Of a tenth to ten times life size.
+    /// Between a tenth of life size and ten times.
     pub(super) fn placement(&mut self) -> Placement {
         Placement::new(10f64.powf(self.signed()), 3.0 * self.signed(), self.point())
     }

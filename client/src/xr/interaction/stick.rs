@@ -1,34 +1,34 @@
-//! [`StickSnap`]: turns the pushes of a stick into single steps.
+//! [`StickSnap`]: single steps from the pushes of a stick.
 
 use glam::Vec2;
 
-/// Deflection below which a stick counts as let go.
+/// Deflection below which a stick is at rest.
 pub(super) const STICK_CENTRE: f32 = 0.4;
 
-/// Deflection from which it counts as pushed.
+/// Deflection from which it is pushed.
 const STICK_PUSHED: f32 = 0.7;
 
-/// Where a stick is pushed.
+/// Direction of a push.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Push {
     /// To the left.
     Left,
     /// To the right.
     Right,
-    /// Ahead.
+    /// Forward.
     Up,
-    /// Back.
+    /// Backward.
     Down,
 }
 
-/// A stick that steps once for each push: it has to come back to the middle in between.
+/// A stick that steps once for each push: it has to be at rest in between.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StickSnap {
     pushed: Option<Push>,
 }
 
 impl StickSnap {
-    /// Takes in where the stick is; the push that begins in this frame.
+    /// Takes in the deflection; returns the push that begins in this frame.
     pub(super) fn update(&mut self, stick: Vec2) -> Option<Push> {
         let deflection = stick.abs().max_element();
         if deflection < STICK_CENTRE {
@@ -43,7 +43,7 @@ impl StickSnap {
         None
     }
 
-    /// The push that lasts.
+    /// The push under way.
     pub(super) fn pushed(&self) -> Option<Push> {
         self.pushed
     }
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stronger_axis_wins_and_keeps() {
+    fn the_stronger_axis_wins_until_the_stick_rests() {
         for (stick, push) in [
             (vec2(-0.9, 0.5), Push::Left),
             (vec2(0.8, -0.79), Push::Right),
@@ -75,7 +75,7 @@ mod tests {
         ] {
             let mut snap = StickSnap::default();
             assert_eq!(snap.update(stick), Some(push));
-            assert_eq!(snap.update(stick.perp()), None, "round the rim without the middle");
+            assert_eq!(snap.update(stick.perp()), None, "round the rim without rest");
             assert_eq!(snap.pushed(), Some(push));
             snap.update(Vec2::ZERO);
             assert_eq!(snap.pushed(), None);

@@ -1,8 +1,7 @@
-//! [`PlacementStore`]: where each clip was left, in a small file.
+//! [`PlacementStore`]: the last placement of each clip, in a small file.
 //!
-//! The file is a convenience: without it, or with one that makes no sense, clips start in front of
-//! the viewer, and one line in the log says why. A thread writes it, so that no frame waits for the
-//! disk.
+//! The file is a convenience: if it is missing or damaged, clips start in front of the viewer, and one line in
+//! the log says why. A thread writes it, so that no frame waits for the disk.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -22,25 +21,25 @@ use super::placement::Placement;
 /// Name of the file in its folder.
 const FILE: &str = "placements.json";
 
-/// Clips that are remembered, the ones placed last.
+/// Number of remembered clips: the ones placed last.
 const CLIPS: usize = 64;
 
-/// Largest file that is read, and longest name of a clip, in bytes. That many names fit the file.
+/// Largest readable file, and longest name of a clip, in bytes. [`CLIPS`] of the longest names fit.
 const FILE_BYTES: u64 = 1 << 20;
 const KEY_BYTES: usize = 1 << 10;
 
-/// Version of the file's form.
+/// Version of the file format.
 const VERSION: u32 = 1;
 
-/// Placements by the names of clips. Dropping it waits until what was saved is written.
+/// Placements by the names of clips. Dropping the store waits until the file is written.
 #[derive(Debug)]
 pub struct PlacementStore {
     folder: PathBuf,
-    /// The one placed last comes last.
+    /// In the order of placing.
     entries: Vec<Entry>,
-    /// Whether the file lacks something.
+    /// Whether the file is out of date.
     changed: bool,
-    /// From the first time that something is saved.
+    /// From the first save on.
     writer: Option<Writer>,
 }
 
@@ -65,8 +64,8 @@ impl Entry {
 }
 
 impl PlacementStore {
-    /// What the file in `folder` remembers; nothing where there is no file yet, and with a warning
-    /// where it cannot be used.
+    /// Reads the file in `folder`. A missing file is an empty store, and so is, with a warning, a damaged
+    /// one.
     pub fn open(folder: &Path) -> PlacementStore {
         let path = folder.join(FILE);
         let entries = match read(&path) {
@@ -83,13 +82,13 @@ impl PlacementStore {
         PlacementStore { folder: folder.into(), entries, changed: false, writer: None }
     }
 
-    /// Where the clip with the name `key` was left.
+    /// Last placement of the clip `key`.
     pub fn get(&self, key: &str) -> Option<Placement> {
         self.entries.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
     }
 
-    /// Remembers where the clip with the name `key` is; of more than 64 the one placed
-    /// longest ago is forgotten. Nothing is written yet. Names longer than a kilobyte are not kept.
+    /// Remembers the placement of the clip `key`, without writing it yet. The store holds 64 clips and forgets
+    /// the one placed longest ago. Names longer than a kilobyte are ignored.
     pub fn set(&mut self, key: &str, placement: &Placement) {
         if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
             return;
@@ -105,8 +104,8 @@ impl PlacementStore {
         self.changed = true;
     }
 
-    /// Has the file written, whole or not at all, if there is something new or the last time failed.
-    /// Does not wait for that; what fails is told in the log.
+    /// Writes the file in the background, whole or not at all, if something changed or the last attempt
+    /// failed. Failures go to the log.
     pub fn save(&mut self) {
         let failed = self.writer.as_ref().is_some_and(|writer| writer.failed.swap(false, Ordering::AcqRel));
         if !std::mem::take(&mut self.changed) && !failed {
@@ -116,7 +115,7 @@ impl PlacementStore {
         let mut bytes = serde_json::to_vec_pretty(&contents).expect("numbers and strings serialise");
         bytes.push(b'\n');
         let folder = &self.folder;
-        // It ends only with the store.
+        // The thread ends only with the store.
         let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).files.send(bytes);
     }
 }
@@ -135,9 +134,9 @@ impl Drop for PlacementStore {
 #[derive(Debug)]
 struct Writer {
     files: Sender<Vec<u8>>,
-    /// Whether the file lacks what it was given last.
+    /// Whether the last write failed.
     failed: Arc<AtomicBool>,
-    /// `None` where the system refused one.
+    /// `None` if the system refused a thread.
     thread: Option<JoinHandle<()>>,
 }
 
@@ -145,13 +144,13 @@ impl Writer {
     fn start(folder: PathBuf) -> Writer {
         let (files, arriving) = channel::<Vec<u8>>();
         let failed = Arc::new(AtomicBool::new(false));
-        let told = failed.clone();
+        let has_failed = failed.clone();
         let write_all = move || {
             for bytes in arriving {
                 if let Err(error) = write(&folder, &bytes) {
                     let path = folder.join(FILE);
                     warn!("cannot remember where clips stand: {}: {error}", path.display());
-                    told.store(true, Ordering::Release);
+                    has_failed.store(true, Ordering::Release);
                 }
             }
         };
@@ -165,7 +164,7 @@ fn write(folder: &Path, bytes: &[u8]) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let mut file = NamedTempFile::new_in(folder)?;
     file.write_all(bytes)?;
-    // A headset may lose its power at any time: first the bytes, then the name.
+    // A headset may lose power at any time: first the bytes, then the name.
     file.as_file().sync_all()?;
     file.persist(folder.join(FILE))?;
     Ok(())
@@ -179,7 +178,7 @@ fn read(path: &Path) -> io::Result<Vec<Entry>> {
     }
     let contents: Contents<Vec<Entry>> = serde_json::from_str(&text)?;
     if contents.version != VERSION {
-        return Err(io::Error::other(format!("of version {}, not {VERSION}", contents.version)));
+        return Err(io::Error::other(format!("version {} instead of {VERSION}", contents.version)));
     }
     let mut entries = contents.placements;
     entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
@@ -200,7 +199,7 @@ mod tests {
         Placement::new(0.5, 1.0, dvec3(x, 0.0, -2.0))
     }
 
-    /// Whether two are the same but for the last digit of their decimal form.
+    /// Whether two placements are equal up to the rounding of their decimal form.
     fn same(a: &Placement, b: &Placement) -> bool {
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1.0);
         close(a.scale(), b.scale())

@@ -1,5 +1,5 @@
-//! Snap turn: the viewer turns by a step at once, which is kinder to the stomach than turning
-//! smoothly. What turns is the clip, about the viewer's head.
+//! Snap turn: the viewer turns by a step at once, which causes less motion sickness than a smooth turn. The clip
+//! turns about the viewer's head.
 
 use super::hands::Pose;
 use super::placement::Placement;
@@ -8,10 +8,10 @@ use super::stick::Push;
 /// Angle of a step in radians.
 const STEP: f64 = 30.0 * std::f64::consts::PI / 180.0;
 
-/// `placement` after a push of the stick, for a viewer whose head is at `head`; `None` where the
-/// push does not turn.
+/// `placement` after a push of the stick, for a viewer with the head at `head`; `None` for a push that does
+/// not turn.
 pub(super) fn snap_turn(placement: &Placement, head: &Pose, push: Push) -> Option<Placement> {
-    // As the viewer turns right, the clip goes round to the left.
+    // As the viewer turns right, the clip moves to the left.
     let angle = match push {
         Push::Right => STEP,
         Push::Left => -STEP,
@@ -27,14 +27,14 @@ mod tests {
     use super::super::random::Random;
     use super::*;
 
-    /// Where the head is in the clip, in metres of life size.
+    /// Position of the head in the clip, in metres at life size.
     fn head_in_clip(placement: &Placement, head: &Pose) -> DVec3 {
         DQuat::from_rotation_y(-placement.yaw()) * (head.position.as_dvec3() - placement.position())
             / placement.scale()
     }
 
     #[test]
-    fn the_head_stays_where_it_is_in_the_clip() {
+    fn the_head_keeps_its_place_in_the_clip() {
         let mut random = Random::new(20);
         for _ in 0..200 {
             let (placement, head) = (random.placement(), random.pose());
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn to_the_right_brings_what_was_on_the_right_ahead() {
+    fn turning_right_brings_the_right_side_ahead() {
         let head = Pose { position: Vec3::Y, orientation: Quat::IDENTITY };
         let mut placement = Placement::new(1.0, 0.0, dvec3(2.0, 0.0, 0.0));
         for _ in 0..3 {

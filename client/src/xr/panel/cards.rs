@@ -1,33 +1,32 @@
-//! What appears above the console when there is something to say: a notice, and a page of
-//! statistics or of what the buttons do.
+//! Cards above the console: a notice, and a page of statistics or of the buttons.
 
 use egui::text::LayoutJob;
 use egui::{Align2, Painter, Rect, Ui, pos2, vec2};
 
 use super::console;
 use super::quad::SIZE;
+use super::state::{Notice, Page, PanelState};
 use super::style;
 use super::symbols::{Symbol, draw_working, rect};
 use super::widgets::{State, card, fitted, symbol_button};
-use super::{Notice, Page, PanelState};
 use crate::xr::interaction::{BUTTONS, Command, GESTURES};
 
-/// Between cards, and between the edge of a card and what is on it, in points.
+/// Gap between cards, and margin of their contents, in points.
 const GAP: f32 = 10.0;
 const MARGIN: f32 = 24.0;
 
-/// Size of the text of a notice, and most lines of it.
+/// Text size of a notice, and its most lines.
 const NOTICE_TEXT: f32 = 22.0;
 const NOTICE_LINES: usize = 4;
 
-/// Height of the bar that shows how much is loaded.
+/// Height of the progress bar.
 const BAR: f32 = 10.0;
 
 /// Height of a line of a page and of its title.
 const LINE: f32 = 26.0;
 const TITLE: f32 = 36.0;
 
-/// Shows the notice directly above the console; the area it covers.
+/// Shows the notice directly above the console; returns its area.
 pub(super) fn notice(ui: &Ui, notice: &Notice, time_s: f64, commands: &mut Vec<Command>) -> Rect {
     let (text, color, working, part) = match notice {
         Notice::Note(text) => (text, style::TEXT, false, None),
@@ -61,20 +60,20 @@ pub(super) fn notice(ui: &Ui, notice: &Notice, time_s: f64, commands: &mut Vec<C
     if let Some(part) = part {
         let track = rect(MARGIN, area.bottom() - 16.0 - BAR, SIZE.x - 2.0 * MARGIN, BAR);
         painter.rect_filled(track, 0.5 * BAR, style::BUTTON_HOVERED);
-        // A bar narrower than it is high would not be round.
+        // A bar narrower than high has no room for round ends.
         let done = (part.clamp(0.0, 1.0) * track.width()).max(BAR);
         painter.rect_filled(track.with_max_x(track.left() + done), 0.5 * BAR, style::ACCENT);
     }
     area
 }
 
-/// Shows a page whose lower edge is at `bottom`; the area it covers.
+/// Shows a page with its lower edge at `bottom`; returns its area.
 pub(super) fn page(ui: &Ui, page: Page, state: &PanelState, bottom: f32) -> Rect {
     let painter = ui.painter();
     match page {
         Page::Statistics => {
             let rows = state.statistics;
-            // Two columns, read down first.
+            // Two columns, in reading order.
             let half = rows.len().div_ceil(2);
             let area = page_area(painter, "Statistics", half, bottom);
             for (column, rows) in rows.chunks(half.max(1)).enumerate() {
@@ -106,8 +105,8 @@ fn page_area(painter: &Painter, title: &str, lines: usize, bottom: f32) -> Rect 
     area
 }
 
-/// Two columns of text in the left or right half of a page; the first takes `part` of it. Lines
-/// that the page has no room for are left out.
+/// Draws two columns of text in the left or right half of a page; the first takes the fraction `part` of it.
+/// Lines without room are left out.
 fn list<'a>(
     painter: &Painter,
     area: Rect,

@@ -1,16 +1,16 @@
-//! The lower part of the panel: timeline, transport, quality, and the rest as tiles.
+//! The lower part of the panel: timeline, transport, quality, and tiles for the rest.
 
 use egui::{Align2, Color32, Painter, Rect, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::quad::{CONSOLE_HEIGHT, SIZE};
+use super::state::{Page, PanelState};
 use super::style;
 use super::symbols::{Symbol, rect};
 use super::widgets::{GAP, State, button, captioned_tile, card, fitted, id, symbol_button, tile};
-use super::{Page, PanelState};
 use crate::player::Player;
 use crate::xr::interaction::Command;
 
-/// Between the edge of the card and what is on it, in points.
+/// Margin of the card in points.
 const MARGIN: f32 = 24.0;
 const INNER: f32 = SIZE.x - 2.0 * MARGIN;
 
@@ -27,24 +27,24 @@ const TILE_WIDTH: f32 = 88.0;
 /// The area that the console covers.
 pub(super) const AREA: Rect = Rect { min: pos2(0.0, SIZE.y - CONSOLE_HEIGHT), max: pos2(SIZE.x, SIZE.y) };
 
-/// What the console shows besides the state that it is given.
+/// The open page, and whether "Exit" waits for its second press.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shown {
+pub(super) struct OpenParts {
     pub(super) page: Option<Page>,
     /// The next press of "Exit" leaves.
     pub(super) leaving: bool,
 }
 
-/// What was done on the console besides commands.
+/// Effects of a frame of the console besides commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Done {
-    /// The timeline is held.
+    /// A hand holds the timeline.
     pub(super) scrubbing: bool,
     pub(super) exit_pressed: bool,
 }
 
-/// Shows the console; what it asks for goes to `commands`.
-pub(super) fn show(ui: &Ui, state: &PanelState, shown: Shown, commands: &mut Vec<Command>) -> Done {
+/// Shows the console; its buttons append to `commands`.
+pub(super) fn show(ui: &Ui, state: &PanelState, open: OpenParts, commands: &mut Vec<Command>) -> Done {
     card(ui.painter(), AREA);
     let top = AREA.top();
     let at = pos2(MARGIN, top + TITLE_Y);
@@ -53,11 +53,11 @@ pub(super) fn show(ui: &Ui, state: &PanelState, shown: Shown, commands: &mut Vec
         timeline(ui, rect(MARGIN, top + TIMELINE_Y, INNER, TIMES_Y - TIMELINE_Y), state.player, commands);
     times(ui.painter(), top + TIMES_Y, state.player);
     transport(ui, top + TRANSPORT_Y, state, commands);
-    let exit_pressed = tiles(ui, top + TILES_Y, state, shown, commands);
+    let exit_pressed = tiles(ui, top + TILES_Y, state, open, commands);
     Done { scrubbing, exit_pressed }
 }
 
-/// The track over the whole clip; whether it is held.
+/// Shows the track over the whole clip; returns whether a hand holds it.
 fn timeline(ui: &Ui, area: Rect, player: &Player, commands: &mut Vec<Command>) -> bool {
     let still = player.duration_s() <= 0.0;
     let response = ui.interact(area, id("Timeline"), if still { Sense::hover() } else { Sense::drag() });
@@ -96,7 +96,7 @@ fn times(painter: &Painter, y: f32, player: &Player) {
     text(0.5 * SIZE.x, Align2::CENTER_TOP, frames, style::QUIET);
 }
 
-/// Hundredths of a second, with minutes where the clip has some: `1.25 s`, `0:59.20`.
+/// Formats hundredths of a second, with minutes if the clip has some: `1.25 s`, `0:59.20`.
 pub(super) fn time_text(seconds: f64, minutes: bool) -> String {
     if !minutes {
         return format!("{seconds:.2} s");
@@ -145,8 +145,8 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     press(tile(ui, next, "Next clip", has_next, Symbol::Next), Command::NextClip);
 }
 
-/// Quality on the left, tiles on the right; whether "Exit" was pressed.
-fn tiles(ui: &Ui, y: f32, state: &PanelState, shown: Shown, commands: &mut Vec<Command>) -> bool {
+/// Shows the quality on the left and tiles on the right; returns whether "Exit" was pressed.
+fn tiles(ui: &Ui, y: f32, state: &PanelState, open: OpenParts, commands: &mut Vec<Command>) -> bool {
     let mut x = SIZE.x - MARGIN;
     let mut place = || {
         x -= TILE_WIDTH;
@@ -155,8 +155,8 @@ fn tiles(ui: &Ui, y: f32, state: &PanelState, shown: Shown, commands: &mut Vec<C
         area
     };
     let chosen = |chosen: bool| State { chosen, ..State::default() };
-    let leaving = State { warning: shown.leaving, ..State::default() };
-    let caption = if shown.leaving { "Sure?" } else { "Exit" };
+    let leaving = State { warning: open.leaving, ..State::default() };
+    let caption = if open.leaving { "Sure?" } else { "Exit" };
     let exit = captioned_tile(ui, place(), "Exit", caption, leaving, Symbol::Exit);
     let mut toggle = |area: Rect, name: &str, symbol: Symbol, on: bool, command: Command| {
         if tile(ui, area, name, chosen(on), symbol) {
@@ -167,14 +167,14 @@ fn tiles(ui: &Ui, y: f32, state: &PanelState, shown: Shown, commands: &mut Vec<C
     if let Some(on) = state.passthrough {
         toggle(place(), "Room", Symbol::Room, on, Command::TogglePassthrough);
     }
-    let page = |page| shown.page == Some(page);
+    let page = |page| open.page == Some(page);
     toggle(place(), "Buttons", Symbol::Buttons, page(Page::Buttons), Command::ToggleButtons);
     toggle(place(), "Statistics", Symbol::Statistics, page(Page::Statistics), Command::ToggleStatistics);
     quality(ui, Rect::from_min_max(pos2(MARGIN, y), pos2(x - GAP, y + ROW)), state, commands);
     exit
 }
 
-/// The quality in use between what lowers and what raises it.
+/// Shows the quality in use between the buttons that lower and raise it.
 fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>) {
     let Some(name) = state.qualities.get(state.quality) else { return };
     let coarser = rect(area.left(), area.top(), 64.0, ROW);
@@ -194,7 +194,7 @@ fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>)
     let place = |y: f32| pos2(middle.center().x, middle.top() + y);
     let width = middle.width() - 16.0;
     fitted(painter, place(24.0), Align2::CENTER_CENTER, name, style::font(24.0), style::TEXT, width);
-    // As many marks as levels, as many of them lit as the level is good.
+    // One mark for each level, lit up to the level in use.
     let (count, lit) = (state.qualities.len(), state.qualities.len() - state.quality);
     for number in 0..count {
         let x = 14.0 * (number as f32 - 0.5 * (count - 1) as f32);

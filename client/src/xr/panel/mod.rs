@@ -1,15 +1,15 @@
 //! [`Panel`]: the controls in the headset, on a quad that controllers point at.
 //!
-//! It knows the interface library but neither runtime nor GPU: hands come in, commands and
-//! triangles go out, so that its tests point at buttons and look at the clock. The quad is shown
-//! as a quad layer with its [`PanelQuad::pose`] and size; its image has display-referred, premultiplied
-//! colours and begins as nothing, all zeros.
+//! It knows the interface library but neither runtime nor GPU: hands come in, commands and triangles go out, so
+//! that its tests point at buttons and look at the clock. A quad layer shows it with the pose and size of the
+//! [`PanelQuad`]; the image has display-referred, premultiplied colours and starts fully transparent.
 
 mod cards;
 mod console;
 mod pointer;
 mod quad;
 mod ray;
+mod state;
 mod style;
 mod symbols;
 mod widgets;
@@ -23,65 +23,20 @@ use egui::{
 
 pub use quad::{PIXELS_PER_POINT, PanelQuad, SIZE};
 pub use ray::PointerRay;
+pub use state::{Notice, PanelState};
 
 use super::interaction::{Command, Haptics, Inputs, Pose, Side};
-use crate::player::Player;
 use pointer::Pointer;
+use state::Page;
 
-/// Seconds for which "Exit" waits to be pressed again.
+/// Seconds for which "Exit" waits for a second press.
 const LEAVING_S: f64 = 4.0;
 
-/// Pictures of the timeline per second: more would be drawn for the eye of a needle.
+/// Pictures of the timeline per second; the handle moves too little for more.
 const TIMELINE_RATE: f64 = 30.0;
 
-/// One line, or a few, for the viewer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Notice<'a> {
-    /// Something to know.
-    Note(&'a str),
-    /// Something takes a while.
-    Working {
-        /// What it is.
-        text: &'a str,
-        /// How much of it is done, 0 to 1, if that is known.
-        part: Option<f32>,
-    },
-    /// Something went wrong.
-    Error(&'a str),
-}
-
-/// What the panel shows.
-#[derive(Clone, Copy, Debug)]
-pub struct PanelState<'a> {
-    /// Name of the clip.
-    pub title: &'a str,
-    /// Its clock.
-    pub player: &'a Player,
-    /// Names of the qualities to choose from, the best one first; may be empty.
-    pub qualities: &'a [&'a str],
-    /// Number of the present one.
-    pub quality: usize,
-    /// Whether the GPU does not keep up with the one that was chosen.
-    pub lowered: bool,
-    /// Whether the room is seen; `None` where the headset cannot show it.
-    pub passthrough: Option<bool>,
-    /// Whether there is another clip to play.
-    pub has_next: bool,
-    /// Rows of names and values.
-    pub statistics: &'a [(&'a str, String)],
-    /// Something to tell.
-    pub notice: Option<Notice<'a>>,
-}
-
-/// What lies above the console.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Page {
-    Statistics,
-    Buttons,
-}
-
 /// A picture of the panel.
-#[must_use = "later ones draw with what this one says of textures"]
+#[must_use = "later pictures use the textures of this one"]
 pub struct Painting {
     triangles: Vec<ClippedPrimitive>,
     textures: TexturesDelta,
@@ -91,15 +46,14 @@ impl Painting {
     /// Size of the image in pixels.
     pub const SIZE: [u32; 2] = [(SIZE.x * PIXELS_PER_POINT) as u32, (SIZE.y * PIXELS_PER_POINT) as u32];
 
-    /// What to draw, and what changed in the textures since the painting before, which must be
-    /// brought up to date first.
+    /// The triangles, and the changes of textures since the painting before, which come first.
     pub fn into_parts(mut self) -> (Vec<ClippedPrimitive>, TexturesDelta) {
         (std::mem::take(&mut self.triangles), std::mem::take(&mut self.textures))
     }
 }
 
 impl Drop for Painting {
-    /// One that an error kept from being drawn was the panel's last: its textures go with it.
+    /// A painting that an error leaves undrawn is the panel's last: its textures go with it.
     fn drop(&mut self) {
         self.textures.clear();
     }
@@ -110,24 +64,24 @@ pub struct Panel {
     ctx: Context,
     quad: PanelQuad,
     pointer: Pointer,
-    /// For the next frame of the interface.
+    /// Events of the pointer for the next frame.
     events: Vec<Event>,
-    /// A press ended without being meant since then.
+    /// Whether a press was interrupted since the last frame.
     press_lost: bool,
-    shown: bool,
+    visible: bool,
     page: Option<Page>,
-    /// When "Exit" no longer waits, if it does.
+    /// Time at which "Exit" stops waiting for its second press.
     leaving_until_s: Option<f64>,
     scrubbing: bool,
-    /// Where something is drawn.
+    /// Areas that are drawn on.
     occupied: Vec<Rect>,
     time_s: f64,
-    /// What the last painting depended on; `None` where the next frame differs anyway.
+    /// Digest of the state of the last painting; `None` if the next frame differs anyway.
     painted: Option<u64>,
 }
 
 impl Panel {
-    /// A panel that is shown, in front of a viewer whose head is at `head`.
+    /// A visible panel in front of a viewer with the head at `head`.
     pub fn new(head: &Pose) -> Panel {
         let ctx = Context::default();
         style::apply(&ctx);
@@ -137,7 +91,7 @@ impl Panel {
             pointer: Pointer::default(),
             events: Vec::new(),
             press_lost: false,
-            shown: true,
+            visible: true,
             page: None,
             leaving_until_s: None,
             scrubbing: false,
@@ -147,9 +101,9 @@ impl Panel {
         }
     }
 
-    /// Takes in where the hands point; which of them, left then right, point at the panel.
+    /// Takes in where the hands point; returns which ones, left then right, point at the panel.
     pub fn point(&mut self, inputs: &Inputs, haptics: &mut Haptics) -> [bool; 2] {
-        if !self.shown {
+        if !self.visible {
             return [false; 2];
         }
         let pointing = self.pointer.update(inputs, &self.quad, &self.occupied, &mut self.events, haptics);
@@ -157,25 +111,25 @@ impl Panel {
         pointing.on_panel
     }
 
-    /// The rays of the hands, left then right, for eyes at the pose `head`: to the panel where they
-    /// meet it. None while it is not shown.
+    /// Pointer rays of the hands, left then right, for eyes at the pose `head`; they end at the panel if they
+    /// meet it. A hidden panel has none.
     pub fn rays(&self, inputs: &Inputs, head: &Pose) -> [Option<PointerRay>; 2] {
         Side::BOTH.map(|side| {
-            let aim = inputs.aim(side).filter(|_| self.shown)?;
+            let aim = inputs.aim(side).filter(|_| self.visible)?;
             let on_panel = |at: Pos2| self.occupied.iter().any(|area| area.contains(at));
             let hit = self.quad.hit(&aim).filter(|hit| on_panel(hit.at));
             PointerRay::new(&aim, hit.map(|hit| hit.distance_m), head.position)
         })
     }
 
-    /// Lets the panel see a command, its own or that of a button; whether it was for it alone.
+    /// Applies a command, of the panel or of a button; returns whether it was for the panel alone.
     pub fn apply(&mut self, command: Command, head: &Pose) -> bool {
         let toggled = |page| if self.page == Some(page) { None } else { Some(page) };
         match command {
             Command::TogglePanel => {
-                self.shown = !self.shown;
+                self.visible = !self.visible;
                 self.place(head);
-                if !self.shown {
+                if !self.visible {
                     self.pointer.leave(&mut self.events);
                     self.press_lost = true;
                     self.scrubbing = false;
@@ -193,28 +147,28 @@ impl Panel {
         true
     }
 
-    /// Puts it in front of a viewer whose head is at `head`.
+    /// Puts the panel in front of a viewer with the head at `head`.
     pub fn place(&mut self, head: &Pose) {
         self.quad = PanelQuad::before(head);
     }
 
-    /// Where it is.
+    /// Quad of the panel in the stage.
     pub fn quad(&self) -> &PanelQuad {
         &self.quad
     }
 
-    /// Whether it is to be seen.
-    pub fn is_shown(&self) -> bool {
-        self.shown
+    /// Whether the panel is visible.
+    pub fn is_visible(&self) -> bool {
+        self.visible
     }
 
-    /// Whether the timeline is held: the clock must then not advance by itself.
+    /// Whether a hand holds the timeline: the clock must then not advance by itself.
     pub fn is_scrubbing(&self) -> bool {
         self.scrubbing
     }
 
-    /// A frame of the interface, `elapsed_s` seconds after the one before: what was pressed goes to
-    /// `commands`. Gives a new picture where something on it changed.
+    /// Runs a frame of the interface, `elapsed_s` seconds after the one before. Pressed buttons append to
+    /// `commands`. Returns a new picture if the panel changed.
     pub fn frame(
         &mut self,
         state: &PanelState,
@@ -224,7 +178,7 @@ impl Panel {
         self.time_s += if elapsed_s.is_finite() { elapsed_s.max(0.0) } else { 0.0 };
         self.leaving_until_s = self.leaving_until_s.filter(|&until_s| self.time_s < until_s);
         let depends_on = self.depends_on(state);
-        if !self.shown || self.events.is_empty() && self.painted == Some(depends_on) {
+        if !self.visible || self.events.is_empty() && self.painted == Some(depends_on) {
             return None;
         }
 
@@ -240,7 +194,7 @@ impl Panel {
         let (ctx, pressed) = (self.ctx.clone(), commands.len());
         let output = ctx.run_ui(input, |ui| self.contents(ui, state, commands));
         if std::mem::take(&mut self.press_lost) {
-            // The hand went away in the middle of a press: nothing was meant by its end.
+            // The hand was lost during a press: the release is not a click.
             commands.truncate(pressed);
             self.leaving_until_s = None;
         }
@@ -268,8 +222,8 @@ impl Panel {
         if let Some(page) = self.page {
             self.occupied.push(cards::page(ui, page, state, top));
         }
-        let shown = console::Shown { page: self.page, leaving: self.leaving_until_s.is_some() };
-        let done = console::show(ui, state, shown, commands);
+        let open = console::OpenParts { page: self.page, leaving: self.leaving_until_s.is_some() };
+        let done = console::show(ui, state, open, commands);
         self.scrubbing = done.scrubbing;
         if done.exit_pressed {
             match self.leaving_until_s.take() {
@@ -278,7 +232,7 @@ impl Panel {
             }
         }
         if let Some((at, pressing)) = self.pointer.at() {
-            // A ring, so that what is pointed at stays to be seen.
+            // A ring leaves the target visible.
             let painter = ui.painter();
             painter.circle_stroke(at, 11.0, Stroke::new(8.0, style::SURFACE));
             painter.circle_stroke(at, 11.0, Stroke::new(4.0, Color32::WHITE));
@@ -288,7 +242,7 @@ impl Panel {
         }
     }
 
-    /// A digest of what the picture shows besides the pointer.
+    /// Digest of everything in the picture except the pointer.
     fn depends_on(&self, state: &PanelState) -> u64 {
         let mut hasher = DefaultHasher::new();
         let player = state.player;

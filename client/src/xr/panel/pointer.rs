@@ -1,41 +1,40 @@
 //! [`Pointer`]: one pointer on the panel for two hands.
 //!
-//! The hand that points at the panel has the pointer, the nearer one of two, and keeps it until it
-//! points elsewhere or the other one presses. While it presses, it has the pointer wherever it
-//! points, so that a drag may leave the panel.
+//! The hand that points at the panel, the nearer one of two, owns the pointer until it points elsewhere or the
+//! other one presses. A pressing hand keeps the pointer anywhere, so that a drag may leave the panel.
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Rect};
 
 use super::quad::{Hit, PanelQuad};
 use crate::xr::interaction::{Button, Haptics, Inputs, Pulse, Side};
 
-/// How far beyond the edge the pointer stays, in points: a hand is never quite still.
+/// Margin in points beyond the edge within which a hand keeps the pointer: hands tremble.
 const STAY: f32 = 24.0;
 
-/// Farthest from the panel that a drag is followed, in points.
+/// Farthest distance of a drag from the panel, in points.
 const DRAG_RANGE: f32 = 10_000.0;
 
-/// Who has the pointer, and where it is.
+/// The owner of the pointer, and its position.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pointer {
     hand: Option<Side>,
     pressing: bool,
-    /// In points; where it was last while no hand has it.
+    /// Position in points; the last one while no hand owns the pointer.
     at: Pos2,
 }
 
-/// What a frame did to the pointer.
+/// The pointer after a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Pointing {
-    /// Which hands point at the panel or drag on it.
+    /// Hands that point at the panel or drag on it.
     pub(super) on_panel: [bool; 2],
-    /// A press ended because its hand was lost: it is no click.
+    /// A press ended because its hand was lost: not a click.
     pub(super) lost: bool,
 }
 
 impl Pointer {
-    /// Takes in where hands point, and appends what that means for the interface to `events`.
-    /// `occupied` is the part of the panel that shows something.
+    /// Takes in where the hands point, and appends the events for the interface. `occupied` are the areas of
+    /// the panel that are drawn on.
     pub(super) fn update(
         &mut self,
         inputs: &Inputs,
@@ -83,7 +82,7 @@ impl Pointer {
         Pointing { on_panel, lost }
     }
 
-    /// The hand that had the pointer, if it still points near enough.
+    /// The present owner, if it still points near enough.
     fn staying(&self, on: impl Fn(Side, f32) -> Option<Hit>) -> Option<(Side, Hit)> {
         self.hand.and_then(|side| on(side, STAY).map(|hit| (side, hit)))
     }
@@ -106,7 +105,7 @@ impl Pointer {
         events.push(Event::PointerButton { pos, button, pressed, modifiers });
     }
 
-    /// Lets go, for a panel that is no longer shown.
+    /// Gives the pointer up, as the panel is hidden.
     pub(super) fn leave(&mut self, events: &mut Vec<Event>) {
         if self.pressing {
             self.press(false, events);
@@ -116,7 +115,7 @@ impl Pointer {
         }
     }
 
-    /// Where the pointer is in points, if a hand has it, and whether it presses.
+    /// Position of the pointer in points, if a hand owns it, and whether it presses.
     pub(super) fn at(&self) -> Option<(Pos2, bool)> {
         self.hand.map(|_| (self.at, self.pressing))
     }

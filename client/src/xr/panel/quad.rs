@@ -1,4 +1,4 @@
-//! [`PanelQuad`]: the surface in the stage that the panel is shown on, and where rays meet it.
+//! [`PanelQuad`]: the surface of the panel in the stage, and its intersections with rays.
 
 use egui::{Pos2, Vec2 as Points, pos2, vec2};
 use glam::{Mat3, Quat, Vec2, Vec3};
@@ -8,42 +8,42 @@ use crate::xr::interaction::Pose;
 /// Size of the panel in points; a point is a millimetre.
 pub const SIZE: Points = vec2(820.0, 720.0);
 
-/// Height of its lower part, which is always there, in points.
+/// Height of the console, its permanent lower part, in points.
 pub(super) const CONSOLE_HEIGHT: f32 = 352.0;
 
-/// Pixels of its image per point: about as many as a headset of 2023 shows at this distance.
+/// Pixels of the image per point: about the resolution of a headset of 2023 at this distance.
 pub const PIXELS_PER_POINT: f32 = 1.5;
 
 const METRES_PER_POINT: f32 = 1e-3;
 
-/// Where the middle of the lower part is: ahead of the eyes and below them, in metres; so it is at
-/// 1.2 m, where a lectern would be, and hides no more of a person in front than the legs.
+/// Distance of the console's center ahead of the eyes and below them, in metres: like a lectern at 1.2 m, which
+/// hides only the legs of a person in front.
 const AHEAD_M: f32 = 1.0;
 const BELOW_M: f32 = 0.62;
 
-/// Least height of that above the floor, in metres, for those who sit on it, and least distance
-/// below the eyes.
+/// Least height of that center above the floor, for viewers who sit on it, and least distance below the eyes,
+/// in metres.
 const FLOOR_M: f32 = 0.35;
 const BELOW_LEAST_M: f32 = 0.3;
 
-/// A rectangle of [`SIZE`], seen from the side that its z axis points to.
+/// A quad of [`SIZE`], visible from the side of its +z axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PanelQuad {
-    /// Of its middle, with x to the right and y up along it.
+    /// Pose of its center, with x to the right and y up along it.
     pose: Pose,
 }
 
-/// Where a ray meets the plane of a quad.
+/// Intersection of a ray and the plane of a quad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hit {
-    /// In points from the upper left corner; may be outside.
+    /// Position in points from the upper left corner; may be outside.
     pub(super) at: Pos2,
-    /// From the origin of the ray, in metres.
+    /// Distance from the origin of the ray in metres.
     pub(super) distance_m: f32,
 }
 
 impl PanelQuad {
-    /// In front of a viewer whose head is at `head`, tilted towards its eyes.
+    /// A quad in front of a viewer with the head at `head`, tilted towards the eyes.
     pub fn before(head: &Pose) -> PanelQuad {
         let turn = Quat::from_rotation_y(head.heading() as f32);
         let eye = head.position;
@@ -57,8 +57,7 @@ impl PanelQuad {
         PanelQuad { pose: Pose { position: console + up * above, orientation } }
     }
 
-    /// Of its middle, with +x to its right, +y up along it, and +z to the viewer: that of a quad
-    /// layer.
+    /// Pose of the quad layer: the center, with +x to its right, +y up along it, and +z to the viewer.
     pub fn pose(&self) -> &Pose {
         &self.pose
     }
@@ -68,12 +67,11 @@ impl PanelQuad {
         Vec2::new(SIZE.x, SIZE.y) * METRES_PER_POINT
     }
 
-    /// Where the ray along -z of `ray` meets the plane; `None` where it goes by or comes from
-    /// behind.
+    /// Intersection with the ray along -z of `ray`; `None` for a ray that misses or comes from behind.
     pub(super) fn hit(&self, ray: &Pose) -> Option<Hit> {
-        let board_from_stage = self.pose.orientation.inverse();
-        let origin = board_from_stage * (ray.position - self.pose.position);
-        let direction = board_from_stage * ray.forward();
+        let quad_from_stage = self.pose.orientation.inverse();
+        let origin = quad_from_stage * (ray.position - self.pose.position);
+        let direction = quad_from_stage * ray.forward();
         let distance_m = origin.z / -direction.z;
         let meets = origin.z > 0.0 && direction.z < 0.0 && distance_m.is_finite();
         meets.then(|| {
@@ -105,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_ahead_below_the_eyes_level_and_faces_them() {
+    fn the_quad_is_ahead_below_eye_level_and_faces_the_eyes() {
         for (height, heading) in [(1.7, 0.0), (1.2, 2.0), (0.3, -1.0), (0.0, 3.0)] {
             let head = head(height, heading);
             let quad = PanelQuad::before(&head);
@@ -134,12 +132,12 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_that_goes_by_or_comes_from_behind_hits_nothing() {
+    fn a_ray_that_misses_or_comes_from_behind_hits_nothing() {
         let quad = PanelQuad::before(&head(1.6, 0.0));
-        let middle = quad.stage_point(pos2(410.0, 360.0));
+        let center = quad.stage_point(pos2(410.0, 360.0));
         let normal = quad.pose.orientation * Vec3::Z;
-        assert_eq!(quad.hit(&ray(middle + normal, middle + normal * 2.0)), None);
-        assert_eq!(quad.hit(&ray(middle - normal, middle)), None);
-        assert_eq!(quad.hit(&ray(middle + normal, middle + normal + quad.pose.orientation * Vec3::X)), None);
+        assert_eq!(quad.hit(&ray(center + normal, center + normal * 2.0)), None);
+        assert_eq!(quad.hit(&ray(center - normal, center)), None);
+        assert_eq!(quad.hit(&ray(center + normal, center + normal + quad.pose.orientation * Vec3::X)), None);
     }
 }

@@ -1,4 +1,4 @@
-//! [`PointerRay`]: the line from a hand to where it points, by which both are found.
+//! [`PointerRay`]: the visible line from a hand to its target.
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 
@@ -6,36 +6,36 @@ use crate::xr::interaction::Pose;
 
 const WIDTH_M: f32 = 0.004;
 
-/// From the hand to where the line begins: it must not stick in the controller.
+/// Gap between the hand and the start of the line, so that it does not stick in the controller.
 const START_M: f32 = 0.05;
 
-/// Length of the line of a hand that points elsewhere.
+/// Length of the line of a hand that points away from the panel.
 const FREE_M: f32 = 0.4;
 
-/// A narrow rectangle, turned to be seen from the eyes as well as a line can be.
+/// A narrow quad, turned about its length towards the eyes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointerRay {
-    /// Of its middle, with y along it, away from the hand.
+    /// Pose of its center, with y along it, away from the hand.
     pose: Pose,
     length_m: f32,
 }
 
 impl PointerRay {
-    /// From a hand that points with `aim` to what it meets at `distance_m`, if it meets something,
-    /// for eyes at `eye`. `None` where that is too near.
+    /// The ray of a hand with the pose `aim`, for eyes at `eye`, up to a target at `distance_m` if there is
+    /// one. `None` if the target is too near.
     pub(super) fn new(aim: &Pose, distance_m: Option<f32>, eye: Vec3) -> Option<PointerRay> {
         let length_m = distance_m.map_or(FREE_M, |distance_m| distance_m - START_M);
         let along = aim.forward();
-        let middle = aim.position + along * (START_M + 0.5 * length_m);
-        let to_eye = (eye - middle).reject_from_normalized(along);
-        // Looked at along itself, it may be turned any way.
+        let center = aim.position + along * (START_M + 0.5 * length_m);
+        let to_eye = (eye - center).reject_from_normalized(along);
+        // Seen along its length, any turn will do.
         let normal = if to_eye.length() > 1e-3 { to_eye.normalize() } else { along.any_orthonormal_vector() };
         let orientation = Quat::from_mat3(&Mat3::from_cols(along.cross(normal), along, normal));
-        let pose = Pose { position: middle, orientation };
+        let pose = Pose { position: center, orientation };
         (length_m > WIDTH_M && pose.is_valid()).then_some(PointerRay { pose, length_m })
     }
 
-    /// Of its middle, with +z to the viewer: that of a quad layer.
+    /// Pose of the quad layer: the center, with +z to the viewer.
     pub fn pose(&self) -> &Pose {
         &self.pose
     }

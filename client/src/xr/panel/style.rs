@@ -1,21 +1,20 @@
-//! Colours and shapes of the panel: large and dark, with text that is legible at arm's length and
-//! a half.
+//! Colours and shapes of the panel: large and dark, with text that is legible at 1.5 arm's lengths.
 
 use std::num::NonZeroUsize;
 
 use egui::{Color32, Context, FontId, Theme};
 
-/// Marks what is chosen or already played.
+/// Accent of the selection and of the played part.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(242, 142, 72);
-/// Background of what is chosen: little of it, so that the clip stays the brightest.
+/// Background of the selection: small areas, so that the clip stays the brightest.
 pub(super) const CHOSEN: Color32 = Color32::from_rgb(84, 56, 38);
 /// Text and symbols.
 pub(super) const TEXT: Color32 = Color32::from_gray(228);
-/// Text that is there to be looked up, not read.
+/// Secondary text.
 pub(super) const QUIET: Color32 = Color32::from_gray(158);
 /// Text of an error.
 pub(super) const ERROR: Color32 = Color32::from_rgb(255, 138, 122);
-/// What cannot be used now.
+/// Disabled controls.
 pub(super) const DISABLED: Color32 = Color32::from_gray(92);
 /// Background of the panel.
 pub(super) const SURFACE: Color32 = Color32::from_rgb(22, 23, 27);
@@ -28,7 +27,7 @@ pub(super) const BUTTON_PRESSED: Color32 = Color32::from_rgb(92, 96, 108);
 pub(super) const CARD_RADIUS: f32 = 28.0;
 pub(super) const BUTTON_RADIUS: f32 = 16.0;
 
-/// How far a hand may drift during a click, in points: pulling a trigger moves the ray.
+/// Largest drift of a hand during a click, in points: pulling a trigger moves the ray.
 const CLICK_DRIFT: f32 = 60.0;
 
 /// Longest click in seconds.
@@ -47,7 +46,7 @@ pub(super) fn digits(size: f32) -> FontId {
 /// Sets up a context for a panel.
 pub(super) fn apply(ctx: &Context) {
     ctx.options_mut(|options| {
-        // A pass takes the input in and gives commands: never two of them for a frame.
+        // A pass consumes input and emits commands: one pass a frame.
         options.max_passes = NonZeroUsize::MIN;
         options.input_options.max_click_dist = CLICK_DRIFT;
         options.input_options.max_click_duration = CLICK_S;

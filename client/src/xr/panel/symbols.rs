@@ -1,10 +1,10 @@
-//! Symbols of the panel, drawn rather than written: no font has to hold them.
+//! Symbols of the panel, drawn as shapes, so that no font has to contain them.
 
 use std::f32::consts::TAU;
 
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, StrokeKind, Vec2, pos2, vec2};
 
-/// What a button shows.
+/// Symbol of a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Symbol {
     Play,
@@ -38,7 +38,7 @@ pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, c
     let line = |points: &[[f32; 2]]| {
         painter.add(Shape::line(points.iter().map(|&[x, y]| at(x, y)).collect(), stroke));
     };
-    // Part of a circle about the middle, angles clockwise from the right.
+    // Arc about the center, angles clockwise from the right.
     let arc = |radius: f32, from: f32, to: f32| {
         let points = (0..=24).map(|i| {
             let angle = from + (to - from) * i as f32 / 24.0;
@@ -119,14 +119,14 @@ pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, c
     }
 }
 
-/// Draws a turning arc about `center`, for what takes a while.
+/// Draws a turning arc about `center`, for work under way.
 pub(super) fn draw_working(painter: &Painter, center: Pos2, radius: f32, time_s: f64, color: Color32) {
     let start = (time_s * 0.9).fract() as f32 * TAU;
     let points = (0..=24).map(|i| center + radius * Vec2::angled(start + 0.7 * TAU * i as f32 / 24.0));
     painter.add(Shape::line(points.collect(), Stroke::new(0.24 * radius, color)));
 }
 
-/// The corners of a rectangle `width` x `height` whose upper left one is at `(x, y)`.
+/// A `Rect` of `width` x `height` with its upper left corner at `(x, y)`.
 pub(super) fn rect(x: f32, y: f32, width: f32, height: f32) -> Rect {
     Rect::from_min_size(pos2(x, y), vec2(width, height))
 }

@@ -5,6 +5,7 @@ use glam::{Quat, Vec3, vec3};
 
 use super::widgets::id;
 use super::*;
+use crate::player::Player;
 use crate::xr::interaction::{Hand, Hands, Pulse, Side};
 
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
@@ -304,7 +305,7 @@ fn a_hidden_panel_takes_no_pointing_and_comes_back_before_the_viewer() {
     let at = bench.place("Timeline");
     bench.aim(Side::Right, at);
     bench.select(Side::Right, true);
-    assert!(bench.panel.apply(Command::TogglePanel, &HEAD) && !bench.panel.is_shown());
+    assert!(bench.panel.apply(Command::TogglePanel, &HEAD) && !bench.panel.is_visible());
     bench.frame();
     assert!(!bench.painted && bench.on_panel == [false; 2] && !bench.panel.is_scrubbing());
     bench.select(Side::Right, false);

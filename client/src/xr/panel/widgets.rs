@@ -1,4 +1,4 @@
-//! What the panel is made of: cards, text that fits, and buttons with a symbol and a caption.
+//! Widgets of the panel: cards, fitted text, and buttons with a symbol and a caption.
 
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Align2, Color32, FontId, Id, Painter, Pos2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
@@ -9,31 +9,31 @@ use super::symbols::{self, Symbol};
 /// Distance between neighbouring buttons, in points.
 pub(super) const GAP: f32 = 6.0;
 
-/// How a button is.
+/// State of a button.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct State {
-    /// Marked as what holds now.
+    /// Drawn as the present choice.
     pub(super) chosen: bool,
-    /// Drawn as the first thing to press.
+    /// Drawn as the main button.
     pub(super) primary: bool,
-    /// Drawn to warn.
+    /// Drawn as a warning.
     pub(super) warning: bool,
     /// Takes no presses.
     pub(super) disabled: bool,
 }
 
-/// What identifies a button.
+/// Identifier of a button.
 pub(super) fn id(name: &str) -> Id {
     Id::unique(("panel", name))
 }
 
-/// A rectangle of the width of the panel with round corners.
+/// Draws a card with round corners.
 pub(super) fn card(painter: &Painter, rect: Rect) {
     painter.rect_filled(rect, style::CARD_RADIUS, style::SURFACE.gamma_multiply(0.94));
 }
 
-/// A button that says what it is by `contents`, which draws in the colour it is given; whether it
-/// was pressed and let go.
+/// Shows a button with the given `contents`, which draw in the colour that they are passed; returns whether it
+/// was clicked.
 pub(super) fn button(
     ui: &Ui,
     rect: Rect,
@@ -79,7 +79,7 @@ pub(super) fn tile(ui: &Ui, rect: Rect, name: &str, state: State, symbol: Symbol
     captioned_tile(ui, rect, name, name, state, symbol)
 }
 
-/// A tile whose caption may change while what it is stays the same.
+/// A tile with a caption that may change while its identity stays the same.
 pub(super) fn captioned_tile(
     ui: &Ui,
     rect: Rect,
@@ -95,8 +95,8 @@ pub(super) fn captioned_tile(
     })
 }
 
-/// One line of text, smaller where it is wider than `width`, and cut off with an ellipsis where it
-/// would be less than three quarters as large.
+/// Draws one line of text, shrunk to `width`, but to three quarters of its size at most; beyond that it ends in
+/// an ellipsis.
 pub(super) fn fitted(
     painter: &Painter,
     at: Pos2,

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use glam::UVec2;
 
 use super::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
-use super::pacing::Clock;
+use super::pacing::FrameTimer;
 use super::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use super::quality::Quality;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
@@ -36,9 +36,9 @@ pub(super) struct Show {
     device: Option<Device>,
     place: Place,
     player: Player,
-    clock: Clock,
+    timer: FrameTimer,
     /// Time of the panel, which goes on while the clip waits.
-    panel_clock: Clock,
+    panel_timer: FrameTimer,
     quality: Quality,
     commands: Vec<Command>,
     /// Display time at which to recentre the clip.
@@ -107,8 +107,8 @@ impl Show {
             device: None,
             place: Place::new(store),
             player: Player::new(0.0, 0.0),
-            clock: Clock::default(),
-            panel_clock: Clock::default(),
+            timer: FrameTimer::default(),
+            panel_timer: FrameTimer::default(),
             quality,
             commands: Vec::new(),
             recentre_at_ns: None,
@@ -121,7 +121,7 @@ impl Show {
     /// Prepares for a session on `gpu` that draws in `format` and may show the room. The clip on display is
     /// loaded again if the device or the format is another one.
     pub(super) fn prepare(&mut self, gpu: &Arc<Gpu>, format: RuntimeFormat, has_passthrough: bool) {
-        self.clock = Clock::default();
+        self.timer = FrameTimer::default();
         self.passthrough = has_passthrough.then(|| self.shows_passthrough());
         // The images of the session before are gone, and with them the picture of the panel.
         self.panel = None;
@@ -165,7 +165,7 @@ impl Show {
             Change::Idle => self.notices.clear_progress(),
             Change::Failed(fault) => {
                 self.notices.fail(fault, self.playing.is_some())?;
-                if self.panel.as_ref().is_some_and(|panel| !panel.is_shown()) {
+                if self.panel.as_ref().is_some_and(|panel| !panel.is_visible()) {
                     self.commands.push(Command::TogglePanel);
                 }
             }
@@ -175,7 +175,7 @@ impl Show {
 
     fn show(&mut self, entry: &Entry, mut clip: ReadyClip, transition: Transition) {
         self.quality.change_clip(std::mem::take(&mut clip.layer_ends));
-        self.notices.clip_shown();
+        self.notices.on_clip();
         let (duration_s, fps) = (clip.info.duration_s.into(), clip.info.fps.into());
         match (transition, &mut self.playing) {
             (Transition::Refine, Some(playing)) if playing.clip.info == clip.info => {
@@ -186,8 +186,8 @@ impl Show {
                 return;
             }
             (Transition::Follow, Some(playing)) => {
-                match self.player.over_s() {
-                    Some(_) => self.player.follow_with(duration_s, fps),
+                match self.player.overrun_s() {
+                    Some(_) => self.player.continue_with(duration_s, fps),
                     None => self.player.change_clip(duration_s, fps),
                 }
                 if clip.shares_stage(&playing.clip) {
@@ -198,7 +198,7 @@ impl Show {
             }
             _ => {
                 self.player.change_clip(duration_s, fps);
-                self.clock = Clock::default();
+                self.timer = FrameTimer::default();
                 // The clips of a playlist stand in one place.
                 let name =
                     if self.clips.queue().is_some() { self.clips.named() } else { entry.name.as_deref() };
@@ -216,10 +216,10 @@ impl Show {
     }
 
     /// Moves on to the frame seen at `display_ns`: hands, then the panel, then their commands, then the
-    /// clock.
+    /// timer.
     pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
-        let elapsed_s = self.clock.elapsed_s(display_ns, viewer.attends);
-        let panel_elapsed_s = self.panel_clock.elapsed_s(display_ns, true);
+        let elapsed_s = self.timer.elapsed_s(display_ns, viewer.attends);
+        let panel_elapsed_s = self.panel_timer.elapsed_s(display_ns, true);
         let mut moved = Moved::default();
         let Some(head) = viewer.head else { return moved };
         let mut commands = std::mem::take(&mut self.commands);
@@ -236,7 +236,7 @@ impl Show {
         }
         commands.clear();
         self.commands = commands;
-        self.player.set_followed(self.clips.is_followed(self.player.is_looping()));
+        self.player.set_has_next(self.clips.is_followed(self.player.is_looping()));
         if !scrubbing {
             self.player.advance(elapsed_s);
         }
@@ -288,7 +288,7 @@ impl Show {
             passthrough: self.passthrough,
             has_next: self.clips.has_next(),
             statistics: &self.statistics.rows,
-            notice: self.notices.shown(),
+            notice: self.notices.line(),
         };
         self.panel.as_mut()?.frame(&state, elapsed_s, commands)
     }
@@ -310,7 +310,7 @@ impl Show {
             }
             Command::Better => self.quality.choose(self.quality.level().better()),
             Command::Coarser => self.quality.choose(self.quality.level().coarser()),
-            Command::TogglePassthrough => self.passthrough = self.passthrough.map(|shown| !shown),
+            Command::TogglePassthrough => self.passthrough = self.passthrough.map(|visible| !visible),
             Command::Dismiss if !self.clips.is_loading() => self.notices.dismiss(),
             _ => {}
         }
@@ -363,7 +363,7 @@ impl Show {
 
     /// The panel's quad, if the panel is shown.
     pub(super) fn panel_quad(&self) -> Option<&PanelQuad> {
-        self.panel.as_ref().filter(|panel| panel.is_shown()).map(Panel::quad)
+        self.panel.as_ref().filter(|panel| panel.is_visible()).map(Panel::quad)
     }
 
     /// Number of Gaussians of the clip, plate included.

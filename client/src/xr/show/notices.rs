@@ -59,7 +59,7 @@ impl Notices {
     }
 
     /// Takes in that a clip is shown, which settles what went wrong before.
-    pub(super) fn clip_shown(&mut self) {
+    pub(super) fn on_clip(&mut self) {
         self.unplayed = None;
         self.line.take_if(|line| matches!(line, Line::Error(_)));
     }
@@ -75,7 +75,7 @@ impl Notices {
     }
 
     /// The line for the panel.
-    pub(super) fn shown(&self) -> Option<Notice<'_>> {
+    pub(super) fn line(&self) -> Option<Notice<'_>> {
         self.line.as_ref().map(|line| match line {
             Line::Working { text, part } => Notice::Working { text, part: *part },
             Line::Note(text) => Notice::Note(text),

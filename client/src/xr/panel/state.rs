@@ -1,0 +1,49 @@
+//! [`PanelState`]: what the panel displays.
+
+use crate::player::Player;
+
+/// A message for the viewer, of one line or a few.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Notice<'a> {
+    /// A remark.
+    Note(&'a str),
+    /// Work under way.
+    Working {
+        /// Name of the work.
+        text: &'a str,
+        /// Completed fraction, 0 to 1, if it is known.
+        part: Option<f32>,
+    },
+    /// A failure.
+    Error(&'a str),
+}
+
+/// What the panel shows.
+#[derive(Clone, Copy, Debug)]
+pub struct PanelState<'a> {
+    /// Name of the clip.
+    pub title: &'a str,
+    /// Clock of the clip.
+    pub player: &'a Player,
+    /// Names of the levels of quality, the best one first; may be empty.
+    pub qualities: &'a [&'a str],
+    /// Number of the level in use.
+    pub quality: usize,
+    /// Whether that is below the chosen level, because the GPU does not keep up.
+    pub lowered: bool,
+    /// Whether the room is visible; `None` if the headset cannot show it.
+    pub passthrough: Option<bool>,
+    /// Whether there is another clip to play.
+    pub has_next: bool,
+    /// Rows of names and values.
+    pub statistics: &'a [(&'a str, String)],
+    /// Message above the console.
+    pub notice: Option<Notice<'a>>,
+}
+
+/// A page above the console.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Page {
+    Statistics,
+    Buttons,
+}
