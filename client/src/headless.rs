@@ -22,17 +22,17 @@ use crate::{clips, viewpoint};
 use program::Fault;
 use program::output;
 
-/// Size of images where nothing says another.
+/// Default size of images.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
 
-/// Seconds by which an instant at the change of two clips may be early and still be of the second: times
-/// of a playlist are sums.
+/// Seconds before a clip's end that belong to the next clip: times of a playlist are sums with rounding
+/// errors.
 const CHANGE_S: f64 = 1e-6;
 
-/// Does what `args` ask for.
+/// Renders what `args` ask for.
 ///
 /// # Errors
-/// The [`Fault`] that says what is wrong; images written before it stay.
+/// Any [`Fault`]; images that were written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = Output::check(args)?;
     match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
@@ -41,10 +41,10 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     }
 }
 
-/// Where images go.
+/// The output of images.
 struct Output<'a> {
     path: &'a Path,
-    /// Whether that is a folder for several.
+    /// Whether `path` is a folder for several images.
     many: bool,
 }
 
@@ -296,23 +296,16 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
             return Ok(());
         }
     }
-    let clip = match (last, failed) {
-        (Some(clip), failed) => {
-            failed.inspect(|fault| reporter.tell(&LoadEvent::Note(format!("{fault}; skipped"))));
-            clip
-        }
-        (None, Some(fault)) => return Err(fault),
-        (None, None) => return Err(Fault::Data("there is no clip".into())),
+    let Some(clip) = last else {
+        return Err(failed.unwrap_or_else(|| Fault::Data("there is no clip".into())));
     };
+    failed.inspect(|fault| reporter.tell(&LoadEvent::Note(format!("{fault}; skipped"))));
     // The times left are the very end, or beyond it.
     let (fps, duration) = (clip.info.fps, clip.info.duration_s);
     let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
     check_times(&left, start, fps.into())?;
     let mut stage = Stage::new(opened(&mut device)?, clip, args)?;
-    for (i, _) in todo {
-        output.write(i, &stage.draw(duration.into())?)?;
-    }
-    Ok(())
+    todo.iter().try_for_each(|&(i, _)| output.write(i, &stage.draw(duration.into())?))
 }
 
 /// The device, opened when it is needed first.
@@ -343,7 +336,7 @@ fn next_clip(
     }
 }
 
-/// Waits for the whole clip, with its progress on the terminal.
+/// Loads the complete clip, with its progress on the terminal.
 fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
@@ -358,7 +351,7 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
 }
 
-/// The times to render, in seconds from the start; `captured_fps` where nothing says another rate.
+/// The times to render, in seconds from the start; frames are counted at `captured_fps` by default.
 fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     match &args.frames {
         Some(frames) => {
@@ -370,9 +363,9 @@ fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     }
 }
 
-/// Checks that times are within what lasts `duration` seconds.
+/// Checks that times are within `duration` seconds.
 fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fault> {
-    // Times are often rounded in text: half a captured frame beyond the end is still the end.
+    // Times in text are rounded: half a captured frame beyond the end counts as the end.
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
         Some(time) => {
@@ -388,7 +381,7 @@ fn clip_time(clip: &Clip, time: f64) -> f64 {
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
-/// The eyes to render.
+/// The views of the requested eyes.
 fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     let camera: Camera = match (&args.camera, &args.view) {
         (Some(path), _) => {
@@ -409,7 +402,7 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     }
 }
 
-/// The settings that `args` ask for.
+/// The settings of `args`, checked against the clip.
 pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
@@ -420,7 +413,7 @@ pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault
     }
 }
 
-/// The images of all eyes from left to right, as bytes red, green, blue; and the size of the whole.
+/// The images of all eyes side by side as RGB bytes, and the size of the result.
 fn side_by_side(eyes: &[Pixels]) -> (Vec<u8>, UVec2) {
     let size = eyes[0].size;
     let row = size.x as usize * 3;
