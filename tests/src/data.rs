@@ -1,4 +1,4 @@
-//! Real data that lies beside the repository and is not part of it.
+//! Tests with real data, which lies beside the repository.
 
 use std::path::PathBuf;
 
@@ -7,13 +7,13 @@ use libtest_mimic::{Completion, Failed, Trial};
 
 use crate::gpu::{Passes, device};
 
-/// A file of the folder of data beside the repository; `None` where it is not there.
+/// Path of a file in the data folder beside the repository; `None` if it does not exist.
 pub fn path(name: &str) -> Option<PathBuf> {
     let path = xtask::workspace::root().join("../shared/data").join(name);
     path.exists().then_some(path)
 }
 
-/// A test that needs a device and data: ignored where either is missing.
+/// A test that needs a device and a data file: ignored if either is missing.
 pub fn trial(
     name: &str,
     data: &'static str,

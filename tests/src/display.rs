@@ -1,5 +1,5 @@
-//! A display without a screen, to try the desktop preview on: Xvfb, and what a person does at one
-//! (find a window, look at it, press a key).
+//! [`Display`]: Xvfb, an X server with a screen in memory, for tests of the desktop window. Finds
+//! windows, takes screenshots, presses keys.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -20,15 +20,15 @@ use crate::gpu::{Passes, device};
 /// Rows at the bottom of a player's window that hold the controls; the clip shows above them.
 pub const CONTROLS: u32 = 120;
 
-/// Longest to wait for something to appear.
+/// Longest wait for something to appear.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A running X server with a screen in memory; ends when dropped.
+/// A running X server; ends when dropped.
 pub struct Display {
     name: String,
     connection: RustConnection,
     root: Window,
-    /// Held for its drop.
+    /// Ends the server when dropped.
     _server: Process,
 }
 
@@ -37,24 +37,24 @@ struct Process(Child);
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// What a window shows: red, green and blue bytes, row by row.
+/// Pixels of a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screenshot {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// `3 * width * height` bytes.
+    /// Red, green and blue bytes, row by row from the top.
     pub rgb: Vec<u8>,
 }
 
-/// A test that needs a device and a display: ignored where either is missing.
+/// A test that needs a device and a display: ignored if either is missing.
 pub fn trial(name: &str, test: fn(&Display) -> Result<(), String>) -> Trial {
     Trial::ignorable_test(name, move || {
         if let Err(fault) = device(Passes::Shared) {
@@ -67,7 +67,7 @@ pub fn trial(name: &str, test: fn(&Display) -> Result<(), String>) -> Trial {
     })
 }
 
-/// A program with a window; ends when dropped.
+/// A running program with a window; ends when dropped.
 pub struct Player<'a> {
     display: &'a Display,
     process: Process,
@@ -76,10 +76,10 @@ pub struct Player<'a> {
 }
 
 impl Player<'_> {
-    /// Closes the window, and waits for the program.
+    /// Closes the window and waits for the program to end.
     ///
     /// # Errors
-    /// If it does not end within 20 s, or not with success.
+    /// If it fails, or runs on for 20 s.
     pub fn close(mut self) -> Result<(), String> {
         self.display.close(self.window);
         let start = Instant::now();
@@ -97,10 +97,10 @@ impl Player<'_> {
 }
 
 impl Display {
-    /// Starts a server with one screen of the given size; `None` where Xvfb is not installed.
+    /// Starts a server with one screen of this size in pixels; `None` if Xvfb is not installed.
     ///
     /// # Panics
-    /// If Xvfb is there but does not work.
+    /// If Xvfb is installed but does not work.
     pub fn start(width: u16, height: u16) -> Option<Display> {
         let child = Command::new("Xvfb")
             .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")])
@@ -119,7 +119,7 @@ impl Display {
         Some(Display { name, connection, root, _server: server })
     }
 
-    /// A command for `program` with this display and no other.
+    /// A command that runs `program` on this display.
     pub fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
@@ -129,7 +129,7 @@ impl Display {
     /// Starts a command and waits for its window, whose title contains `title`.
     ///
     /// # Errors
-    /// If none appears in a minute, or the program ends first.
+    /// If no such window appears within a minute, or the program ends.
     pub fn open(&self, command: &mut Command, title: &str) -> Result<Player<'_>, String> {
         let mut process = Process(command.spawn().map_err(|error| error.to_string())?);
         let window = wait_for(|| {
@@ -142,7 +142,7 @@ impl Display {
         Ok(Player { display: self, process, window })
     }
 
-    /// The window's title.
+    /// Title of a window.
     pub fn title(&self, window: Window) -> String {
         let name = self.connection.intern_atom(false, b"_NET_WM_NAME").expect("the server listens");
         let name = name.reply().expect("an atom").atom;
@@ -158,7 +158,7 @@ impl Display {
         })
     }
 
-    /// What the window shows now; `None` where it cannot be read, as before it is mapped.
+    /// A screenshot of the window; `None` if it cannot be read, for example before it is mapped.
     pub fn screenshot(&self, window: Window) -> Option<Screenshot> {
         let size = self.connection.get_geometry(window).ok()?.reply().ok()?;
         let image = self
@@ -167,24 +167,23 @@ impl Display {
             .ok()?
             .reply()
             .ok()?;
-        // 24 bits of depth come in 32-bit pixels: blue, green, red, nothing.
+        // 32-bit pixels: blue, green, red, unused.
         let rgb = image.data.as_chunks::<4>().0.iter().flat_map(|[b, g, r, _]| [*r, *g, *b]).collect();
         Some(Screenshot { width: size.width.into(), height: size.height.into(), rgb })
     }
 
-    /// Waits until what the window shows satisfies `condition`, and returns it; `None` if that
-    /// does not happen in a minute.
+    /// Waits for a screenshot that satisfies `condition`; `None` after a minute.
     pub fn wait_until(&self, window: Window, condition: impl Fn(&Screenshot) -> bool) -> Option<Screenshot> {
         wait_for(|| self.screenshot(window).filter(&condition))
     }
 
-    /// Gives the window the keyboard, as a window manager would.
+    /// Gives the window the keyboard focus.
     pub fn focus(&self, window: Window) {
         let focus = self.connection.set_input_focus(InputFocus::PARENT, window, 0u32);
         focus.expect("the server listens").check().expect("a mapped window takes the focus");
     }
 
-    /// Presses and releases the key that types `keysym` (X11's numbers; ASCII for letters).
+    /// Presses and releases the key of an X11 keysym, which is ASCII for letters.
     pub fn press(&self, keysym: u32) {
         let setup = self.connection.setup();
         let (min, count) = (setup.min_keycode, setup.max_keycode - setup.min_keycode + 1);
@@ -200,7 +199,7 @@ impl Display {
         }
     }
 
-    /// Asks the window to close, as its close button does.
+    /// Asks the window to close, like a close button.
     fn close(&self, window: Window) {
         let atom = |name: &[u8]| {
             let atom = self.connection.intern_atom(false, name).expect("the server listens");
@@ -214,7 +213,7 @@ impl Display {
 }
 
 impl Screenshot {
-    /// Number of different colours.
+    /// Number of distinct colours.
     pub fn colors(&self) -> usize {
         let mut colors: Vec<&[u8; 3]> = self.rgb.as_chunks::<3>().0.iter().collect();
         colors.sort_unstable();
@@ -222,10 +221,11 @@ impl Screenshot {
         colors.len()
     }
 
-    /// Whether the clip itself, above the controls, looks different.
+    /// Whether more than 200 pixels of the clip, above the controls, differ.
     pub fn clip_changed(&self, other: &Screenshot) -> bool {
         let rows = (3 * self.width * self.height.saturating_sub(CONTROLS)) as usize;
-        let pixels = |shot: &'_ Screenshot| shot.rgb[..rows.min(shot.rgb.len())].as_chunks::<3>().0.to_vec();
+        let pixels =
+            |screen: &'_ Screenshot| screen.rgb[..rows.min(screen.rgb.len())].as_chunks::<3>().0.to_vec();
         pixels(self).iter().zip(&pixels(other)).filter(|(a, b)| a != b).count() > 200
     }
 }

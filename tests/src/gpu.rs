@@ -1,4 +1,4 @@
-//! Tests that draw with the GPU, and are ignored where there is none.
+//! Tests that draw with the GPU and are ignored on machines without one.
 
 use std::process::ExitCode;
 
@@ -6,8 +6,7 @@ use client::gpu::Gpu;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 pub use measure::device::{Drawing, Passes, device, draw};
 
-/// A test that needs a device, and several where it needs them at once: ignored where there is
-/// none.
+/// A test that draws with the GPU: ignored where there is no device.
 pub fn trial(
     name: impl Into<String>,
     passes: Passes,
@@ -19,7 +18,7 @@ pub fn trial(
     })
 }
 
-/// A test of a device that draws both eyes in one pass: ignored where it cannot.
+/// A test of drawing both eyes in one pass: ignored where the device cannot.
 pub fn multiview_trial(
     name: impl Into<String>,
     test: impl FnOnce(&'static Gpu) -> Result<(), String> + Send + 'static,
@@ -34,21 +33,24 @@ pub fn multiview_trial(
     })
 }
 
-/// Runs the tests of a file as the standard harness would.
-pub fn run(trials: Vec<Trial>) -> ExitCode {
-    run_with(Arguments::from_args(), trials)
+/// Runs the tests of several files as the standard harness does. Each test is listed, and can be
+/// filtered, by the name of its file as well.
+pub fn run<const N: usize>(files: [(&str, Vec<Trial>); N]) -> ExitCode {
+    run_with(Arguments::from_args(), files)
 }
 
-/// The same, one after the other.
-pub fn run_in_turn(trials: Vec<Trial>) -> ExitCode {
-    run_with(Arguments { test_threads: Some(1), ..Arguments::from_args() }, trials)
+/// Runs the tests of several files one after the other.
+pub fn run_in_turn<const N: usize>(files: [(&str, Vec<Trial>); N]) -> ExitCode {
+    run_with(Arguments { test_threads: Some(1), ..Arguments::from_args() }, files)
 }
 
-fn run_with(arguments: Arguments, trials: Vec<Trial>) -> ExitCode {
+fn run_with<const N: usize>(arguments: Arguments, files: [(&str, Vec<Trial>); N]) -> ExitCode {
     if !arguments.list
         && let Ok(gpu) = device(Passes::Shared)
     {
         println!("\ndrawing with {}, {}", gpu.adapter_name, gpu.driver);
     }
-    libtest_mimic::run(&arguments, trials).exit_code()
+    let trials =
+        files.into_iter().flat_map(|(file, trials)| trials.into_iter().map(move |t| t.with_kind(file)));
+    libtest_mimic::run(&arguments, trials.collect()).exit_code()
 }

@@ -1,9 +1,8 @@
-//! A headset without a headset: Monado, an OpenXR runtime, with a simulated one and a compositor
-//! that shows nothing.
+//! [`Headset`]: the OpenXR runtime Monado with a simulated headset and a compositor without output.
 //!
-//! `cargo xtask ci` unpacks it, and everything that it needs, from one release of Debian into a
-//! folder. Libraries of the runtime, its Vulkan driver among them, are loaded into the programs
-//! that use it; so these run through the folder's own dynamic linker as well, on its C library.
+//! `cargo xtask ci` unpacks it with its dependencies from one release of Debian into a folder. Programs
+//! that use the runtime load its libraries, among them its Vulkan driver, so they also run through that
+//! folder's dynamic linker, on its C library.
 
 use std::env::consts::ARCH;
 use std::ffi::OsStr;
@@ -19,24 +18,24 @@ use xtask::workspace;
 
 use crate::remote::Remote;
 
-/// Why a test that needs the runtime is ignored.
+/// Reason to ignore a test that needs the runtime.
 pub const MISSING: &str = "no OpenXR runtime for tests; cargo xtask ci gets one";
 
-/// Longest to wait for the service.
+/// Longest wait for the service.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What the service says when it may be used.
+/// Log line of a service that is ready.
 const STARTED: &str = "service has started";
 
-/// A running runtime of its own for one test; ends when dropped.
+/// One test's own runtime; ends when dropped.
 pub struct Headset {
     service: Child,
     files: Files,
-    /// Everything that the runtime and its programs write, the service's socket among it.
+    /// Home folder of the runtime, with the service's socket, and of the programs that use it.
     folder: TempDir,
 }
 
-/// Where the parts of the unpacked runtime lie.
+/// Paths of the unpacked runtime.
 struct Files {
     root: PathBuf,
     libraries: PathBuf,
@@ -44,7 +43,7 @@ struct Files {
 }
 
 impl Files {
-    /// Those of the set-up's folder; `None` where there is none.
+    /// Finds the runtime; `None` if it was not unpacked.
     fn find() -> Option<Files> {
         let root = workspace::openxr_folder();
         let libraries = root.join(format!("usr/lib/{ARCH}-linux-gnu"));
@@ -53,16 +52,16 @@ impl Files {
         Some(Files { linker: linker.path(), root, libraries })
     }
 
-    /// A command for `program` in the runtime's world, which leaves its traces in `home` only.
+    /// A command that runs `program` with the runtime's libraries and `home` as its home folder.
     fn command(&self, program: &Path, home: &Path) -> Command {
-        // Libraries of these two have alternatives, each in a folder of its own.
+        // Debian keeps these libraries in folders of their own.
         let mut folders = vec![self.libraries.clone()];
         folders.extend(["lapack", "blas", "pulseaudio"].map(|name| self.libraries.join(name)));
         folders.push(self.root.join("usr/lib"));
         let path = std::env::join_paths(folders).expect("folders of the workspace have no colon");
         let mut command = Command::new(&self.linker);
         command.arg("--library-path").arg(path).arg(program);
-        // Settings of the person who runs the tests are not for them.
+        // The user's settings must not change the tests.
         for (name, _) in std::env::vars_os() {
             let name_text = name.to_string_lossy();
             if ["XR_", "XRT_", "XDG_", "VK_", "LD_LIBRARY"].iter().any(|start| name_text.starts_with(start)) {
@@ -79,16 +78,16 @@ impl Files {
 }
 
 impl Headset {
-    /// Starts a runtime; `None` where the set-up could not get one.
+    /// Starts a runtime; `None` if none is unpacked.
     ///
     /// # Panics
-    /// If it is there but does not work.
+    /// If it does not work.
     pub fn start() -> Option<Headset> {
         let folder = tempfile::tempdir().expect("temporary files can be made");
         Headset::start_in(folder, ("SIMULATED_ENABLE", "1"))
     }
 
-    /// The same with a head and a hand that the test moves.
+    /// Starts a runtime whose head and hand the test moves.
     ///
     /// # Panics
     /// As for [`Headset::start`].
@@ -99,12 +98,12 @@ impl Headset {
         Some((headset, Remote::connect(port)))
     }
 
-    /// Starts a runtime at home in `folder` with the devices that a variable of its environment
-    /// chooses.
+    /// Starts a runtime with the home folder `folder` and the devices that an environment variable
+    /// selects.
     fn start_in(folder: TempDir, devices: (&str, &str)) -> Option<Headset> {
         let files = Files::find()?;
         let home = folder.path();
-        // Sockets are for the user alone.
+        // The service refuses a folder that others can read.
         fs::set_permissions(home, fs::Permissions::from_mode(0o700)).expect("it is ours");
         let write = |name: &str, text: String| {
             fs::write(home.join(name), text).expect("temporary files can be written");
@@ -126,7 +125,7 @@ impl Headset {
         let service = files
             .command(&files.root.join("usr/bin/monado-service"), home)
             .envs([("XRT_COMPOSITOR_NULL", "1"), devices])
-            // The service ends when this pipe closes: with this process, however that ends.
+            // The service ends when this pipe closes, and so with this process.
             .stdin(Stdio::piped())
             .stdout(log.try_clone().expect("a file can be shared"))
             .stderr(log)
@@ -148,17 +147,17 @@ impl Headset {
             .unwrap_or_default()
     }
 
-    /// A path in the folder of this runtime, which goes with it.
+    /// A path in the home folder, which is deleted with the runtime.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// A command for `program` under this runtime.
+    /// A command that runs `program` under this runtime.
     pub fn command(&self, program: &Path) -> Command {
         self.files.command(program, self.folder.path())
     }
 
-    /// The same with Khronos's validation layer in between; [`Headset::findings`] has what it says.
+    /// A command that runs `program` under Khronos's validation layer; see [`Headset::findings`].
     pub fn validated(&self, program: &Path) -> Command {
         let mut command = self.command(program);
         command
@@ -169,10 +168,10 @@ impl Headset {
         command
     }
 
-    /// What the validation layer found in the last validated program.
+    /// Errors and warnings of the validation layer for the last validated program.
     ///
     /// # Errors
-    /// If it was not at work.
+    /// If the layer was not active.
     pub fn findings(&self) -> Result<Vec<String>, String> {
         let text =
             fs::read(self.path("validation.txt")).map_err(|error| format!("no validation: {error}"))?;
@@ -185,9 +184,9 @@ impl Headset {
         Ok(found.map(str::to_owned).collect())
     }
 
-    /// Ends the service as no program can prevent, `kill -9`.
+    /// Kills the service with `SIGKILL`.
     pub fn kill(&mut self) {
-        // It may have ended by itself.
+        // It may have ended already.
         let _ = self.service.kill();
         let _ = self.service.wait();
     }
@@ -202,7 +201,7 @@ impl Drop for Headset {
 /// Name of the validation layer.
 const LAYER: &str = "XR_APILAYER_LUNARG_core_validation";
 
-/// A description of a runtime or a layer, as the loader reads it.
+/// A manifest of a runtime or a layer for the OpenXR loader.
 fn manifest(kind: &str, about: &[(&str, &OsStr)]) -> String {
     let about: serde_json::Map<_, _> =
         about.iter().map(|(key, value)| (key.to_string(), value.to_string_lossy().into())).collect();
@@ -213,7 +212,7 @@ fn path(library: &Path) -> (&'static str, &OsStr) {
     ("library_path", library.as_os_str())
 }
 
-/// The file of this name somewhere below the folder.
+/// Path of the file with this name anywhere below `folder`.
 fn find(folder: &Path, name: &str) -> PathBuf {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {

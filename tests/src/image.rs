@@ -1,9 +1,9 @@
-//! Comparing pictures: per-test tolerances, and pictures of the difference when one is exceeded.
+//! Comparing images within a tolerance.
 //!
-//! A comparison that fails leaves `NAME.actual.png`, `NAME.expected.png` and `NAME.difference.png`
-//! (absolute differences, magnified) in `target/test-images` and says so. Golden pictures lie in
-//! `tests/golden`; with `UPDATE_GOLDEN=1` in the environment they are rewritten, and the test fails
-//! once all the same, so that no picture changes unseen.
+//! A failed comparison writes `NAME.actual.png`, `NAME.expected.png` and `NAME.difference.png`
+//! (absolute differences, magnified) to `target/test-images`. Golden images are in `tests/golden`. With
+//! `UPDATE_GOLDEN=1` in the environment they are rewritten and the test fails once, so that no image
+//! changes unseen.
 
 use std::fmt;
 use std::fs;
@@ -12,25 +12,25 @@ use std::path::{Path, PathBuf};
 use image::{ImageBuffer, Rgb};
 use refine::image::Image;
 
-/// How far two pictures may be apart, over black, cut to the displayable range.
+/// Largest accepted difference of two images over black, clamped to the displayable range.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
-    /// Largest difference of a channel, in 255ths.
+    /// Largest difference of a channel, in 1/255.
     pub max_diff: f64,
-    /// Number of pixels of which a channel may be off by more than one 255th.
+    /// Number of pixels in which a channel may differ by more than 1/255.
     pub diff_pixels: usize,
-    /// Least peak signal-to-noise ratio in dB.
+    /// Lowest peak signal-to-noise ratio in dB.
     pub psnr: f64,
 }
 
-/// How far two pictures are apart.
+/// Difference of two images.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
-    /// Largest difference of a channel, in 255ths.
+    /// Largest difference of a channel, in 1/255.
     pub max_diff: f64,
-    /// Number of pixels of which a channel is off by more than one 255th.
+    /// Number of pixels in which a channel differs by more than 1/255.
     pub diff_pixels: usize,
-    /// Peak signal-to-noise ratio in dB; `+inf` for equal pictures.
+    /// Peak signal-to-noise ratio in dB; `+inf` for equal images.
     pub psnr: f64,
 }
 
@@ -40,7 +40,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Measures how far two pictures of one size are apart.
+/// Measures the difference of two images of one size.
 ///
 /// # Panics
 /// If the sizes differ.
@@ -52,21 +52,21 @@ pub fn difference(actual: &Image, expected: &Image) -> Difference {
     }
 }
 
-/// Number of pixels of which a channel is off by more than `limit`, in 255ths.
+/// Number of pixels in which a channel differs by more than `limit`, in 1/255.
 pub fn pixels_beyond(limit: f64, actual: &Image, expected: &Image) -> usize {
     let pairs = actual.pixels.iter().zip(&expected.pixels);
     pairs.filter(|(a, b)| channel_difference(a, b) > limit).count()
 }
 
-/// Largest difference of a channel of two pixels, in 255ths.
+/// Largest difference of a channel of two pixels, in 1/255.
 fn channel_difference(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     (0..3).map(|c| 255.0 * (a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0)).abs()).fold(0.0, f64::max)
 }
 
-/// Compares two pictures under a name of the caller's that is unique to it.
+/// Compares two images. `name` names their files if they differ and must be unique.
 ///
 /// # Errors
-/// What is exceeded, and where the pictures lie.
+/// If the tolerance is exceeded, with the paths of the images.
 pub fn check(
     name: &str,
     actual: &Image,
@@ -100,14 +100,14 @@ pub fn check(
     ))
 }
 
-/// Compares a picture with the golden one of this name.
+/// Compares an image with the golden one of this name.
 ///
 /// # Errors
-/// As [`check`]; also where there is no golden picture, and where it was rewritten.
+/// As [`check`]; also if there is no golden image, or it was rewritten.
 pub fn check_golden(name: &str, actual: &Image, tolerance: Tolerance) -> Result<Difference, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(format!("{name}.png"));
     if std::env::var_os("UPDATE_GOLDEN").is_some_and(|value| value == "1") {
-        fs::create_dir_all(path.parent().expect("it lies in a folder")).map_err(|error| error.to_string())?;
+        fs::create_dir_all(path.parent().expect("it is in a folder")).map_err(|error| error.to_string())?;
         write_png(&path, actual.width, actual.height, actual.to_rgb8());
         return Err(format!(
             "{} was rewritten; look at it, then run again without UPDATE_GOLDEN",
@@ -126,7 +126,7 @@ pub fn check_golden(name: &str, actual: &Image, tolerance: Tolerance) -> Result<
     check(name, actual, &expected, tolerance)
 }
 
-/// Where the pictures of a failed comparison lie.
+/// Paths of the images of a failed comparison.
 struct Paths {
     actual: PathBuf,
     expected: PathBuf,
@@ -142,12 +142,11 @@ impl Paths {
     }
 
     fn write(&self, actual: &Image, expected: &Image) {
-        fs::create_dir_all(self.actual.parent().expect("it lies in a folder"))
-            .expect("target can be written");
+        fs::create_dir_all(self.actual.parent().expect("it is in a folder")).expect("target can be written");
         let (width, height) = (actual.width, actual.height);
         write_png(&self.actual, width, height, actual.to_rgb8());
         write_png(&self.expected, width, height, expected.to_rgb8());
-        // One 255th shows as a visible dark gray.
+        // 1/255 becomes a visible dark gray.
         let magnified = actual
             .pixels
             .iter()
@@ -158,16 +157,16 @@ impl Paths {
 
     fn remove(&self) {
         for path in [&self.actual, &self.expected, &self.difference] {
-            // Most of the time there is none.
+            // Usually there is none.
             let _ = fs::remove_file(path);
         }
     }
 }
 
 fn write_png(path: &Path, width: u32, height: u32, rgb: Vec<u8>) {
-    let picture: ImageBuffer<Rgb<u8>, Vec<u8>> =
+    let image: ImageBuffer<Rgb<u8>, Vec<u8>> =
         ImageBuffer::from_raw(width, height, rgb).expect("three bytes per pixel");
-    picture.save(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    image.save(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
 }
 
 #[cfg(test)]
@@ -179,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_within_the_tolerance_passes_and_one_beyond_leaves_pictures() {
+    fn only_a_difference_beyond_the_tolerance_writes_images() {
         let tolerance = Tolerance { max_diff: 3.0, diff_pixels: 1, psnr: 40.0 };
         let mut actual = gray(0.5);
         actual.pixels[3][1] += 2.0 / 255.0;
@@ -196,11 +195,11 @@ mod tests {
         assert_eq!((difference.get_pixel(3, 0).0, difference.get_pixel(0, 0).0), ([0, 64, 0], [0, 0, 0]));
 
         check("harness-self-test", &gray(0.5), &gray(0.5), tolerance).unwrap();
-        assert!(!paths.actual.exists(), "pictures of an earlier failure are removed by a pass");
+        assert!(!paths.actual.exists(), "a pass removes the images of an earlier failure");
     }
 
     #[test]
-    fn each_limit_counts_by_itself() {
+    fn every_limit_is_checked() {
         let (actual, expected) = (gray(0.5 + 2.0 / 255.0), gray(0.5));
         for tolerance in [
             Tolerance { max_diff: 1.9, diff_pixels: 8, psnr: 40.0 },

@@ -1,8 +1,8 @@
 //! Harness of the tests across crates.
 //!
-//! Tests that need a graphics adapter or a display run under [`libtest_mimic`], which prints what
-//! the standard harness prints but lets a running test say that it is *ignored*: a machine that
-//! lacks something shows it, and no test passes without having tested.
+//! Tests that need a graphics device or a display run under [`libtest_mimic`], which prints like the
+//! standard harness, but lets a running test report itself as *ignored*: no test passes without having
+//! tested anything.
 
 pub mod data;
 pub mod display;

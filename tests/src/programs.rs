@@ -7,24 +7,25 @@ use std::sync::OnceLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use tempfile::TempDir;
 use xtask::workspace;
 
-/// Longest that a program may run, as long as it is not meant to run on.
+/// Longest run of a program.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// The executable of the player, built if need be.
+/// Path of the player's executable; the first call builds it.
 pub fn client() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| build("aarc"))
 }
 
-/// The executable of the host tool, built if need be.
+/// Path of the host tool's executable; the first call builds it.
 pub fn studio() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| build("aarc-studio"))
 }
 
-/// The executable of an example program of the workspace, built if need be.
+/// Path of an example program's executable, built by the call.
 pub fn example(name: &str) -> PathBuf {
     workspace::build_example(name, PROFILE).unwrap_or_else(|fault| panic!("{fault}"))
 }
@@ -33,25 +34,64 @@ fn build(program: &str) -> PathBuf {
     workspace::build(program, PROFILE).unwrap_or_else(|fault| panic!("{fault}"))
 }
 
-/// The profile that the tests themselves were built with.
+/// The profile of this build of the tests.
 const PROFILE: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
 
-/// What came of running a program.
+/// A temporary folder in which programs run.
+pub struct Folder(TempDir);
+
+impl Default for Folder {
+    fn default() -> Folder {
+        Folder(tempfile::tempdir().expect("temporary files can be made"))
+    }
+}
+
+impl Folder {
+    /// Path of a file in the folder; `""` for the folder itself.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Writes a file.
+    ///
+    /// # Panics
+    /// If the system cannot write temporary files.
+    pub fn write(&self, name: &str, bytes: &[u8]) {
+        fs::write(self.path(name), bytes).expect("temporary files can be written");
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+        fs::read(self.path(name)).map_err(|error| format!("{name}: {error}"))
+    }
+
+    /// A command that runs `program` in the folder, with the words of `line` as arguments.
+    pub fn command(&self, program: &Path, line: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(&self.0).args(line.split_whitespace());
+        command
+    }
+}
+
+/// Result of a program.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The exit code; `None` where a signal ended the program.
+    /// Exit code; `None` after a signal.
     pub code: Option<i32>,
-    /// What it printed on standard output.
+    /// Standard output.
     pub stdout: String,
-    /// What it printed on standard error.
+    /// Standard error.
     pub stderr: String,
 }
 
 impl Outcome {
-    /// The outcome itself, where the program succeeded.
+    /// Returns the outcome of a program that succeeded.
     ///
     /// # Panics
-    /// If it did not, with what it said.
+    /// If it failed, with its output.
     pub fn success(self) -> Outcome {
         assert_eq!(self.code, Some(0), "{}{}", self.stdout, self.stderr);
         self
@@ -61,7 +101,7 @@ impl Outcome {
 /// Runs a command to its end, without input.
 ///
 /// # Panics
-/// If it cannot be started, or does not end.
+/// If it cannot be started, or runs longer than 300 s.
 pub fn run(command: &mut Command) -> Outcome {
     let folder = tempfile::tempdir().expect("temporary files can be made");
     let [stdout, stderr] = ["stdout", "stderr"].map(|name| folder.path().join(name));

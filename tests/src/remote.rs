@@ -1,7 +1,7 @@
-//! [`Remote`]: a head and a hand that a test moves, by Monado's driver for devices far away.
+//! [`Remote`]: a head and a hand that a test moves, through Monado's remote driver.
 //!
-//! Every packet says all there is to say: where the head is, and of each controller the pose, which
-//! serves for pointing and for holding, and its buttons. What is not set is at rest.
+//! Every packet holds the whole state: the pose of the head, and of each controller its pose, for
+//! aiming and gripping, and its buttons. Zero bytes are at rest.
 
 use std::io::Write;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -13,29 +13,28 @@ use glam::{Quat, Vec2, Vec3};
 use client::xr::interaction::Pose;
 use client::xr::panel::{PanelQuad, SIZE};
 
-/// Where the head is, looking along -z, and the right hand, in metres of the stage.
+/// Pose of the head, which looks along -z, and position of the right hand, in metres of the stage.
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
 const HAND: Vec3 = Vec3::new(0.2, 1.2, -0.2);
 
-/// Longest to wait for the driver.
+/// Longest wait for the driver.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What every packet begins with: the version of its form.
+/// First bytes of every packet: the protocol's version.
 const MAGIC: [u8; 8] = *b"mndrmt3\0";
 
-/// Bytes of a packet, and where in it the parts begin: the pose of the head, and the right
-/// controller.
+/// Length of a packet, and offsets of the head's pose and the right controller, in bytes.
 const BYTES: usize = 376;
 const HEAD_AT: usize = 104;
 const RIGHT_AT: usize = 256;
 
-/// Where in a controller's part these are: how far the trigger is pulled, whether it is there, and
-/// its upper button, which serves as the menu button.
+/// Offsets in a controller: its trigger's value, its presence, and its upper button, which acts as the
+/// menu button.
 const TRIGGER_AT: usize = 72;
 const ACTIVE_AT: usize = 105;
 const MENU_AT: usize = 110;
 
-/// The devices of a runtime whose service uses the driver.
+/// The remote devices of a runtime.
 pub struct Remote {
     stream: TcpStream,
     hand: Quat,
@@ -44,15 +43,15 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// The variable that has a service use the driver.
+    /// Environment variable that selects the driver.
     pub(crate) const CHOICE: (&str, &str) = ("P_OVERRIDE_ACTIVE_CONFIG", "remote");
 
-    /// Tells a service with this home folder where to listen; the port.
+    /// Writes the configuration of a service with this home folder, and returns its port.
     ///
     /// # Panics
     /// If the folder cannot be written, or the system has no port.
     pub(crate) fn configure(home: &Path) -> u16 {
-        // Whoever asks next gets another one: it is free until the service takes it.
+        // The system hands out other ports first, so this one stays free until the service binds it.
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("there is a free port");
         let port = listener.local_addr().expect("it is bound").port();
         let about = serde_json::json!({
@@ -66,7 +65,7 @@ impl Remote {
         port
     }
 
-    /// Connects to a service that has started: the hand is there and points ahead.
+    /// Connects to a running service; the hand appears and points ahead.
     ///
     /// # Panics
     /// If the driver does not answer.
@@ -85,10 +84,10 @@ impl Remote {
         remote
     }
 
-    /// Points at a place of the panel where it first appears, in its points from the upper left.
+    /// Points at the panel where it first appears; `at` is in its points from the upper left.
     ///
     /// # Panics
-    /// If the service went away, as for the rest.
+    /// If the service has ended, like all methods.
     pub fn point(&mut self, at: Vec2) {
         let quad = PanelQuad::before(&HEAD);
         let offset = (at - 0.5 * Vec2::new(SIZE.x, SIZE.y)) / Vec2::new(SIZE.x, -SIZE.y) * quad.size_m();
@@ -97,13 +96,13 @@ impl Remote {
         self.send();
     }
 
-    /// Pulls the trigger or lets it go.
+    /// Presses or releases the trigger.
     pub fn trigger(&mut self, down: bool) {
         self.trigger = down;
         self.send();
     }
 
-    /// Presses the menu button or lets it go.
+    /// Presses or releases the menu button.
     pub fn menu(&mut self, down: bool) {
         self.menu = down;
         self.send();

@@ -1,5 +1,4 @@
-//! [`Server`]: an HTTP server on this machine that does what a test tells it, also what no server
-//! should.
+//! [`Server`]: an HTTP server on this machine that answers as a test wants, correctly or not.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -10,39 +9,39 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// What a client asked for.
+/// A request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Request {
     /// Path and query.
     pub path: String,
-    /// By their names in small letters.
+    /// Values by names in lower case.
     pub headers: BTreeMap<String, String>,
 }
 
 impl Request {
-    /// A header, by its name in small letters.
+    /// Value of a header, by its name in lower case.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.headers.get(name).map(String::as_str)
     }
 
-    /// The first byte of `Range: bytes=FIRST-`.
+    /// `FIRST` of a header `Range: bytes=FIRST-`.
     pub fn first_byte(&self) -> Option<usize> {
         self.header("range")?.strip_prefix("bytes=")?.strip_suffix('-')?.parse().ok()
     }
 }
 
-/// A stream to a client: plain, or through TLS.
+/// A connection to a client: TCP or TLS.
 pub trait Stream: Read + Write + Send {}
 impl<T: Read + Write + Send> Stream for T {}
 
-/// An answer on its way. The connection ends with it.
+/// An answer. The connection ends with it.
 pub struct Answer<'a> {
     stream: &'a mut dyn Stream,
     sent: &'a Mutex<Vec<Range<usize>>>,
 }
 
 impl Answer<'_> {
-    /// Sends bytes; whether the client still takes them.
+    /// Sends bytes and returns whether the client is still connected.
     pub fn raw(&mut self, bytes: &[u8]) -> bool {
         self.stream.write_all(bytes).and_then(|()| self.stream.flush()).is_ok()
     }
@@ -53,14 +52,14 @@ impl Answer<'_> {
         self.raw(format!("HTTP/1.1 {status} x\r\nConnection: close\r\n{headers}\r\n").as_bytes());
     }
 
-    /// Sends `file` up to `end`, from where the request asks for, as a good server does, with
-    /// all headers. `etag` is with its quotes.
+    /// Sends `file` from the requested byte up to `end`, with the headers of a correct server. `etag`
+    /// includes its quotes.
     pub fn file(&mut self, request: &Request, file: &[u8], etag: &str, end: usize) {
         let first = self.file_head(request, file, etag);
         self.bytes(file, first..end.max(first));
     }
 
-    /// The headers of that; the first byte that is to follow.
+    /// Sends the headers of [`Answer::file`] and returns the requested first byte.
     pub fn file_head(&mut self, request: &Request, file: &[u8], etag: &str) -> usize {
         let same = request.header("if-range").is_none_or(|version| version == etag);
         let first = request.first_byte().filter(|&first| same && first < file.len());
@@ -72,15 +71,15 @@ impl Answer<'_> {
         first.unwrap_or(0)
     }
 
-    /// Sends a part of `file` and notes that.
-    pub fn bytes(&mut self, file: &[u8], part: Range<usize>) {
-        lock(self.sent).push(part.clone());
-        self.raw(&file[part]);
+    /// Sends a range of `file` and logs it.
+    pub fn bytes(&mut self, file: &[u8], range: Range<usize>) {
+        lock(self.sent).push(range.clone());
+        self.raw(&file[range]);
     }
 
-    /// Sends `bytes` at so many bytes per second.
+    /// Sends `bytes` at `bytes_per_s`.
     pub fn paced(&mut self, bytes: &[u8], bytes_per_s: f64) -> bool {
-        // Fifty pieces a second, of no more than a network hands over at a time.
+        // Fifty pieces a second of at most 8 KiB.
         let piece = (bytes_per_s / 50.0) as usize;
         let (start, mut sent) = (Instant::now(), 0);
         bytes.chunks(piece.clamp(1, 8 << 10)).all(|piece| {
@@ -92,7 +91,7 @@ impl Answer<'_> {
     }
 }
 
-/// What a server knows of its clients.
+/// Requests and answers of a server.
 #[derive(Default)]
 struct Log {
     requests: Mutex<Vec<Request>>,
@@ -100,23 +99,23 @@ struct Log {
     ended: AtomicBool,
 }
 
-/// A server that ends with the test.
+/// A running server; ends when dropped.
 pub struct Server {
-    address: SocketAddr,
+    socket: SocketAddr,
     log: Arc<Log>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// Makes a stream of a connection.
+/// Wraps a TCP connection.
 type Accept = dyn Fn(TcpStream) -> Option<Box<dyn Stream>> + Send + Sync;
 
 impl Server {
-    /// Starts a server that answers each request with `answer`, which gets its number from 0.
+    /// Starts a server that answers each request with `answer`, which gets the number of the request.
     pub fn start(answer: impl Fn(usize, &Request, &mut Answer<'_>) + Send + Sync + 'static) -> Server {
         Server::start_with(|stream| Some(Box::new(stream)), answer)
     }
 
-    /// The same with streams made by `accept`.
+    /// Starts a server that wraps each connection with `accept`.
     ///
     /// # Panics
     /// If the system gives no port.
@@ -125,7 +124,7 @@ impl Server {
         answer: impl Fn(usize, &Request, &mut Answer<'_>) + Send + Sync + 'static,
     ) -> Server {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("the system has a port");
-        let address = listener.local_addr().expect("a bound port");
+        let socket = listener.local_addr().expect("a bound port");
         let log = Arc::new(Log::default());
         let (ours, accept, answer) = (log.clone(), Arc::new(accept), Arc::new(answer));
         let thread = thread::spawn(move || {
@@ -138,30 +137,30 @@ impl Server {
                 thread::spawn(move || serve(stream, &log, &*accept, &*answer));
             }
         });
-        Server { address, log, thread: Some(thread) }
+        Server { socket, log, thread: Some(thread) }
     }
 
-    /// Where it listens.
-    pub fn address(&self) -> SocketAddr {
-        self.address
+    /// Address that it listens on.
+    pub fn socket(&self) -> SocketAddr {
+        self.socket
     }
 
-    /// The address of a file.
+    /// URL of a file.
     pub fn url(&self, path: &str) -> String {
-        format!("http://{}/{path}", self.address)
+        format!("http://{}/{path}", self.socket)
     }
 
-    /// What was asked for so far.
+    /// Requests so far.
     pub fn requests(&self) -> Vec<Request> {
         lock(&self.log.requests).clone()
     }
 
-    /// Which parts of files were sent so far.
+    /// Ranges of files that were sent so far.
     pub fn sent(&self) -> Vec<Range<usize>> {
         lock(&self.log.sent).clone()
     }
 
-    /// Forgets both: the next request is the first one again.
+    /// Clears both logs; the next request has number 0.
     pub fn forget(&self) {
         lock(&self.log.requests).clear();
         lock(&self.log.sent).clear();
@@ -171,8 +170,8 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         self.log.ended.store(true, Ordering::Relaxed);
-        // It waits for a connection.
-        let _ = TcpStream::connect(self.address);
+        // Wakes the thread, which waits for a connection.
+        let _ = TcpStream::connect(self.socket);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -187,7 +186,7 @@ fn serve(
 ) {
     let Some(mut stream) = accept(stream) else { return };
     let Some(request) = read(&mut *stream) else {
-        // What a server says to someone who does not speak HTTP.
+        // The client does not speak HTTP.
         let _ = stream.write_all(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n");
         return;
     };
@@ -199,7 +198,7 @@ fn serve(
     answer(number, &request, &mut Answer { stream: &mut *stream, sent: &log.sent });
 }
 
-/// Reads a request up to the empty line.
+/// Reads a request without a body.
 fn read(stream: &mut dyn Stream) -> Option<Request> {
     let mut lines = BufReader::new(stream).lines().map_while(Result::ok);
     let first = lines.next()?;

@@ -1,7 +1,7 @@
-//! [`Cluster`]: Slurm on this machine, with one node, for a test of job arrays.
+//! [`Cluster`]: the scheduler Slurm with one node on this machine.
 //!
-//! `cargo xtask test` unpacks it from the machine's own release of Debian into a folder. It runs as
-//! whoever runs the test, without cgroups, and keeps everything in a temporary folder.
+//! `cargo xtask test` unpacks it from the machine's own release of Debian into a folder. It runs as the
+//! user of the test, without cgroups, and writes to a temporary folder only.
 
 use std::env::consts::ARCH;
 use std::fs;
@@ -16,10 +16,10 @@ use xtask::workspace;
 
 use crate::programs::run;
 
-/// Why a test that needs the scheduler is ignored.
+/// Reason to ignore a test that needs the scheduler.
 pub const MISSING: &str = "no Slurm for tests; cargo xtask test gets one where Debian's packages can be had";
 
-/// Longest to wait for the node.
+/// Longest wait for the node.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running scheduler; ends when dropped.
@@ -30,10 +30,10 @@ pub struct Cluster {
 }
 
 impl Cluster {
-    /// Starts a scheduler; `None` where the set-up could not get one.
+    /// Starts a scheduler; `None` if none is unpacked.
     ///
     /// # Panics
-    /// If it is there but does not work.
+    /// If it does not work.
     pub fn start() -> Option<Cluster> {
         let root = workspace::slurm_folder();
         if !root.is_dir() {
@@ -57,7 +57,7 @@ impl Cluster {
         Some(cluster)
     }
 
-    /// Starts the service that vouches for who sends what.
+    /// Starts munged, which authenticates the services' messages.
     fn start_munge(&mut self) {
         let key: Vec<u8> = (0..1024).map(|_| fastrand::u8(..)).collect();
         fs::write(self.path("key"), key).expect("temporary files can be written");
@@ -74,13 +74,13 @@ impl Cluster {
         self.wait("munged does not answer", |cluster| cluster.path("munge").exists());
     }
 
-    /// What all of it reads.
+    /// Contents of slurm.conf, which all programs read.
     fn configuration(&self) -> String {
         let host = fs::read_to_string("/proc/sys/kernel/hostname").expect("the system has a name");
         let host = host.trim().split('.').next().unwrap_or_default();
         let user = run(Command::new("id").arg("-un")).stdout;
         let user = user.trim();
-        // Whoever asks next gets other ones: they are free until the services take them.
+        // The system hands out other ports first, so these stay free until the services bind them.
         let ports =
             [0; 2].map(|_| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("there is a free port"));
         let [controller, node] = ports.map(|port| port.local_addr().expect("it is bound").port());
@@ -161,17 +161,17 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 impl Drop for Cluster {
     fn drop(&mut self) {
         for service in self.services.iter_mut().rev() {
-            // It may have ended by itself.
+            // It may have ended already.
             let _ = service.kill();
             let _ = service.wait();
         }
     }
 }
 
-/// A path as a shell takes it.
+/// A path quoted for a shell.
 ///
 /// # Panics
-/// If it is not text.
+/// If it is not UTF-8.
 pub fn quoted(path: &Path) -> String {
     format!("'{}'", path.to_str().expect("a path in text").replace('\'', r"'\''"))
 }

@@ -1,8 +1,9 @@
-//! What the project depends on: every licence is one that `.cargo/deny.toml` allows, everything comes
-//! from the one registry, and DEPENDENCIES.md explains every direct dependency.
+//! The project's dependencies: `.cargo/deny.toml` allows every licence, everything comes from one
+//! registry, DEPENDENCIES.md explains every direct dependency, and the player never compiles what only
+//! the host tool needs.
 //!
-//! Nothing is fetched: where Cargo lacks packages that only other systems or other workspaces need,
-//! their licences are not looked at.
+//! Nothing is fetched. If Cargo lacks packages that only other systems or workspaces need, their
+//! licences are not checked.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -30,14 +31,18 @@ fn main() -> ExitCode {
         Trial::ignorable_test("licences are allowed and sources known", || Ok(licences())),
         passes("every direct dependency is explained", every_direct_dependency_is_explained),
         passes("licences are understood", licences_are_understood),
+        passes("the player does not depend on the host tool", the_player_does_not_depend_on_the_host_tool),
+        passes("the player does not compile the encoder", the_player_does_not_compile_the_encoder),
+        passes("on Android the player compiles what it runs", on_android_the_player_compiles_what_it_runs),
+        passes("a bare player has no window and no network", a_bare_player_has_no_window_and_no_network),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests).exit_code()
 }
 
-/// What Cargo knows of the packages of a workspace; of the dependencies as well, for all systems.
+/// Cargo's metadata of a workspace's packages, optionally with those of all dependencies on all systems.
 ///
 /// # Errors
-/// What Cargo says where it lacks some of them.
+/// If Cargo lacks some of the dependencies.
 fn packages(manifest: &str, with_dependencies: bool) -> Result<Vec<Value>, String> {
     let mut cargo = workspace::cargo();
     cargo.args(["metadata", "--locked", "--offline", "--format-version", "1", "--all-features"]);
@@ -67,11 +72,11 @@ fn allowed() -> BTreeSet<String> {
     list.split('"').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// The licences that a package may be had under, if one of the ways is allowed.
+/// The licences in a licence expression, if the allowed ones satisfy it.
 fn licences_of(licence: &str, allowed: &BTreeSet<String>) -> Option<BTreeSet<String>> {
     let expression = Expression::parse_mode(licence, spdx::ParseMode::LAX).ok()?;
-    let is_allowed = expression.evaluate(|licence| allowed.contains(&licence.to_string()));
-    is_allowed.then(|| expression.requirements().map(|licence| licence.req.to_string()).collect())
+    let is_satisfied = expression.evaluate(|licence| allowed.contains(&licence.to_string()));
+    is_satisfied.then(|| expression.requirements().map(|licence| licence.req.to_string()).collect())
 }
 
 fn licences() -> Completion {
@@ -109,16 +114,16 @@ fn licences() -> Completion {
     Completion::Completed
 }
 
-/// Names of the packages of the registry that packages of a workspace depend on directly.
+/// Names of the registry packages that a workspace depends on directly.
 fn direct(manifest: &str) -> BTreeSet<String> {
-    let packages = packages(manifest, false).expect("Cargo needs no others for these");
+    let packages = packages(manifest, false).expect("no dependencies are needed");
     let dependencies =
         packages.iter().flat_map(|package| package["dependencies"].as_array().expect("a list"));
     let foreign = dependencies.filter(|dependency| dependency["path"].is_null());
     foreign.map(|dependency| text(dependency, "name").to_owned()).collect()
 }
 
-/// The names in the first column of the table of dependencies.
+/// Names in the first column of DEPENDENCIES.md.
 fn explained() -> BTreeSet<String> {
     let path = workspace::root().join("tests/DEPENDENCIES.md");
     let document = fs::read_to_string(path).expect("DEPENDENCIES.md is readable");
@@ -146,5 +151,64 @@ fn licences_are_understood() {
     assert_eq!(licences_of(exception, &allowed), Some(BTreeSet::from([exception.to_owned()])));
     for licence in ["", "GPL-3.0-only", "MIT AND GPL-3.0-only", "Apache-2.0", "proprietary"] {
         assert_eq!(licences_of(licence, &allowed), None, "{licence}");
+    }
+}
+
+/// Output of `cargo tree` for the player.
+fn tree(arguments: &[&str]) -> String {
+    let output = workspace::cargo()
+        .args(["tree", "--locked", "--package", "client", "--prefix", "none"])
+        .args(arguments)
+        .output()
+        .expect("cargo runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo tree {arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+const FEATURE_SETS: [&[&str]; 3] = [&[], &["--no-default-features"], &["--all-features"]];
+
+/// Whether the tree contains a package of this name.
+fn depends_on(tree: &str, package: &str) -> bool {
+    tree.lines().any(|line| line.split(' ').next() == Some(package))
+}
+
+fn the_player_does_not_depend_on_the_host_tool() {
+    for features in FEATURE_SETS {
+        let tree = tree(&[&["--edges", "normal,build"], features].concat());
+        assert!(depends_on(&tree, "codec"), "the tree was not understood:\n{tree}");
+        for package in ["refine", "measure", "studio", "xtask", "aarc-tests", "rayon"] {
+            assert!(!depends_on(&tree, package), "client {features:?} depends on {package}");
+        }
+    }
+}
+
+fn the_player_does_not_compile_the_encoder() {
+    for features in FEATURE_SETS {
+        let tree = tree(&[&["--edges", "normal", "--format", "{p} features:{f};"], features].concat());
+        let codec = tree.lines().find(|line| line.starts_with("codec ")).expect("client decodes");
+        let enabled = codec.split("features:").nth(1).expect("the format names features");
+        assert!(enabled.contains("serde"), "the tree was not understood: {codec}");
+        assert!(!enabled.contains("encode"), "client {features:?} turns the encoder on: {codec}");
+    }
+}
+
+fn on_android_the_player_compiles_what_it_runs() {
+    let features = ["--no-default-features", "--features", "net,xr", "--target", "aarch64-linux-android"];
+    let tree = tree(&[&["--edges", "normal"][..], &features].concat());
+    for package in ["android-activity", "android_logger", "egui", "ureq"] {
+        assert!(depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+    for package in ["winit", "egui-winit", "env_logger"] {
+        assert!(!depends_on(&tree, package), "the player for Android depends on {package}");
+    }
+}
+
+fn a_bare_player_has_no_window_and_no_network() {
+    let with = tree(&["--edges", "normal"]);
+    let without = tree(&["--edges", "normal", "--no-default-features"]);
+    for package in ["winit", "egui", "ureq"] {
+        assert!(depends_on(&with, package), "the default player depends on {package}");
+        assert!(!depends_on(&without, package), "the bare player depends on {package}");
     }
 }

@@ -1,7 +1,5 @@
-//! Clips by address, from servers that do what they should and from servers that do not.
-//!
-//! Every server is on this machine. What a fault leads to is the same for all displays: they show
-//! what [`Download`] tells.
+//! Clips by URL, from servers on this machine that work and that fail. Window, headset and headless
+//! path all show the events of [`Download`], so the tests check those.
 
 use std::net::{Ipv4Addr, TcpListener};
 use std::ops::{ControlFlow, Range};
@@ -21,7 +19,7 @@ use program::Fault;
 
 const ETAG: &str = "\"one\"";
 
-/// That of someone in a hurry, so that tests are.
+/// Short, to keep the tests short.
 const PATIENCE: Patience = Patience {
     answer: Duration::from_secs(2),
     silence: Duration::from_secs(3),
@@ -37,7 +35,7 @@ fn package(seed: u64) -> Arc<[u8]> {
     packaged(&recipe.field(), None, &[300, 700]).into()
 }
 
-/// Where its layers end.
+/// Offsets of the ends of its layers, in bytes.
 fn layer_ends(package: &[u8]) -> Vec<usize> {
     contents(package, &Limits::default()).unwrap().layer_bytes()
 }
@@ -46,57 +44,57 @@ fn decoded(package: &[u8]) -> Clip {
     decode(package, &Limits::default()).unwrap()
 }
 
-/// What a download told.
+/// All events of a download.
 #[derive(Debug, Default)]
-struct Heard {
+struct Events {
     clips: Vec<Clip>,
     notes: Vec<String>,
     progress: Vec<Progress>,
     fault: Option<Fault>,
 }
 
-impl Heard {
+impl Events {
     fn troubles(&self) -> Vec<&str> {
         self.progress.iter().filter_map(|progress| progress.trouble.as_deref()).collect()
     }
 
-    /// The best clip, of a download without a fault.
+    /// The last clip.
     fn clip(&self) -> &Clip {
         assert_eq!(self.fault, None);
-        self.clips.last().expect("a download without a fault brings a clip")
+        self.clips.last().expect("a download without a fault has a clip")
     }
 }
 
-fn hear(download: Download) -> Heard {
+fn collect(download: Download) -> Events {
     let start = Instant::now();
-    let mut heard = Heard::default();
-    for news in download {
-        match news {
-            Ok(LoadEvent::Clip(clip)) => heard.clips.push(*clip),
-            Ok(LoadEvent::Note(note)) => heard.notes.push(note),
-            Ok(LoadEvent::Progress(progress)) => heard.progress.push(progress),
+    let mut events = Events::default();
+    for event in download {
+        match event {
+            Ok(LoadEvent::Clip(clip)) => events.clips.push(*clip),
+            Ok(LoadEvent::Note(note)) => events.notes.push(note),
+            Ok(LoadEvent::Progress(progress)) => events.progress.push(progress),
             Ok(event) => panic!("a download reports {event:?}"),
-            Err(fault) => heard.fault = Some(fault),
+            Err(fault) => events.fault = Some(fault),
         }
-        assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {heard:?}");
+        assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {events:?}");
     }
-    heard
+    events
 }
 
 fn options() -> Options {
     Options { patience: PATIENCE, ..Options::default() }
 }
 
-fn get(url: &str) -> Heard {
-    hear(Download::new(url, options()))
+fn get(url: &str) -> Events {
+    collect(Download::new(url, options()))
 }
 
-fn get_kept(url: &str, folder: &Path) -> Heard {
+fn get_cached(url: &str, folder: &Path) -> Events {
     get_bounded(url, folder, 1 << 20)
 }
 
-fn get_bounded(url: &str, folder: &Path, max_bytes: u64) -> Heard {
-    hear(Download::new(url, Options { cache: Some(Cache::new(folder, max_bytes)), ..options() }))
+fn get_bounded(url: &str, folder: &Path, max_bytes: u64) -> Events {
+    collect(Download::new(url, Options { cache: Some(Cache::new(folder, max_bytes)), ..options() }))
 }
 
 /// A server of one file.
@@ -105,7 +103,7 @@ fn server_of(file: &Arc<[u8]>) -> Server {
     Server::start(move |_, request, answer| answer_with(request, answer, &file, ETAG))
 }
 
-/// Answers as a good server does.
+/// Answers like a correct server.
 fn answer_with(request: &Request, answer: &mut Answer<'_>, file: &[u8], etag: &str) {
     if request.header("if-none-match") == Some(etag) {
         answer.head(304, &[("ETag", etag)]);
@@ -115,12 +113,12 @@ fn answer_with(request: &Request, answer: &mut Answer<'_>, file: &[u8], etag: &s
 }
 
 #[test]
-fn a_clip_arrives_whole_and_unpacked() {
+fn a_clip_arrives_complete_and_uncompressed() {
     let file = package(1);
     let server = server_of(&file);
-    let heard = get(&server.url("a/clip.aarc?key=1"));
-    assert_eq!(heard.clip(), &decoded(&file));
-    assert!(heard.clips.is_sorted_by_key(|clip| clip.layers.len()));
+    let events = get(&server.url("a/clip.aarc?key=1"));
+    assert_eq!(events.clip(), &decoded(&file));
+    assert!(events.clips.is_sorted_by_key(|clip| clip.layers.len()));
     let [request] = &server.requests()[..] else { panic!("one request is enough") };
     assert_eq!((request.path.as_str(), request.header("range")), ("/a/clip.aarc?key=1", None));
     assert_eq!(request.header("accept-encoding"), Some("identity"));
@@ -138,7 +136,7 @@ fn layers_play_before_the_rest_is_sent() {
         for &end in &layers {
             answer.bytes(&sent, first..end);
             first = end;
-            // The test lets the next layer go when this one plays.
+            // The test permits the next layer when this one plays.
             gate.lock().unwrap().recv().unwrap();
         }
     });
@@ -155,25 +153,25 @@ fn layers_play_before_the_rest_is_sent() {
 }
 
 #[test]
-fn a_cut_at_every_tenth_goes_on_where_it_was() {
+fn a_transfer_cut_at_every_tenth_resumes_each_time() {
     let file = package(3);
     let (sent, length) = (file.clone(), file.len());
     let server = Server::start(move |number, request, answer| {
         answer.file(request, &sent, ETAG, (number + 1) * length / 10);
     });
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!(heard.clip(), &decoded(&file));
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!(events.clip(), &decoded(&file));
     let expected: Vec<Range<usize>> = (0..10).map(|i| i * length / 10..(i + 1) * length / 10).collect();
     assert_eq!(server.sent(), expected, "every byte once");
     for (number, request) in server.requests().iter().enumerate() {
         let condition = (number > 0).then_some(ETAG);
         assert_eq!(request.header("if-range"), condition, "request {number}");
     }
-    assert!(heard.troubles().iter().any(|trouble| trouble.contains("lost, trying again")), "{heard:?}");
+    assert!(events.troubles().iter().any(|trouble| trouble.contains("lost, trying again")), "{events:?}");
 }
 
 #[test]
-fn a_stall_is_a_cut() {
+fn a_stall_counts_as_a_lost_connection() {
     let file = package(4);
     let (sent, length) = (file.clone(), file.len());
     let server = Server::start(move |number, request, answer| {
@@ -186,29 +184,29 @@ fn a_stall_is_a_cut() {
     });
     let patience = Patience { silence: Duration::from_secs(2), ..PATIENCE };
     let start = Instant::now();
-    let heard = hear(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
-    assert_eq!(heard.clip(), &decoded(&file));
+    let events = collect(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
+    assert_eq!(events.clip(), &decoded(&file));
     assert!(start.elapsed() < Duration::from_secs(15), "it does not wait for the server");
     assert_eq!(server.sent(), [0..length / 2, length / 2..length]);
-    assert!(heard.troubles().iter().any(|trouble| trouble.contains("silent")), "{heard:?}");
+    assert!(events.troubles().iter().any(|trouble| trouble.contains("silent")), "{events:?}");
 }
 
 #[test]
-fn a_server_that_forgets_about_parts_sends_all_again() {
+fn a_server_without_ranges_sends_everything_again() {
     let file = package(5);
     let (sent, length) = (file.clone(), file.len());
     let server = Server::start(move |number, request, answer| {
-        // The second answer is the whole file, as if no part had been asked for.
+        // The second answer ignores the range.
         let request = if number == 1 { Request::default() } else { request.clone() };
         answer.file(&request, &sent, ETAG, if number == 0 { length / 2 } else { length });
     });
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!(heard.clip(), &decoded(&file));
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!(events.clip(), &decoded(&file));
     assert_eq!(server.sent(), [0..length / 2, 0..length]);
 }
 
 #[test]
-fn a_file_that_changes_meanwhile_is_not_mixed() {
+fn two_versions_of_a_file_are_never_mixed() {
     let (old, new) = (package(6), package(7));
     for (etags, requests) in [(["\"old\"", "\"new\""], 2), (["W/\"old\"", "W/\"new\""], 2), (["", ""], 2)] {
         let files = [old.clone(), new.clone()];
@@ -217,14 +215,14 @@ fn a_file_that_changes_meanwhile_is_not_mixed() {
             let file = &files[which];
             answer.file(request, file, etags[which], if number == 0 { file.len() / 2 } else { file.len() });
         });
-        let heard = get(&server.url("clip.aarc"));
-        assert_eq!(heard.clip(), &decoded(&new), "{etags:?}");
+        let events = get(&server.url("clip.aarc"));
+        assert_eq!(events.clip(), &decoded(&new), "{etags:?}");
         assert_eq!(server.requests().len(), requests, "{etags:?}");
     }
 }
 
 #[test]
-fn a_wrong_part_is_thrown_away() {
+fn a_wrong_range_is_discarded() {
     let file = package(8);
     let (sent, length) = (file.clone(), file.len());
     let server = Server::start(move |number, request, answer| match number {
@@ -236,13 +234,13 @@ fn a_wrong_part_is_thrown_away() {
         }
         _ => answer.file(request, &sent, ETAG, length),
     });
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!(heard.clip(), &decoded(&file));
-    assert_eq!(server.requests()[2].header("range"), None, "no more parts");
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!(events.clip(), &decoded(&file));
+    assert_eq!(server.requests()[2].header("range"), None, "no range");
 }
 
 #[test]
-fn redirects_are_followed_within_reason() {
+fn redirects_are_followed_at_most_five_times() {
     let file = package(9);
     let sent = file.clone();
     let server = Server::start(move |_, request, answer| match request.path.as_str() {
@@ -256,13 +254,13 @@ fn redirects_are_followed_within_reason() {
         _ => answer.file(request, &sent, ETAG, sent.len()),
     });
     assert_eq!(get(&server.url("old")).clip(), &decoded(&file));
-    let heard = get(&server.url("round"));
-    let Some(Fault::Network(why)) = &heard.fault else { panic!("{heard:?}") };
+    let events = get(&server.url("round"));
+    let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
     assert!(why.contains("redirects more than 5 times"), "{why}");
 }
 
 #[test]
-fn lengths_that_lie_are_seen_through() {
+fn wrong_lengths_are_noticed() {
     let file = package(10);
     let length = file.len();
     let serve = |announced: Option<usize>, sent: usize| {
@@ -281,14 +279,14 @@ fn lengths_that_lie_are_seen_through() {
         assert_eq!(server.requests().len(), 1);
     }
     let server = serve(Some(length - 10), length);
-    let heard = get(&server.url("clip.aarc"));
-    let Some(Fault::Network(why)) = &heard.fault else { panic!("{heard:?}") };
+    let events = get(&server.url("clip.aarc"));
+    let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
     assert!(why.contains(&format!("cut short, {} bytes of {length}", length - 10)), "{why}");
-    assert_eq!(heard.clips.last().map(|clip| clip.layers.len()), Some(2), "what is complete plays");
-    // Without a length, an end too early is a break; without a version, all is sent again.
+    assert_eq!(events.clips.last().map(|clip| clip.layers.len()), Some(2), "what is complete plays");
+    // Without a length, an early end is a lost connection; without a version, everything is sent again.
     let server = serve(None, length - 10);
-    let heard = get(&server.url("clip.aarc"));
-    assert!(matches!(heard.fault, Some(Fault::Network(_))), "{heard:?}");
+    let events = get(&server.url("clip.aarc"));
+    assert!(matches!(events.fault, Some(Fault::Network(_))), "{events:?}");
     assert!(
         server.requests().len() > 1 && server.requests().iter().all(|request| request.first_byte().is_none())
     );
@@ -307,16 +305,16 @@ fn chunks_without_a_length_play() {
         }
         answer.raw(b"0\r\n\r\n");
     });
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!((heard.clip(), server.requests().len()), (&decoded(&file), 1));
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!((events.clip(), server.requests().len()), (&decoded(&file), 1));
 }
 
-/// What is too large is refused before it comes, and without a length as soon as it is too much.
+/// An announced file that is too large is refused at once, others as soon as they exceed the limit.
 #[test]
-fn what_is_too_large_is_not_taken() {
+fn a_file_that_is_too_large_is_refused() {
     let limits = Limits { max_bytes: 1 << 20, ..Limits::default() };
-    let told = Arc::new(Mutex::new(0));
-    let taken = told.clone();
+    let count = Arc::new(Mutex::new(0));
+    let taken = count.clone();
     let server = Server::start(move |_, request, answer| {
         if request.path == "/announced" {
             answer.head(200, &[("Content-Length", "2000000")]);
@@ -336,17 +334,17 @@ fn what_is_too_large_is_not_taken() {
     for (path, what) in
         [("announced", "larger than 1 MiB, the most that is read"), ("endless", "1048576 allowed")]
     {
-        let heard = hear(Download::new(&server.url(path), Options { limits, ..options() }));
-        let Some(Fault::Data(why)) = &heard.fault else { panic!("{path}: {heard:?}") };
+        let events = collect(Download::new(&server.url(path), Options { limits, ..options() }));
+        let Some(Fault::Data(why)) = &events.fault else { panic!("{path}: {events:?}") };
         assert!(why.contains(what), "{why}");
     }
-    assert_eq!(server.requests().len(), 2, "nobody asks again");
-    // What was on its way counts as taken.
-    let taken = *told.lock().unwrap();
+    assert_eq!(server.requests().len(), 2, "no request is repeated");
+    // Includes what the system buffered.
+    let taken = *count.lock().unwrap();
     assert!(taken < 30_000_000, "{taken} bytes were taken");
 }
 
-/// Faults that nothing can be done about: one sentence each, that names the address.
+/// Every permanent fault is one sentence that names the URL.
 #[test]
 fn faults_are_one_sentence() {
     let file = package(12);
@@ -376,10 +374,10 @@ fn faults_are_one_sentence() {
         }
     });
     let free_port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
-    let secure = format!("https://{}/clip.aarc", server.address());
+    let secure = format!("https://{}/clip.aarc", server.socket());
     let network = |url: &str, sentence: &str| {
-        let heard = get(url);
-        let Some(Fault::Network(why)) = &heard.fault else { panic!("{url}: {heard:?}") };
+        let events = get(url);
+        let Some(Fault::Network(why)) = &events.fault else { panic!("{url}: {events:?}") };
         assert!(why.starts_with(url) && why.contains(sentence) && !why.contains('\n'), "{url}: {why}");
     };
     for (path, sentence) in [
@@ -406,14 +404,14 @@ fn faults_are_one_sentence() {
     network(&secure, "no secure connection");
     network("http://", "not an address");
     for (path, sentence) in [("page", "not an .aarc package"), ("damaged", "CRC-32")] {
-        let heard = get(&server.url(path));
-        let Some(Fault::Data(why)) = &heard.fault else { panic!("{path}: {heard:?}") };
+        let events = get(&server.url(path));
+        let Some(Fault::Data(why)) = &events.fault else { panic!("{path}: {events:?}") };
         assert!(why.contains(sentence), "{why}");
     }
 }
 
 #[test]
-fn an_overloaded_server_is_given_time() {
+fn an_overloaded_server_gets_the_time_it_asks_for() {
     let file = package(13);
     let sent = file.clone();
     let server = Server::start(move |number, request, answer| match number {
@@ -422,14 +420,14 @@ fn an_overloaded_server_is_given_time() {
         _ => answer.file(request, &sent, ETAG, sent.len()),
     });
     let start = Instant::now();
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!(heard.clip(), &decoded(&file));
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!(events.clip(), &decoded(&file));
     assert!(start.elapsed() >= Duration::from_secs(1), "it was asked to wait");
-    assert!(heard.troubles().iter().any(|trouble| trouble.contains("503")), "{heard:?}");
+    assert!(events.troubles().iter().any(|trouble| trouble.contains("503")), "{events:?}");
 }
 
 #[test]
-fn progress_tells_bytes_rate_and_the_time_left() {
+fn progress_has_bytes_rate_and_remaining_time() {
     let file = package(14);
     let rate = file.len() as f64 / 1.5;
     let sent = file.clone();
@@ -437,40 +435,40 @@ fn progress_tells_bytes_rate_and_the_time_left() {
         answer.file_head(request, &sent, ETAG);
         answer.paced(&sent, rate);
     });
-    let heard = get(&server.url("clip.aarc"));
-    assert_eq!(heard.clip(), &decoded(&file));
+    let events = get(&server.url("clip.aarc"));
+    assert_eq!(events.clip(), &decoded(&file));
     let total = file.len() as u64;
-    let middle = heard.progress.iter().rfind(|progress| progress.received < total).expect("some progress");
-    assert_eq!(middle.total, Some(total));
-    let (measured, left) = (middle.bytes_per_s.unwrap(), middle.remaining_s().unwrap());
+    let partial = events.progress.iter().rfind(|progress| progress.received < total).expect("some progress");
+    assert_eq!(partial.total, Some(total));
+    let (measured, left) = (partial.bytes_per_s.unwrap(), partial.remaining_s().unwrap());
     assert!((0.4..2.5).contains(&(measured / rate)), "{measured} bytes per second, {rate} sent");
     assert!((0.0..2.0).contains(&left), "{left} s left");
-    assert!(heard.progress.is_sorted_by_key(|progress| progress.received), "{heard:?}");
+    assert!(events.progress.is_sorted_by_key(|progress| progress.received), "{events:?}");
 }
 
 #[test]
-fn what_was_kept_plays_without_the_network() {
+fn a_cached_clip_plays_without_the_network() {
     let folder = tempfile::tempdir().unwrap();
     let file = package(15);
     let server = server_of(&file);
     let url = server.url("clip.aarc");
-    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&file));
+    assert_eq!(get_cached(&url, folder.path()).clip(), &decoded(&file));
 
-    let again = get_kept(&url, folder.path());
+    let again = get_cached(&url, folder.path());
     assert_eq!((again.clip(), again.clips.len()), (&decoded(&file), 1));
     let requests = server.requests();
     assert_eq!((requests.len(), requests[1].header("if-none-match")), (2, Some(ETAG)));
     assert_eq!(server.sent().len(), 1, "sent once");
 
     drop(server);
-    let alone = get_kept(&url, folder.path());
+    let alone = get_cached(&url, folder.path());
     assert_eq!(alone.clip(), &decoded(&file));
     let [note] = &alone.notes[..] else { panic!("{alone:?}") };
     assert!(note.contains("takes no connections") && note.contains("kept"), "{note}");
 }
 
 #[test]
-fn a_new_version_takes_the_place_of_the_kept_one() {
+fn a_new_version_replaces_the_cached_one() {
     let folder = tempfile::tempdir().unwrap();
     let (old, new) = (package(16), package(17));
     let files = [old.clone(), new.clone()];
@@ -479,15 +477,15 @@ fn a_new_version_takes_the_place_of_the_kept_one() {
         answer_with(request, answer, &files[which], ["\"old\"", "\"new\""][which]);
     });
     let url = server.url("clip.aarc");
-    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&old));
-    let changed = get_kept(&url, folder.path());
-    assert_eq!(changed.clips, [decoded(&old), decoded(&new)], "the kept one at once, and then the new one");
-    assert_eq!(get_kept(&url, folder.path()).clips, [decoded(&new)]);
+    assert_eq!(get_cached(&url, folder.path()).clip(), &decoded(&old));
+    let changed = get_cached(&url, folder.path());
+    assert_eq!(changed.clips, [decoded(&old), decoded(&new)], "the cached clip first, then the new one");
+    assert_eq!(get_cached(&url, folder.path()).clips, [decoded(&new)]);
     assert_eq!((server.requests().len(), server.sent().len()), (3, 2));
 }
 
 #[test]
-fn a_definite_answer_counts_more_than_what_was_kept() {
+fn a_definite_answer_overrules_the_cache() {
     let folder = tempfile::tempdir().unwrap();
     let file = package(18);
     let sent = file.clone();
@@ -499,8 +497,8 @@ fn a_definite_answer_counts_more_than_what_was_kept() {
         }
     });
     let url = server.url("clip.aarc");
-    get_kept(&url, folder.path()).clip();
-    let gone = get_kept(&url, folder.path());
+    get_cached(&url, folder.path()).clip();
+    let gone = get_cached(&url, folder.path());
     assert!(matches!(gone.fault, Some(Fault::Network(_))), "{gone:?}");
 }
 
@@ -510,20 +508,20 @@ fn a_damaged_entry_is_fetched_again() {
     let file = package(19);
     let server = server_of(&file);
     let url = server.url("clip.aarc");
-    get_kept(&url, folder.path()).clip();
+    get_cached(&url, folder.path()).clip();
     let entry = folder.path().read_dir().unwrap().next().unwrap().unwrap().path();
     let mut bytes = std::fs::read(&entry).unwrap();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 0x10;
+    let center = bytes.len() / 2;
+    bytes[center] ^= 0x10;
     std::fs::write(&entry, bytes).unwrap();
-    assert_eq!(get_kept(&url, folder.path()).clip(), &decoded(&file));
+    assert_eq!(get_cached(&url, folder.path()).clip(), &decoded(&file));
     assert_eq!(server.requests()[1].header("if-none-match"), None);
-    assert_eq!(get_kept(&url, folder.path()).clips.len(), 1);
-    assert_eq!(server.requests()[2].header("if-none-match"), Some(ETAG), "it was kept anew");
+    assert_eq!(get_cached(&url, folder.path()).clips.len(), 1);
+    assert_eq!(server.requests()[2].header("if-none-match"), Some(ETAG), "it was cached again");
 }
 
 #[test]
-fn the_folder_stays_within_its_bound() {
+fn the_cache_stays_within_its_bound() {
     let folder = tempfile::tempdir().unwrap();
     let file = package(20);
     let server = server_of(&file);
@@ -537,7 +535,7 @@ fn the_folder_stays_within_its_bound() {
 }
 
 #[test]
-fn players_share_a_folder() {
+fn players_share_a_cache() {
     let folder = tempfile::tempdir().unwrap();
     let file = package(21);
     let server = server_of(&file);
@@ -547,16 +545,16 @@ fn players_share_a_folder() {
             let (url, folder, expected) = (server.url(&format!("{}", player % 2)), folder.path(), &expected);
             scope.spawn(move || {
                 for _ in 0..5 {
-                    assert_eq!(get_kept(&url, folder).clip(), expected);
+                    assert_eq!(get_cached(&url, folder).clip(), expected);
                 }
             });
         }
     });
     for path in ["0", "1"] {
-        assert_eq!(get_kept(&server.url(path), folder.path()).clips.len(), 1);
+        assert_eq!(get_cached(&server.url(path), folder.path()).clips.len(), 1);
     }
     let last = server.requests();
-    assert_eq!(last[last.len() - 1].header("if-none-match"), Some(ETAG), "whole entries were left");
+    assert_eq!(last[last.len() - 1].header("if-none-match"), Some(ETAG), "the entries are complete");
     assert_eq!(folder.path().read_dir().unwrap().count(), 2, "and nothing else");
 }
 
@@ -591,7 +589,7 @@ fn a_playlist_arrives_as_clips_do() {
         assert!(why.starts_with(&server.url(path)) && why.contains(sentence), "{why}");
     }
     assert!(matches!(open("none.json"), Err(Fault::Network(why)) if why.contains("404 Not Found")));
-    // Nobody waits for it any more.
+    // A caller can stop waiting.
     let silent = Server::start(|_, _, _| std::thread::sleep(Duration::from_secs(5)));
     let start = Instant::now();
     let stopped = playlist::open(&silent.url("a.json"), None, &mut |_| ControlFlow::Break(()));
@@ -599,7 +597,7 @@ fn a_playlist_arrives_as_clips_do() {
 }
 
 #[test]
-fn a_download_that_nobody_wants_stops() {
+fn a_dropped_download_closes_its_connection() {
     let file = package(22);
     let sent = file.clone();
     let (done, ended) = channel();
@@ -607,8 +605,8 @@ fn a_download_that_nobody_wants_stops() {
     let server = Server::start(move |_, request, answer| {
         answer.file_head(request, &sent, ETAG);
         // Would take ten minutes.
-        let whole = answer.paced(&sent, sent.len() as f64 / 600.0);
-        done.lock().unwrap().send(whole).unwrap();
+        let is_complete = answer.paced(&sent, sent.len() as f64 / 600.0);
+        done.lock().unwrap().send(is_complete).unwrap();
     });
     let mut download = Download::new(&server.url("clip.aarc"), Options::default());
     assert!(matches!(download.next(), Some(Ok(LoadEvent::Progress(_)))));

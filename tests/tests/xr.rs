@@ -1,5 +1,5 @@
-//! The headset's path on a real runtime: Monado with a simulated headset, Khronos's validation
-//! layer in between where nothing else is tested.
+//! The headset path on a real OpenXR runtime: Monado with a simulated headset, mostly with Khronos's
+//! validation layer between.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,39 +30,36 @@ const DATA: i32 = 3;
 const NETWORK: i32 = 4;
 const DEVICE: i32 = 5;
 
-/// The runtime brings its own driver, which may round blending differently.
+/// The runtime's own Vulkan driver may round blending differently.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 100, psnr: 45.0 };
 
 fn main() -> ExitCode {
-    gpu::run(vec![
-        trial("the demo plays, and each eye sees it from its place", demo),
+    let trials = vec![
+        trial("the demo plays, each eye from its own position", demo),
         trial("the eyes differ by the parallax", parallax),
         gpu::trial(
-            "every level of quality costs less, and what it leaves out is little",
+            "every quality level costs less and stays close to the exact image",
             Passes::Shared,
             levels,
         ),
-        trial("a lower quality draws less of the image, and that right", lower_quality),
-        hand_trial(
-            "a damaged clip is told on the panel, which leads to the next one",
-            damaged_then_next,
-            false,
-        ),
-        hand_trial("without any clip the panel leads out", no_clip, false),
-        hand_trial("a clip by address plays from its first layer on", by_address, false),
-        hand_trial("an address without a clip is told on the panel", no_such_address, false),
-        hand_trial("a playlist plays through, and the panel's next clip is its next", playlist, false),
-        hand_trial("the next clip loads while frames go on", loading, false),
-        hand_trial("the next clip loads while 2000 frames go on", loading_long, true),
-        trial("the validation layer is awake", validation_is_awake),
-        trial("a runtime that is killed ends the player with a sentence", killed),
-        trial("a service that does not run is named", no_service),
-        trial("a runtime that is not there is named", no_runtime),
+        trial("a lower quality draws a smaller image correctly", lower_quality),
+        hand_trial("the panel reports a damaged clip and starts the next one", damaged_then_next, false),
+        hand_trial("without a clip the panel still exits", no_clip, false),
+        hand_trial("a clip by URL plays from its first layer on", by_url, false),
+        hand_trial("the panel reports a URL without a clip", no_such_url, false),
+        hand_trial("a playlist plays in order, and the panel can skip ahead", playlist, false),
+        hand_trial("the next clip loads while frames continue", loading, false),
+        hand_trial("the next clip loads while 2000 frames continue", loading_long, true),
+        trial("the validation layer reports a forbidden call", forbidden_call_is_reported),
+        trial("a killed runtime ends the player with one sentence", killed),
+        trial("a missing service is named", no_service),
+        trial("a missing runtime is named", no_runtime),
         Trial::test("without OpenXR", || without_openxr().map_err(Failed::from)),
-    ])
+    ];
+    gpu::run([("xr", trials)])
 }
 
-/// A test that needs the runtime: ignored where there is none.
+/// A test that needs the runtime: ignored without one.
 fn trial(name: &str, test: fn(Headset) -> Result<(), String>) -> Trial {
     Trial::ignorable_test(name, move || match Headset::start() {
         Some(headset) => test(headset).map(|()| Completion::Completed).map_err(Failed::from),
@@ -70,7 +67,7 @@ fn trial(name: &str, test: fn(Headset) -> Result<(), String>) -> Trial {
     })
 }
 
-/// A test that moves a hand; `on_demand` ones run when asked for only.
+/// A test that moves a hand. `on_demand` marks it as ignored by default.
 fn hand_trial(name: &str, test: fn(&Headset, Remote) -> Result<(), String>, on_demand: bool) -> Trial {
     let run = move || match Headset::start_with_hand() {
         Some((headset, remote)) => {
@@ -81,15 +78,15 @@ fn hand_trial(name: &str, test: fn(&Headset, Remote) -> Result<(), String>, on_d
     Trial::ignorable_test(name, run).with_ignored_flag(on_demand)
 }
 
-/// What a run of the player left behind.
-struct Seen {
+/// Output of a run of the player.
+struct Played {
     stats: Value,
-    /// Of the left and the right eye: where it looked from, at which second, and what it saw.
+    /// Camera, clip time in seconds and image of the left and the right eye.
     eyes: [(Camera, f64, Image); 2],
 }
 
-/// Plays a clip for a number of frames, validated, and returns what the eyes saw in the last.
-fn play(headset: &Headset, clip: Option<&Path>, frames: u32, quality: Level) -> Result<Seen, String> {
+/// Plays a clip under validation and returns the last frame.
+fn play(headset: &Headset, clip: Option<&Path>, frames: u32, quality: Level) -> Result<Played, String> {
     let (folder, stats) = (headset.path("eyes"), headset.path("stats.json"));
     let mut command = headset.validated(client());
     command.args(clip).args(["--xr", "--frames", &format!("0..{frames}"), "--out"]).arg(&folder);
@@ -103,7 +100,7 @@ fn play(headset: &Headset, clip: Option<&Path>, frames: u32, quality: Level) -> 
     if stats["frames_shown"] != frames {
         return Err(format!("{} of {frames} frames were shown", stats["frames_shown"]));
     }
-    Ok(Seen { stats, eyes: [eye(&folder, "left")?, eye(&folder, "right")?] })
+    Ok(Played { stats, eyes: [eye(&folder, "left")?, eye(&folder, "right")?] })
 }
 
 fn nothing_found(headset: &Headset) -> Result<(), String> {
@@ -141,20 +138,20 @@ fn lower_quality(headset: Headset) -> Result<(), String> {
     demo_at(&headset, Level::Least)
 }
 
-/// Plays the demo, whose eyes must see what the renderer draws for the same cameras by itself.
+/// Plays the demo. The eyes must show what the renderer alone draws for the same cameras.
 fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     let gpu = device(Passes::Shared).map_err(|fault| fault.to_string())?;
-    let seen = play(headset, None, 16, quality)?;
-    let [(left, time, left_sees), (right, right_time, right_sees)] = &seen.eyes;
-    let drawn = quality.size(UVec2::new(number(&seen.stats["width"])?, number(&seen.stats["height"])?));
-    if UVec2::new(left.width, left.height) != drawn || seen.stats["quality"]["level"] != quality.name() {
+    let played = play(headset, None, 16, quality)?;
+    let [(left, time, left_image), (right, right_time, right_image)] = &played.eyes;
+    let drawn = quality.size(UVec2::new(number(&played.stats["width"])?, number(&played.stats["height"])?));
+    if UVec2::new(left.width, left.height) != drawn || played.stats["quality"]["level"] != quality.name() {
         return Err(format!("{}x{} were drawn and not {drawn}", left.width, left.height));
     }
     if *time <= 0.0 || time != right_time {
         return Err(format!("the clip stands at {time} s and {right_time} s"));
     }
-    if !seen.stats["runtime"].as_str().is_some_and(|name| name.starts_with("Monado")) {
-        return Err(format!("another runtime: {}", seen.stats["runtime"]));
+    if !played.stats["runtime"].as_str().is_some_and(|name| name.starts_with("Monado")) {
+        return Err(format!("another runtime: {}", played.stats["runtime"]));
     }
     let clip = demo_clip()?;
     let t = time / f64::from(clip.info.duration_s);
@@ -164,17 +161,17 @@ fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     let expected =
         draw(gpu, &clip, &cameras, t, &settings, ChannelDepth::Eight).map_err(|fault| fault.to_string())?;
     let same = [
-        check("headset-left", left_sees, &expected[0], TOLERANCE),
-        check("headset-right", right_sees, &expected[1], TOLERANCE),
+        check("headset-left", left_image, &expected[0], TOLERANCE),
+        check("headset-right", right_image, &expected[1], TOLERANCE),
     ];
     let failures: Vec<String> = same.iter().filter_map(|result| result.clone().err()).collect();
     if !failures.is_empty() {
         return Err(failures.join("\n"));
     }
-    // Two pictures of the same would pass the above with two cameras that are the same.
-    let apart = difference(left_sees, right_sees);
+    // Two equal cameras with equal images would pass the comparison above.
+    let apart = difference(left_image, right_image);
     if apart.psnr > 30.0 {
-        return Err(format!("the eyes see nearly the same: {apart}"));
+        return Err(format!("the images of both eyes are nearly equal: {apart}"));
     }
     Ok(())
 }
@@ -188,14 +185,13 @@ fn demo_clip() -> Result<Clip, String> {
     codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
 }
 
-/// Gaussians in the first layer, the first two, and so on.
+/// Number of Gaussians in the first layer, the first two, and so on.
 fn layer_ends(clip: &Clip) -> Vec<usize> {
     clip.layers.iter().map(|end| end.total()).collect()
 }
 
-/// Draws the demo for both eyes of a headset at a quarter of its resolution, from two metres. How
-/// much is covered is counted at the size of the level, how good it is seen at the full one. Prints
-/// both.
+/// Draws the demo for both eyes of a headset at a quarter of its resolution, from two metres. Counts
+/// fragments at the size of the level, compares images at full size, and prints both.
 fn levels(gpu: &'static Gpu) -> Result<(), String> {
     let fault = |fault: Fault| fault.to_string();
     let (clip, t) = (demo_clip()?, 0.4);
@@ -217,34 +213,34 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
         let counts = target.render(gpu, &mut renderer, t, &views, &settings).map_err(fault)?;
         let fragments = renderer.count(gpu, t, &views, &settings).map_err(fault)?.fragments;
 
-        let seen =
+        let image =
             draw(gpu, &clip, &cameras(full), t, &settings, ChannelDepth::Sixteen).map_err(fault)?.remove(0);
         let light = |image: &Image| image.pixels.iter().map(|p| p[0] + p[1] + p[2]).sum::<f64>();
-        let exact = exact.get_or_insert_with(|| seen.clone());
-        let (psnr, kept) = (difference(&seen, exact).psnr, light(&seen) / light(exact));
+        let exact = exact.get_or_insert_with(|| image.clone());
+        let (psnr, share) = (difference(&image, exact).psnr, light(&image) / light(exact));
         println!(
-            "{:5} {}x{} {fragments} fragments, {} sorted, {} too faint, {psnr:.1} dB, {:.2} % of the light",
+            "{:5} {}x{} {fragments} fragments, {} sorted, {} culled, {psnr:.1} dB, {:.2} % of the light",
             level.name(),
             size.x,
             size.y,
             counts.sorted,
             counts.culled,
-            100.0 * kept
+            100.0 * share
         );
         if before.is_some_and(|before| fragments as f64 > 0.9 * before as f64) {
             return Err(format!("{} costs {fragments} fragments, the level above {before:?}", level.name()));
         }
-        if psnr < 30.0 || !(0.95..1.01).contains(&kept) {
-            return Err(format!("{} is seen: {psnr:.1} dB, {kept:.3} of the light", level.name()));
+        if psnr < 30.0 || !(0.95..1.01).contains(&share) {
+            return Err(format!("{}: {psnr:.1} dB, {share:.3} of the light", level.name()));
         }
         before = Some(fragments);
     }
     Ok(())
 }
 
-/// A red spot at the height of a face, and what it stands on.
+/// A red spot at the height of a face, and two green ones on the floor.
 fn signpost() -> Field {
-    // The constant spherical harmonic is this; colours are 0.5 more than its product.
+    // The constant spherical harmonic: colour = 0.5 + Y0 * coefficient.
     const Y0: f32 = 0.282_094_8;
     let color = |rgb: [f32; 3]| rgb.map(|channel| (channel - 0.5) / Y0);
     Field {
@@ -257,34 +253,33 @@ fn signpost() -> Field {
     }
 }
 
-/// Where the spot is seen is compared with where the cameras say that it is, which no renderer
-/// takes part in.
+/// Compares the spot's place in the images with its projection by the cameras, without any renderer.
 fn parallax(headset: Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
-    let seen = play(&headset, Some(&clip), 10, Level::Exact)?;
+    let played = play(&headset, Some(&clip), 10, Level::Exact)?;
     let field = decoded(&signpost()).static_field;
     let spot = field.centers.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1])).ok_or("no spot")?;
     let mut places = Vec::new();
-    for (camera, _, picture) in &seen.eyes {
+    for (camera, _, picture) in &played.eyes {
         let expected = project(camera, spot.map(f64::from));
-        let found = centre_of_red(picture).ok_or("no red spot is seen")?;
+        let found = centre_of_red(picture).ok_or("there is no red spot")?;
         let apart = (found[0] - expected[0]).hypot(found[1] - expected[1]);
         if apart > 0.5 {
-            return Err(format!("the spot is seen at {found:?} and not at {expected:?}"));
+            return Err(format!("the spot is at {found:?} and not at {expected:?}"));
         }
         places.push((found, expected));
     }
     let [(left, left_expected), (right, right_expected)] = places[..] else { return Err("two eyes".into()) };
     let (disparity, expected) = (left[0] - right[0], left_expected[0] - right_expected[0]);
-    // 63 mm between eyes with 175 pixels a radian, at something under 2 m.
+    // Eyes 63 mm apart, 175 pixels per radian, a distance just below 2 m.
     if !(3.0..12.0).contains(&disparity) || (disparity - expected).abs() > 0.2 {
         return Err(format!("disparity {disparity} pixels instead of {expected}"));
     }
     Ok(())
 }
 
-/// Where a point falls in a camera's picture, in pixels.
+/// Projection of a point into a camera's image, in pixels.
 fn project(camera: &Camera, point: [f64; 3]) -> [f64; 2] {
     let m = &camera.camera_from_world;
     let [x, y, z] = [0, 1, 2]
@@ -292,7 +287,7 @@ fn project(camera: &Camera, point: [f64; 3]) -> [f64; 2] {
     [camera.k[0][0] * x / z + camera.k[0][2], camera.k[1][1] * y / z + camera.k[1][2]]
 }
 
-/// The centre of what is red in a picture, in pixels.
+/// Centroid of an image's red, in pixels.
 fn centre_of_red(picture: &Image) -> Option<[f64; 2]> {
     let mut sum = [0.0; 3];
     for (i, pixel) in picture.pixels.iter().enumerate() {
@@ -303,15 +298,15 @@ fn centre_of_red(picture: &Image) -> Option<[f64; 2]> {
     (sum[2] > 1.0).then(|| [sum[0] / sum[2], sum[1] / sum[2]])
 }
 
-/// A call that is not allowed is found, so finding nothing means something.
-fn validation_is_awake(headset: Headset) -> Result<(), String> {
+/// The layer finds a forbidden call, so an empty list of findings is evidence.
+fn forbidden_call_is_reported(headset: Headset) -> Result<(), String> {
     let outcome = run(&mut headset.validated(&example("xr_forbidden_call")));
     let findings = headset.findings()?;
     let found = findings.iter().any(|line| line.contains("VUID-XrSystemGetInfo-formFactor-parameter"));
     if outcome.code == Some(0) && found { Ok(()) } else { Err(format!("{findings:?} {outcome:?}")) }
 }
 
-/// The last line says what went wrong, and is the only one to do so.
+/// Checks for exactly one error, on the last line, that contains `words`.
 fn one_sentence(outcome: &Outcome, code: i32, words: &str) -> Result<(), String> {
     let sentences = outcome.stderr.lines().filter(|line| line.starts_with("error: "));
     let last = outcome.stderr.lines().last().unwrap_or_default();
@@ -337,19 +332,19 @@ impl Player {
         Ok(Player { process: command.spawn().map_err(|error| error.to_string())?, log })
     }
 
-    /// What it said so far.
-    fn said(&self) -> String {
+    /// Its stderr so far.
+    fn log(&self) -> String {
         String::from_utf8_lossy(&fs::read(&self.log).unwrap_or_default()).into_owned()
     }
 
-    fn says(&self, words: &str) -> Result<(), String> {
-        wait_for(|| self.said().contains(words).then_some(())).ok_or_else(|| self.said())
+    fn wait_for_log(&self, words: &str) -> Result<(), String> {
+        wait_for(|| self.log().contains(words).then_some(())).ok_or_else(|| self.log())
     }
 
-    /// What came of it, if it has ended.
+    /// Its outcome, if it has ended.
     fn ended(&mut self) -> Option<Outcome> {
         let status = self.process.try_wait().ok().flatten()?;
-        Some(Outcome { code: status.code(), stdout: String::new(), stderr: self.said() })
+        Some(Outcome { code: status.code(), stdout: String::new(), stderr: self.log() })
     }
 }
 
@@ -364,23 +359,23 @@ impl Drop for Player {
 fn killed(mut headset: Headset) -> Result<(), String> {
     let command = headset.command(client());
     let mut player = Player::start(&headset, command, &[])?;
-    player.says("session Focused")?;
+    player.wait_for_log("session Focused")?;
     sleep(Duration::from_millis(500));
     if let Some(outcome) = player.ended() {
-        return Err(format!("it ended while its runtime lived: {outcome:?}"));
+        return Err(format!("it ended although its runtime runs: {outcome:?}"));
     }
     headset.kill();
-    let outcome = wait_for(|| player.ended()).ok_or("it goes on without its runtime")?;
+    let outcome = wait_for(|| player.ended()).ok_or("it runs without its runtime")?;
     one_sentence(&outcome, DEVICE, "runtime went away")
 }
 
-/// Places on the panel, in its points.
+/// Buttons of the panel, in its points.
 const NEXT_CLIP: Vec2 = Vec2::new(744.0, 564.0);
 const EXIT: Vec2 = Vec2::new(752.0, 656.0);
 
-/// Presses a button of the panel, again and again, until there is what comes of it.
+/// Presses a button of the panel repeatedly until `look` returns something.
 fn press<T>(remote: &mut Remote, button: Vec2, mut look: impl FnMut() -> Option<T>) -> Option<T> {
-    // A few frames of the simulated display, also on a machine that is busy.
+    // A few frames of the simulated display, even on a busy machine.
     const FRAMES: Duration = Duration::from_millis(300);
     remote.point(button);
     wait_for(|| {
@@ -392,12 +387,12 @@ fn press<T>(remote: &mut Remote, button: Vec2, mut look: impl FnMut() -> Option<
     })
 }
 
-/// Leaves by the panel.
-fn leave(player: &mut Player, remote: &mut Remote) -> Result<Outcome, String> {
-    press(remote, EXIT, || player.ended()).ok_or_else(|| format!("no way out: {}", player.said()))
+/// Exits by the panel.
+fn exit(player: &mut Player, remote: &mut Remote) -> Result<Outcome, String> {
+    press(remote, EXIT, || player.ended()).ok_or_else(|| format!("no way out: {}", player.log()))
 }
 
-/// A folder with clips that are played in turn.
+/// Writes a folder of clips, which play in turn.
 fn write_clips(headset: &Headset, clips: &[(&str, &[u8])]) -> Result<PathBuf, String> {
     let folder = headset.path("clips");
     fs::create_dir(&folder).map_err(|error| error.to_string())?;
@@ -414,10 +409,10 @@ fn damaged_then_next(headset: &Headset, mut remote: Remote) -> Result<(), String
     let stats = headset.path("stats.json");
     let arguments = [&clips.join("a.aarc"), Path::new("--stats"), &stats];
     let mut player = Player::start(headset, headset.validated(client()), &arguments)?;
-    player.says("a.aarc: ")?;
-    let plays = press(&mut remote, NEXT_CLIP, || player.said().contains("playing b.aarc").then_some(()));
-    plays.ok_or_else(|| format!("no next clip: {}", player.said()))?;
-    let outcome = leave(&mut player, &mut remote)?;
+    player.wait_for_log("a.aarc: ")?;
+    let plays = press(&mut remote, NEXT_CLIP, || player.log().contains("playing b.aarc").then_some(()));
+    plays.ok_or_else(|| format!("no next clip: {}", player.log()))?;
+    let outcome = exit(&mut player, &mut remote)?;
     nothing_found(headset)?;
     let stats = json(&stats)?;
     if outcome.code != Some(0) || number(&stats["frames_empty"])? == 0 || number(&stats["frames_shown"])? == 0
@@ -430,19 +425,19 @@ fn damaged_then_next(headset: &Headset, mut remote: Remote) -> Result<(), String
 fn no_clip(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     let missing = headset.path("missing.aarc");
     let mut player = Player::start(headset, headset.command(client()), &[&missing])?;
-    player.says("missing.aarc: ")?;
-    let outcome = leave(&mut player, &mut remote)?;
+    player.wait_for_log("missing.aarc: ")?;
+    let outcome = exit(&mut player, &mut remote)?;
     one_sentence(&outcome, DATA, "missing.aarc")?;
-    // And by the button that needs no panel.
+    // The menu button exits without the panel.
     let mut player = Player::start(headset, headset.command(client()), &[&missing])?;
-    player.says("session Focused")?;
+    player.wait_for_log("session Focused")?;
     sleep(Duration::from_secs(1));
     remote.menu(true);
-    let outcome = wait_for(|| player.ended()).ok_or_else(|| format!("no way out: {}", player.said()))?;
+    let outcome = wait_for(|| player.ended()).ok_or_else(|| format!("no way out: {}", player.log()))?;
     one_sentence(&outcome, DATA, "missing.aarc")
 }
 
-fn by_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+fn by_url(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     let file = packaged(&signpost(), None, &[1]);
     let first =
         codec::contents(&file, &Limits::default()).map_err(|error| error.to_string())?.layer_bytes()[0];
@@ -451,20 +446,20 @@ fn by_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     let server = Server::start(move |_, request, answer| {
         answer.file_head(request, &file, "\"one\"");
         answer.bytes(&file, 0..first);
-        // Until the test has seen the first layer, or is over.
+        // Until the first layer plays, or the test has ended.
         if gate.lock().is_ok_and(|gate| gate.recv().is_ok()) {
             answer.bytes(&file, first..file.len());
         }
     });
     let url = server.url("clip.aarc");
     let mut player = Player::start(headset, headset.validated(client()), &[Path::new(&url)])?;
-    player.says("playing clip.aarc")?;
+    player.wait_for_log("playing clip.aarc")?;
     if server.sent().len() != 1 {
         return Err("the rest was sent before".into());
     }
     permit.send(()).map_err(|error| error.to_string())?;
-    player.says("clip.aarc: now 2 layers")?;
-    let outcome = leave(&mut player, &mut remote)?;
+    player.wait_for_log("clip.aarc: now 2 layers")?;
+    let outcome = exit(&mut player, &mut remote)?;
     nothing_found(headset)?;
     if outcome.code == Some(0) { Ok(()) } else { Err(format!("{outcome:?}")) }
 }
@@ -480,35 +475,35 @@ fn playlist(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     };
     write(r#""a.aarc", "b.aarc", "c.aarc""#)?;
     let mut player = Player::start(headset, headset.validated(client()), &[&list])?;
-    let order = |said: &str| -> Vec<String> {
-        said.lines().filter_map(|line| line.split("playing ").nth(1)).map(String::from).collect()
+    let order = |log: &str| -> Vec<String> {
+        log.lines().filter_map(|line| line.split("playing ").nth(1)).map(String::from).collect()
     };
-    wait_for(|| (order(&player.said()).len() >= 4).then_some(())).ok_or_else(|| player.said())?;
-    let said = player.said();
-    if order(&said)[..4] != ["a.aarc", "c.aarc", "a.aarc", "c.aarc"] || !said.contains("b.aarc: ") {
-        return Err(said);
+    wait_for(|| (order(&player.log()).len() >= 4).then_some(())).ok_or_else(|| player.log())?;
+    let log = player.log();
+    if order(&log)[..4] != ["a.aarc", "c.aarc", "a.aarc", "c.aarc"] || !log.contains("b.aarc: ") {
+        return Err(log);
     }
-    let outcome = leave(&mut player, &mut remote)?;
+    let outcome = exit(&mut player, &mut remote)?;
     nothing_found(headset)?;
     if outcome.code != Some(0) {
         return Err(format!("{outcome:?}"));
     }
-    // One that lasts goes on by the panel.
+    // The panel skips the rest of a long clip.
     write(r#""d.aarc", "c.aarc", "d.aarc""#)?;
     let mut player = Player::start(headset, headset.command(client()), &[&list])?;
-    player.says("playing d.aarc")?;
-    let next = press(&mut remote, NEXT_CLIP, || player.said().contains("playing c.aarc").then_some(()));
-    next.ok_or_else(|| format!("no next clip: {}", player.said()))?;
-    let outcome = leave(&mut player, &mut remote)?;
+    player.wait_for_log("playing d.aarc")?;
+    let next = press(&mut remote, NEXT_CLIP, || player.log().contains("playing c.aarc").then_some(()));
+    next.ok_or_else(|| format!("no next clip: {}", player.log()))?;
+    let outcome = exit(&mut player, &mut remote)?;
     if outcome.code == Some(0) { Ok(()) } else { Err(format!("{outcome:?}")) }
 }
 
-fn no_such_address(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+fn no_such_url(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     let server = Server::start(|_, _, answer| answer.head(404, &[("Content-Length", "0")]));
     let url = server.url("clip.aarc");
     let mut player = Player::start(headset, headset.command(client()), &[Path::new(&url)])?;
-    player.says("no such file (404 Not Found)")?;
-    let outcome = leave(&mut player, &mut remote)?;
+    player.wait_for_log("no such file (404 Not Found)")?;
+    let outcome = exit(&mut player, &mut remote)?;
     one_sentence(&outcome, NETWORK, "no such file")
 }
 
@@ -516,13 +511,13 @@ fn loading(headset: &Headset, remote: Remote) -> Result<(), String> {
     load_while_playing(headset, remote, 60)
 }
 
-/// The number that the requirements ask for: run it with `--ignored` on a machine at rest.
+/// The required number of frames: run it with `--ignored` on an idle machine.
 fn loading_long(headset: &Headset, remote: Remote) -> Result<(), String> {
     load_while_playing(headset, remote, 2000)
 }
 
-/// Goes from clip to clip while frames are counted, and prints what was missed. At the lowest quality:
-/// even of that a software driver shows five frames a second.
+/// Skips from clip to clip and prints the missed frames. At the lowest quality, because a software
+/// driver shows only five frames a second even of that.
 fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Result<(), String> {
     let demo = fs::read(workspace::root().join("assets/demo.aarc")).map_err(|error| error.to_string())?;
     let clips = write_clips(headset, &[("a.aarc", &demo), ("b.aarc", &demo)])?;
@@ -531,14 +526,14 @@ fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Res
         (clips.join("a.aarc"), ["--quality", "least", "--frames", &range, "--stats"].map(Path::new));
     let arguments = [&[&*first], &options[..], &[&stats]].concat();
     let mut player = Player::start(headset, headset.command(client()), &arguments)?;
-    player.says("playing a.aarc")?;
+    player.wait_for_log("playing a.aarc")?;
     let start = Instant::now();
     let outcome = loop {
         if let Some(outcome) = press(&mut remote, NEXT_CLIP, || player.ended()) {
             break outcome;
         }
         if start.elapsed() > Duration::from_secs(600) {
-            return Err(format!("it does not end: {}", player.said()));
+            return Err(format!("it does not end: {}", player.log()));
         }
     };
     let stats = json(&stats).map_err(|error| format!("{error} {outcome:?}"))?;
@@ -554,7 +549,7 @@ fn load_while_playing(headset: &Headset, mut remote: Remote, frames: u32) -> Res
     Ok(())
 }
 
-/// Waits for something to be there, for a minute.
+/// Polls for up to a minute.
 fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(60) {
@@ -577,7 +572,7 @@ fn no_runtime(headset: Headset) -> Result<(), String> {
     one_sentence(&outcome, DEVICE, "no OpenXR runtime")
 }
 
-/// On the machine as it is, whether it has a loader or not.
+/// On this machine as it is, with or without an OpenXR loader.
 fn without_openxr() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let mut command = Command::new(client());

@@ -47,6 +47,7 @@ enum Command {
     Test(commands::test::Args),
     Apk(commands::apk::Args),
     Notices(commands::notices::Args),
+    Picture(commands::picture::Args),
     Ci(commands::ci::Args),
     #[command(external_subcommand)]
     Studio(Vec<OsString>),
@@ -61,6 +62,7 @@ fn main() -> ExitCode {
         Command::Test(args) => commands::test::run(&args).map(done),
         Command::Apk(args) => commands::apk::run(&args).map(done),
         Command::Notices(args) => commands::notices::run(&args).map(done),
+        Command::Picture(args) => commands::picture::run(&args).map(done),
         Command::Ci(args) => commands::ci::run(&args).map(done),
         Command::Studio(args) => hand_over(&args),
     };

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use super::tokens::{self, Kind, Token};
 
 /// Edges between files: by file and used file, the names that are used.
-pub type Edges = BTreeMap<PathBuf, BTreeMap<PathBuf, BTreeSet<String>>>;
+pub(crate) type Edges = BTreeMap<PathBuf, BTreeMap<PathBuf, BTreeSet<String>>>;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Target {
@@ -37,7 +37,7 @@ struct Module {
 }
 
 /// Reads the crate whose root file is given and returns its edges.
-pub fn edges(root: &Path) -> Edges {
+pub(crate) fn edges(root: &Path) -> Edges {
     let mut modules = Modules(vec![Module { file: root.to_owned(), ..Module::default() }]);
     modules.read_file(0, root.parent().unwrap());
     modules.edges()
@@ -314,7 +314,7 @@ fn defined(item: &[Token<'_>]) -> Option<String> {
 
 /// The groups of files that all use each other, each with a shortest cycle through its first file that
 /// lies on one.
-pub fn cycles(edges: &Edges) -> Vec<(BTreeSet<PathBuf>, Vec<PathBuf>)> {
+pub(crate) fn cycles(edges: &Edges) -> Vec<(BTreeSet<PathBuf>, Vec<PathBuf>)> {
     let reached: BTreeMap<&PathBuf, BTreeMap<&PathBuf, &PathBuf>> =
         edges.keys().map(|file| (file, search(edges, file))).collect();
     let mut found: Vec<(BTreeSet<PathBuf>, Vec<PathBuf>)> = Vec::new();
@@ -353,7 +353,7 @@ fn search<'a>(edges: &'a Edges, start: &'a PathBuf) -> BTreeMap<&'a PathBuf, &'a
 }
 
 /// The roots of the crates under a `src` folder.
-pub fn roots(src: &Path) -> Vec<PathBuf> {
+pub(crate) fn roots(src: &Path) -> Vec<PathBuf> {
     let mut roots: Vec<PathBuf> =
         ["lib.rs", "main.rs"].map(|name| src.join(name)).into_iter().filter(|file| file.is_file()).collect();
     let programs = fs::read_dir(src.join("bin")).into_iter().flatten();

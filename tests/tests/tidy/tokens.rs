@@ -2,7 +2,7 @@
 
 /// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// An identifier or keyword.
     Word,
     /// Punctuation: one character, or `::`.
@@ -13,14 +13,14 @@ pub enum Kind {
 
 /// One token and the line it begins in, from 1.
 #[derive(Clone, Copy, Debug)]
-pub struct Token<'a> {
-    pub text: &'a str,
-    pub kind: Kind,
-    pub line: usize,
+pub(crate) struct Token<'a> {
+    pub(crate) text: &'a str,
+    pub(crate) kind: Kind,
+    pub(crate) line: usize,
 }
 
 /// Splits a source file into tokens.
-pub fn tokens(source: &str) -> Vec<Token<'_>> {
+pub(crate) fn tokens(source: &str) -> Vec<Token<'_>> {
     let mut found = Vec::new();
     let (mut at, mut line) = (0, 1);
     while let Some(first) = source[at..].chars().next() {
@@ -123,7 +123,7 @@ fn word(rest: &str) -> usize {
 }
 
 /// Index behind the group whose opening bracket is at `open`.
-pub fn group_end(tokens: &[Token<'_>], open: usize) -> usize {
+pub(crate) fn group_end(tokens: &[Token<'_>], open: usize) -> usize {
     let mut depth = 0;
     for (i, token) in tokens.iter().enumerate().skip(open) {
         if token.kind == Kind::Mark {
@@ -141,7 +141,7 @@ pub fn group_end(tokens: &[Token<'_>], open: usize) -> usize {
 }
 
 /// Index behind the item that begins at `start`: its `;`, or the group in braces of its body.
-pub fn item_end(tokens: &[Token<'_>], start: usize) -> usize {
+pub(crate) fn item_end(tokens: &[Token<'_>], start: usize) -> usize {
     let mut at = start;
     while let Some(token) = tokens.get(at) {
         match (token.kind, token.text) {
@@ -155,7 +155,7 @@ pub fn item_end(tokens: &[Token<'_>], start: usize) -> usize {
 }
 
 /// The tokens without items under `#[cfg(test)]`; none if the whole file is.
-pub fn without_tests<'a>(tokens: &[Token<'a>]) -> Vec<Token<'a>> {
+pub(crate) fn without_tests<'a>(tokens: &[Token<'a>]) -> Vec<Token<'a>> {
     let mut left = Vec::with_capacity(tokens.len());
     let mut at = 0;
     while at < tokens.len() {

@@ -3,12 +3,12 @@
 use super::tokens::{Kind, Token};
 
 /// A term to avoid in names.
-pub struct Term {
+pub(crate) struct Term {
     /// One or more words in snake case; it matches in any case, in the singular and the plural.
-    pub avoid: &'static str,
-    pub prefer: &'static str,
+    pub(crate) avoid: &'static str,
+    pub(crate) prefer: &'static str,
     /// Paths where the word has another meaning, each with that meaning.
-    pub elsewhere: &'static [(&'static str, &'static str)],
+    pub(crate) elsewhere: &'static [(&'static str, &'static str)],
 }
 
 const fn term(
@@ -19,7 +19,7 @@ const fn term(
     Term { avoid, prefer, elsewhere }
 }
 
-pub const TERMS: &[Term] = &[
+pub(crate) const TERMS: &[Term] = &[
     term("rectangle", "quad", &[]),
     term("in_sight", "cull", &[]),
     term("mark_seen", "cull", &[]),
@@ -71,7 +71,7 @@ pub const TERMS: &[Term] = &[
 const WORDS_MAX: usize = 4;
 
 /// The names in a file that hold a term to avoid, each with its line and the term.
-pub fn avoided<'a>(path: &str, tokens: &[Token<'a>]) -> Vec<(usize, &'a str, &'static Term)> {
+pub(crate) fn avoided<'a>(path: &str, tokens: &[Token<'a>]) -> Vec<(usize, &'a str, &'static Term)> {
     let terms = TERMS.iter().filter(|term| !term.elsewhere.iter().any(|(home, _)| path.starts_with(home)));
     let terms: Vec<_> =
         terms.map(|term| (format!("_{}_", term.avoid), format!("_{}s_", term.avoid), term)).collect();
@@ -88,7 +88,7 @@ pub fn avoided<'a>(path: &str, tokens: &[Token<'a>]) -> Vec<(usize, &'a str, &'s
 }
 
 /// A name in snake case, whatever its case was.
-pub fn snake(name: &str) -> String {
+pub(crate) fn snake(name: &str) -> String {
     let letters: Vec<char> = name.chars().collect();
     let mut snake = String::with_capacity(name.len() + 4);
     for (i, letter) in letters.iter().enumerate() {

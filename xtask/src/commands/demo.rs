@@ -162,7 +162,7 @@ impl Pictures {
 }
 
 /// Tiles images of one size in rows of `columns`.
-fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
+pub(super) fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
     let (width, height) = pictures[0].dimensions();
     let rows = (pictures.len() as u32).div_ceil(columns);
     let mut sheet = RgbImage::new(width * columns, height * rows);

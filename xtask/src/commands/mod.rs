@@ -5,4 +5,5 @@ pub(crate) mod bench;
 pub(crate) mod ci;
 pub(crate) mod demo;
 pub(crate) mod notices;
+pub(crate) mod picture;
 pub(crate) mod test;

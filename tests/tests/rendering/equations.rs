@@ -1,17 +1,16 @@
-//! The trajectory, the temporal opacity and the rotation exist once in Rust and once in WGSL: this
-//! measures what the GPU draws and compares it with [`codec::Field`]'s equations, without the
-//! reference renderer between them.
+//! The trajectory, the temporal opacity and the rotation exist once in Rust and once in WGSL. These
+//! tests compare the GPU's images with [`codec::Field`]'s equations, without the reference renderer.
 //!
-//! One Gaussian is drawn at many instants. Where it is comes from the centroid of alpha, how opaque
-//! it is from alpha in the middle, and how it is turned from alpha's second moments.
+//! One Gaussian is drawn at many instants. Alpha's centroid gives its position, alpha at its center
+//! its opacity, and alpha's second moments its rotation.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, Temporal};
+use libtest_mimic::Trial;
 use refine::image::Image;
 
 const SIZE: u32 = 256;
@@ -21,7 +20,8 @@ const SCALE: f64 = 60.0;
 
 const DISTANCE: f64 = 50.0;
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = Vec::new();
     for order in 0..=3u8 {
         trials.push(gpu::trial(format!("trajectory of order {order}"), Passes::Shared, move |gpu| {
@@ -30,21 +30,21 @@ fn main() -> ExitCode {
     }
     trials.push(gpu::trial("temporal opacity", Passes::Shared, temporal_opacity));
     trials.push(gpu::trial("rotation", Passes::Shared, rotation));
-    gpu::run(trials)
+    trials
 }
 
-/// Instants over the clip, its ends among them.
+/// Instants from the start to the end of the clip.
 fn times() -> impl Iterator<Item = f64> {
     (0..=16).map(|i| f64::from(i) / 16.0)
 }
 
-/// A camera on the z axis, far enough away that it sees the plane z = 0 without distortion.
+/// A camera on the z axis, so far away that perspective does not distort the plane z = 0.
 fn camera() -> Camera {
-    let middle = 0.5 * f64::from(SIZE);
+    let center = 0.5 * f64::from(SIZE);
     Camera {
         width: SIZE,
         height: SIZE,
-        k: [[SCALE * DISTANCE, 0.0, middle], [0.0, SCALE * DISTANCE, middle], [0.0, 0.0, 1.0]],
+        k: [[SCALE * DISTANCE, 0.0, center], [0.0, SCALE * DISTANCE, center], [0.0, 0.0, 1.0]],
         camera_from_world: [
             [1.0, 0.0, 0.0, 0.0],
             [0.0, 1.0, 0.0, 0.0],
@@ -54,7 +54,7 @@ fn camera() -> Camera {
     }
 }
 
-/// One Gaussian in the plane z = 0, its standard deviations in units of the world.
+/// One Gaussian in the plane z = 0; `deviations` are its standard deviations in world units.
 fn gaussian(deviations: [f32; 3], temporal: Temporal) -> Field {
     Field {
         centers: vec![[0.2, -0.1, 0.0]],
@@ -67,18 +67,17 @@ fn gaussian(deviations: [f32; 3], temporal: Temporal) -> Field {
     }
 }
 
-/// The decoded clip of one Gaussian, which is the Gaussian that both sides are asked about: the
-/// package rounds its numbers.
+/// The field packaged and decoded. Both sides use these numbers, because packages round.
 fn one(field: &Field) -> Result<Clip, String> {
     let clip = decoded(field);
     if (clip.static_field.len(), clip.dynamic_field.len()) == (0, 1) {
         Ok(clip)
     } else {
-        Err("it is not one moving Gaussian".into())
+        Err("it is not one dynamic Gaussian".into())
     }
 }
 
-/// Calls `check` with the picture at each instant.
+/// Calls `check` with the image at each instant.
 fn at_all_times(
     gpu: &Gpu,
     clip: &Clip,
@@ -94,13 +93,13 @@ fn at_all_times(
     Ok(())
 }
 
-/// Centroid of alpha in pixels.
+/// Centroid of alpha, in pixels.
 fn centroid(image: &Image) -> [f64; 2] {
     let [sum, x, y] = moments(image, |x, y| [1.0, x, y]);
     [x / sum, y / sum]
 }
 
-/// Sums of alpha times some functions of the pixel centre.
+/// Sums of alpha times functions of the pixel centre.
 fn moments<const N: usize>(image: &Image, functions: impl Fn(f64, f64) -> [f64; N]) -> [f64; N] {
     let mut sums = [0.0; N];
     for (i, pixel) in image.pixels.iter().enumerate() {
@@ -120,9 +119,9 @@ fn close(what: &str, actual: f64, expected: f64, tolerance: f64) -> Result<(), S
     Err(format!("{what} is {actual} on the GPU and {expected} by the equation, more than {tolerance} apart"))
 }
 
-/// Within a thirtieth of a pixel on paths of up to a hundred.
+/// The centroid follows the equation within 0.03 pixels, on paths of up to 100 pixels.
 fn trajectory(gpu: &Gpu, order: u8) -> Result<(), String> {
-    // Each power on a scale of its own: the GPU's records have a unit for each.
+    // Powers of different magnitude: the GPU's records have a unit for each.
     let motion = [[0.4, -0.3, 0.0], [1.9, 0.8, 0.0], [-2.9, 3.1, 0.0]];
     let temporal = Temporal {
         tau: vec![0.3],
@@ -135,47 +134,47 @@ fn trajectory(gpu: &Gpu, order: u8) -> Result<(), String> {
     let mut path = Vec::new();
     at_all_times(gpu, &clip, |t, image| {
         let [x, y, _] = clip.dynamic_field.position_at(0, t);
-        let middle = 0.5 * f64::from(SIZE);
+        let center = 0.5 * f64::from(SIZE);
         let found = centroid(image);
         path.push(found);
-        close("x in pixels", found[0], middle + SCALE * x, 0.03)?;
-        close("y in pixels", found[1], middle + SCALE * y, 0.03)
+        close("x in pixels", found[0], center + SCALE * x, 0.03)?;
+        close("y in pixels", found[1], center + SCALE * y, 0.03)
     })?;
     let length: f64 =
         path.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();
     if (order == 0) == (length < 0.1) { Ok(()) } else { Err(format!("it moves by {length} pixels")) }
 }
 
-/// Within half of what an 8-bit pixel shows, over a window that opens and closes.
+/// Opacity agrees within half of an 8-bit step, while the temporal window opens and closes.
 fn temporal_opacity(gpu: &Gpu) -> Result<(), String> {
     for (tau, s) in [(0.5, 0.12), (0.1, 0.3), (1.2, 0.4), (0.7, 0.03)] {
         let temporal = Temporal { tau: vec![tau], s: vec![s], ..Temporal::default() };
         let clip = one(&gaussian([0.3; 3], temporal))?;
-        let mut seen = 0;
+        let mut visible = 0;
         at_all_times(gpu, &clip, |t, image| {
             let expected = clip.dynamic_field.opacity_at(0, t);
-            // The pixel whose centre is nearest to the Gaussian's, and its distance in deviations.
+            // The falloff at the pixel centre nearest to the Gaussian's.
             let [x, y, _] = clip.dynamic_field.position_at(0, t).map(|x| 0.5 * f64::from(SIZE) + SCALE * x);
             let deviation = SCALE * f64::from(clip.dynamic_field.log_scales[0][0].exp());
             let square = (x.floor() + 0.5 - x).powi(2) + (y.floor() + 0.5 - y).powi(2);
             let falloff = (-0.5 * square / (deviation * deviation + 0.3)).exp();
             let alpha = image.pixel(x as u32, y as u32)[3] / falloff;
             if expected < 1.01 / 255.0 {
-                // So close to the cut it may be drawn or not.
+                // Rounding decides whether an opacity at the alpha cut is drawn.
                 return close("opacity", alpha, 0.0, 1.02 / 255.0);
             }
-            seen += 1;
+            visible += 1;
             close("opacity", alpha, expected, 0.5 / 255.0)
         })
         .map_err(|what| format!("tau {tau}, s {s}: {what}"))?;
-        if seen == 0 {
-            return Err(format!("tau {tau}, s {s}: it is never seen"));
+        if visible == 0 {
+            return Err(format!("tau {tau}, s {s}: it is never visible"));
         }
     }
     Ok(())
 }
 
-/// A needle that turns in the picture plane: within a quarter of a degree.
+/// The angle of a needle that turns in the image plane agrees within 0.25 degrees.
 fn rotation(gpu: &Gpu) -> Result<(), String> {
     let temporal = Temporal {
         tau: vec![0.5],
@@ -198,7 +197,7 @@ fn rotation(gpu: &Gpu) -> Result<(), String> {
         let found = 0.5 * (2.0 * xy).atan2(xx - yy);
         let [w, _, _, z] = clip.dynamic_field.rotation_at(0, t);
         let expected = 2.0 * z.atan2(w);
-        // The needle looks the same from both ends.
+        // A needle looks the same after half a turn.
         let apart = (found - expected).rem_euclid(std::f64::consts::PI);
         angles.push(found);
         close("angle", apart.min(std::f64::consts::PI - apart).to_degrees(), 0.0, 0.25)

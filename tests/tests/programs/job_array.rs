@@ -1,29 +1,31 @@
-//! Many takes on a cluster: a job array of a real Slurm, of which one take fails.
+//! Many takes on a cluster: a job array on a real Slurm, in which one take fails.
 
 use std::fs;
 use std::path::Path;
-use std::process::ExitCode;
 
 use ::studio::export::field_file;
 use aarc_tests::programs::{Outcome, run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use libtest_mimic::{Completion, Failed, Trial};
 use serde_json::Value;
 
-fn main() -> ExitCode {
-    let array = Trial::ignorable_test("a job array does all takes but the one that fails", || {
-        match Cluster::start() {
-            Some(cluster) => job_array(&cluster).map(|()| Completion::Completed).map_err(Failed::from),
-            None => Ok(Completion::ignored_with(MISSING)),
-        }
-    });
-    libtest_mimic::run(&Arguments::from_args(), vec![array]).exit_code()
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    let array =
+        Trial::ignorable_test(
+            "a job array packages all takes except the broken one",
+            || match Cluster::start() {
+                Some(cluster) => job_array(&cluster).map(|()| Completion::Completed).map_err(Failed::from),
+                None => Ok(Completion::ignored_with(MISSING)),
+            },
+        );
+    vec![array]
 }
 
 const TAKES: [&str; 5] = ["walk", "run", "jump", "turn", "bow"];
 
-/// The one that fails, and the shard of three that it is in.
+/// Number of the broken take, which is also its shard.
 const BROKEN: usize = 1;
 
 fn job_array(cluster: &Cluster) -> Result<(), String> {
@@ -50,7 +52,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
     }
     write("takes.txt", TAKES.map(|take| format!("{take}.ply\n")).concat().as_bytes());
 
-    // What README.md shows, with this build's program.
+    // The command of xtask/README.md, with this build's program.
     let submit = || -> Outcome {
         let program = quoted(studio());
         let wrap = format!(
@@ -92,7 +94,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
         }
     }
 
-    // Once it is mended, the same command does it alone.
+    // After a repair, the same command packages only the repaired take.
     write("run.ply", &field(9));
     let outcome = submit();
     let again = [summary(0)?, summary(1)?, summary(2)?];

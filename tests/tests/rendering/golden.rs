@@ -1,25 +1,26 @@
-//! The demo scene looks as it did: pictures of it by the GPU, compared with golden ones.
+//! The demo scene looks as it did: the GPU's images of it match golden ones.
 //!
-//! The pictures were looked at when they were made. `UPDATE_GOLDEN=1 cargo test --test golden`
-//! makes them anew, and fails once, so that they are looked at again.
+//! `UPDATE_GOLDEN=1 cargo test -p aarc-tests --test rendering golden` rewrites the golden images and
+//! fails once, so that no image changes unseen.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check_golden};
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Coder, EncodeOptions, Limits, Precision, Source};
+use libtest_mimic::Trial;
 use studio::synth::juggler;
 
-/// PSNR in dB to code the scene with: the pictures show the renderer, not the coder.
+/// PSNR of the coded scene in dB, so high that the images show the renderer and not the coder.
 const EXACT_DB: f64 = 80.0;
 
-/// Drivers round 8-bit blending differently, and platforms the sines of the scene.
+/// Drivers differ in how they round 8-bit blending, platforms in the sines of the scene.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 400, psnr: 42.0 };
 
-fn main() -> ExitCode {
-    gpu::run(vec![gpu::trial("the demo scene", Passes::Shared, demo_scene)])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("the demo scene", Passes::Shared, demo_scene)]
 }
 
 fn demo_scene(gpu: &Gpu) -> Result<(), String> {

@@ -1,25 +1,25 @@
-//! What the report says of playing: parameters cost and keep what they must, and features that a clip does
-//! without are what they would take.
-
-use std::process::ExitCode;
+//! The report's measurements of playing: every parameter trades error for work, and a feature that a clip
+//! lacks saves exactly what it would cost.
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with};
 use client::gpu::Gpu;
 use codec::{Clip, Field};
 use glam::UVec2;
+use libtest_mimic::Trial;
 use measure::parameter::{Parameter, ParameterValue};
 use measure::playing::{self, ClipFeature, Playing};
 use refine::reference::RenderScene;
 use shaders::sh_words;
 use studio::package::LAYERS;
 
-fn main() -> ExitCode {
-    gpu::run_in_turn(vec![
-        gpu::trial("parameters trade error for work", Passes::Shared, knobs_trade),
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        gpu::trial("parameters trade error for work", Passes::Shared, parameters_trade),
         gpu::trial("features that are left out", Passes::Shared, features_left_out),
         gpu::trial("a static clip", Passes::Shared, a_static_clip),
-    ])
+    ]
 }
 
 const COUNT: usize = 300;
@@ -51,14 +51,14 @@ fn feature<'a>(playing: &'a Playing, name: &str) -> Result<&'a ClipFeature, Stri
     playing.features.iter().find(|feature| feature.name == name).ok_or(format!("no feature {name}"))
 }
 
-/// How much more of a count there is with a feature than without.
+/// Difference of a count with and without a feature.
 fn saved(feature: &ClipFeature, count: &str) -> Result<f64, String> {
     let missing = || format!("no {count} of {}", feature.name);
-    let of = |counts: &std::collections::BTreeMap<String, f64>| counts.get(count).copied();
-    Ok(of(&feature.with.counts).ok_or_else(missing)? - of(&feature.without.counts).ok_or_else(missing)?)
+    let [with, without] = [&feature.with, &feature.without].map(|side| side.counts.get(count).copied());
+    Ok(with.ok_or_else(missing)? - without.ok_or_else(missing)?)
 }
 
-fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
+fn parameters_trade(gpu: &'static Gpu) -> Result<(), String> {
     let (_, playing) = measured(gpu, &RECIPE.field())?;
     for parameter in &playing.parameters {
         let [default, others @ ..] = parameter.points.as_slice() else {
@@ -98,13 +98,13 @@ fn knobs_trade(gpu: &'static Gpu) -> Result<(), String> {
 
 fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
     let (clip, playing) = measured(gpu, &RECIPE.field())?;
-    let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
+    let (static_count, dynamic_count) = (clip.static_field.len(), clip.dynamic_field.len());
     let words = |order, rotates| shaders::Motion { order, rotates }.words();
     for (name, bytes) in [
         ("SH of degree 2", COUNT * 4 * (sh_words(2) - sh_words(1))),
         ("SH of degree 3", COUNT * 4 * (sh_words(3) - sh_words(1))),
-        ("motion of power 3", moving * 4 * (words(3, true) - words(2, true))),
-        ("temporal columns of still Gaussians", still * 4 * words(2, true)),
+        ("motion of power 3", dynamic_count * 4 * (words(3, true) - words(2, true))),
+        ("temporal columns of still Gaussians", static_count * 4 * words(2, true)),
     ] {
         let feature = feature(&playing, name)?;
         let saves = saved(feature, "gpu_bytes")?;
@@ -123,7 +123,7 @@ fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
     expect(&format!("a second eye takes {more} vertices"), more > 0.0)
 }
 
-/// Whoever needs nothing carries nothing.
+/// A clip without motion and view-dependent colour carries no columns for them.
 fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
     let field = Recipe { sh_degree: 0, motion: Motion::Still, ..RECIPE }.field();
     let (clip, playing) = measured(gpu, &field)?;

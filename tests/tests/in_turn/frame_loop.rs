@@ -1,7 +1,6 @@
-//! A frame costs the same the thousandth time as the first: nothing that drawing allocates stays,
-//! and what a clip takes on the GPU is settled when it is uploaded.
+//! Drawing frames makes no growing allocation. A clip's GPU memory and pipelines are final after its
+//! upload.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
@@ -9,20 +8,17 @@ use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with, stereo_pair
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use glam::UVec2;
-use peak_alloc::PeakAlloc;
+use libtest_mimic::Trial;
 
-#[global_allocator]
-static HEAP: PeakAlloc = PeakAlloc;
+use crate::HEAP;
 
 const WARM_UP: u32 = 60;
 
 const FRAMES: u32 = 300;
 
-fn main() -> ExitCode {
-    // One test: others at the same time would allocate from the heap that is measured.
-    gpu::run(vec![gpu::trial("one eye, then two", Passes::Shared, |gpu| {
-        steady(gpu, 1).and_then(|()| steady(gpu, 2))
-    })])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("one eye, then two", Passes::Shared, |gpu| steady(gpu, 1).and_then(|()| steady(gpu, 2)))]
 }
 
 fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
@@ -40,7 +36,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
 
     let mut heap_at = Vec::with_capacity((WARM_UP + FRAMES) as usize);
     for frame in 0..WARM_UP + FRAMES {
-        // Everything that may change from frame to frame does.
+        // Varies everything that may differ between frames.
         let t = f64::from(frame) * 0.37 % 1.0;
         let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][frame as usize % 4];
         let camera = camera(place, 96, 64);
@@ -59,15 +55,15 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         drop((views, cameras));
         heap_at.push(HEAP.current_usage());
     }
-    // The least of many frames: some hold more than others for a while. What is kept of every frame
-    // makes it rise from each quarter to the next; a buffer that once more finds its size does not.
+    // The minimum of a quarter ignores frames that hold memory for a while. A leak raises it from each
+    // quarter to the next; a buffer that grows once does not.
     let quarters = heap_at[WARM_UP as usize..].chunks(FRAMES as usize / 4);
     let least: Vec<usize> = quarters.filter_map(|quarter| quarter.iter().min().copied()).collect();
     if least.is_sorted_by(|a, b| a < b) {
         return Err(format!("the heap grows: at least {least:?} bytes in each quarter of {FRAMES} frames"));
     }
     if (uploaded.bytes(), renderer.pipelines()) != settled {
-        return Err("drawing changed what the clip takes on the GPU".into());
+        return Err("drawing changed the clip's GPU memory or pipelines".into());
     }
     Ok(())
 }

@@ -1,17 +1,16 @@
-//! The programs as a user runs them: from a field to pictures, and what they say about bad input.
+//! The programs as a user runs them: from a field to images, and with bad input.
 //!
-//! Bad input gets one clear line on stderr and the exit code of its kind, and leaves nothing behind:
-//! no output, no half of one, no temporary file.
+//! Bad input gets one line on stderr and the exit code of its kind, and leaves no file behind: no
+//! output, no partial output, no temporary file.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
 
 use ::studio::cli::Cli;
 use ::studio::export::field_file;
 use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Outcome, client, run, studio};
+use aarc_tests::programs::{Folder, Outcome, client, run, studio};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
 use clap::CommandFactory;
 use client::gpu::Gpu;
@@ -20,7 +19,6 @@ use image::RgbImage;
 use libtest_mimic::{Completion, Failed, Trial};
 use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
-use tempfile::TempDir;
 use xtask::workspace;
 
 const USAGE: i32 = 2;
@@ -28,14 +26,15 @@ const DATA: i32 = 3;
 const NETWORK: i32 = 4;
 const DEVICE: i32 = 5;
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let plain = |name: &str, test: fn() -> Result<(), String>| {
         Trial::test(name, move || test().map_err(Failed::from))
     };
-    gpu::run(vec![
-        gpu::trial("from a field to pictures", Passes::Shared, field_to_pictures),
+    vec![
+        gpu::trial("from a field to images", Passes::Shared, field_to_pictures),
         gpu::trial("the demo scene", Passes::Shared, demo_scene),
-        gpu::trial("a camera file gives the reference's picture", Passes::Shared, camera_file),
+        gpu::trial("a camera file gives the reference's image", Passes::Shared, camera_file),
         gpu::trial("stereo and statistics", Passes::Shared, stereo_and_statistics),
         gpu::trial("one time or many", Passes::Shared, one_time_or_many),
         bad_input_to_the_player(),
@@ -44,12 +43,12 @@ fn main() -> ExitCode {
         plain("bad input to render and export", bad_input_to_render_and_export),
         plain("without a graphics device", without_a_device),
         plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
-    ])
+    ]
 }
 
 /// A temporary folder in which programs run, with a clip and a field in it.
 struct Workshop {
-    folder: TempDir,
+    folder: Folder,
     before: BTreeMap<PathBuf, Vec<u8>>,
 }
 
@@ -58,39 +57,37 @@ const RECIPE: Recipe =
 
 impl Workshop {
     fn new() -> Workshop {
-        let folder = tempfile::tempdir().expect("temporary files can be made");
-        let workshop = Workshop { folder, before: BTreeMap::new() };
+        let workshop = Workshop { folder: Folder::default(), before: BTreeMap::new() };
         workshop.write("clip.aarc", &packaged(&RECIPE.field(), None, &[100, 200]));
         workshop.write("field.ply", &field_file(&RECIPE.field(), &info()));
         workshop
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        self.folder.path(name)
     }
 
     fn write(&self, name: &str, bytes: &[u8]) {
-        fs::write(self.path(name), bytes).expect("temporary files can be written");
+        self.folder.write(name, bytes);
     }
 
     /// Runs a program here with the words of a line as arguments.
     fn run(&self, program: &Path, line: &str) -> Outcome {
-        run(Command::new(program).args(line.split_whitespace()).current_dir(self.folder.path()))
+        run(&mut self.folder.command(program, line))
     }
 
     fn json(&self, name: &str) -> Result<Value, String> {
-        let text = fs::read(self.path(name)).map_err(|error| format!("{name}: {error}"))?;
-        serde_json::from_slice(&text).map_err(|error| format!("{name}: {error}"))
+        serde_json::from_slice(&self.folder.read(name)?).map_err(|error| format!("{name}: {error}"))
     }
 
-    fn picture(&self, name: &str) -> Result<RgbImage, String> {
+    fn image(&self, name: &str) -> Result<RgbImage, String> {
         Ok(image::open(self.path(name)).map_err(|error| format!("{name}: {error}"))?.into_rgb8())
     }
 
-    /// Everything that lies here, with what it holds; folders too.
+    /// Every path in the folder with its file's bytes; empty for folders.
     fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut found = BTreeMap::new();
-        let mut folders = vec![self.folder.path().to_owned()];
+        let mut folders = vec![self.path("")];
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(&folder).expect("a folder of this test") {
                 let path = entry.expect("a folder of this test").path();
@@ -103,14 +100,14 @@ impl Workshop {
         found
     }
 
-    /// Call once everything that belongs here is here.
+    /// Records the contents that refused commands must not change. Call it after the last write.
     fn seal(mut self) -> Workshop {
         self.before = self.contents();
         self
     }
 
-    /// Expects a line to fail with the code and one line on stderr that holds `mention`, and to
-    /// leave everything here as it was.
+    /// Expects a command to fail with this code and one line on stderr that contains `mention`, and to
+    /// change no file.
     fn refuses(&self, program: &Path, line: &str, code: i32, mention: &str) -> Result<(), String> {
         let outcome = self.run(program, line);
         let name = program.file_name().expect("a program has a name").to_string_lossy();
@@ -118,7 +115,7 @@ impl Workshop {
         if outcome.code != Some(code) {
             return complain(&format!("exit code {code} was expected"));
         }
-        // The command line's own parser explains itself in several lines.
+        // The argument parser explains errors in several lines.
         let from_parser = outcome.stderr.contains("For more information, try '--help'");
         if outcome.stderr.trim_end().lines().count() != 1 && !from_parser {
             return complain("one line was expected");
@@ -156,23 +153,22 @@ fn field_to_pictures(_: &Gpu) -> Result<(), String> {
         }
     }
     workshop.run(client(), "made.aarc --headless --time 1.0 --size 96x64 --out frame.png").success();
-    let picture = workshop.picture("frame.png")?;
+    let picture = workshop.image("frame.png")?;
     let lit = picture.pixels().filter(|pixel| pixel.0.iter().any(|&c| c > 40)).count();
     if picture.dimensions() == (96, 64) && lit > 500 { Ok(()) } else { Err(format!("{lit} lit pixels")) }
 }
 
-/// The scene that `cargo xtask demo` shows, by the commands that it consists of.
+/// The commands behind `cargo xtask demo`.
 fn demo_scene(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
     workshop.run(studio(), "synth clip -o juggler.ply").success();
     workshop.run(studio(), "package juggler.ply -o juggler.aarc").success();
     workshop.run(client(), "juggler.aarc --headless --time 0,1 --size 160x90 --out frames").success();
-    let [first, second] =
-        ["frames/frame_0000.png", "frames/frame_0001.png"].map(|name| workshop.picture(name));
+    let [first, second] = ["frames/frame_0000.png", "frames/frame_0001.png"].map(|name| workshop.image(name));
     if first? == second? { Err("nothing moves within a second".into()) } else { Ok(()) }
 }
 
-/// The player, given a camera and a time, draws what the reference renderer draws for them.
+/// The player draws the reference renderer's image for a camera and a time.
 fn camera_file(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
     let view = camera(Place::Whole, 120, 90);
@@ -180,7 +176,7 @@ fn camera_file(_: &Gpu) -> Result<(), String> {
     let line = "clip.aarc --headless --time 0.9 --camera camera.json --target 16 --out";
     workshop.run(client(), &format!("{line} gpu.png")).success();
     workshop.run(studio(), "render clip.aarc --time 0.9 --camera camera.json -o cpu.png").success();
-    let (gpu, cpu) = (workshop.picture("gpu.png")?, workshop.picture("cpu.png")?);
+    let (gpu, cpu) = (workshop.image("gpu.png")?, workshop.image("cpu.png")?);
     let expected = render(&RenderScene::from(&decoded_clip()), &view, 0.45, Order::Depth).to_rgb8();
     if cpu.as_raw() != &expected {
         return Err("cargo xtask render and the library disagree".into());
@@ -189,9 +185,9 @@ fn camera_file(_: &Gpu) -> Result<(), String> {
     if gpu.dimensions() != (120, 90) || worst > Some(2) {
         return Err(format!("{:?}, off by up to {worst:?}", gpu.dimensions()));
     }
-    // At another size the view is the same, only larger.
+    // `--size` scales the camera's image.
     workshop.run(client(), &format!("{line} large.png --size 240x180")).success();
-    let large = workshop.picture("large.png")?;
+    let large = workshop.image("large.png")?;
     if large.dimensions() == (240, 180) { Ok(()) } else { Err(format!("{:?}", large.dimensions())) }
 }
 
@@ -205,7 +201,7 @@ fn stereo_and_statistics(_: &Gpu) -> Result<(), String> {
     let line =
         "clip.aarc --headless --frames 0..5 --fps 10 --stereo --size 80x60 --out eyes --stats stats.json";
     workshop.run(client(), line).success();
-    let picture = workshop.picture("eyes/frame_0004.png")?;
+    let picture = workshop.image("eyes/frame_0004.png")?;
     if picture.dimensions() != (160, 60) {
         return Err(format!("{:?}", picture.dimensions()));
     }
@@ -233,13 +229,13 @@ fn stereo_and_statistics(_: &Gpu) -> Result<(), String> {
     if frames.len() == 5 && texts { Ok(()) } else { Err(format!("{stats:#}")) }
 }
 
-/// Several times make a folder, one makes a file; a layer shows less than the whole.
+/// Several times make a folder, one makes a file; one layer shows less than the whole clip.
 fn one_time_or_many(_: &Gpu) -> Result<(), String> {
     let workshop = Workshop::new();
     workshop.run(client(), "clip.aarc --headless --time 0.5,1.5 --size 64x48 --out many").success();
     workshop.run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --out one.png").success();
-    if workshop.picture("many/frame_0001.png")? != workshop.picture("one.png")? {
-        return Err("a picture depends on the ones before it".into());
+    if workshop.image("many/frame_0001.png")? != workshop.image("one.png")? {
+        return Err("an image depends on those before it".into());
     }
     workshop
         .run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --layer 1 --out layer.png")
@@ -247,17 +243,17 @@ fn one_time_or_many(_: &Gpu) -> Result<(), String> {
     workshop
         .run(client(), "clip.aarc --headless --time 1.5 --size 64x48 --view front --out named.png")
         .success();
-    if workshop.picture("layer.png")? == workshop.picture("one.png")? {
+    if workshop.image("layer.png")? == workshop.image("one.png")? {
         return Err("one layer looks like all".into());
     }
-    if workshop.picture("named.png")? != workshop.picture("one.png")? {
+    if workshop.image("named.png")? != workshop.image("one.png")? {
         return Err("the first viewpoint is not where it starts".into());
     }
     let files = fs::read_dir(workshop.path("many")).map_err(|error| error.to_string())?.count();
     if files == 2 { Ok(()) } else { Err(format!("{files} files in the folder")) }
 }
 
-/// Files that are no clip and no field, in every way.
+/// A workshop with damaged, foreign and incomplete files.
 fn bad_files() -> Workshop {
     let workshop = Workshop::new();
     let clip = fs::read(workshop.path("clip.aarc")).expect("written before");
@@ -322,7 +318,7 @@ fn bad_input_to_the_player() -> Trial {
             ("--stats absent/stats.json", "absent"),
             ("--nonsense", "--nonsense"),
         ] {
-            // Some of these are noticed only when drawing is about to start.
+            // Image sizes are checked against the device.
             if device(Passes::Shared).is_ok() || !line.contains("99999") {
                 refuses(&format!("clip.aarc {one} {line}"), USAGE, mention)?;
             }
@@ -339,7 +335,7 @@ fn bad_input_to_the_player() -> Trial {
         ] {
             refuses(line, code, mention)?;
         }
-        // Each try is told while it lasts, what came of them in the end as ever.
+        // Every try is reported, the failure in the last line.
         let outcome = bad.run(client(), "http://127.0.0.1:9/clip.aarc --headless --out f.png");
         let last = outcome.stderr.trim_end().lines().last();
         if outcome.code != Some(NETWORK)
@@ -403,11 +399,10 @@ fn bad_input_to_render_and_export() -> Result<(), String> {
     Ok(())
 }
 
-/// A loader that finds no driver is a machine without a device.
+/// A Vulkan loader without a driver stands for a machine without a device.
 fn without_a_device() -> Result<(), String> {
     let workshop = Workshop::new().seal();
-    let mut command = Command::new(client());
-    command.args(["clip.aarc", "--headless", "--out", "frame.png"]).current_dir(workshop.folder.path());
+    let mut command = workshop.folder.command(client(), "clip.aarc --headless --out frame.png");
     for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
         command.env(variable, workshop.path("no-driver.json"));
     }

@@ -1,14 +1,12 @@
-//! The desktop preview, tried as a person would: on a display (without a screen), by looking at the
-//! window and pressing keys.
+//! The desktop window on a display in memory: screenshots and key presses.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use aarc_tests::display::{CONTROLS, Display, Screenshot, Window, trial};
-use aarc_tests::gpu;
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use libtest_mimic::{Failed, Trial};
@@ -18,15 +16,16 @@ const RIGHT: u32 = 0xff53;
 const P: u32 = 'p' as u32;
 const U: u32 = 'u' as u32;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
-        trial("a clip plays, stops, steps and is photographed", plays),
-        trial("a clip that is not one opens no window", bad_clip),
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("a clip plays, pauses, steps and is saved as an image", plays),
+        trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
-    ])
+    ]
 }
 
-/// Writes a clip that moves all the time.
+/// Writes a clip that moves throughout.
 fn write_clip(path: &Path) {
     let recipe =
         Recipe { count: 300, sh_degree: 1, motion: Motion::Moving, motion_order: 3, turning: false, seed: 3 };
@@ -45,31 +44,31 @@ fn plays(display: &Display) -> Result<(), String> {
         display.wait_until(window, condition).ok_or(format!("the window never {what}"))
     };
 
-    let first = look("shows a picture", &|shot| shot.colors() > 500)?;
+    let first = look("shows an image", &|screen| screen.colors() > 500)?;
     if (first.width, first.height) != (800, 600) {
         return Err(format!("the window has {}x{} pixels", first.width, first.height));
     }
-    look("moves", &|shot| shot.clip_changed(&first))?;
+    look("moves", &|screen| screen.clip_changed(&first))?;
 
     display.focus(window);
     display.press(SPACE);
-    let paused = still(display, window).ok_or("it does not pause on the space bar")?;
+    let paused = unchanging(display, window).ok_or("it does not pause on the space bar")?;
     display.press(RIGHT);
-    let stepped = look("steps to another frame", &|shot| shot.clip_changed(&paused))?;
-    if still(display, window).is_none_or(|shot| shot.clip_changed(&stepped)) {
+    let stepped = look("steps to another frame", &|screen| screen.clip_changed(&paused))?;
+    if unchanging(display, window).is_none_or(|screen| screen.clip_changed(&stepped)) {
         return Err("it moves on after a step".into());
     }
     display.press(SPACE);
-    look("plays on", &|shot| shot.clip_changed(&stepped))?;
+    look("plays on", &|screen| screen.clip_changed(&stepped))?;
 
     let controls =
-        |shot: &Screenshot| shot.rgb[(3 * shot.width * (shot.height - CONTROLS)) as usize..].to_vec();
+        |screen: &Screenshot| screen.rgb[(3 * screen.width * (screen.height - CONTROLS)) as usize..].to_vec();
     let with = controls(&stepped);
     display.press(U);
-    look("hides its controls", &|shot| controls(shot) != with)?;
+    look("hides its controls", &|screen| controls(screen) != with)?;
 
     display.press(P);
-    let saved = wait_for_picture(folder.path()).ok_or("the key P saves no picture")?;
+    let saved = wait_for_image(folder.path()).ok_or("the key P saves no image")?;
     let size = image::image_dimensions(&saved).map_err(|error| error.to_string())?;
     if size.0 < 800 || size.1 < 600 {
         return Err(format!("{} has {size:?} pixels", saved.display()));
@@ -78,8 +77,8 @@ fn plays(display: &Display) -> Result<(), String> {
     player.close()
 }
 
-/// Waits until the window shows the same for half a second.
-fn still(display: &Display, window: Window) -> Option<Screenshot> {
+/// Waits until the clip has not changed for half a second.
+fn unchanging(display: &Display, window: Window) -> Option<Screenshot> {
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(20) {
         let before = display.screenshot(window)?;
@@ -92,13 +91,13 @@ fn still(display: &Display, window: Window) -> Option<Screenshot> {
     None
 }
 
-/// Waits for a whole picture in the folder.
-fn wait_for_picture(folder: &Path) -> Option<PathBuf> {
+/// Waits for a PNG in the folder.
+fn wait_for_image(folder: &Path) -> Option<PathBuf> {
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(20) {
         let entries = fs::read_dir(folder).ok()?;
-        let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
-        if let Some(path) = entries.flatten().map(|entry| entry.path()).find(is_picture) {
+        let is_image = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
+        if let Some(path) = entries.flatten().map(|entry| entry.path()).find(is_image) {
             return Some(path);
         }
         sleep(Duration::from_millis(50));
@@ -106,7 +105,7 @@ fn wait_for_picture(folder: &Path) -> Option<PathBuf> {
     None
 }
 
-/// What cannot be played is reported on the terminal, before a window opens.
+/// A clip that does not decode is reported on the terminal, before a window opens.
 fn bad_clip(display: &Display) -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let clip = folder.path().join("broken.aarc");
@@ -118,7 +117,7 @@ fn bad_clip(display: &Display) -> Result<(), String> {
     Err(format!("{outcome:?}"))
 }
 
-/// Says that there is no display and what to do instead.
+/// The error names `--headless` as the alternative.
 fn without_display() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let clip = folder.path().join("clip.aarc");

@@ -1,16 +1,15 @@
-//! A package that was cut off plays as a smaller layer, or fails with one clear error: whatever
-//! part of the file is there, and all the way to the picture.
-
-use std::process::ExitCode;
+//! Every prefix of a package decodes to its complete layers and draws them, or fails to decode.
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
 use client::gpu::{ChannelDepth, Gpu, RenderSettings};
 use codec::Limits;
+use libtest_mimic::Trial;
 use refine::image::Image;
 
-fn main() -> ExitCode {
-    gpu::run(vec![gpu::trial("prefixes of a package", Passes::Shared, prefixes)])
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("prefixes of a package", Passes::Shared, prefixes)]
 }
 
 fn prefixes(gpu: &Gpu) -> Result<(), String> {
@@ -25,26 +24,26 @@ fn prefixes(gpu: &Gpu) -> Result<(), String> {
         let image = images.map_err(|fault| fault.to_string())?.swap_remove(0);
         Ok(Some((clip.layers.len(), image)))
     };
-    let (all_layers, whole) = draw(&bytes)?.ok_or("the whole package does not decode")?;
+    let (all_layers, full) = draw(&bytes)?.ok_or("the whole package does not decode")?;
     if all_layers != 4 {
         return Err(format!("{all_layers} layers"));
     }
-    // Every length would take long to draw; a prime step meets each part of the file.
-    let mut layers_seen = Vec::new();
+    // Drawing every length takes too long; a prime step falls into every section.
+    let mut layer_counts = Vec::new();
     for length in (0..bytes.len()).step_by(97).chain([bytes.len() - 1]) {
         let Some((layers, image)) = draw(&bytes[..length])? else { continue };
-        if layers == all_layers && length == bytes.len() - 1 && image == whole {
-            return Err("the last byte of the file is of no effect".into());
+        if layers == all_layers && length == bytes.len() - 1 && image == full {
+            return Err("the last byte of the file has no effect".into());
         }
         if image.pixels.iter().all(|pixel| pixel[3] == 0.0) {
             return Err(format!("{length} of {} bytes, {layers} layers, show nothing", bytes.len()));
         }
-        if layers_seen.last() != Some(&layers) {
-            layers_seen.push(layers);
+        if layer_counts.last() != Some(&layers) {
+            layer_counts.push(layers);
         }
     }
-    if !layers_seen.is_sorted() || layers_seen.first() != Some(&1) || layers_seen.len() < 3 {
-        return Err(format!("growing prefixes play with {layers_seen:?} layers"));
+    if !layer_counts.is_sorted() || layer_counts.first() != Some(&1) || layer_counts.len() < 3 {
+        return Err(format!("growing prefixes play with {layer_counts:?} layers"));
     }
     Ok(())
 }

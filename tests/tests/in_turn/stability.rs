@@ -1,24 +1,19 @@
-//! The stability suite as tests: each case within its bound, on the device of this machine.
-
-use std::process::ExitCode;
+//! The stability suite as tests: each case stays within its bound on this machine's device.
 
 use aarc_tests::gpu::{self, Passes};
 use client::gpu::Gpu;
+use libtest_mimic::Trial;
 use measure::stability::{StabilityCase, cases, run};
-use peak_alloc::PeakAlloc;
 
-#[global_allocator]
-static HEAP: PeakAlloc = PeakAlloc;
-
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let trial = |case: StabilityCase| {
         let name = format!("{}: {}", case.group, case.name);
-        // `cargo xtask report --stability` runs those, too.
+        // `cargo xtask report --stability` runs slow ones too.
         let slow = case.slow;
         gpu::trial(name, Passes::Shared, move |gpu| holds(&case, gpu)).with_ignored_flag(slow)
     };
-    // One after the other: they measure the heap.
-    gpu::run_in_turn(cases().into_iter().map(trial).collect())
+    cases().into_iter().map(trial).collect()
 }
 
 fn holds(case: &StabilityCase, gpu: &Gpu) -> Result<(), String> {

@@ -1,25 +1,24 @@
-//! The short form of `soak`: twenty seconds of everything, and longer where few rounds fit in, after
-//! which nothing is left that was not there before.
+//! The short form of the program `soak`: plays for twenty seconds, or longer if few rounds fit in, and
+//! checks that memory is flat.
 
-use std::process::ExitCode;
 use std::time::Duration;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::soak::soak;
-use peak_alloc::PeakAlloc;
+use libtest_mimic::Trial;
 
-#[global_allocator]
-static HEAP: PeakAlloc = PeakAlloc;
+use crate::HEAP;
 
 const DURATION: Duration = Duration::from_secs(20);
 
-fn main() -> ExitCode {
-    gpu::run_in_turn(vec![gpu::trial("playing on and on leaves nothing behind", Passes::Shared, |_| {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![gpu::trial("memory is flat while clips play", Passes::Shared, |_| {
         let account = soak(DURATION, || HEAP.current_usage() as u64, |_| ())?;
         let done = [account.downloads, account.frames, account.seeks, account.resizes, account.losses];
         if done.contains(&0) {
             return Err(format!("something was not tried: {done:?}"));
         }
         account.check()
-    })])
+    })]
 }

@@ -1,9 +1,8 @@
-//! The GPU on data that others made: forward renders of gsplat, the rasteriser that most fields
-//! are fitted with, and a real fitted field, packaged and played.
+//! The GPU on other people's data: forward renders of gsplat, the rasteriser that fits most fields, and
+//! a real fitted field, packaged and played.
 
 use std::fs;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::data;
@@ -11,21 +10,23 @@ use aarc_tests::gpu::{self, Drawing};
 use aarc_tests::image::{Tolerance, check, pixels_beyond};
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, LayerEnd, Limits, TimeIndex};
+use libtest_mimic::Trial;
 use refine::image::Image;
 use refine::prune::Ranking;
 use refine::reference::{Order, RenderScene, render};
 use safetensors::SafeTensors;
 use studio::package::{self, package};
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         data::trial("gsplat, tiny case", "raster-reference/brush/tiny_case.safetensors", gsplat),
         data::trial("gsplat, basic case", "raster-reference/brush/basic_case.safetensors", gsplat),
         data::trial("spinach, 40,000 Gaussians", "spacetime-spinach/spinach_4.splatv", spinach),
-    ])
+    ]
 }
 
-/// The GPU's records are rounded (16-bit scales and colours), gsplat's are not.
+/// The tolerance is for the GPU's records, which round scales and colours to 16 bits.
 fn gsplat(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     let bytes = fs::read(&path).map_err(|error| error.to_string())?;
     let file = SafeTensors::deserialize(&bytes).map_err(|error| error.to_string())?;
@@ -67,7 +68,7 @@ fn gsplat(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     Ok(())
 }
 
-/// A still clip of the field as it is, without the rounding of a package.
+/// A static clip of the field, without the rounding of a package.
 fn unpackaged(field: Field) -> Clip {
     Clip {
         info: aarc_tests::scene::info(),
@@ -96,8 +97,8 @@ fn normalized(q: [f32; 4]) -> [f32; 4] {
     q.map(|c| (f64::from(c) / length) as f32)
 }
 
-/// A real field at five times, from the viewpoint that its cameras suggest: the same picture as the
-/// reference's, and a different one each time, since the cook's arm moves.
+/// A real field at five times from its cameras' viewpoint: each image is the reference's, and differs
+/// from the one before, since the cook's arm moves.
 fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     let scene = studio::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
     let settings = package::Settings {
@@ -112,7 +113,7 @@ fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     if clip.len() != 40_000 {
         return Err(format!("{} Gaussians in the package", clip.len()));
     }
-    // As the data's own notes give it: at the origin, looking along z, y down, focal 0.75 widths.
+    // From the data's notes: at the origin, looking along z, y down, focal length 0.75 widths.
     let (width, height) = (1024, 768);
     let focal = 0.75 * f64::from(width);
     let camera = Camera {
@@ -128,8 +129,8 @@ fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
         let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
         let expected = render(&RenderScene::from(&clip), &camera, t, Order::Depth);
-        // The reference stops a pixel before an opaque Gaussian that would bring its transmittance
-        // to 1e-4, which blending back to front cannot do: a few pixels are off by more than 3.
+        // The reference stops before the Gaussian that would bring a pixel's transmittance to 1e-4.
+        // Blending back to front cannot stop, so a few pixels differ by more than 3/255.
         let tolerance = Tolerance { max_diff: 8.0, diff_pixels: usize::MAX, psnr: 50.0 };
         let beyond = pixels_beyond(3.0, &images[0], &expected);
         if beyond > 40 {
@@ -137,7 +138,7 @@ fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
         }
         println!("spinach at {t}: {}", check(&format!("spinach at {t}"), &images[0], &expected, tolerance)?);
         if before.is_some_and(|before| before.psnr(&expected) > 40.0) {
-            return Err(format!("at {t} the picture is the one before"));
+            return Err(format!("at {t} the image equals the one before"));
         }
         before = Some(expected);
     }

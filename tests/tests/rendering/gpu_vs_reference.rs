@@ -1,12 +1,11 @@
 //! The GPU draws what the reference renderer draws.
 //!
-//! A matrix over what decides which shader runs and where Gaussians fall in the picture: degree of
-//! the spherical harmonics, order of motion, still, moving and mixed fields, one eye and two (in
-//! one pass and in two), places to look from. Both renderers get the same decoded clip; the target
-//! has 16-bit floats, so that what differs is the renderer and not the rounding of its target.
+//! A matrix over everything that selects a shader or places Gaussians in the image: SH degree, motion
+//! order, static, dynamic and mixed fields, one eye and two (in one pass and in two), viewpoints. Both
+//! renderers get the same decoded clip. The target has 16-bit floats, so that its rounding hides no
+//! difference between the renderers.
 
-use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
@@ -14,16 +13,18 @@ use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with, st
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Camera, Clip};
 use libtest_mimic::Trial;
+use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
 
-/// Allowed everywhere unless a test says otherwise.
+/// The tolerance of every test that does not state its own.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
 
 const SIZE: (u32, u32) = (160, 120);
 
 const PLACES: [Place; 4] = [Place::Whole, Place::Near, Place::Far, Place::Edge];
 
-fn main() -> ExitCode {
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = Vec::new();
     for sh_degree in 0..=3 {
         trials.extend(eyes_trials(Recipe { sh_degree, motion: Motion::Still, ..RECIPE }));
@@ -40,13 +41,13 @@ fn main() -> ExitCode {
         gpu::trial("plate", Passes::Shared, plate),
         gpu::trial("layers", Passes::Shared, layers),
         gpu::trial("sorted by distance from the eye", Passes::Shared, radial),
-        gpu::trial("cutoffs that cut nothing", Passes::Shared, cutoffs),
-        gpu::trial("cutoffs that cut", Passes::Shared, cutoffs_cut),
+        gpu::trial("cutoffs that clip nothing", Passes::Shared, cutoffs),
+        gpu::trial("cutoffs that clip", Passes::Shared, cutoffs_that_clip),
         gpu::trial("before, at and after the ends of the clip", Passes::Shared, outside_the_clip),
         gpu::trial("off-centre principal point", Passes::Shared, off_centre),
         gpu::trial("8-bit target", Passes::Shared, eight_bits),
     ]);
-    gpu::run(trials)
+    trials
 }
 
 const RECIPE: Recipe =
@@ -58,50 +59,69 @@ fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
     let order = if motion == Motion::Still { String::new() } else { format!(" of order {motion_order}") };
     let turning = if turning { ", turning" } else { "" };
     let name = format!("SH {sh_degree}, {motion:?}{order}{turning}").to_lowercase();
-    let (mono, stereo) = (format!("{name}, one eye"), format!("{name}, two eyes"));
-    let (shared, per_eye) = (format!("{stereo} in one pass"), format!("{stereo} in two passes"));
+    // Both ways to draw two eyes are compared with the same images.
+    let (mono, stereo) = (OnceLock::new(), Arc::new(OnceLock::new()));
+    let (shared, per_eye) = (stereo.clone(), stereo);
+    let names =
+        ["one eye", "two eyes in one pass", "two eyes in two passes"].map(|eyes| format!("{name}, {eyes}"));
+    let [a, b, c] = names.clone();
     [
-        gpu::trial(&mono, Passes::Shared, {
-            let mono = mono.clone();
-            move |gpu| matrix(gpu, &mono, &decoded(&recipe.field()), false)
+        gpu::trial(&names[0], Passes::Shared, move |gpu| {
+            matrix(gpu, &a, mono.get_or_init(|| Expected::new(&recipe, false)))
         }),
-        gpu::multiview_trial(&shared, {
-            let shared = shared.clone();
-            move |gpu| matrix(gpu, &shared, &decoded(&recipe.field()), true)
+        gpu::multiview_trial(&names[1], move |gpu| {
+            matrix(gpu, &b, shared.get_or_init(|| Expected::new(&recipe, true)))
         }),
-        gpu::trial(&per_eye, Passes::PerEye, {
-            let per_eye = per_eye.clone();
-            move |gpu| matrix(gpu, &per_eye, &decoded(&recipe.field()), true)
+        gpu::trial(&names[2], Passes::PerEye, move |gpu| {
+            matrix(gpu, &c, per_eye.get_or_init(|| Expected::new(&recipe, true)))
         }),
     ]
 }
 
-/// Compares the pictures from all places, each at another time.
-fn matrix(gpu: &Gpu, name: &str, clip: &Clip, stereo: bool) -> Result<(), String> {
-    let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?);
-    for (place, t) in PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]) {
-        let camera = camera(place, SIZE.0, SIZE.1);
-        let cameras = if stereo { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
+/// A clip, and the reference's images of it from all places, each at another time.
+struct Expected {
+    clip: Clip,
+    views: Vec<(Place, f64, Vec<(Camera, Image)>)>,
+}
+
+impl Expected {
+    fn new(recipe: &Recipe, stereo: bool) -> Expected {
+        let clip = decoded(&recipe.field());
+        let scene = RenderScene::from(&clip);
+        let views = PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]).map(|(place, t)| {
+            let camera = camera(place, SIZE.0, SIZE.1);
+            let cameras = if stereo { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
+            let image = |camera: &Camera| render(&scene, camera, t, Order::Depth);
+            (place, t, cameras.into_iter().map(|camera| (camera.clone(), image(&camera))).collect())
+        });
+        Expected { views: views.collect(), clip }
+    }
+}
+
+/// Compares the GPU's images with all expected ones.
+fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
+    let uploaded = Arc::new(GpuClip::upload(gpu, &expected.clip).map_err(|fault| fault.to_string())?);
+    for (place, t, eyes) in &expected.views {
+        let cameras: Vec<Camera> = eyes.iter().map(|(camera, _)| camera.clone()).collect();
         let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, ChannelDepth::Sixteen)
             .map_err(|fault| fault.to_string())?;
-        let images = drawing.frame(t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
+        let images = drawing.frame(*t, &RenderSettings::default()).map_err(|fault| fault.to_string())?;
         if images.len() != cameras.len() {
             return Err(format!("{} images for {} cameras", images.len(), cameras.len()));
         }
-        for (eye, (image, camera)) in images.iter().zip(&cameras).enumerate() {
-            let expected = render(&RenderScene::from(clip), camera, t, Order::Depth);
+        for (eye, (image, (_, expected))) in images.iter().zip(eyes).enumerate() {
             if expected.pixels.iter().all(|pixel| pixel[3] < 0.5) {
                 return Err(format!(
-                    "{name}, {place:?}: the reference shows next to nothing, so it tests nothing"
+                    "{name}, {place:?}: the reference image is almost empty, so this tests nothing"
                 ));
             }
-            check(&format!("{name}, {place:?}, eye {eye}"), image, &expected, TOLERANCE)?;
+            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, TOLERANCE)?;
         }
     }
     Ok(())
 }
 
-/// Draws one picture, and compares it with the reference's of `scene`.
+/// Draws one image and compares it with the reference's image of `scene`.
 fn compare(
     gpu: &Gpu,
     name: &str,
@@ -110,7 +130,7 @@ fn compare(
     settings: &RenderSettings,
     (scene, order): (&RenderScene, Order),
 ) -> Result<(), String> {
-    // A plate doubles the layers that add up.
+    // A plate doubles the number of blended layers.
     let tolerance = match clip.plate {
         Some(_) => Tolerance { diff_pixels: 400, ..TOLERANCE },
         None => TOLERANCE,
@@ -124,7 +144,7 @@ fn compare(
 fn plate(gpu: &Gpu) -> Result<(), String> {
     let recipe = Recipe { sh_degree: 2, ..RECIPE };
     let mut background = Recipe { motion: Motion::Still, sh_degree: 1, seed: 9, ..RECIPE }.field();
-    // Larger than the clip and reaching in front of it, where it must be drawn behind all the same.
+    // Larger than the clip and partly in front of it; it must be drawn behind it all the same.
     background.log_scales.iter_mut().flatten().for_each(|scale| *scale += 0.8);
     let clip = decoded_with(&recipe.field(), Some(&background), &[]);
     let without = Clip { plate: None, ..clip.clone() };
@@ -143,7 +163,7 @@ fn plate(gpu: &Gpu) -> Result<(), String> {
     let [with, without] =
         [&clip, &without].map(|clip| render(&RenderScene::from(clip), &view, 0.5, Order::Depth));
     if with.psnr(&without) > 30.0 {
-        return Err("the plate hardly shows, so it tests nothing".into());
+        return Err("the plate is hardly visible, so this tests nothing".into());
     }
     Ok(())
 }
@@ -177,22 +197,22 @@ fn radial(gpu: &Gpu) -> Result<(), String> {
             (&RenderScene::from(&clip), Order::Radial),
         )?;
     }
-    // From inside, with a wide angle, the two orders are not the same picture.
+    // From inside, with a wide angle, the two orders give different images.
     let near = camera(Place::Near, SIZE.0, SIZE.1);
     let [depth, radial] =
         [Order::Depth, Order::Radial].map(|order| render(&RenderScene::from(&clip), &near, 0.5, order));
     if depth.max_difference(&radial) < 3.0 / 255.0 {
-        return Err("both orders give the same picture, so it tests nothing".into());
+        return Err("both orders give the same image, so this tests nothing".into());
     }
     Ok(())
 }
 
-/// `sqrt(8)` standard deviations are enough for opacities up to `e^4 / 255`, `sqrt(5)` for those up
-/// to `e^2.5 / 255`.
+/// `sqrt(8)` standard deviations suffice for opacities up to `e^4 / 255`, `sqrt(5)` for opacities up to
+/// `e^2.5 / 255`.
 fn cutoffs(gpu: &Gpu) -> Result<(), String> {
-    for (cutoff, reach) in [(Cutoff::Sqrt8, 8.0f32), (Cutoff::Sqrt5, 5.0)] {
+    for (cutoff, squared_radius) in [(Cutoff::Sqrt8, 8.0f32), (Cutoff::Sqrt5, 5.0)] {
         let mut field = Recipe { motion: Motion::Still, ..RECIPE }.field();
-        let limit = 0.98 * (0.5 * reach).exp() / 255.0;
+        let limit = 0.98 * (0.5f32 * squared_radius).exp() / 255.0;
         field.opacities.iter_mut().for_each(|opacity| *opacity *= limit);
         let clip = decoded(&field);
         let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
@@ -209,8 +229,8 @@ fn cutoffs(gpu: &Gpu) -> Result<(), String> {
     Ok(())
 }
 
-/// A cutoff below what the opacities need darkens the picture, the tighter the more.
-fn cutoffs_cut(gpu: &Gpu) -> Result<(), String> {
+/// A cutoff that the opacities exceed darkens the image; a tighter one darkens it more.
+fn cutoffs_that_clip(gpu: &Gpu) -> Result<(), String> {
     let clip = decoded(&Recipe { motion: Motion::Still, ..RECIPE }.field());
     let view = camera(Place::Whole, SIZE.0, SIZE.1);
     let light = |cutoff| {
@@ -244,7 +264,7 @@ fn outside_the_clip(gpu: &Gpu) -> Result<(), String> {
     Ok(())
 }
 
-/// Real cameras have the principal point elsewhere than in the middle, and unequal focal lengths.
+/// Real cameras have an off-centre principal point and unequal focal lengths.
 fn off_centre(gpu: &Gpu) -> Result<(), String> {
     let clip = decoded(&Recipe { sh_degree: 1, ..RECIPE }.field());
     let mut camera = camera(Place::Whole, SIZE.0, SIZE.1);
@@ -259,8 +279,8 @@ fn off_centre(gpu: &Gpu) -> Result<(), String> {
     )
 }
 
-/// Every blend rounds to 1/255, and what is fainter than half of that is lost: this has its own,
-/// looser tolerance, and the numbers are printed.
+/// Every blend rounds to 1/255, which loses contributions below half of that. The tolerance is looser,
+/// and the differences are printed.
 fn eight_bits(gpu: &Gpu) -> Result<(), String> {
     let tolerance = Tolerance { max_diff: 16.0, diff_pixels: usize::MAX, psnr: 36.0 };
     let clip = decoded(&RECIPE.field());

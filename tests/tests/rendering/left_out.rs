@@ -1,8 +1,7 @@
-//! What a clip does not use is absent from its package, its GPU memory and its pipelines: what it
-//! takes is exactly what its columns need.
+//! A clip's package, GPU memory and pipelines hold nothing that the clip does not use: their sizes are
+//! exactly those of its columns.
 
 use std::mem::size_of;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
@@ -13,16 +12,17 @@ use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
 
-fn main() -> ExitCode {
-    gpu::run(vec![
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         gpu::trial("GPU memory and pipelines", Passes::Shared, memory_and_pipelines),
         Trial::test("columns that say nothing", columns_that_say_nothing),
-    ])
+    ]
 }
 
 const COUNT: usize = 100;
 
-/// Nothing that is optional.
+/// A field without any optional column.
 const BARE: Recipe =
     Recipe { count: COUNT, sh_degree: 0, motion: Motion::Still, motion_order: 0, turning: false, seed: 2 };
 
@@ -40,7 +40,7 @@ fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
         let recipe = Recipe { motion: Motion::Mixed, motion_order, turning, ..BARE };
         let clip = decoded_with(&recipe.field(), None, &[]);
         if clip.dynamic_field.len() != COUNT / 2 {
-            return Err(format!("{} of {COUNT} Gaussians move", clip.dynamic_field.len()));
+            return Err(format!("{} of {COUNT} Gaussians are dynamic", clip.dynamic_field.len()));
         }
         let words = shaders::Motion { order: motion_order, rotates: turning }.words();
         let bytes = least + clip.dynamic_field.len() * WORD * words;
@@ -51,8 +51,7 @@ fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
     expect(gpu, "plate", &decoded_with(&BARE.field(), Some(&plate), &[]), bytes, 2)
 }
 
-/// A static field without view-dependent colour is packaged without columns for either, whatever it
-/// came with: it is the same package, and so costs the same in all that follows.
+/// Columns that hold only defaults are not packaged: the package is the same as without them.
 fn columns_that_say_nothing() -> Result<(), Failed> {
     let bare = BARE.field();
     let coefficients = sh_coefficients(3);
@@ -85,7 +84,7 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
     let clip = codec::decode(&package(Coder::Context, &wide)?, &Limits::default())?;
     if (clip.static_field.len(), clip.static_field.sh_degree, clip.dynamic_field.len()) != (COUNT, 0, 0) {
         return Err(format!(
-            "{} of SH degree {} stand still",
+            "{} of SH degree {} are static",
             clip.static_field.len(),
             clip.static_field.sh_degree
         )

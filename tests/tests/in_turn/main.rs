@@ -1,0 +1,23 @@
+//! Tests that measure the memory and the times of this process, and so run one after the other.
+
+use std::process::ExitCode;
+
+use aarc_tests::gpu;
+use peak_alloc::PeakAlloc;
+
+mod frame_loop;
+mod playing;
+mod soak;
+mod stability;
+
+#[global_allocator]
+static HEAP: PeakAlloc = PeakAlloc;
+
+fn main() -> ExitCode {
+    gpu::run_in_turn([
+        ("frame_loop", frame_loop::trials()),
+        ("playing", playing::trials()),
+        ("soak", soak::trials()),
+        ("stability", stability::trials()),
+    ])
+}

@@ -1,0 +1,237 @@
+//! Failing machines: full disks, too little memory, drivers that lose the device. Each run ends with an
+//! image, or with one sentence and the exit code of its kind, and leaves no partial file.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+
+use aarc_tests::display::{Display, Screenshot};
+use aarc_tests::gpu::{Passes, device};
+use aarc_tests::programs::{Folder, Outcome, client, example, run, studio};
+use aarc_tests::scene::{Motion, Recipe, packaged};
+use aarc_tests::server::Server;
+use libtest_mimic::{Completion, Failed, Trial};
+
+const USAGE: i32 = 2;
+const DEVICE: i32 = 5;
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        ignorable("a clip plays although the disk of the cache is full", Some(small_disk), full_cache),
+        ignorable("a full disk is one sentence", Some(small_disk), full_output),
+        ignorable("too little graphics memory is one sentence", None, little_memory),
+        ignorable("a lost device is reopened once, then one sentence", None, lost_headless),
+        ignorable("a window reopens a lost device once, and then ends with one sentence", None, lost_window),
+    ]
+}
+
+/// A test that needs a graphics device and whatever else `needs` checks.
+fn ignorable(
+    name: &str,
+    needs: Option<fn() -> Result<(), String>>,
+    test: fn(&Folder) -> Result<Completion, String>,
+) -> Trial {
+    Trial::ignorable_test(name, move || {
+        if let Err(fault) = device(Passes::Shared) {
+            return Ok(Completion::ignored_with(fault));
+        }
+        if let Some(Err(reason)) = needs.map(|needs| needs()) {
+            return Ok(Completion::ignored_with(reason));
+        }
+        test(&folder_with_clip()).map_err(Failed::from)
+    })
+}
+
+/// `Ok` if the command succeeds, else `what`.
+fn works(what: &str, command: &mut Command) -> Result<(), String> {
+    let status = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    match status {
+        Ok(status) if status.success() => Ok(()),
+        _ => Err(what.to_owned()),
+    }
+}
+
+fn small_disk() -> Result<(), String> {
+    let mut command = Command::new("unshare");
+    command.args([
+        "--user",
+        "--map-root-user",
+        "--mount",
+        "mount",
+        "-t",
+        "tmpfs",
+        "-o",
+        "size=64k",
+        "none",
+        "/mnt",
+    ]);
+    works("no small disk can be made here", &mut command)
+}
+
+/// A folder with a clip and a mount point for a small disk.
+fn folder_with_clip() -> Folder {
+    let folder = Folder::default();
+    folder.write("clip.aarc", &package());
+    fs::create_dir(folder.path("disk")).expect("folders can be made");
+    folder
+}
+
+/// Runs a program while `disk` is a disk of 64 KiB. Stdout lists the files on it afterwards.
+fn on_small_disk(folder: &Folder, program: &Path, line: &str) -> Outcome {
+    let script = "mount -t tmpfs -o size=64k none disk && \"$@\"; code=$?; \
+                      [ ! -d disk/aarc ] || find disk/aarc -type f; \
+                      find disk -maxdepth 1 -type f; exit $code";
+    let mut command = Command::new("unshare");
+    command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"]);
+    command.arg(program).args(line.split_whitespace());
+    run(command
+        .current_dir(folder.path(""))
+        .env("XDG_CACHE_HOME", folder.path("disk"))
+        // Mesa caches shaders in the same folder.
+        .env("MESA_SHADER_CACHE_DISABLE", "true"))
+}
+
+/// A clip that does not fit on the small disk.
+const RECIPE: Recipe =
+    Recipe { count: 2500, sh_degree: 2, motion: Motion::Moving, motion_order: 3, turning: false, seed: 5 };
+
+fn package() -> Vec<u8> {
+    packaged(&RECIPE.field(), None, &[500])
+}
+
+/// Checks that a program ended with `code` and one line that contains all `words`.
+fn sentence(outcome: &Outcome, code: i32, words: &[&str]) -> Result<Completion, String> {
+    let lines = outcome.stderr.trim_end().lines().count();
+    let says = words.iter().all(|word| outcome.stderr.contains(word));
+    if outcome.code == Some(code) && lines == 1 && says {
+        return Ok(Completion::Completed);
+    }
+    Err(format!("exit code {code} and a line with {words:?} expected: {outcome:#?}"))
+}
+
+const HEADLESS: &str = "--headless --time 0.3 --size 96x64";
+
+fn full_cache(folder: &Folder) -> Result<Completion, String> {
+    let file: Arc<[u8]> = package().into();
+    let served = file.clone();
+    let server =
+        Server::start(move |_, request, answer| answer.file(request, &served, "\"1\"", served.len()));
+    let url = server.url("clip.aarc");
+    let outcome = on_small_disk(folder, client(), &format!("{url} {HEADLESS} --out fetched.png")).success();
+    if !outcome.stdout.is_empty() {
+        return Err(format!("left on the disk: {}", outcome.stdout));
+    }
+    run(&mut folder.command(client(), &format!("clip.aarc {HEADLESS} --out file.png"))).success();
+    match folder.read("fetched.png")? == folder.read("file.png")? {
+        true => Ok(Completion::Completed),
+        false => Err("another image".into()),
+    }
+}
+
+fn full_output(folder: &Folder) -> Result<Completion, String> {
+    let large = "clip.aarc --headless --size 640x480 --out disk/frame.png";
+    for (program, line) in [(client(), large), (studio(), "export clip.aarc --splatv -o disk/clip.splatv")] {
+        let outcome = on_small_disk(folder, program, line);
+        if !outcome.stdout.lines().all(|line| !line.starts_with("disk/")) {
+            return Err(format!("left on the disk: {}", outcome.stdout));
+        }
+        // Progress is no error.
+        let errors = outcome.stderr.lines().filter(|line| line.starts_with("error:"));
+        let stderr: String = errors.map(|line| format!("{line}\n")).collect();
+        sentence(&Outcome { stderr, ..outcome }, USAGE, &["disk/", "No space left"])?;
+    }
+    Ok(Completion::Completed)
+}
+
+/// Adds a Vulkan layer to a command that loses the device at `when`.
+fn lossy(command: &mut Command, folder: &Folder, when: &str) {
+    let library = example("lossy_driver");
+    let layer = serde_json::json!({
+        "file_format_version": "1.1.2",
+        "layer": {
+            "name": "VK_LAYER_AARC_lossy_driver", "type": "GLOBAL", "library_path": library,
+            "api_version": "1.3.0", "implementation_version": "1", "description": "loses the device",
+        },
+    });
+    fs::write(folder.path("lossy.json"), layer.to_string()).expect("files can be written");
+    command.env("VK_ADD_LAYER_PATH", folder.path("")).env("VK_INSTANCE_LAYERS", "VK_LAYER_AARC_lossy_driver");
+    command.env("AARC_LOSE", when);
+}
+
+fn little_memory(folder: &Folder) -> Result<Completion, String> {
+    // The first, second or third allocation of device memory fails.
+    for when in ["memory:1", "memory:2", "memory:3"] {
+        let mut command = folder.command(client(), "clip.aarc --headless --size 8000x6000 --out frame.png");
+        lossy(&mut command, folder, when);
+        sentence(&run(&mut command), DEVICE, &["enough memory"]).map_err(|what| format!("{when}: {what}"))?;
+        if folder.path("frame.png").exists() {
+            return Err("an image without memory".into());
+        }
+    }
+    Ok(Completion::Completed)
+}
+
+fn lost_headless(folder: &Folder) -> Result<Completion, String> {
+    // Lost at a submission or during a wait: with the first frame, while reading it back, and later.
+    for (when, frames) in [("submit:1", 1), ("submit:2", 1), ("wait:1", 1), ("wait:2", 1), ("wait:5", 4)] {
+        let line = format!("clip.aarc --headless --frames 0..{frames} --size 96x64 --out out");
+        let mut command = folder.command(client(), &line);
+        lossy(&mut command, folder, when);
+        sentence(&run(&mut command), DEVICE, &["stopped working"])
+            .map_err(|what| format!("{when}: {what}"))?;
+    }
+    // The layer itself is harmless: lost after the last frame, nothing fails.
+    let mut command = folder.command(client(), &format!("clip.aarc {HEADLESS} --out late.png"));
+    lossy(&mut command, folder, "submit:1000");
+    run(&mut command).success();
+    // The first device is lost after 150 submissions or waits: another draws the same images.
+    let frames = |out: &str, when: &str| {
+        let line = format!("clip.aarc --headless --frames 0..120 --size 96x64 --out {out}");
+        let mut command = folder.command(client(), &line);
+        lossy(&mut command, folder, when);
+        let outcome = run(&mut command).success();
+        let images = (0..120).map(|i| folder.read(&format!("{out}/frame_{i:04}.png")));
+        images.collect::<Result<Vec<_>, _>>().map(|images| (outcome, images))
+    };
+    let (_, expected) = frames("never", "submit:100000")?;
+    for (out, when) in [("submit", "submit:150:1"), ("wait", "wait:150:1")] {
+        let (outcome, images) = frames(out, when)?;
+        if images != expected || !outcome.stderr.contains("goes on with another") {
+            return Err(format!("{when}: {outcome:?}"));
+        }
+    }
+    Ok(Completion::Completed)
+}
+
+fn lost_window(folder: &Folder) -> Result<Completion, String> {
+    let Some(display) = Display::start(1000, 700) else {
+        return Ok(Completion::ignored_with("Xvfb is not installed"));
+    };
+    let player = |when| {
+        let mut command = display.command(client());
+        lossy(command.args(["clip.aarc", "--size", "720x400"]).current_dir(folder.path("")), folder, when);
+        command
+    };
+    // Every device is lost.
+    for when in ["submit:1", "submit:20", "wait:20"] {
+        sentence(&run(&mut player(when)), DEVICE, &["stopped working"])
+            .map_err(|what| format!("{when}: {what}"))?;
+    }
+    // The first device is lost after 240 submissions or waits: the clip continues on another.
+    for when in ["submit:240:1", "wait:240:1"] {
+        let log = folder.path("log.txt");
+        let stderr = fs::File::create(&log).map_err(|error| error.to_string())?;
+        let player = display.open(player(when).stderr(stderr), "clip.aarc")?;
+        let log = || fs::read_to_string(&log).unwrap_or_default();
+        let is_reported = |_: &Screenshot| log().contains("goes on with another");
+        display.wait_until(player.window, is_reported).ok_or_else(|| format!("{when}: {}", log()))?;
+        let is_drawn = |screen: &Screenshot| screen.colors() > 500;
+        let first = display.wait_until(player.window, is_drawn).ok_or(format!("{when}: nothing is drawn"))?;
+        let moved = |screen: &Screenshot| is_drawn(screen) && screen.clip_changed(&first);
+        display.wait_until(player.window, moved).ok_or(format!("{when}: the clip is frozen"))?;
+        player.close()?;
+    }
+    Ok(Completion::Completed)
+}

@@ -1,0 +1,25 @@
+//! The programs as users run them: command lines, windows, downloads, playlists, job arrays, and
+//! machines that fail.
+
+use std::process::ExitCode;
+
+use aarc_tests::gpu;
+
+mod cli;
+mod faults;
+mod job_array;
+mod net_programs;
+mod playlist;
+mod window;
+
+fn main() -> ExitCode {
+    gpu::run([
+        // First, because it takes longest and mostly waits.
+        ("job_array", job_array::trials()),
+        ("cli", cli::trials()),
+        ("faults", faults::trials()),
+        ("net_programs", net_programs::trials()),
+        ("playlist", playlist::trials()),
+        ("window", window::trials()),
+    ])
+}

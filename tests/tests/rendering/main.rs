@@ -1,0 +1,24 @@
+//! What the renderer draws on this machine's device, held against equations, the reference renderer,
+//! golden images and other people's data.
+
+use std::process::ExitCode;
+
+use aarc_tests::gpu;
+
+mod equations;
+mod golden;
+mod gpu_vs_reference;
+mod left_out;
+mod prefixes;
+mod real_data;
+
+fn main() -> ExitCode {
+    gpu::run([
+        ("equations", equations::trials()),
+        ("golden", golden::trials()),
+        ("gpu_vs_reference", gpu_vs_reference::trials()),
+        ("left_out", left_out::trials()),
+        ("prefixes", prefixes::trials()),
+        ("real_data", real_data::trials()),
+    ])
+}
