@@ -1,8 +1,11 @@
-// View-dependent colour: real spherical harmonics of degree 1 to SH_DEGREE, in the basis order and
-// signs of 3D Gaussian Splatting.
+// Colour, degrees 1 to SH_DEGREE: real spherical harmonics in the basis order and signs of 3D Gaussian
+// Splatting.
+//
+// Inputs: a Gaussian's record, its coefficients and the direction from the eye. Output: its display-referred
+// colour.
 
-// Per Gaussian SH_WORDS words: the largest coefficient (f32), then one word a coefficient: red and
-// green in 11 bits, blue in 10, as parts of the largest.
+// SH_WORDS words per Gaussian: the largest absolute coefficient (f32), then one word per coefficient with red
+// and green in 11 bits and blue in 10, as fractions of the largest.
 @group(1) @binding(4) var<storage, read> sh: array<u32>;
 
 // Colour towards the eye; `direction` is the unit vector from the eye to the Gaussian.
@@ -32,7 +35,7 @@ fn color_of(index: u32, direction: vec3<f32>) -> vec3<f32> {
     return base_color(gaussians[index]) + sum * bitcast<f32>(sh[record]);
 }
 
-// Coefficient `k`, 1 to (SH_DEGREE + 1)^2 - 1, as parts of the largest.
+// Coefficient `k`, 1 to (SH_DEGREE + 1)^2 - 1, as a fraction of the largest.
 fn sh_at(record: u32, k: u32) -> vec3<f32> {
     let bits = bitcast<i32>(sh[record + k]);
     let rgb = vec3<i32>(extractBits(bits, 0u, 11u), extractBits(bits, 11u, 11u), extractBits(bits, 22u, 10u));

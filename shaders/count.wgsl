@@ -1,4 +1,6 @@
-// Stage count: instead of drawing, counts the fragments of every rectangle.
+// Stage count: counts the fragments of every quad instead of drawing.
+//
+// Output: `counts`, one entry per position in the draw order, summed over eyes.
 
 @group(2) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
 

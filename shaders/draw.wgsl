@@ -1,8 +1,11 @@
-// Fragments of stage splat: premultiplied colour, to be blended over what lies behind.
+// Stage splat, fragments: evaluates alpha at a pixel.
+//
+// Inputs: the offset from the centre in standard deviations, the colour and the opacity. Output:
+// premultiplied colour, blended over the target.
 
 // Red, green, blue and opacity as 16-bit floats.
 fn carried(place: u32, color: vec3<f32>, opacity: f32) -> vec2<u32> {
-    // The largest finite f16: what is brighter would become infinite.
+    // The largest finite f16: brighter colours would become infinite.
     let finite = clamp(color, vec3<f32>(0.0), vec3<f32>(65504.0));
     return vec2<u32>(pack2x16float(finite.rg), pack2x16float(vec2<f32>(finite.b, opacity)));
 }

@@ -1,11 +1,14 @@
-// Stage evaluate: a Gaussian at the instant of the frame. The paper's trajectory and temporal
-// opacity, and the linear rotation of Spacetime Gaussians.
+// Stage evaluate: evaluates a Gaussian at the instant of the frame, by the paper's trajectory and temporal
+// opacity and the linear rotation of Spacetime Gaussians.
 //
-// A record is about an instant of its own, in the middle of where its window and the clip overlap,
-// and measures time from there in widths of its window. So whatever the window, the numbers here
-// are as large as what they do to the picture, and nothing cancels.
+// Inputs: the Gaussian's record and motion, and the time of the frame. Output: centre, opacity, rotation and
+// scale at the instant.
+//
+// A record is expanded about an instant of its own, the centre of the overlap of its window and the clip, and
+// measures time from there in widths of its window. Its numbers are therefore as large as their visible effect
+// for any window, and nothing cancels.
 
-// Per moving Gaussian MOTION_WORDS words: the instant, in 65536ths of the clip, and its distance
+// MOTION_WORDS words per dynamic Gaussian: the instant, in 65536ths of the clip, and its distance
 // from the window's centre, in 1024ths of a width, in 16 bits each; then 16-bit floats, two to a
 // word: 1/s in WIDTH_UNIT, the MOTION_ORDER motion coefficients, and the rate of rotation if it
 // ROTATES.
@@ -25,7 +28,7 @@ fn evaluate(index: u32) -> Instant {
     let z = f32(bitcast<i32>(about) >> 16u) / 1024.0 + d * widths;
     instant.opacity *= exp(-0.5 * z * z);
 
-    // x + w1 u + w2 u^2 + w3 u^3; what is wider than the clip is measured in clips.
+    // x + w1 u + w2 u^2 + w3 u^3; windows wider than the clip measure time in clips.
     let u = d * max(1.0, widths);
     var offset = vec3<f32>(0.0);
     for (var power = MOTION_ORDER; power > 0u; power--) {
@@ -45,7 +48,7 @@ fn evaluate(index: u32) -> Instant {
         );
         let q = instant.rotation + rate * (ranges.rate_unit * u);
         let norm = length(q);
-        // A rate can pass exactly through zero; any fixed rotation will do at that instant.
+        // The quaternion can pass through zero; any fixed rotation will do at that instant.
         instant.rotation = select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q / norm, norm > 1e-6);
     }
     return instant;

@@ -1,4 +1,4 @@
-// Stage evaluate for a field in which nothing moves or fades: there is nothing to do.
+// Stage evaluate for a static field: unpacks the Gaussian's record.
 
 fn evaluate(index: u32) -> Instant {
     return at_rest(gaussians[index]);

@@ -1,4 +1,4 @@
-// All eyes in one pass, each in a layer of the target.
+// Vertex entry point for all eyes in one pass, one target layer per eye.
 
 @vertex
 fn vertex(

@@ -1,10 +1,10 @@
-// What is the same for all Gaussians of a frame: the instant and the eyes.
+// Uniforms of a frame: the instant and the eyes (bind group 0).
 
 struct Frame {
-    // Normalised clip time, as a sum: one f32 is too coarse for the shortest windows.
+    // Normalised clip time as the sum of two f32: one is too coarse for the shortest windows.
     time: f32,
     time_rest: f32,
-    // Farthest a splat reaches from its centre, in standard deviations.
+    // Limit of the support radius in standard deviations.
     radius_max: f32,
 }
 
@@ -12,7 +12,7 @@ struct Frame {
 struct ViewUniform {
     // Rotation from the world's axes to the eye's.
     view_from_world: mat3x3<f32>,
-    // Position of the eye, from the clip's middle as centres are.
+    // Position of the eye relative to the clip's origin.
     eye: vec3<f32>,
     // Focal lengths, principal point and image size in pixels.
     focal: vec2<f32>,

@@ -1,9 +1,9 @@
-// The packed record of a Gaussian and what is in it.
+// The packed record of a Gaussian, and its unpacking (bind group 1).
 
 struct Gaussian {
-    // Centre at the instant that the record is about, from the clip's middle, in units of the source.
+    // Centre at the record's instant, relative to the clip's origin, in units of the source.
     center: vec3<f32>,
-    // Smallest-three quaternion: two components in 15 bits each, which one is missing in 2.
+    // Smallest-three quaternion: two components in 15 bits each, the index of the omitted one in 2.
     rotation: u32,
     // The third component in 16 bits, the first log-scale in 16.
     rotation_scale: u32,
@@ -15,14 +15,14 @@ struct Gaussian {
     green_blue: u32,
 }
 
-// What the packed numbers of a field stand for.
+// Ranges of the packed numbers of a field.
 struct Ranges {
     // Log-scale = min + step * 16-bit number.
     log_scale_min: f32,
     log_scale_step: f32,
-    // Rows from here on have temporal data.
+    // First row with temporal data.
     first_dynamic: u32,
-    // Factor of the rates of rotation.
+    // Factor of the angular rates.
     rate_unit: f32,
     // Factors of the motion coefficients of power 1, 2, 3.
     motion_units: vec3<f32>,
@@ -51,12 +51,12 @@ fn at_rest(g: Gaussian) -> Instant {
     );
 }
 
-// The colour without what depends on the view: 0.5 + Y_0 c_0.
+// View-independent colour: 0.5 + Y_0 c_0.
 fn base_color(g: Gaussian) -> vec3<f32> {
     return vec3<f32>(unpack2x16float(g.opacity_red).y, unpack2x16float(g.green_blue));
 }
 
-// Undoes `pack_rotation`. The missing component is the largest, and positive.
+// Inverse of `pack_rotation`. The omitted component is the largest, and positive.
 fn unpack_rotation(first: u32, second: u32) -> vec4<f32> {
     let bits = bitcast<i32>(first);
     let a = f32(extractBits(bits, 0u, 15u)) / 16383.0;

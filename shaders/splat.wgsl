@@ -1,29 +1,31 @@
-// Stage splat: a Gaussian becomes a rectangle in the image, along the axes of its footprint and
-// reaching to where its alpha falls to ALPHA_MIN at this instant.
+// Stage splat, vertices: projects a Gaussian to a quad along the axes of its footprint, as large as the region
+// where its alpha is at least ALPHA_MIN at the instant.
 //
-// The footprint is the affine approximation of EWA splatting in the form of gsplat: the Jacobian
-// of the projection is taken at the centre, which is first brought to within a margin around the
-// image.
+// Inputs: the draw order, the evaluated Gaussian and the view. Output: a corner of the quad in clip space, its
+// offset from the centre in standard deviations, and the values carried to the fragments.
+//
+// The footprint is the affine approximation of EWA splatting in the form of gsplat: the Jacobian of the
+// projection is taken at the centre, clamped to a margin around the image.
 
 // Rows to draw, back to front.
 @group(1) @binding(2) var<storage, read> order: array<u32>;
 
 struct Splat {
     @builtin(position) position: vec4<f32>,
-    // From the centre, in standard deviations.
+    // Offset from the centre in standard deviations.
     @location(0) local: vec2<f32>,
-    // What the fragments need to know, see `carried`.
+    // Values for the fragments, see `carried`.
     @location(1) @interpolate(flat, either) carried: vec2<u32>,
 }
 
-// Footprints with larger standard deviations in pixels are shrunk to it, towards the middle of the
-// image: squares of squares must not overflow, and clipping loses 1e-7 of the way to the corners.
-// An image of 2000 pixels is a five-hundredth of a deviation then, instead of none.
+// Upper limit of a footprint's standard deviations in pixels. Larger footprints are shrunk towards the centre of
+// the image, since squares of variances must not overflow, and clipping loses 1e-7 of the distance to the
+// corners. An image of 2000 pixels then spans a five-hundredth of a standard deviation instead of none.
 const SIGMA_MAX: f32 = 1e6;
 
-// Corner `corner` (bit 0: right, bit 1: far) of the rectangle at `place` in the order.
+// Corner `corner` (bit 0: along the major axis, bit 1: along the minor) of the quad at `place` in the order.
 fn splat(corner: u32, place: u32, eye: u32) -> Splat {
-    // Outside the clip volume: all four corners there draw nothing.
+    // Outside the clip volume: a quad with all corners here draws nothing.
     let nothing = Splat(vec4<f32>(0.0, 0.0, 2.0, 1.0), vec2<f32>(0.0), vec2<u32>(0u));
 
     // Conditions are phrased so that NaN fails them.
@@ -32,7 +34,7 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     if !(g.opacity >= ALPHA_MIN) {
         return nothing;
     }
-    // The difference of near numbers is exact; that of their rotations would not be.
+    // Subtract before rotating: the difference of close numbers is exact.
     let from_eye = g.center - views[eye].eye;
     let center = views[eye].view_from_world * from_eye;
     if !(center.z >= NEAR) {
@@ -48,16 +50,16 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     let slope = clamp(center.xy / center.z, views[eye].slope_min, views[eye].slope_max);
     var x = focal.x * (across[0] - slope.x * across[2]);
     var y = focal.y * (across[1] - slope.y * across[2]);
-    let reach = max(abs(x), abs(y));
-    let largest = max(reach.x, max(reach.y, reach.z));
+    let extent = max(abs(x), abs(y));
+    let largest = max(extent.x, max(extent.y, extent.z));
     if largest > SIGMA_MAX {
-        // The middle of the image keeps its place in standard deviations.
+        // The centre of the image keeps its offset in standard deviations.
         let shrink = SIGMA_MAX / largest;
         x *= shrink;
         y *= shrink;
         pixel = mix(0.5 * views[eye].size, pixel, shrink);
     }
-    // Farther off than anything reaches, or no number.
+    // Beyond the support of any footprint, or NaN.
     if !(max(abs(pixel.x), abs(pixel.y)) < 8.0 * SIGMA_MAX) {
         return nothing;
     }
@@ -76,15 +78,14 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     if !(sigma.x < 4.0 * SIGMA_MAX && sigma.y > 0.0) {
         return nothing;
     }
-    // Eigenvector of the larger one, by whichever form does not cancel.
+    // Eigenvector of the larger eigenvalue, in the form that does not cancel.
     var axis = vec2<f32>(half_difference + spread, xy);
     if half_difference < 0.0 {
         axis = vec2<f32>(xy, spread - half_difference);
     }
     axis = select(vec2<f32>(1.0, 0.0), normalize(axis), spread > 1e-6 * major);
 
-    // No side needs to reach beyond the farthest corner of the image, give or take the rounding of
-    // numbers as large as the way there.
+    // No side needs to extend beyond the farthest corner of the image; the factor covers rounding.
     let exact = sqrt(2.0 * log(g.opacity / ALPHA_MIN));
     let farthest = 1.0001 * length(max(abs(pixel), abs(views[eye].size - pixel)));
     let radius = min(vec2<f32>(min(exact, frame.radius_max)), farthest / sigma);

@@ -1,5 +1,5 @@
-//! What playing costs: the upload of a clip of 40,000 moving Gaussians, the CPU's part of a frame,
-//! and whole frames on the adapter there is.
+//! Time to upload a clip of 40,000 dynamic Gaussians, CPU time of a frame, and time of complete frames on the
+//! default adapter.
 
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -13,10 +13,10 @@ use criterion::{Criterion, criterion_group, criterion_main};
 
 const GAUSSIANS: usize = 40_000;
 
-/// Side of the image where only the CPU's part is measured.
+/// Side of the image in pixels for measuring the CPU time alone.
 const SMALL: u32 = 16;
 
-/// A ball of Gaussians that drift outwards while they fade in and out, most of them faint.
+/// A ball of Gaussians that move outwards while they fade in and out, most with low opacity.
 fn clip() -> Clip {
     let mut field = Field::default();
     let mut temporal = Temporal { motion_order: 3, ..Temporal::default() };
@@ -68,23 +68,24 @@ fn frame(c: &mut Criterion) {
 
     group.bench_function("upload", |b| {
         b.iter(|| {
-            let on_gpu = GpuClip::upload(&gpu, black_box(&clip)).expect("room for the clip");
+            let on_gpu = GpuClip::upload(&gpu, black_box(&clip)).expect("memory for the clip");
             gpu.submit(gpu.encoder());
-            gpu.wait().expect("the device stays");
+            gpu.wait().expect("a working device");
             on_gpu
         })
     });
 
-    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip).expect("room for the clip"));
+    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip).expect("memory for the clip"));
     for side in [SMALL, 512, 1024] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
         let views = [View::from_camera(&camera)];
-        let image = Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("room for the image");
+        let image =
+            Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
         let mut renderer = Renderer::new(&gpu, on_gpu.clone(), ChannelDepth::Eight.format(), 1)
-            .expect("room for the renderer");
+            .expect("memory for the renderer");
         let mut render = || {
             let rendered = image.render(&gpu, &mut renderer, 0.5, &views, &RenderSettings::default());
-            rendered.expect("the device stays")
+            rendered.expect("a working device")
         };
         if side == SMALL {
             group.bench_function("alive and sort", |b| {

@@ -11,33 +11,35 @@ use program::generate::Generated;
 
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
-/// What `--version` says: of the program, and of the packages that it plays.
+/// The text of `--version`: versions of the program and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let major = codec::VERSION_MAJOR;
     format!("{}\nplays packages (.aarc) of versions {major}.x", env!("CARGO_PKG_VERSION"))
 });
 
-/// What the long help ends with, besides the options.
+/// The end of the long help.
 const AFTER_HELP: &str = "\
 Exit codes:
   0  done
   1  a defect of the program
   2  the command line asks for something impossible, or an output cannot be written
-  3  a clip, or a file of a camera, is missing, damaged or not what it should be
+  3  a clip or camera file is missing, damaged or of another format
   4  a clip could not be fetched
   5  there is no display or graphics device, or it failed
 
-  An error is one line on standard error: what is wrong, where, and what to do. No output is left
-  half-written. Where Ctrl-C ends it, shells report 130.
+  An error is one line on standard error: what is wrong, where, and what to do. Outputs are written
+  completely or not at all. Shells report 130 after Ctrl-C.
 
 Environment:
-  XDG_CACHE_HOME        clips from the network are kept in aarc/clips there, 512 MiB at most
-  XDG_STATE_HOME        where clips were left in the room is kept in aarc/placements.json there
-  SSL_CERT_FILE         certificates to trust instead of Mozilla's
+  XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
+                        [default: ~/.cache]
+  XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room
+                        [default: ~/.local/state]
+  SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY
-                        the proxy for addresses
-  XR_RUNTIME_JSON       the OpenXR runtime, instead of the system's
-  RUST_LOG              what to log, as in \"info\" or \"client=debug\"
+                        the proxy for URLs [default: none]
+  XR_RUNTIME_JSON       the OpenXR runtime [default: the system's]
+  RUST_LOG              what to log, such as \"info\" or \"client=debug\" [default: warnings]
 
 Examples:
   aarc clip.aarc
@@ -51,26 +53,26 @@ Examples:
 #[derive(Clone, Debug, Parser)]
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
-    /// The clip, an .aarc file, or a playlist of clips, a .json file; or the http:// or https:// address
-    /// of one [default: the built-in demo].
+    /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL [default: the
+    /// built-in demo].
     ///
-    /// From an address it plays as soon as its first layer is there. Clips are kept in
-    /// $XDG_CACHE_HOME/aarc/clips (512 MiB; what was not played for the longest time goes), and play
-    /// from there when the network is gone. SSL_CERT_FILE names certificates to trust instead of
-    /// Mozilla's, HTTPS_PROXY and HTTP_PROXY a proxy.
+    /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
+    /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the
+    /// clips played longest ago are removed first. SSL_CERT_FILE names certificates to trust instead of
+    /// Mozilla's; HTTPS_PROXY and HTTP_PROXY name a proxy.
     pub clip: Option<String>,
 
     /// Render to images instead of opening a window.
     #[arg(long, requires = "out", group = "windowless")]
     pub headless: bool,
 
-    /// Play in a headset, on the OpenXR runtime of this machine.
+    /// Play in a headset through OpenXR instead of opening a window.
     #[arg(long, group = "windowless", conflicts_with_all = ["size", "view", "fps"])]
     pub xr: bool,
 
-    /// Image to write, or folder for several (frame_0000.png, ...). With --xr, folder for what both
-    /// eyes saw in the last of --frames: left.png and right.png, and their cameras, left.json and
-    /// right.json, each with the time in seconds.
+    /// Image to write, or folder for several (frame_0000.png, ...). With --xr: folder for the last frame
+    /// of --frames as both eyes saw it (left.png, right.png) and the cameras with the time in seconds
+    /// (left.json, right.json) [default with --xr: no images].
     #[arg(long, value_name = "PATH", requires = "windowless")]
     pub out: Option<PathBuf>,
 
@@ -79,16 +81,18 @@ pub struct Args {
     #[arg(allow_negative_numbers = true)]
     pub time: Vec<f64>,
 
-    /// Frames to render: A to B - 1, frame i at i / fps seconds. With --xr: leave after showing B
-    /// frames of the clip, of which the first A count in no statistics.
+    /// Frames to render: A to B - 1, frame i at i / fps seconds [default: those of --time]. With --xr: quit
+    /// after B frames of the clip, and leave the first A out of the statistics [default: play until
+    /// closed].
     #[arg(long, value_name = "A..B", value_parser = frames, requires = "windowless", conflicts_with = "time")]
     pub frames: Option<Range<u32>>,
 
-    /// Frames per second for --frames [default: as captured].
+    /// Frames per second of --frames [default: the frame rate of the capture].
     #[arg(long, value_name = "F", value_parser = rate, requires = "frames")]
     pub fps: Option<f64>,
 
-    /// Size of the image, of one eye with --stereo [default: the camera's, else 1280x720].
+    /// Size of the image or the window in pixels; with --stereo, of one eye [default: that of --camera,
+    /// else 1280x720].
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<UVec2>,
 
@@ -96,11 +100,12 @@ pub struct Args {
     #[arg(long, requires = "headless")]
     pub stereo: bool,
 
-    /// Viewpoint of the clip, by name or number [default: the first].
+    /// Viewpoint of the clip, by name or by number from 0 [default: the first].
     #[arg(long, value_name = "NAME|INDEX", conflicts_with = "camera")]
     pub view: Option<String>,
 
-    /// Camera file: {"width", "height", "K": 3x3, "world_to_camera": 4x4}, OpenCV axes.
+    /// Camera file with OpenCV axes: {"width", "height", "K": 3x3, "world_to_camera": 4x4} [default: the
+    /// camera of --view].
     #[arg(long, value_name = "FILE.json", requires = "headless")]
     pub camera: Option<PathBuf>,
 
@@ -108,42 +113,43 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub layer: Option<u32>,
 
-    /// What Gaussians are sorted by: distance along the view axis, or from the eye [default: depth;
-    /// with --xr, radial].
+    /// Sort key: depth along the view axis, or radial distance from the eye [default: depth; with --xr:
+    /// radial].
     #[arg(long, value_enum)]
     pub sort: Option<SortOrder>,
 
-    /// How far Gaussians reach: to where alpha falls to 1/255, or at most sqrt(8) or sqrt(5) sigma.
+    /// Support radius of a Gaussian: to where its alpha falls to 1/255, or at most sqrt(8) or sqrt(5)
+    /// sigma.
     #[arg(long, value_enum, default_value_t)]
     pub cutoff: Cutoff,
 
-    /// The best quality to draw with in a headset: below it, quality follows what the GPU keeps up
-    /// with. With --frames, the quality to draw with throughout.
+    /// Highest quality level in a headset; the player chooses a lower one where the GPU misses frames. With
+    /// --frames: the level of all frames.
     #[arg(long, value_enum, default_value_t, value_name = "LEVEL", requires = "xr")]
     pub quality: Level,
 
-    /// Bits per channel while drawing: 8 as on a display, or 16, which loses nothing faint. Images
-    /// have 8.
+    /// Bits per channel of the render target: 8, as a display has, or 16, which keeps small contributions.
+    /// Image files have 8.
     #[arg(long, value_enum, default_value = "16", requires = "headless")]
     pub target: ChannelDepth,
 
-    /// Write counts and timings.
+    /// Write counts and timings as JSON [default: none].
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
 
-    /// Print the manual page, or what completes this command line in a shell, and leave.
+    /// Print the man page, or completions for a shell, and exit.
     #[cfg(not(target_os = "android"))]
     #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
     pub generate: Option<Generated>,
 }
 
 impl Args {
-    /// The settings of the renderer.
+    /// The renderer's settings.
     pub fn settings(&self) -> RenderSettings {
-        // Turning the head must not change what lies over what.
-        let usual = if self.xr { SortOrder::Radial } else { SortOrder::Depth };
+        // Turning the head must not change the order.
+        let default_sort = if self.xr { SortOrder::Radial } else { SortOrder::Depth };
         RenderSettings {
-            sort: self.sort.unwrap_or(usual),
+            sort: self.sort.unwrap_or(default_sort),
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
             ..RenderSettings::default()
@@ -191,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_line() {
+    fn options_are_parsed() {
         let args = parse(
             "aarc a.aarc --headless --out o --time 0,0.5,1 --size 64x32 --stereo --view front --layer 2 \
              --sort radial --cutoff 5 --target 16 --stats s.json",
@@ -208,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_values_are_refused() {
         for tail in [
             "--time nan",
             "--time inf",
@@ -230,7 +236,7 @@ mod tests {
         ] {
             assert!(parse(&format!("aarc a --headless --out o {tail}")).is_err(), "{tail}");
         }
-        assert!(parse("aarc a --headless").is_err(), "headless needs somewhere to write to");
+        assert!(parse("aarc a --headless").is_err(), "headless needs an output");
         assert!(parse("aarc a --out o").is_err(), "a window writes no images");
         for line in
             ["--xr --headless --out o", "--xr --time 0", "--xr --frames 0..9 --fps 3", "--xr --size 9x9"]
@@ -261,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_headset_sorts_so_that_turning_changes_nothing() {
+    fn a_headset_sorts_by_distance_from_the_eye() {
         let sort = |line: &str| parse(line).unwrap().settings().sort;
         assert_eq!(sort("aarc a"), SortOrder::Depth);
         assert_eq!(sort("aarc a --xr"), SortOrder::Radial);

@@ -1,24 +1,24 @@
-//! Where this user's programs keep files of their own, by the XDG Base Directory Specification.
+//! The user's folders for files of this program, after the XDG Base Directory Specification.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// For what is remembered between runs; `None` where there is no place for it.
+/// The folder for state that outlives a run; `None` if neither variable nor home is set.
 #[cfg(feature = "xr")]
 pub(crate) fn state() -> Option<PathBuf> {
     folder(|name| std::env::var_os(name), "XDG_STATE_HOME", ".local/state")
 }
 
-/// For what can be fetched again; `None` where there is no place for it.
+/// The folder for files that can be fetched again; `None` if neither variable nor home is set.
 #[cfg(feature = "net")]
 pub(crate) fn cache() -> Option<PathBuf> {
     folder(|name| std::env::var_os(name), "XDG_CACHE_HOME", ".cache")
 }
 
-/// This program's folder in that which the variable `name` names, else in `usual` of the home.
-fn folder(variable: impl Fn(&str) -> Option<OsString>, name: &str, usual: &str) -> Option<PathBuf> {
+/// `aarc` in the folder that the variable `name` holds, or else in `default` in the home folder.
+fn folder(variable: impl Fn(&str) -> Option<OsString>, name: &str, default: &str) -> Option<PathBuf> {
     let path = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    Some(path(name).or_else(|| Some(path("HOME")?.join(usual)))?.join("aarc"))
+    Some(path(name).or_else(|| Some(path("HOME")?.join(default)))?.join("aarc"))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! Renders images and statistics of a clip, through the renderer that a window uses; images only for a
-//! playlist, whose clips follow one another in time.
+//! `--headless`: renders images and statistics of a clip with the renderer of the window. Of a playlist it
+//! renders images alone, at times from the start of the playlist.
 //!
-//! A device that is lost after it has drawn enough is replaced, and the image drawn again.
+//! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
+use program::{Fault, output};
 
 use crate::args::Args;
 use crate::clips::{
@@ -19,52 +20,49 @@ use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::{EYE_DISTANCE_M, View};
 use crate::{clips, viewpoint};
-use program::Fault;
-use program::output;
 
 /// Default size of images.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
 
-/// Seconds before a clip's end that belong to the next clip: times of a playlist are sums with rounding
-/// errors.
-const CHANGE_S: f64 = 1e-6;
+/// Tolerance in seconds at the change between two clips of a playlist, whose times are sums.
+const CHANGE_TOLERANCE_S: f64 = 1e-6;
 
 /// Renders what `args` ask for.
 ///
 /// # Errors
-/// Any [`Fault`]; images that were written before it stay.
+/// The first [`Fault`]; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = Output::check(args)?;
     match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
-        Some(list) => run_list(args, list, &output),
+        Some(list) => run_playlist(args, list, &output),
         None => run_clip(args, &output),
     }
 }
 
-/// The output of images.
+/// The path of the images.
 struct Output<'a> {
     path: &'a Path,
     /// Whether `path` is a folder for several images.
-    many: bool,
+    is_folder: bool,
 }
 
 impl Output<'_> {
     fn check(args: &Args) -> Result<Output<'_>, Fault> {
         let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
-        let many = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
-        if many {
+        let is_folder = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
+        if is_folder {
             output::check_folder(path)?;
         } else {
             output::check(path)?;
         }
         args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
-        Ok(Output { path, many })
+        Ok(Output { path, is_folder })
     }
 
     /// Writes image number `i`.
     fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
         let (rgb, size) = side_by_side(eyes);
-        if !self.many {
+        if !self.is_folder {
             return output::write_png(self.path, &rgb, size.into());
         }
         output::make_folder(self.path)?;
@@ -75,7 +73,7 @@ impl Output<'_> {
 /// The graphics device.
 struct Device {
     gpu: Gpu,
-    /// Number of images that it has drawn.
+    /// Number of images rendered.
     images: u64,
 }
 
@@ -85,71 +83,71 @@ impl Device {
     }
 }
 
-/// A clip on the device, and the renderer of the requested eyes.
-struct Stage<'a> {
+/// A clip on the device, and its renderer for the views of `args`.
+struct ClipRenderer<'a> {
     args: &'a Args,
     device: &'a mut Device,
     clip: Arc<Clip>,
     views: Vec<View>,
     settings: RenderSettings,
-    on_device: OnDevice,
+    state: DeviceState,
 }
 
-/// The parts of a [`Stage`] that a lost device takes along.
-struct OnDevice {
+/// The parts of a [`ClipRenderer`] that are lost with the device.
+struct DeviceState {
     image: Offscreen,
     renderer: Renderer,
     upload_ms: f64,
 }
 
-impl OnDevice {
-    fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<OnDevice, Fault> {
+impl DeviceState {
+    fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
         let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let start = Instant::now();
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
-        Ok(OnDevice { image, renderer, upload_ms })
+        Ok(DeviceState { image, renderer, upload_ms })
     }
 }
 
-impl<'a> Stage<'a> {
-    fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<Stage<'a>, Fault> {
+impl<'a> ClipRenderer<'a> {
+    fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
         let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
-        let on_device = OnDevice::new(&device.gpu, &clip, &views, args)?;
-        Ok(Stage { args, device, clip, views, settings, on_device })
+        let state = DeviceState::new(&device.gpu, &clip, &views, args)?;
+        Ok(ClipRenderer { args, device, clip, views, settings, state })
     }
 
-    /// Draws the instant `time` seconds from the start of the clip.
-    fn draw(&mut self, time: f64) -> Result<Vec<Pixels>, Fault> {
-        self.unless_lost(|stage| {
-            stage.render(time)?;
-            stage.on_device.image.read(&stage.device.gpu)
+    /// Renders the clip at `time_s` and reads the pixels of each eye.
+    fn pixels(&mut self, time_s: f64) -> Result<Vec<Pixels>, Fault> {
+        self.with_device(|this| {
+            this.render(time_s)?;
+            this.state.image.read(&this.device.gpu)
         })
     }
 
-    fn render(&mut self, time: f64) -> Result<FrameCounts, Fault> {
-        let t = clip_time(&self.clip, time);
-        let OnDevice { image, renderer, .. } = &mut self.on_device;
+    fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
+        let t = clip_time(&self.clip, time_s);
+        let DeviceState { image, renderer, .. } = &mut self.state;
         image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
-    /// Draws a frame, measures it, and reads it back.
-    fn measure(&mut self, time: f64) -> Result<(FrameStats, Vec<Pixels>), Fault> {
-        self.unless_lost(|stage| {
-            if stage.device.images == 0 {
-                // Drivers finish compiling in the first frame: keep that out of the timings.
-                stage.render(time)?;
+    /// Renders a frame, measures it, and reads the pixels of each eye.
+    fn measure(&mut self, time_s: f64) -> Result<(FrameStats, Vec<Pixels>), Fault> {
+        self.with_device(|this| {
+            if this.device.images == 0 {
+                // Drivers finish compiling in the first frame, which would distort its timings.
+                this.render(time_s)?;
             }
             let start = Instant::now();
-            let counts = stage.render(time)?;
+            let counts = this.render(time_s)?;
             let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
-            let t = clip_time(&stage.clip, time);
-            let OnDevice { image, renderer, .. } = &mut stage.on_device;
+            let t = clip_time(&this.clip, time_s);
+            let DeviceState { image, renderer, .. } = &mut this.state;
             let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
-            let coverage = renderer.count(&stage.device.gpu, t, &stage.views, &stage.settings)?;
+            let coverage = renderer.count(&this.device.gpu, t, &this.views, &this.settings)?;
             let stats = FrameStats {
-                time,
+                time: time_s,
                 alive: counts.alive,
                 sorted: counts.sorted,
                 drawn: coverage.drawn,
@@ -158,17 +156,18 @@ impl<'a> Stage<'a> {
                 sort_ms: counts.sort_ms,
                 draw_ms,
             };
-            Ok((stats, image.read(&stage.device.gpu)?))
+            Ok((stats, image.read(&this.device.gpu)?))
         })
     }
 
-    /// Draws an image by `work`; again on another device if this one is lost after it has drawn enough.
-    fn unless_lost<T>(&mut self, mut work: impl FnMut(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
+    /// Runs `work` to produce an image; once more on another device if this one is lost after it has rendered
+    /// enough images.
+    fn with_device<T>(&mut self, mut work: impl FnMut(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
         let result = match work(self) {
             Err(_) if self.device.gpu.is_worth_replacing(self.device.images) => {
                 *self.device = Device::open()?;
-                self.on_device = OnDevice::new(&self.device.gpu, &self.clip, &self.views, self.args)?;
-                Reporter::new().tell(&LoadEvent::Note(DEVICE_REPLACED.into()));
+                self.state = DeviceState::new(&self.device.gpu, &self.clip, &self.views, self.args)?;
+                Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
                 work(self)
             }
             result => result,
@@ -176,31 +175,11 @@ impl<'a> Stage<'a> {
         self.device.images += 1;
         Ok(result)
     }
-}
 
-fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
-    let (clip, loading) = load(args)?;
-    let times = times(args, clip.info.fps.into());
-    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
-    views(args, &clip)?;
-    settings(args, &clip)?;
-    let mut device = Device::open()?;
-    let mut stage = Stage::new(&mut device, Arc::new(clip), args)?;
-    let mut frames = Vec::new();
-    for (i, &time) in times.iter().enumerate() {
-        if args.stats.is_some() {
-            let (stats, eyes) = stage.measure(time)?;
-            frames.push(stats);
-            output.write(i, &eyes)?;
-        } else {
-            output.write(i, &stage.draw(time)?)?;
-        }
-    }
-
-    if let Some(path) = &args.stats {
-        let Stage { device: Device { gpu, .. }, clip, views, on_device, .. } = stage;
-        let OnDevice { renderer, upload_ms, .. } = on_device;
-        let stats = Stats {
+    fn stats(&self, loading: LoadingStats, frames: Vec<FrameStats>) -> Stats {
+        let ClipRenderer { device: Device { gpu, .. }, clip, views, state, .. } = self;
+        let DeviceState { renderer, upload_ms, .. } = state;
+        Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
             width: views[0].size.x,
@@ -211,28 +190,49 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
             gpu_bytes: renderer.clip().bytes(),
             pipelines: renderer.pipelines(),
             loading,
-            upload_ms,
+            upload_ms: *upload_ms,
             gpu_timed: gpu.caps.timestamps,
             alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
             sort_ms: Summary::of(frames.iter().map(|frame| frame.sort_ms)),
             draw_ms: Summary::of(frames.iter().map(|frame| frame.draw_ms)),
             frames,
-        };
-        let mut json = serde_json::to_vec_pretty(&stats).expect("numbers and strings serialise");
-        json.push(b'\n');
-        output::write(path, &json)?;
+        }
     }
-    Ok(())
 }
 
-/// Makes nothing ready: only clips with requested images are uploaded, one at a time. Clips that cannot be
-/// drawn as `args` ask fail.
+fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
+    let (clip, loading) = load(args)?;
+    let times = times(args, clip.info.fps.into());
+    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
+    views(args, &clip)?;
+    settings(args, &clip)?;
+    let mut device = Device::open()?;
+    let mut renderer = ClipRenderer::new(&mut device, Arc::new(clip), args)?;
+    let mut frames = Vec::new();
+    for (i, &time_s) in times.iter().enumerate() {
+        if args.stats.is_some() {
+            let (stats, eyes) = renderer.measure(time_s)?;
+            frames.push(stats);
+            output.write(i, &eyes)?;
+        } else {
+            output.write(i, &renderer.pixels(time_s)?)?;
+        }
+    }
+    let Some(path) = &args.stats else { return Ok(()) };
+    let stats = renderer.stats(loading, frames);
+    let mut json = serde_json::to_vec_pretty(&stats).expect("numbers and strings serialise");
+    json.push(b'\n');
+    output::write(path, &json)
+}
+
+/// Checks that a clip has the view and layers of `args`, and uploads nothing: only clips with images to
+/// render are uploaded, one at a time.
 #[derive(Clone)]
-struct ListTarget {
+struct HeadlessTarget {
     args: Args,
 }
 
-impl ClipTarget for ListTarget {
+impl ClipTarget for HeadlessTarget {
     type Ready = Arc<Clip>;
 
     fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Arc<Clip>, Fault> {
@@ -247,9 +247,9 @@ fn named(fault: Fault, entry: &Entry) -> Fault {
     fault.about(&printable(entry.name.as_deref().unwrap_or_default()))
 }
 
-/// Renders a playlist: its clips one after the other, as they play. Clips that cannot be loaded or drawn are
-/// reported and skipped.
-fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
+/// Renders a playlist, its clips one after the other. Reports and skips clips that cannot be loaded or
+/// rendered.
+fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
@@ -257,58 +257,95 @@ fn run_list(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
     let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
     clips.open(Some(list.into()));
-    clips.set_target(ListTarget { args: args.clone() });
-    let mut device = None;
-    let mut last: Option<Arc<Clip>> = None;
+    clips.set_target(HeadlessTarget { args: args.clone() });
+    let mut run = PlaylistRun { args, output, device: None, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
-    let (mut todo, mut start) = (Vec::new(), 0.0);
     while let Some((entry, clip)) = next_clip(&mut clips, &mut reporter)? {
         if let Some(fault) = failed.take() {
-            reporter.tell(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        if last.is_none() {
-            let times = times(args, clip.info.fps.into());
+        match run.render(&entry, clip)? {
+            Rendered::More => {}
+            Rendered::All => return Ok(()),
+            Rendered::Skipped(fault) => failed = Some(fault),
+        }
+    }
+    match (run.last.take(), failed) {
+        (Some(clip), failed) => {
+            failed.inspect(|fault| reporter.print(&LoadEvent::Note(format!("{fault}; skipped"))));
+            run.render_end(clip)
+        }
+        (None, Some(fault)) => Err(fault),
+        (None, None) => Err(Fault::Data("there is no clip".into())),
+    }
+}
+
+/// The images of a playlist that are left to render.
+struct PlaylistRun<'a> {
+    args: &'a Args,
+    output: &'a Output<'a>,
+    /// Opened for the first image.
+    device: Option<Device>,
+    /// Number and time of each image. The frame rate of the first clip decides the times.
+    pending: Vec<(usize, f64)>,
+    /// Where the next clip starts, in seconds.
+    start_s: f64,
+    /// The clip before.
+    last: Option<Arc<Clip>>,
+}
+
+/// The images left after a clip.
+enum Rendered {
+    More,
+    All,
+    /// The clip was skipped.
+    Skipped(Fault),
+}
+
+impl PlaylistRun<'_> {
+    /// Renders the images within `clip`.
+    fn render(&mut self, entry: &Entry, clip: Arc<Clip>) -> Result<Rendered, Fault> {
+        if self.last.is_none() {
+            let times = times(self.args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
                 return Err(Fault::Usage(format!("time {time} s is before the start")));
             }
-            todo = times.into_iter().enumerate().collect();
+            self.pending = times.into_iter().enumerate().collect();
         }
-        let end = start + f64::from(clip.info.duration_s);
+        let end_s = self.start_s + f64::from(clip.info.duration_s);
         let (here, later): (Vec<_>, Vec<_>) =
-            todo.iter().copied().partition(|&(_, time)| time < end - CHANGE_S);
+            self.pending.iter().copied().partition(|&(_, time_s)| time_s < end_s - CHANGE_TOLERANCE_S);
         if !here.is_empty() {
-            match Stage::new(opened(&mut device)?, clip.clone(), args) {
-                Ok(mut stage) => {
-                    for (i, time) in here {
-                        output.write(i, &stage.draw((time - start).max(0.0))?)?;
+            match ClipRenderer::new(opened(&mut self.device)?, clip.clone(), self.args) {
+                Ok(mut renderer) => {
+                    for (i, time_s) in here {
+                        self.output.write(i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
                     }
                 }
-                Err(fault) => {
-                    failed = Some(named(fault, &entry));
-                    continue;
-                }
+                Err(fault) => return Ok(Rendered::Skipped(named(fault, entry))),
             }
         }
-        todo = later;
-        last = Some(clip);
-        start = end;
-        if todo.is_empty() {
-            return Ok(());
-        }
+        (self.pending, self.start_s, self.last) = (later, end_s, Some(clip));
+        Ok(if self.pending.is_empty() { Rendered::All } else { Rendered::More })
     }
-    let Some(clip) = last else {
-        return Err(failed.unwrap_or_else(|| Fault::Data("there is no clip".into())));
-    };
-    failed.inspect(|fault| reporter.tell(&LoadEvent::Note(format!("{fault}; skipped"))));
-    // The times left are the very end, or beyond it.
-    let (fps, duration) = (clip.info.fps, clip.info.duration_s);
-    let left: Vec<f64> = todo.iter().map(|&(_, time)| time).collect();
-    check_times(&left, start, fps.into())?;
-    let mut stage = Stage::new(opened(&mut device)?, clip, args)?;
-    todo.iter().try_for_each(|&(i, _)| output.write(i, &stage.draw(duration.into())?))
+
+    /// Renders the images at the end of the last clip.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if a time is beyond the end.
+    fn render_end(&mut self, clip: Arc<Clip>) -> Result<(), Fault> {
+        let (fps, duration_s) = (clip.info.fps, clip.info.duration_s);
+        let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
+        check_times(&times, self.start_s, fps.into())?;
+        let mut renderer = ClipRenderer::new(opened(&mut self.device)?, clip, self.args)?;
+        for &(i, _) in &self.pending {
+            self.output.write(i, &renderer.pixels(duration_s.into())?)?;
+        }
+        Ok(())
+    }
 }
 
-/// The device, opened when it is needed first.
+/// The device, opened at the first call.
 fn opened(device: &mut Option<Device>) -> Result<&mut Device, Fault> {
     if device.is_none() {
         *device = Some(Device::open()?);
@@ -319,24 +356,24 @@ fn opened(device: &mut Option<Device>) -> Result<&mut Device, Fault> {
 /// Waits for the next clip of a playlist; `None` after the last.
 ///
 /// # Errors
-/// Why none can be loaded.
+/// The fault of the last clip, if none can be loaded.
 fn next_clip(
-    clips: &mut ClipController<ListTarget>,
+    clips: &mut ClipController<HeadlessTarget>,
     reporter: &mut Reporter,
 ) -> Result<Option<(Entry, Arc<Clip>)>, Fault> {
     loop {
         match clips.follow().or_else(|| clips.wait()) {
             None => return Ok(None),
             Some(Change::Show { entry, clip, .. }) => return Ok(Some((entry, clip))),
-            Some(Change::Progress(progress)) => reporter.tell(&LoadEvent::Progress(progress)),
-            Some(Change::Note(note)) => reporter.tell(&LoadEvent::Note(note)),
+            Some(Change::Progress(progress)) => reporter.print(&LoadEvent::Progress(progress)),
+            Some(Change::Note(note)) => reporter.print(&LoadEvent::Note(note)),
             Some(Change::Failed(fault)) => return Err(fault),
             Some(Change::Waiting | Change::Idle) => {}
         }
     }
 }
 
-/// Loads the complete clip, with its progress on the terminal.
+/// Loads the complete clip, and prints progress.
 fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
@@ -345,13 +382,13 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
         if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
-        reporter.tell(event);
+        reporter.print(event);
     })?;
     let whole_ms = elapsed_ms();
     Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
 }
 
-/// The times to render, in seconds from the start; frames are counted at `captured_fps` by default.
+/// Times of the images in seconds from the start. `captured_fps` is the default of `--fps`.
 fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     match &args.frames {
         Some(frames) => {
@@ -363,9 +400,9 @@ fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
     }
 }
 
-/// Checks that times are within `duration` seconds.
+/// Checks that `times` are between 0 and `duration`, in seconds.
 fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fault> {
-    // Times in text are rounded: half a captured frame beyond the end counts as the end.
+    // Half a captured frame beyond the end is the end: times in text are rounded.
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
         Some(time) => {
@@ -375,13 +412,13 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
     }
 }
 
-/// Normalised clip time of `time` seconds.
+/// Normalised clip time at `time` seconds, 1 beyond the end.
 fn clip_time(clip: &Clip, time: f64) -> f64 {
     let duration = f64::from(clip.info.duration_s);
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
-/// The views of the requested eyes.
+/// The views of the eyes.
 fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     let camera: Camera = match (&args.camera, &args.view) {
         (Some(path), _) => {
@@ -402,7 +439,10 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     }
 }
 
-/// The settings of `args`, checked against the clip.
+/// The render settings of `args` for `clip`.
+///
+/// # Errors
+/// [`Fault::Usage`] if the clip has fewer layers than `--layer`.
 pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
@@ -413,7 +453,7 @@ pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault
     }
 }
 
-/// The images of all eyes side by side as RGB bytes, and the size of the result.
+/// One RGB image of all eyes from left to right, and its size.
 fn side_by_side(eyes: &[Pixels]) -> (Vec<u8>, UVec2) {
     let size = eyes[0].size;
     let row = size.x as usize * 3;

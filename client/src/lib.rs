@@ -1,9 +1,9 @@
 //! Player of 4D Gaussian clips.
 //!
-//! [`clips`] loads clips and orders those of a playlist, [`gpu`] uploads a decoded clip once and draws
-//! frames of it, [`headless`] drives that into images, `window` onto a screen, `xr` into a headset. On
-//! Android there is the headset alone, and `xr` also holds the entry point of the library. Only
-//! [`gpu`] knows the graphics API; it knows nothing of files and windows.
+//! [`clips`] loads clips and orders those of a playlist. [`gpu`] uploads a decoded clip once and renders its
+//! frames. `headless` writes them to images, `window` shows them on a screen, `xr` in a headset. Android has
+//! `xr` alone, which also holds the library's entry point there. Only [`gpu`] names the graphics API; it
+//! names neither files nor windows.
 
 pub mod args;
 pub mod clips;

@@ -1,5 +1,6 @@
 //! The command line of the player.
 
+use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -11,21 +12,26 @@ fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     env_logger::Builder::from_env(quiet).init();
     let args = Args::parse();
-    let result = if let Some(document) = args.generate {
-        generate::print(document, Args::command())
-    } else if args.headless {
-        headless::run(&args)
-    } else if args.xr {
-        headset(&args)
-    } else {
-        window(&args)
-    };
+    // A panic is a defect: its message is printed, and the exit code is 1 as for all defects.
+    let Ok(result) = panic::catch_unwind(AssertUnwindSafe(|| run(&args))) else { return ExitCode::FAILURE };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(fault) => {
             eprintln!("error: {fault}");
             ExitCode::from(fault.exit_code())
         }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Fault> {
+    if let Some(document) = args.generate {
+        generate::print(document, Args::command())
+    } else if args.headless {
+        headless::run(args)
+    } else if args.xr {
+        headset(args)
+    } else {
+        window(args)
     }
 }
 

@@ -1,19 +1,18 @@
-//! [`Player`]: the clock of a playing clip, without windows, headsets or a GPU.
+//! [`Player`]: position, speed and loop of a playing clip, independent of any display.
 //!
-//! The driver says how much time went by (wall time in a window, predicted display time in a
-//! headset) and asks for the clip time to draw. All positions are seconds from the start of the
-//! clip; the normalised clip time of a field is [`Player::clip_time`].
+//! The caller advances it by elapsed time (wall time in a window, predicted display time in a headset) and
+//! draws [`Player::clip_time`]. Positions are seconds from the start of the clip.
 
-/// Slowest and fastest rate of playing.
+/// Slowest and fastest speed.
 pub const SPEED_RANGE: (f64, f64) = (0.1, 2.0);
 
-/// Rates that [`Player::faster`] and [`Player::slower`] step through.
+/// Speeds of [`Player::faster`] and [`Player::slower`].
 pub const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0];
 
-/// Frame positions that are this close, in frames, count as the same.
+/// Tolerance within which two positions are the same frame, in frames.
 const SAME_FRAME: f64 = 1e-3;
 
-/// Where a clip stands and how it moves on.
+/// The playback state of a clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Player {
     duration_s: f64,
@@ -22,17 +21,17 @@ pub struct Player {
     playing: bool,
     looping: bool,
     speed: f64,
-    /// Whether another clip follows.
-    followed: bool,
-    /// How far beyond the end it would be, in seconds of the clip, where another one follows.
-    over_s: Option<f64>,
-    /// Whether it went from its end to its start since that was asked last.
+    /// Whether another clip follows at the end.
+    has_next: bool,
+    /// Seconds of the clip by which the last step passed the end, if it waits there for the next clip.
+    overrun_s: Option<f64>,
+    /// Whether the clip started over since [`Player::take_started_over`].
     started_over: bool,
 }
 
 impl Player {
-    /// A clip of `duration_s` seconds captured at `fps` frames per second, playing in a loop from
-    /// its start. A duration or rate that is not a positive number makes the clip a still picture.
+    /// A clip of `duration_s` seconds captured at `fps` frames per second, playing in a loop from its start.
+    /// A duration or rate that is not positive and finite makes the clip a single image.
     pub fn new(duration_s: f64, fps: f64) -> Player {
         let positive = |x: f64| if x.is_finite() && x > 0.0 { x } else { 0.0 };
         Player {
@@ -42,55 +41,55 @@ impl Player {
             playing: true,
             looping: true,
             speed: 1.0,
-            followed: false,
-            over_s: None,
+            has_next: false,
+            overrun_s: None,
             started_over: false,
         }
     }
 
-    /// Changes to another clip and plays it from its start; loop and speed are kept.
+    /// Plays another clip from its start, with the same loop and speed.
     pub fn change_clip(&mut self, duration_s: f64, fps: f64) {
         let Player { looping, speed, .. } = *self;
         *self = Player { looping, speed, ..Player::new(duration_s, fps) };
     }
 
-    /// Goes on with the clip that follows, as far beyond its start as this one is beyond its end.
-    pub fn follow_with(&mut self, duration_s: f64, fps: f64) {
-        let (over_s, playing) = (self.over_s.unwrap_or(0.0), self.playing);
+    /// Continues with the next clip, at the overrun of this one.
+    pub fn continue_with(&mut self, duration_s: f64, fps: f64) {
+        let (overrun_s, playing) = (self.overrun_s.unwrap_or(0.0), self.playing);
         self.change_clip(duration_s, fps);
-        self.position_s = over_s.min(self.duration_s);
+        self.position_s = overrun_s.min(self.duration_s);
         self.playing = playing;
     }
 
-    /// Sets whether another clip follows at the end, for which this one then waits on its last instant.
-    pub fn set_followed(&mut self, followed: bool) {
-        self.followed = followed;
-        self.over_s = self.over_s.filter(|_| followed);
+    /// Sets whether another clip follows. This one then waits for it at its end.
+    pub fn set_has_next(&mut self, has_next: bool) {
+        self.has_next = has_next;
+        self.overrun_s = self.overrun_s.filter(|_| has_next);
     }
 
-    /// At the end of a clip that another one follows: by how many seconds of the clip the last step went
-    /// beyond it.
-    pub fn over_s(&self) -> Option<f64> {
-        self.over_s
+    /// Seconds of the clip by which the last step passed the end; `None` unless the clip waits there for the
+    /// next one.
+    pub fn overrun_s(&self) -> Option<f64> {
+        self.overrun_s
     }
 
-    /// Whether the clip started over at its end since this was asked last.
+    /// Whether the clip started over since the last call.
     pub fn take_started_over(&mut self) -> bool {
         std::mem::take(&mut self.started_over)
     }
 
-    /// Moves on by `elapsed_s` seconds of the viewer's time. At the end a clip waits for the one that
-    /// follows, where one does; else a looping one starts over, any other stops on its last instant.
+    /// Advances by `elapsed_s` seconds of real time. At its end, a clip waits for the next one if there is
+    /// one; otherwise it starts over if it loops, and stops if not.
     pub fn advance(&mut self, elapsed_s: f64) {
-        if !self.is_moving() || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
+        if !self.is_advancing() || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
             return;
         }
         let position = self.position_s + elapsed_s * self.speed;
         if position < self.duration_s {
             self.position_s = position;
-        } else if self.followed {
-            // It waits from the second step on.
-            self.over_s = Some(self.over_s.map_or(position - self.duration_s, |_| 0.0));
+        } else if self.has_next {
+            // Time spent waiting at the end does not count.
+            self.overrun_s = Some(self.overrun_s.map_or(position - self.duration_s, |_| 0.0));
             self.position_s = self.duration_s;
         } else if self.looping {
             self.position_s = position % self.duration_s;
@@ -105,34 +104,32 @@ impl Player {
     pub fn set_playing(&mut self, playing: bool) {
         if playing && !self.looping && self.position_s >= self.duration_s {
             self.position_s = 0.0;
-            self.over_s = None;
+            self.overrun_s = None;
             self.started_over = true;
         }
         self.playing = playing;
     }
 
-    /// Turns playing into pause and back.
+    /// Pauses if playing, and plays if paused.
     pub fn toggle_playing(&mut self) {
         self.set_playing(!self.playing);
     }
 
-    /// Goes to `position_s` seconds, cut to the clip; keeps playing or pausing.
+    /// Goes to `position_s`, clamped to the clip, without playing or pausing.
     pub fn seek(&mut self, position_s: f64) {
         if position_s.is_finite() {
             self.position_s = position_s.clamp(0.0, self.duration_s);
-            self.over_s = None;
+            self.overrun_s = None;
         }
     }
 
-    /// Pauses and goes to the next captured frame, from the last one to the first where the clip
-    /// loops.
+    /// Pauses and goes to the next captured frame; in a loop, from the last to the first.
     pub fn step_forward(&mut self) {
         let at = self.position_s * self.fps;
         self.step_to((at + SAME_FRAME).floor() + 1.0);
     }
 
-    /// Pauses and goes to the captured frame before, from the first one to the last where the
-    /// clip loops.
+    /// Pauses and goes to the previous captured frame; in a loop, from the first to the last.
     pub fn step_back(&mut self) {
         let at = self.position_s * self.fps;
         self.step_to((at - SAME_FRAME).ceil() - 1.0);
@@ -140,7 +137,7 @@ impl Player {
 
     fn step_to(&mut self, frame: f64) {
         self.playing = false;
-        self.over_s = None;
+        self.overrun_s = None;
         let last = self.last_frame() as f64;
         let frame = if (0.0..=last).contains(&frame) {
             frame
@@ -154,24 +151,24 @@ impl Player {
         }
     }
 
-    /// Sets the rate of playing, cut to [`SPEED_RANGE`].
+    /// Sets the speed, clamped to [`SPEED_RANGE`].
     pub fn set_speed(&mut self, speed: f64) {
         if speed.is_finite() {
             self.speed = speed.clamp(SPEED_RANGE.0, SPEED_RANGE.1);
         }
     }
 
-    /// The next faster rate of [`SPEEDS`].
+    /// Changes to the next faster of [`SPEEDS`].
     pub fn faster(&mut self) {
         self.set_speed(SPEEDS.into_iter().find(|&speed| speed > self.speed).unwrap_or(SPEED_RANGE.1));
     }
 
-    /// The next slower rate of [`SPEEDS`].
+    /// Changes to the next slower of [`SPEEDS`].
     pub fn slower(&mut self) {
         self.set_speed(SPEEDS.into_iter().rev().find(|&speed| speed < self.speed).unwrap_or(SPEED_RANGE.0));
     }
 
-    /// Whether the clip starts over at its end.
+    /// Sets whether the clip starts over at its end.
     pub fn set_looping(&mut self, looping: bool) {
         self.looping = looping;
     }
@@ -181,33 +178,33 @@ impl Player {
         if self.duration_s > 0.0 { self.position_s / self.duration_s } else { 0.0 }
     }
 
-    /// Seconds from the start of the clip.
+    /// Position in seconds from the start of the clip.
     pub fn position_s(&self) -> f64 {
         self.position_s
     }
 
-    /// Length of the clip in seconds; 0 for a still picture.
+    /// Duration of the clip in seconds; 0 for a single image.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Number of the captured frame at or just before the position, from 0.
+    /// Index of the captured frame at or before the position.
     pub fn frame(&self) -> u64 {
         (self.position_s * self.fps + SAME_FRAME) as u64
     }
 
-    /// Number of the last captured frame, from 0.
+    /// Index of the last captured frame.
     pub fn last_frame(&self) -> u64 {
         (self.duration_s * self.fps + SAME_FRAME) as u64
     }
 
-    /// Whether the clip is playing rather than paused.
+    /// Whether the clip plays rather than pauses.
     pub fn is_playing(&self) -> bool {
         self.playing
     }
 
-    /// Whether the picture changes by itself: playing, and not a still picture.
-    pub fn is_moving(&self) -> bool {
+    /// Whether the position advances: the clip plays and is not a single image.
+    pub fn is_advancing(&self) -> bool {
         self.playing && self.duration_s > 0.0
     }
 
@@ -216,7 +213,7 @@ impl Player {
         self.looping
     }
 
-    /// Rate of playing, 1 being life.
+    /// Speed, 1 at the captured rate.
     pub fn speed(&self) -> f64 {
         self.speed
     }
@@ -248,14 +245,14 @@ mod tests {
     }
 
     #[test]
-    fn time_that_stands_still_or_goes_back_moves_nothing() {
+    fn elapsed_time_of_zero_less_or_not_finite_changes_nothing() {
         let mut player = player();
         player.advance(0.5);
         for elapsed_s in [0.0, -1e-9, -3600.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             player.advance(elapsed_s);
             assert!(near(player.position_s(), 0.5), "{elapsed_s}");
         }
-        // After a night's sleep it is somewhere in the clip.
+        // The machine slept for a night.
         player.advance(36_000.7);
         assert!((0.0..2.0).contains(&player.position_s()), "{player:?}");
     }
@@ -266,7 +263,7 @@ mod tests {
         player.advance(0.5);
         player.toggle_playing();
         player.advance(10.0);
-        assert!(near(player.position_s(), 0.5) && !player.is_moving());
+        assert!(near(player.position_s(), 0.5) && !player.is_advancing());
         player.toggle_playing();
         player.advance(0.1);
         assert!(near(player.position_s(), 0.6));
@@ -283,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn seeking_is_cut_to_the_clip_and_keeps_playing() {
+    fn seeking_is_clamped_to_the_clip_and_keeps_playing() {
         let mut player = player();
         player.seek(7.0);
         assert!(near(player.position_s(), 2.0) && player.is_playing());
@@ -295,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scrub_to_the_end_plays_on_in_a_loop() {
+    fn after_a_seek_to_the_end_a_loop_starts_over() {
         let mut player = player();
         player.seek(2.0);
         player.advance(0.3);
@@ -319,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn every_frame_is_reached_both_ways() {
+    fn steps_visit_every_frame_in_both_directions() {
         // 1/30 has no finite binary form: rounding must neither skip nor repeat a frame.
         let mut player = Player::new(10.0, 30.0);
         for frame in 1..=300 {
@@ -380,55 +377,55 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_that_follows_loses_no_time() {
+    fn the_next_clip_continues_without_lost_time() {
         let mut player = player();
         player.set_speed(0.5);
-        player.set_followed(true);
+        player.set_has_next(true);
         player.seek(1.9);
         player.advance(0.1);
-        assert!(player.over_s().is_none() && near(player.position_s(), 1.95));
+        assert!(player.overrun_s().is_none() && near(player.position_s(), 1.95));
         player.advance(0.2);
-        assert!(near(player.position_s(), 2.0) && player.is_moving(), "{player:?}");
-        assert!(near(player.over_s().unwrap(), 0.05));
-        player.follow_with(4.0, 25.0);
+        assert!(near(player.position_s(), 2.0) && player.is_advancing(), "{player:?}");
+        assert!(near(player.overrun_s().unwrap(), 0.05));
+        player.continue_with(4.0, 25.0);
         assert!(near(player.position_s(), 0.05) && near(player.duration_s(), 4.0), "{player:?}");
-        assert!(player.over_s().is_none() && player.speed() == 0.5 && player.is_playing());
+        assert!(player.overrun_s().is_none() && player.speed() == 0.5 && player.is_playing());
         player.advance(20.0);
-        assert!(near(player.position_s(), 2.05), "nothing follows that: {player:?}");
+        assert!(near(player.position_s(), 2.05), "no clip follows: {player:?}");
     }
 
     #[test]
-    fn a_clip_waits_on_its_last_instant_for_the_one_that_follows() {
+    fn a_clip_waits_at_its_end_for_the_next_one() {
         let mut player = player();
         player.set_looping(false);
-        player.set_followed(true);
+        player.set_has_next(true);
         player.advance(2.5);
         player.advance(3.0);
-        assert!(near(player.position_s(), 2.0) && player.is_playing() && player.over_s() == Some(0.0));
+        assert!(near(player.position_s(), 2.0) && player.is_playing() && player.overrun_s() == Some(0.0));
         player.seek(1.0);
-        assert_eq!(player.over_s(), None);
+        assert_eq!(player.overrun_s(), None);
         player.advance(1.5);
-        player.set_followed(false);
-        assert_eq!(player.over_s(), None);
+        player.set_has_next(false);
+        assert_eq!(player.overrun_s(), None);
         player.advance(0.1);
-        assert!(near(player.position_s(), 2.0) && !player.is_playing(), "there is none after all");
+        assert!(near(player.position_s(), 2.0) && !player.is_playing(), "no clip follows any more");
     }
 
     #[test]
-    fn playing_from_the_end_starts_over_though_another_clip_follows() {
+    fn playing_from_the_end_starts_over_even_if_a_clip_follows() {
         let mut player = player();
         player.set_looping(false);
-        player.set_followed(true);
+        player.set_has_next(true);
         player.advance(2.5);
         player.set_playing(false);
-        assert!(player.over_s().is_some() && !player.take_started_over());
+        assert!(player.overrun_s().is_some() && !player.take_started_over());
         player.set_playing(true);
-        assert!(near(player.position_s(), 0.0) && player.over_s().is_none(), "{player:?}");
+        assert!(near(player.position_s(), 0.0) && player.overrun_s().is_none(), "{player:?}");
         assert!(player.take_started_over() && !player.take_started_over());
     }
 
     #[test]
-    fn a_loop_tells_that_it_started_over() {
+    fn starting_over_is_reported_once() {
         let mut player = player();
         player.advance(1.9);
         assert!(!player.take_started_over());
@@ -437,14 +434,14 @@ mod tests {
     }
 
     #[test]
-    fn a_still_picture_has_one_instant() {
+    fn a_single_image_has_one_position() {
         for (duration_s, fps) in [(0.0, 30.0), (f64::NAN, 30.0), (-1.0, f64::INFINITY)] {
             let mut player = Player::new(duration_s, fps);
             player.advance(1.0);
             player.step_forward();
             player.step_back();
             player.seek(3.0);
-            assert!(player.clip_time() == 0.0 && !player.is_moving(), "{player:?}");
+            assert!(player.clip_time() == 0.0 && !player.is_advancing(), "{player:?}");
         }
     }
 }

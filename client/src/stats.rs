@@ -1,8 +1,8 @@
-//! What `--stats` writes, and the summary of many timings.
+//! The statistics that `--stats` writes, and [`Summary`] of timings.
 
 use serde::Serialize;
 
-/// Counts and timings of a rendering.
+/// Counts and timings of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stats {
     /// Name of the adapter.
@@ -15,36 +15,36 @@ pub struct Stats {
     pub height: u32,
     /// Number of eyes.
     pub eyes: usize,
-    /// Number of passes that the eyes took.
+    /// Render passes per frame.
     pub passes: usize,
-    /// Gaussians in the clip, plate included.
+    /// Gaussians of the clip, with its plate.
     pub gaussians: usize,
-    /// GPU memory that the clip takes, in bytes.
+    /// GPU memory of the clip in bytes.
     pub gpu_bytes: u64,
-    /// Pipelines built for drawing.
+    /// Number of pipelines.
     pub pipelines: usize,
-    /// How long the clip took to arrive.
+    /// Time to load the clip.
     pub loading: LoadingStats,
-    /// Milliseconds for packing and uploading the clip.
+    /// Milliseconds to pack and upload the clip.
     pub upload_ms: f64,
-    /// Whether `draw_ms` was measured by the GPU; else it is the time until the GPU was done.
+    /// Whether GPU timestamps measured `draw_ms`; else it is the wall time until the GPU finished.
     pub gpu_timed: bool,
-    /// Over the frames.
+    /// `alive_ms` over the frames.
     pub alive_ms: Summary,
-    /// Over the frames.
+    /// `sort_ms` over the frames.
     pub sort_ms: Summary,
-    /// Over the frames.
+    /// `draw_ms` over the frames.
     pub draw_ms: Summary,
-    /// Every frame.
+    /// The frames.
     pub frames: Vec<FrameStats>,
 }
 
-/// Milliseconds from the start of loading a clip, decoding included.
+/// Milliseconds from the start of loading a clip, with decoding.
 #[derive(Clone, Debug, Serialize)]
 pub struct LoadingStats {
-    /// Until something of it could be played.
+    /// Until its first layer played.
     pub playable_ms: f64,
-    /// Until all of it was there.
+    /// Until it was complete.
     pub whole_ms: f64,
 }
 
@@ -53,39 +53,38 @@ pub struct LoadingStats {
 pub struct FrameStats {
     /// Seconds from the start of the clip.
     pub time: f64,
-    /// Gaussians whose opacity at the instant reaches 1/255.
+    /// Gaussians whose opacity at this time reaches 1/255.
     pub alive: u32,
-    /// Those that can reach into an image.
+    /// Gaussians inside a view frustum.
     pub sorted: u32,
-    /// Those whose rectangle holds a pixel centre.
+    /// Gaussians whose quad covers a pixel centre.
     pub drawn: u32,
-    /// Pixel centres in the rectangles, over all Gaussians and eyes.
+    /// Pixel centres covered by quads, over all Gaussians and eyes.
     pub fragments: u64,
-    /// Milliseconds for finding them.
+    /// Milliseconds to select the alive Gaussians.
     pub alive_ms: f64,
-    /// Milliseconds for sorting them.
+    /// Milliseconds to sort.
     pub sort_ms: f64,
-    /// Milliseconds for drawing them.
+    /// Milliseconds to draw.
     pub draw_ms: f64,
 }
 
-/// The middle and the bad end of several numbers.
+/// Median and 95th percentile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Half are no larger.
+    /// The 50th percentile.
     pub median: f64,
-    /// 95 % are no larger.
+    /// The 95th percentile.
     pub p95: f64,
 }
 
 impl Summary {
-    /// Of `values`, in any order; 0 where there are none.
+    /// Summarises `values` in any order by nearest rank; 0 if there are none.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Summary {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
-        // The smallest value that at least the given part of all is no larger than.
-        let at = |part: f64| {
-            let rank = (part * sorted.len() as f64).ceil() as usize;
+        let at = |fraction: f64| {
+            let rank = (fraction * sorted.len() as f64).ceil() as usize;
             sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
         };
         Summary { median: at(0.5), p95: at(0.95) }

@@ -1,39 +1,39 @@
-//! [`Reporter`]: tells on standard error how a clip arrives.
+//! [`Reporter`]: prints load events on standard error.
 //!
-//! On a terminal the progress is one line that changes; in a file, only what goes wrong is told.
+//! On a terminal, progress is one line that is overwritten. In a file, only failures and notes are lines.
 
 use std::io::{IsTerminal, Write, stderr};
 
 use crate::clips::LoadEvent;
 
-/// Clears the line, and goes to its start.
+/// Clears the line and returns to its start.
 const CLEAR_LINE: &str = "\r\x1b[K";
 
-/// What was told so far.
+/// The state of the output.
 pub(crate) struct Reporter {
     is_terminal: bool,
-    /// Whether there is a line to clear.
-    open: bool,
+    /// Whether a line of progress is on the terminal.
+    has_line: bool,
+    /// The failure printed last.
     trouble: Option<String>,
 }
 
 impl Reporter {
     pub(crate) fn new() -> Reporter {
-        Reporter { is_terminal: stderr().is_terminal(), open: false, trouble: None }
+        Reporter { is_terminal: stderr().is_terminal(), has_line: false, trouble: None }
     }
 
-    /// Tells the news.
-    pub(crate) fn tell(&mut self, news: &LoadEvent) {
-        let text = self.text(news);
-        // Nobody is left to tell where standard error is closed.
+    /// Prints an event.
+    pub(crate) fn print(&mut self, event: &LoadEvent) {
+        let text = self.text(event);
+        // Nothing can be reported if standard error is closed.
         let _ = stderr().write_all(text.as_bytes());
     }
 
-    /// What is to be written.
-    fn text(&mut self, news: &LoadEvent) -> String {
-        match news {
+    fn text(&mut self, event: &LoadEvent) -> String {
+        match event {
             LoadEvent::Progress(progress) if self.is_terminal => {
-                self.open = true;
+                self.has_line = true;
                 format!("{CLEAR_LINE}{}", progress.text())
             }
             LoadEvent::Progress(progress) => {
@@ -47,7 +47,7 @@ impl Reporter {
     }
 
     fn clear(&mut self) -> &'static str {
-        if std::mem::take(&mut self.open) { CLEAR_LINE } else { "" }
+        if std::mem::take(&mut self.has_line) { CLEAR_LINE } else { "" }
     }
 }
 
@@ -68,8 +68,8 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gets_a_line_for_each_trouble_and_nothing_else() {
-        let mut reporter = Reporter { is_terminal: false, open: false, trouble: None };
+    fn a_file_has_a_line_for_each_failure_and_note() {
+        let mut reporter = Reporter { is_terminal: false, has_line: false, trouble: None };
         let troubles = [None, Some("a"), Some("a"), None, Some("a"), Some("b")];
         let text: String = troubles.map(|trouble| reporter.text(&progress(trouble))).concat();
         assert_eq!(text, "1.0 MB: a\n1.0 MB: a\n1.0 MB: b\n");
@@ -77,8 +77,8 @@ mod tests {
     }
 
     #[test]
-    fn a_terminal_gets_one_line_that_changes() {
-        let mut reporter = Reporter { is_terminal: true, open: false, trouble: None };
+    fn progress_on_a_terminal_is_one_line() {
+        let mut reporter = Reporter { is_terminal: true, has_line: false, trouble: None };
         assert_eq!(reporter.text(&progress(None)), format!("{CLEAR_LINE}1.0 MB"));
         assert_eq!(reporter.text(&progress(Some("a"))), format!("{CLEAR_LINE}1.0 MB: a"));
         assert_eq!(reporter.text(&LoadEvent::Note("c".into())), format!("{CLEAR_LINE}c\n"));

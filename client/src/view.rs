@@ -1,16 +1,16 @@
-//! [`View`]: one eye, in the form that rendering needs.
+//! [`View`]: the pinhole camera of one eye, as the renderer takes it.
 
 use codec::Camera;
 use glam::{DMat4, DVec3, UVec2, Vec2, vec2};
 
-/// Distance between the eyes of a person, the mean of adults.
+/// Mean distance between the eyes of an adult.
 pub const EYE_DISTANCE_M: f32 = 0.063;
 
-/// A pinhole eye with an image, in OpenCV axes: x right, y down, z forward.
+/// A pinhole camera and its image size, in OpenCV axes: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Rigid transform from the clip's world, in units of the source. In f64, because the clip may
-    /// lie far from the origin of its world.
+    /// Rigid transform from the clip's world, in its units. In f64, because a clip may lie far from the
+    /// origin of its world.
     pub view_from_world: DMat4,
     /// Focal lengths in pixels, positive.
     pub focal: Vec2,
@@ -21,7 +21,7 @@ pub struct View {
 }
 
 impl View {
-    /// The view of `camera`, which must satisfy [`Camera::check`].
+    /// The view of `camera`, which has passed [`Camera::check`].
     pub fn from_camera(camera: &Camera) -> View {
         let k = camera.k.map(|row| row.map(|x| x as f32));
         View {
@@ -32,10 +32,10 @@ impl View {
         }
     }
 
-    /// The views of a left and a right eye, `distance` units apart to either side of this one,
-    /// looking the same way.
+    /// Views of a left and a right eye, `distance` units apart, with this view midway between them and
+    /// the same orientation.
     pub fn stereo_pair(&self, distance: f32) -> [View; 2] {
-        // What lies ahead of the middle is to the right of the left eye.
+        // The left eye is at x = -distance / 2: points in its frame move by +distance / 2.
         [0.5, -0.5].map(|side| View {
             view_from_world: DMat4::from_translation(DVec3::X * (side * f64::from(distance)))
                 * self.view_from_world,
@@ -46,33 +46,33 @@ impl View {
     /// Position of the eye in the world.
     pub fn eye(&self) -> DVec3 {
         let m = self.view_from_world;
-        let turned = m.w_axis.truncate();
+        let translation = m.w_axis.truncate();
         -DVec3::new(
-            m.x_axis.truncate().dot(turned),
-            m.y_axis.truncate().dot(turned),
-            m.z_axis.truncate().dot(turned),
+            m.x_axis.truncate().dot(translation),
+            m.y_axis.truncate().dot(translation),
+            m.z_axis.truncate().dot(translation),
         )
     }
 
-    /// Unit vector in the world in which the eye looks.
+    /// Viewing direction in the world, a unit vector.
     pub fn forward(&self) -> DVec3 {
         self.view_from_world.row(2).truncate()
     }
 }
 
-/// Position and direction of the middle of several eyes: what sorting for all of them goes by.
+/// Mean position and direction of several eyes, by which one sort serves all of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct MiddleEye {
+pub(crate) struct CyclopeanEye {
     pub(crate) position: DVec3,
     pub(crate) forward: DVec3,
 }
 
-impl MiddleEye {
-    pub(crate) fn of(views: &[View]) -> MiddleEye {
+impl CyclopeanEye {
+    pub(crate) fn new(views: &[View]) -> CyclopeanEye {
         let count = views.len().max(1) as f64;
         let position = views.iter().map(View::eye).sum::<DVec3>() / count;
         let forward = views.iter().map(View::forward).sum::<DVec3>();
-        MiddleEye { position, forward: forward.normalize_or_zero() }
+        CyclopeanEye { position, forward: forward.normalize_or_zero() }
     }
 }
 
@@ -84,14 +84,14 @@ mod tests {
         Camera::look_at([1.0, 2.0, -3.0], [0.5, 0.0, 4.0], [0.1, 1.0, 0.0], 1.0, 320, 200)
     }
 
-    /// Where `world` falls in the image of `view`.
+    /// Pixel of the point `world` in the image of `view`.
     fn project(view: &View, world: DVec3) -> Vec2 {
         let p = view.view_from_world.transform_point3(world).as_vec3();
         view.focal * p.truncate() / p.z + view.principal
     }
 
     #[test]
-    fn eye_and_forward_are_those_of_the_camera() {
+    fn eye_and_forward_match_the_camera() {
         let view = View::from_camera(&camera());
         assert!(view.eye().distance(DVec3::new(1.0, 2.0, -3.0)) < 1e-12);
         let expected = (DVec3::new(0.5, 0.0, 4.0) - DVec3::new(1.0, 2.0, -3.0)).normalize();
@@ -99,20 +99,20 @@ mod tests {
     }
 
     #[test]
-    fn target_is_in_the_middle_and_up_is_up() {
+    fn the_target_is_at_the_principal_point_and_up_is_up() {
         let view = View::from_camera(&camera());
         assert!(project(&view, DVec3::new(0.5, 0.0, 4.0)).distance(vec2(160.0, 100.0)) < 1e-3);
         assert!(project(&view, DVec3::new(0.5, 1.0, 4.0)).y < 99.0);
     }
 
     #[test]
-    fn eyes_are_apart_and_see_parallax() {
+    fn a_stereo_pair_is_apart_and_has_parallax() {
         let view = View::from_camera(&camera());
         let [left, right] = view.stereo_pair(0.25);
         assert!((left.eye().distance(right.eye()) - 0.25).abs() < 1e-5);
-        let middle = MiddleEye::of(&[left, right]);
-        assert!(middle.position.distance(view.eye()) < 1e-12);
-        assert!(middle.forward.distance(view.forward()) < 1e-12);
+        let center = CyclopeanEye::new(&[left, right]);
+        assert!(center.position.distance(view.eye()) < 1e-12);
+        assert!(center.forward.distance(view.forward()) < 1e-12);
         // Disparity is focal length times distance over depth.
         let target = DVec3::new(0.5, 0.0, 4.0);
         let depth = view.view_from_world.transform_point3(target).z as f32;

@@ -1,4 +1,4 @@
-//! Which camera a clip is seen from: one of its viewpoints, or one from a file.
+//! The camera of a clip: from one of its viewpoints, or from a file.
 
 use std::path::Path;
 
@@ -6,18 +6,18 @@ use codec::{Camera, Clip, Viewpoint};
 use glam::UVec2;
 use program::Fault;
 
-/// The viewpoints of `clip`, or one that shows all of it where it has none. Never empty.
+/// The viewpoints of `clip`, or one that frames its bounds if it has none. Never empty.
 pub fn viewpoints(clip: &Clip) -> Vec<Viewpoint> {
     match clip.info.viewpoints.as_slice() {
         [] => vec![Viewpoint::framing(clip.bounds, clip.info.up)],
-        some => some.to_vec(),
+        viewpoints => viewpoints.to_vec(),
     }
 }
 
-/// Number of the viewpoint with the name `name`, or else with that number, counted from 0.
+/// Index of the viewpoint named `name`, or else of the one whose index `name` is.
 ///
 /// # Errors
-/// [`Fault::Usage`] that lists the viewpoints there are.
+/// [`Fault::Usage`] with the list of viewpoints.
 pub fn find(viewpoints: &[Viewpoint], name: &str) -> Result<usize, Fault> {
     let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
     let numbered = || name.parse().ok().filter(|&index| index < viewpoints.len());
@@ -36,7 +36,7 @@ pub fn camera(clip: &Clip, viewpoint: &Viewpoint, size: UVec2) -> Camera {
 /// Reads a camera file: JSON with `width`, `height`, `K` (3x3) and `world_to_camera` (4x4).
 ///
 /// # Errors
-/// [`Fault::Data`] that names the file and says what is wrong with it.
+/// [`Fault::Data`] with the path and the reason.
 pub fn read_camera(path: &Path) -> Result<Camera, Fault> {
     let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;

@@ -27,7 +27,7 @@ use crate::{
 ///
 /// # Errors
 /// - [`Error::Format`] if the head or anything in the complete layers is damaged or inconsistent;
-///   with [`FormatError::Cut`] if `bytes` ends before the first layer does.
+///   with [`FormatError::Truncated`] if `bytes` ends before the first layer does.
 /// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if decoding needs more than `limits`.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
@@ -101,11 +101,11 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 /// Number of layers that lie completely in the first `available` bytes; at least 1.
 ///
 /// # Errors
-/// [`FormatError::Cut`] if there is none.
+/// [`FormatError::Truncated`] if there is none.
 pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
     let ends = contents.layer_bytes();
     match ends.partition_point(|&end| end <= available) {
-        0 => Err(Error::format(available, FormatError::Cut { needed: ends[0], available })),
+        0 => Err(Error::format(available, FormatError::Truncated { needed: ends[0], available })),
         complete => Ok(complete),
     }
 }

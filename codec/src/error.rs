@@ -51,7 +51,7 @@ pub enum FormatError {
     Magic,
     /// The bytes end before the first layer does. More bytes may cure this one.
     #[error("package cut short: {needed} bytes needed for the first layer, {available} present")]
-    Cut {
+    Truncated {
         /// Bytes needed to get further: the end of the prefix, of the head or of the first layer.
         needed: usize,
         /// Bytes given.

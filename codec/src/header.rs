@@ -30,6 +30,9 @@ pub enum Coder {
 }
 
 impl Coder {
+    /// All coders.
+    pub const ALL: [Coder; 2] = [Coder::Fixed, Coder::Context];
+
     /// Name on command lines and in reports: `fixed` or `context`.
     pub fn name(self) -> &'static str {
         match self {
@@ -83,7 +86,7 @@ pub struct Contents {
 ///
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
-///   With [`FormatError::Cut`], `bytes` is too short to tell.
+///   With [`FormatError::Truncated`], `bytes` is too short to tell.
 /// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
 ///   table needs more memory.
@@ -107,13 +110,18 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
 
 /// Checks magic, version and length of the head, and returns the head with its checksum.
 fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
-    let cut = |needed| Error::format(bytes.len(), FormatError::Cut { needed, available: bytes.len() });
+    let truncated =
+        |needed| Error::format(bytes.len(), FormatError::Truncated { needed, available: bytes.len() });
     if !bytes.starts_with(&MAGIC) {
         // A prefix of the magic number is a package cut short.
-        let is_cut = !bytes.is_empty() && MAGIC.starts_with(bytes);
-        return Err(if is_cut { cut(PREFIX_BYTES) } else { Error::format(0, FormatError::Magic) });
+        let is_truncated = !bytes.is_empty() && MAGIC.starts_with(bytes);
+        return Err(if is_truncated {
+            truncated(PREFIX_BYTES)
+        } else {
+            Error::format(0, FormatError::Magic)
+        });
     }
-    let prefix = bytes.get(..PREFIX_BYTES).ok_or(cut(PREFIX_BYTES))?;
+    let prefix = bytes.get(..PREFIX_BYTES).ok_or(truncated(PREFIX_BYTES))?;
     let major = u16::from_le_bytes([prefix[4], prefix[5]]);
     if major != VERSION_MAJOR {
         return Err(Error::Version { major, minor: u16::from_le_bytes([prefix[6], prefix[7]]) });
@@ -122,7 +130,7 @@ fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
     if length < FIXED_BYTES + 4 {
         return Err(Error::value(8, "length of the head", length));
     }
-    bytes.get(..length).ok_or(cut(length))
+    bytes.get(..length).ok_or(truncated(length))
 }
 
 /// Parses the head without its checksum, which has been checked.

@@ -67,8 +67,8 @@ mod tests {
     fn every_item_is_processed_once() {
         for threads in [1, 2, 3, 16] {
             let mut seen = [0; 100];
-            let work = |(place, number): (&mut usize, usize)| {
-                *place += number;
+            let work = |(slot, number): (&mut usize, usize)| {
+                *slot += number;
                 Ok::<(), ()>(())
             };
             try_for_each(seen.iter_mut().zip(1..), vec![work; threads]).unwrap();

@@ -139,8 +139,8 @@ impl Section {
     /// # Errors
     /// [`Error::Format`] if `package` ends before the section does, or the checksum differs.
     pub(crate) fn payload<'a>(&self, package: &'a [u8]) -> Result<&'a [u8], Error> {
-        let cut = FormatError::Cut { needed: self.end(), available: package.len() };
-        let bytes = package.get(self.offset..self.end()).ok_or(Error::format(package.len(), cut))?;
+        let truncated = FormatError::Truncated { needed: self.end(), available: package.len() };
+        let bytes = package.get(self.offset..self.end()).ok_or(Error::format(package.len(), truncated))?;
         let computed = crc32fast::hash(bytes);
         if computed != self.crc {
             let error = FormatError::Crc { part: self.kind.name(), stored: self.crc, computed };

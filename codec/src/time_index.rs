@@ -1,9 +1,9 @@
 //! [`TimeIndex`]: finds the Gaussians that can be alive at an instant without testing all of them.
 //!
 //! The rows of a layer's dynamic region are ordered by the length of their alive interval, then by
-//! its start. A *cell* is a run of rows of one length class and one start bin. Class `k` holds
-//! lengths in `(2^-(k+1), 2^-k]` of the clip (the last class all shorter ones too), so rows of class
-//! `k` that are alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per class. About a
+//! its start. A *cell* is a run of rows of one length octave and one start bin. Octave `k` holds
+//! lengths in `(2^-(k+1), 2^-k]` of the clip (the last octave all shorter ones too), so rows of octave
+//! `k` that are alive at `t` start in `[t - 2^-k, t]`: a few adjacent cells per octave. About a
 //! quarter of the candidates found are not alive.
 
 use std::ops::Range;
@@ -13,11 +13,11 @@ use crate::Field;
 /// Number of start bins over the clip.
 const BINS: usize = 64;
 
-/// Number of length classes; the shortest class is one bin long.
-const CLASSES: usize = 7;
+/// Number of length octaves; the shortest octave is one bin long.
+const OCTAVES: usize = 7;
 
 /// Cells of a layer.
-pub(crate) const CELLS: usize = CLASSES * BINS;
+pub(crate) const CELLS: usize = OCTAVES * BINS;
 
 /// Tolerance of a cell's edges in clip time. A row this near to an edge may lie on either side, so
 /// that rounding in another implementation cannot make a package invalid.
@@ -27,25 +27,25 @@ const EDGE: f64 = 1e-6;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TimeIndex {
     /// Per layer `CELLS + 1` rising row numbers of the dynamic region: the first row of each cell in
-    /// class-major order, and the end of the last cell.
+    /// octave-major order, and the end of the last cell.
     layers: Vec<Vec<u32>>,
 }
 
-/// The cell of Gaussian `i`, class-major: `class * BINS + bin`. A Gaussian that is never alive lies
-/// in the shortest class, in the bin of its window centre.
+/// The cell of Gaussian `i`, octave-major: `octave * BINS + bin`. A Gaussian that is never alive lies
+/// in the shortest octave, in the bin of its window centre.
 pub(crate) fn cell_of(field: &Field, i: usize) -> usize {
     let (start, end) = indexed_interval(field, i);
-    let class = (0..CLASSES - 1).find(|&k| end - start > class_length(k + 1)).unwrap_or(CLASSES - 1);
-    class * BINS + bin_of(start)
+    let octave = (0..OCTAVES - 1).find(|&k| end - start > octave_length(k + 1)).unwrap_or(OCTAVES - 1);
+    octave * BINS + bin_of(start)
 }
 
 /// Whether Gaussian `i` may lie in a cell, to within [`EDGE`].
 fn fits_cell(field: &Field, i: usize, cell: usize) -> bool {
     let (start, end) = indexed_interval(field, i);
-    let (class, bin) = (cell / BINS, cell % BINS);
-    let shortest = if class == CLASSES - 1 { 0.0 } else { class_length(class + 1) };
+    let (octave, bin) = (cell / BINS, cell % BINS);
+    let shortest = if octave == OCTAVES - 1 { 0.0 } else { octave_length(octave + 1) };
     let (first, last) = (bin as f64 / BINS as f64, (bin + 1) as f64 / BINS as f64);
-    (shortest - EDGE..=class_length(class) + EDGE).contains(&(end - start))
+    (shortest - EDGE..=octave_length(octave) + EDGE).contains(&(end - start))
         && (first - EDGE..=last + EDGE).contains(&start)
 }
 
@@ -57,9 +57,9 @@ fn indexed_interval(field: &Field, i: usize) -> (f64, f64) {
     })
 }
 
-/// Length of the longest interval of a class, in clip time.
-fn class_length(class: usize) -> f64 {
-    1.0 / (1u32 << class) as f64
+/// Length of the longest interval of a octave, in clip time.
+fn octave_length(octave: usize) -> f64 {
+    1.0 / (1u32 << octave) as f64
 }
 
 fn bin_of(t: f64) -> usize {
@@ -82,7 +82,7 @@ impl TimeIndex {
         index
     }
 
-    /// Adds a layer, given the number of rows in each of its 448 cells in class-major order.
+    /// Adds a layer, given the number of rows in each of its 448 cells in octave-major order.
     ///
     /// # Panics
     /// If there are not 448 counts, or a row number exceeds 32 bits.
@@ -141,9 +141,9 @@ impl TimeIndex {
         let t = t.clamp(0.0, 1.0);
         let last = bin_of(t + EDGE);
         self.layers.iter().take(layers).flat_map(move |starts| {
-            (0..CLASSES).filter_map(move |class| {
-                let first = bin_of(t - class_length(class) - 3.0 * EDGE);
-                let range = starts[class * BINS + first] as usize..starts[class * BINS + last + 1] as usize;
+            (0..OCTAVES).filter_map(move |octave| {
+                let first = bin_of(t - octave_length(octave) - 3.0 * EDGE);
+                let range = starts[octave * BINS + first] as usize..starts[octave * BINS + last + 1] as usize;
                 (!range.is_empty()).then_some(range)
             })
         })
@@ -213,13 +213,13 @@ mod tests {
 
     #[test]
     fn windows_on_cell_edges_are_found() {
-        // Intervals that start or end exactly on a bin, or are exactly as long as a class: opacity
+        // Intervals that start or end exactly on a bin, or are exactly as long as a octave: opacity
         // e^2 / 255 puts the ends at tau -+ 2 s.
         let opacity = (1f64.exp().powi(2) / 255.0) as f32;
         let mut windows = Vec::new();
         for bin in 0..=BINS {
-            for class in 0..CLASSES {
-                let (start, half) = (bin as f32 / BINS as f32, 0.5 * class_length(class) as f32);
+            for octave in 0..OCTAVES {
+                let (start, half) = (bin as f32 / BINS as f32, 0.5 * octave_length(octave) as f32);
                 windows.push((opacity, start + half, 0.5 * half));
                 windows.push((opacity, start - half, 0.5 * half));
             }
@@ -244,7 +244,7 @@ mod tests {
             let tau = (edge - start + by) as f32 + 0.5;
             indexed(vec![(1.0, tau, 1e-5)]).0
         };
-        let last = (CLASSES - 1) * BINS + (edge * BINS as f64) as usize;
+        let last = (OCTAVES - 1) * BINS + (edge * BINS as f64) as usize;
         // Within the tolerance a row fits both neighbours, outside only one.
         let both = shifted(0.0);
         assert!(fits_cell(&both, 0, last) && fits_cell(&both, 0, last - 1));
@@ -252,7 +252,7 @@ mod tests {
         assert!(fits_cell(&after, 0, last) && !fits_cell(&after, 0, last - 1));
         let before = shifted(-1e-4);
         assert!(!fits_cell(&before, 0, last) && fits_cell(&before, 0, last - 1));
-        // The class counts as well.
+        // The octave counts as well.
         assert!(!fits_cell(&after, 0, last - BINS));
     }
 

@@ -1,71 +1,68 @@
-//! All damage of one kind, on small packages by both coders: every cut, every byte as every other
-//! byte, every byte changed under checksums that are true again, and every order of the section
-//! table. Each is refused with a byte offset, or gives the clip, its first layers, or one as its
-//! head announces it; within the limits on memory, and soon.
+//! Exhaustive damage to small packages of both coders: every prefix, every change of every byte, every
+//! byte changed under valid checksums, and every order of the section table. Each must be refused with
+//! a byte offset, or decode to the clip, to its first layers, or to a clip that fits the head; within
+//! the limits on memory, and in bounded time.
 //!
-//! What was tried and what came of it is printed:
-//! `cargo test -p codec --test exhaustive -- --nocapture`. The counter of memory sees the whole
-//! process, so this file is one test.
+//! `cargo test -p codec --test exhaustive -- --nocapture` prints the outcomes. The allocator counts the
+//! whole process, so this file is one test.
 
 mod common;
 
 use std::time::{Duration, Instant};
 
-use codec::{
-    Clip, Coder, Contents, EncodeOptions, Error, Limits, SectionKind, Source, contents, decode, encode,
-};
-use common::{Parts, Shape, field, info, put_u32, static_field};
+use codec::{Clip, Coder, Contents, Error, Limits, SectionKind, contents, decode};
+use common::{Parts, Shape, field, options, package, put_u32, static_field};
 use peak_alloc::PeakAlloc;
-use properties::{CODERS, LIMITS, check_decoding};
+use properties::{LIMITS, check_decoding};
 
 #[path = "../fuzz/src/properties.rs"]
-#[allow(dead_code, unreachable_pub, reason = "the fuzz targets use it from outside")]
+#[allow(dead_code, unreachable_pub, reason = "a module of the fuzz targets")]
 mod properties;
 
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
 
-/// Memory beside what limits count: the head, an error, the state of a coder.
+/// Memory that the limits do not count: the head, an error, the state of a coder.
 const UNCOUNTED_BYTES: usize = 16 << 10;
 
-/// Longest time for one decoding, which takes microseconds.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest time of one decoding, which usually takes microseconds.
+const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// What a byte is combined with where not all other bytes are tried: its bits, one by one and all.
+/// Changes of a byte if not all are tried: each bit, and all bits.
 const MASKS: [u8; 9] = [0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xff];
 
 /// Tries one kind of damage.
-type Kind = fn(&Subject, &mut Tally);
+type Trial = fn(&Subject, &mut Outcomes);
 
-/// What came of one kind of damage.
+/// Outcomes of one kind of damage.
 #[derive(Default)]
-struct Tally {
+struct Outcomes {
     refused: usize,
-    whole: usize,
-    /// Decoded, with fewer layers.
+    /// Decoded to the same clip.
+    same: usize,
+    /// Decoded to fewer layers.
     shorter: usize,
-    /// Decoded, and not the clip that it was: nothing can tell.
+    /// Decoded to another valid clip.
     other: usize,
     most_bytes: usize,
     longest: Duration,
 }
 
-/// A package with its clip and what decoding it takes.
+/// A package, its clip and the memory that decoding takes.
 struct Subject {
     bytes: Vec<u8>,
     head: Contents,
     clip: Clip,
-    /// The least memory that it can be decoded in.
-    least: Limits,
+    /// The smallest limits that suffice.
+    smallest: Limits,
 }
 
 impl Subject {
-    /// Plate, two layers of both regions, all columns, and a section from the future at the end.
+    /// A package with a plate, two layers of both regions, all columns, and a section of an unknown
+    /// kind at the end.
     fn new(coder: Coder) -> Subject {
-        let (info, field, plate) =
-            (info(), field(Shape { sh_degree: 1, ..Shape::full(8) }, 1), static_field(2, 0, 2));
-        let options = EncodeOptions { coder, layers: vec![4], ..EncodeOptions::default() };
-        let package = encode(&Source { info: &info, field: &field, plate: Some(&plate) }, &options).unwrap();
+        let field = field(Shape { sh_degree: 1, ..Shape::full(8) }, 1);
+        let package = package(&field, Some(&static_field(2, 0, 2)), &options(coder, &[4]));
         let mut parts = Parts::of(&package);
         parts.table.push([200, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         parts.sections.push(b"from the future".to_vec());
@@ -73,21 +70,21 @@ impl Subject {
         let decodes = |max_bytes| decode(&bytes, &Limits { max_bytes, ..LIMITS }).is_ok();
         let (mut too_few, mut enough) = (0, LIMITS.max_bytes);
         while enough - too_few > 1 {
-            let middle = too_few.midpoint(enough);
-            *(if decodes(middle) { &mut enough } else { &mut too_few }) = middle;
+            let midpoint = too_few.midpoint(enough);
+            *(if decodes(midpoint) { &mut enough } else { &mut too_few }) = midpoint;
         }
         Subject {
             head: contents(&bytes, &LIMITS).unwrap(),
             clip: decode(&bytes, &LIMITS).unwrap(),
-            least: Limits { max_bytes: enough, ..LIMITS },
+            smallest: Limits { max_bytes: enough, ..LIMITS },
             bytes,
         }
     }
 
-    /// Decodes a copy of what became of the package, in as little memory as the package takes and, where
-    /// that is refused, in more, and adds what came of it to the tally.
-    fn decode(&self, damaged: &[u8], tally: &mut Tally) -> Result<Clip, Error> {
-        // As long as it is, so that a sanitizer would see a read past the end.
+    /// Decodes a damaged package within the smallest limits and, if these do not suffice, within more.
+    /// Checks and counts the outcome.
+    fn decode(&self, damaged: &[u8], outcomes: &mut Outcomes) -> Result<Clip, Error> {
+        // A copy of exact length, so that a sanitizer sees a read past the end.
         let damaged = damaged.to_vec();
         let mut measured = |limits: &Limits| {
             ALLOCATOR.reset_peak_usage();
@@ -96,38 +93,38 @@ impl Subject {
             let (peak, elapsed) = (ALLOCATOR.peak_usage() - before, start.elapsed());
             let allowed = limits.max_bytes + 3 * damaged.len() + UNCOUNTED_BYTES;
             assert!(peak <= allowed, "{peak} bytes at once, {allowed} allowed");
-            assert!(elapsed < PATIENCE, "{elapsed:?}");
-            tally.most_bytes = tally.most_bytes.max(peak);
-            tally.longest = tally.longest.max(elapsed);
+            assert!(elapsed < TIMEOUT, "{elapsed:?}");
+            outcomes.most_bytes = outcomes.most_bytes.max(peak);
+            outcomes.longest = outcomes.longest.max(elapsed);
             decoded
         };
-        let mut decoded = measured(&self.least);
+        let mut decoded = measured(&self.smallest);
         if let Err(Error::Limits { .. }) = decoded {
             decoded = measured(&LIMITS);
         }
         check_decoding(&damaged, &decoded);
         match &decoded {
-            Err(_) => tally.refused += 1,
-            Ok(clip) if *clip == self.clip => tally.whole += 1,
-            Ok(clip) if clip.layers.len() < clip.layers_announced => tally.shorter += 1,
-            Ok(_) => tally.other += 1,
+            Err(_) => outcomes.refused += 1,
+            Ok(clip) if *clip == self.clip => outcomes.same += 1,
+            Ok(clip) if clip.layers.len() < clip.layers_announced => outcomes.shorter += 1,
+            Ok(_) => outcomes.other += 1,
         }
         decoded
     }
 
-    /// Every cut: refused before the first layer is whole, that layer alone after it.
-    fn cut(&self, tally: &mut Tally) {
+    /// Every prefix: refused before the first layer is complete, otherwise its complete layers.
+    fn truncate(&self, outcomes: &mut Outcomes) {
         let layers = self.head.layer_bytes();
         for length in 0..self.bytes.len() {
-            let decoded = self.decode(&self.bytes[..length], tally);
-            let whole = layers.iter().filter(|end| **end <= length).count();
-            if whole == 0 {
+            let decoded = self.decode(&self.bytes[..length], outcomes);
+            let complete = layers.iter().filter(|end| **end <= length).count();
+            if complete == 0 {
                 assert!(decoded.is_err(), "{length} bytes");
                 continue;
             }
             let clip = decoded.unwrap_or_else(|error| panic!("{length} bytes: {error}"));
-            let end = self.clip.layers[whole - 1];
-            assert_eq!((&clip.layers[..], &clip.plate), (&self.clip.layers[..whole], &self.clip.plate));
+            let end = self.clip.layers[complete - 1];
+            assert_eq!((&clip.layers[..], &clip.plate), (&self.clip.layers[..complete], &self.clip.plate));
             assert_eq!(
                 clip.static_field,
                 self.clip.static_field.select(&(0..end.static_count).collect::<Vec<_>>())
@@ -139,8 +136,8 @@ impl Subject {
         }
     }
 
-    /// Every byte as every other one: a checksum tells, but for a section that nobody reads.
-    fn flip(&self, tally: &mut Tally) {
+    /// Every byte changed to every other value: a checksum detects it, except in a skipped section.
+    fn flip(&self, outcomes: &mut Outcomes) {
         let skipped =
             self.head.sections.iter().find(|section| matches!(section.kind, SectionKind::Unknown(_)));
         let skipped = skipped.unwrap().offset;
@@ -148,27 +145,27 @@ impl Subject {
             for mask in 1..=255 {
                 let mut damaged = self.bytes.clone();
                 damaged[at] ^= mask;
-                let decoded = self.decode(&damaged, tally);
+                let decoded = self.decode(&damaged, outcomes);
                 assert_eq!(decoded.is_err(), at < skipped, "byte {at} ^ {mask:02x}");
                 assert!(decoded.is_err() || decoded.unwrap() == self.clip);
             }
         }
     }
 
-    /// Every byte changed, and all checksums true again: whatever it says then, it is whole in itself.
-    fn lie(&self, tally: &mut Tally) {
+    /// Every byte changed, with valid checksums.
+    fn flip_under_checksums(&self, outcomes: &mut Outcomes) {
         for at in 0..self.bytes.len() {
             for mask in MASKS {
                 let mut damaged = self.bytes.clone();
                 damaged[at] ^= mask;
-                self.mend(&mut damaged);
-                let _ = self.decode(&damaged, tally);
+                self.fix_checksums(&mut damaged);
+                let _ = self.decode(&damaged, outcomes);
             }
         }
     }
 
-    /// The same to what sections hold before compression, which the coder `fixed` does.
-    fn lie_within(&self, tally: &mut Tally) {
+    /// Every byte changed before compression, of the coder `fixed`.
+    fn flip_under_compression(&self, outcomes: &mut Outcomes) {
         let parts = Parts::of(&self.bytes);
         for (i, section) in self.head.sections.iter().enumerate() {
             if section.kind != SectionKind::Gaussians {
@@ -181,15 +178,15 @@ impl Subject {
                     let mut raw = raw.clone();
                     raw[at] ^= mask;
                     damaged.set_raw(i, &raw);
-                    let _ = self.decode(&damaged.join(), tally);
+                    let _ = self.decode(&damaged.join(), outcomes);
                 }
             }
         }
     }
 
-    /// Every order of the section table, alone and with the sections in that order: only one that
-    /// moves nothing but what is skipped is read.
-    fn reorder(&self, tally: &mut Tally) {
+    /// Every order of the section table, by itself and with the sections in the same order. Only the
+    /// skipped section may move, together with its entry.
+    fn reorder(&self, outcomes: &mut Outcomes) {
         let parts = Parts::of(&self.bytes);
         let table_at = parts.head.len();
         let mut read = 0;
@@ -199,26 +196,26 @@ impl Subject {
                 let at = table_at + 24 * from;
                 entry.copy_from_slice(&self.bytes[at..at + 24]);
             }
-            self.mend_head(&mut damaged);
+            self.fix_head_checksum(&mut damaged);
             let moved = order.iter().enumerate().any(|(i, from)| i != *from);
-            assert_eq!(self.decode(&damaged, tally).is_err(), moved, "{order:?}");
+            assert_eq!(self.decode(&damaged, outcomes).is_err(), moved, "{order:?}");
 
             let mut damaged = parts.clone();
             damaged.table = order.iter().map(|from| parts.table[*from]).collect();
             damaged.sections = order.iter().map(|from| parts.sections[*from].clone()).collect();
             let known = order.iter().filter(|from| **from + 1 < order.len());
-            let decoded = self.decode(&damaged.join(), tally);
+            let decoded = self.decode(&damaged.join(), outcomes);
             assert_eq!(decoded.is_ok(), known.is_sorted(), "{order:?}");
             if let Ok(clip) = decoded {
                 assert!(clip == self.clip, "{order:?}");
                 read += 1;
             }
         });
-        assert_eq!(read, parts.table.len(), "what is skipped may stand anywhere");
+        assert_eq!(read, parts.table.len(), "a skipped section may be anywhere");
     }
 
-    /// Makes the checksums of `damaged` true, which has its sections where they were.
-    fn mend(&self, damaged: &mut [u8]) {
+    /// Recomputes the checksums of changed sections and of the head.
+    fn fix_checksums(&self, damaged: &mut [u8]) {
         let table = self.head.head_bytes - 4 - 24 * self.head.sections.len();
         for (i, section) in self.head.sections.iter().enumerate() {
             let changed = damaged[section.offset..section.end()] != self.bytes[section.offset..section.end()];
@@ -227,12 +224,12 @@ impl Subject {
                 put_u32(damaged, table + 24 * i + 20, crc as usize);
             }
         }
-        self.mend_head(damaged);
+        self.fix_head_checksum(damaged);
     }
 
-    fn mend_head(&self, damaged: &mut [u8]) {
+    fn fix_head_checksum(&self, damaged: &mut [u8]) {
         let body = self.head.head_bytes - 4;
-        // What was changed in the checksum itself stays.
+        // A change of the checksum itself stays.
         if damaged[..body] != self.bytes[..body] {
             let crc = crc32fast::hash(&damaged[..body]);
             put_u32(damaged, body, crc as usize);
@@ -240,16 +237,16 @@ impl Subject {
     }
 }
 
-/// Calls `look` with every order of the numbers below `count` (Heap's algorithm).
-fn for_each_order(count: usize, mut look: impl FnMut(&[usize])) {
+/// Calls `visit` with every permutation of the numbers below `count` (Heap's algorithm).
+fn for_each_order(count: usize, mut visit: impl FnMut(&[usize])) {
     let mut order: Vec<usize> = (0..count).collect();
     let mut turns = vec![0; count];
-    look(&order);
+    visit(&order);
     let mut i = 1;
     while i < count {
         if turns[i] < i {
             order.swap(if i % 2 == 0 { 0 } else { turns[i] }, i);
-            look(&order);
+            visit(&order);
             turns[i] += 1;
             i = 1;
         } else {
@@ -260,17 +257,17 @@ fn for_each_order(count: usize, mut look: impl FnMut(&[usize])) {
 }
 
 #[test]
-fn all_damage_of_a_kind_is_refused_or_plays() {
+fn damaged_packages_are_refused_or_decode_to_valid_clips() {
     let mut orders = 0;
     for_each_order(5, |_| orders += 1);
     assert_eq!(orders, 120);
-    for coder in CODERS {
+    for coder in Coder::ALL {
         let subject = Subject::new(coder);
-        let kinds: [(&str, Kind); 5] = [
-            ("cuts", Subject::cut),
+        let kinds: [(&str, Trial); 5] = [
+            ("prefixes", Subject::truncate),
             ("flips", Subject::flip),
-            ("flips under true checksums", Subject::lie),
-            ("flips under compression", Subject::lie_within),
+            ("flips under valid checksums", Subject::flip_under_checksums),
+            ("flips under compression", Subject::flip_under_compression),
             ("orders of the table", Subject::reorder),
         ];
         let (bytes, sections) = (subject.bytes.len(), subject.head.sections.len());
@@ -279,12 +276,12 @@ fn all_damage_of_a_kind_is_refused_or_plays() {
             if kind == "flips under compression" && coder != Coder::Fixed {
                 continue;
             }
-            let mut tally = Tally::default();
-            damage(&subject, &mut tally);
-            let Tally { refused, whole, shorter, other, most_bytes, longest } = tally;
-            let tried = refused + whole + shorter + other;
+            let mut outcomes = Outcomes::default();
+            damage(&subject, &mut outcomes);
+            let Outcomes { refused, same, shorter, other, most_bytes, longest } = outcomes;
+            let tried = refused + same + shorter + other;
             println!(
-                "{kind}: {tried} tried; {refused} refused, {whole} the same clip, {shorter} its first layers, \
+                "{kind}: {tried} tried; {refused} refused, {same} the same clip, {shorter} its first layers, \
                  {other} another; at most {most_bytes} bytes, {longest:?}"
             );
             assert!(refused > 0 && tried > refused, "{kind}: one side is not tested");

@@ -1,14 +1,14 @@
-//! The frozen packages of format version 1, one for each coder: they decode to the same bits for
-//! ever and everywhere, and today's encoder still writes them.
+//! Frozen packages of format version 1, one per coder: every version decodes them to the same bits on
+//! every machine, and the current encoder writes the same bytes.
 //!
-//! `UPDATE_GOLDEN=1` rewrites the files and fails once. The listings, `.txt`, may change only
-//! together with the major version; the packages, `.aarc`, may change when the encoder decides
-//! differently or zstd compresses differently.
+//! `UPDATE_GOLDEN=1` rewrites the files and fails once. The numbers of the listings, `.txt`, may change
+//! only with the major version; the packages, `.aarc`, also with decisions of the encoder or with
+//! zstd.
 
 mod common;
 
-use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, decode, encode};
-use common::{Shape, field, info, static_field};
+use codec::{Clip, Coder, Field, Limits, decode};
+use common::{Shape, field, options, static_field};
 use std::{fmt::Write, fs, path::PathBuf};
 
 fn path(name: &str) -> PathBuf {
@@ -17,24 +17,22 @@ fn path(name: &str) -> PathBuf {
 
 /// A package that exercises every feature of the format.
 fn package(coder: Coder) -> Vec<u8> {
-    let (info, field, plate) = (info(), field(Shape::full(21), 1), static_field(5, 2, 2));
-    let options = EncodeOptions { coder, layers: vec![8], ..EncodeOptions::default() };
-    encode(&Source { info: &info, field: &field, plate: Some(&plate) }, &options).unwrap()
+    common::package(&field(Shape::full(21), 1), Some(&static_field(5, 2, 2)), &options(coder, &[8]))
 }
 
-/// The golden file, or `actual` written in its place.
+/// Reads a golden file, or replaces it by `actual`.
 fn golden(name: &str, actual: &[u8]) -> Vec<u8> {
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         fs::write(path(name), actual).unwrap();
-        panic!("{name} was rewritten; run again without UPDATE_GOLDEN, and look at what changed");
+        panic!("{name} was rewritten; run again without UPDATE_GOLDEN, and review the change");
     }
     fs::read(path(name)).unwrap()
 }
 
-/// Coders, and the names of their files.
+/// Names of the coders' files.
 const CODERS: [(Coder, &str); 2] = [(Coder::Fixed, "v1"), (Coder::Context, "v1-context")];
 
-/// Runs a check for each coder, all of them even where one fails.
+/// Runs a check for each coder, even if one fails.
 fn for_each_coder(check: impl Fn(Coder, &str) + std::panic::RefUnwindSafe) {
     let failed = CODERS.map(|(coder, name)| std::panic::catch_unwind(|| check(coder, name)).is_err());
     assert_eq!(failed, [false; 2], "coders that fail");
@@ -54,7 +52,7 @@ fn version_1_decodes_to_the_same_bits() {
 }
 
 fn golden_package(coder: Coder, name: &str) -> Vec<u8> {
-    // While updating, both files come from today's encoder.
+    // During an update, both files come from the current encoder.
     match std::env::var_os("UPDATE_GOLDEN") {
         Some(_) => package(coder),
         None => fs::read(path(&format!("{name}.aarc"))).unwrap(),
@@ -67,12 +65,15 @@ fn the_encoder_writes_the_same_bytes_on_every_machine() {
         let actual = package(coder);
         let expected = golden(&format!("{name}.aarc"), &actual);
         let first = actual.iter().zip(&expected).position(|(a, e)| a != e);
-        let (length, wanted) = (actual.len(), expected.len());
-        assert!(actual == expected, "{name}: {length} bytes, {wanted} expected; first difference: {first:?}");
+        let lengths = [actual.len(), expected.len()];
+        assert!(
+            actual == expected,
+            "{name}: [actual, expected] bytes {lengths:?}, first difference {first:?}"
+        );
     });
 }
 
-/// Everything in a clip, numbers as the bits of their `f32`.
+/// A listing of a clip, with numbers as the bits of their `f32`.
 fn listing(clip: &Clip) -> String {
     let mut out = String::new();
     let Clip { info, bounds, static_field, dynamic_field, layers, layers_announced, time_index, plate } =

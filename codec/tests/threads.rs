@@ -1,15 +1,11 @@
-//! Threads change nothing: neither the clip nor the bytes nor the error.
+//! The number of threads changes neither the clip, the bytes nor the error.
 
 mod common;
 
 use std::num::NonZero;
 
-use codec::{
-    Coder, EncodeOptions, Limits, Source, contents, decode, decode_parallel, encode, encode_parallel,
-};
-use common::{Shape, field, info, static_field};
-
-const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
+use codec::{Coder, Limits, Source, contents, decode, decode_parallel, encode, encode_parallel};
+use common::{Shape, field, info, options, static_field};
 
 fn threads() -> impl Iterator<Item = NonZero<usize>> {
     [1, 2, 3, 64].into_iter().filter_map(NonZero::new)
@@ -18,16 +14,16 @@ fn threads() -> impl Iterator<Item = NonZero<usize>> {
 /// A package of 10 chunks: three layers, the first with a plate.
 fn package(coder: Coder, threads: NonZero<usize>) -> Vec<u8> {
     let (info, field, plate) = (info(), field(Shape::full(12_000), 1), static_field(4_200, 1, 2));
-    let options = EncodeOptions { coder, layers: vec![1_000, 5_000], ..EncodeOptions::default() };
-    encode_parallel(&Source { info: &info, field: &field, plate: Some(&plate) }, &options, threads).unwrap()
+    let source = Source { info: &info, field: &field, plate: Some(&plate) };
+    encode_parallel(&source, &options(coder, &[1_000, 5_000]), threads).unwrap()
 }
 
 #[test]
 fn any_number_of_threads_writes_the_same_package() {
     let (info, field) = (info(), field(Shape::full(9_000), 1));
-    for coder in CODERS {
+    for coder in Coder::ALL {
         let source = Source { info: &info, field: &field, plate: None };
-        let options = EncodeOptions { coder, layers: vec![2_000], ..EncodeOptions::default() };
+        let options = options(coder, &[2_000]);
         let expected = encode(&source, &options).unwrap();
         for threads in threads() {
             assert!(encode_parallel(&source, &options, threads).unwrap() == expected, "{coder:?}, {threads}");
@@ -37,7 +33,7 @@ fn any_number_of_threads_writes_the_same_package() {
 
 #[test]
 fn any_number_of_threads_reads_the_same_clip() {
-    for coder in CODERS {
+    for coder in Coder::ALL {
         let package = package(coder, NonZero::new(2).unwrap());
         let second_layer = contents(&package, &Limits::default()).unwrap();
         let second_layer = second_layer.sections.iter().rfind(|section| section.layer == 1).unwrap().end();
@@ -52,12 +48,12 @@ fn any_number_of_threads_reads_the_same_clip() {
 }
 
 #[test]
-fn the_first_bad_chunk_decides_the_error() {
-    for coder in CODERS {
-        let whole = package(coder, NonZero::new(2).unwrap());
-        let sections = contents(&whole, &Limits::default()).unwrap().sections;
+fn the_first_damaged_chunk_determines_the_error() {
+    for coder in Coder::ALL {
+        let bytes = package(coder, NonZero::new(2).unwrap());
+        let sections = contents(&bytes, &Limits::default()).unwrap().sections;
         for first in [0, 3, sections.len() - 2] {
-            let mut damaged = whole.clone();
+            let mut damaged = bytes.clone();
             sections[first..].iter().for_each(|section| damaged[section.offset] ^= 1);
             let expected = decode(&damaged, &Limits::default()).unwrap_err();
             for threads in threads() {
@@ -68,10 +64,10 @@ fn the_first_bad_chunk_decides_the_error() {
     }
 }
 
-/// Where the limits have memory for one thread only, one thread decodes.
+/// If the limits have memory for one thread only, one thread decodes.
 #[test]
-fn more_threads_need_no_more_memory() {
-    for coder in CODERS {
+fn additional_threads_stay_within_the_limits() {
+    for coder in Coder::ALL {
         let package = package(coder, NonZero::new(2).unwrap());
         let fits = |max_bytes: &usize| {
             decode(&package, &Limits { max_bytes: *max_bytes, ..Limits::default() }).is_ok()

@@ -1,25 +1,26 @@
-// Stage adam: a step along the gradient of those Gaussians that the picture shows (Kingma and Ba, "Adam",
-// 2015), within the bounds. A thread moves one number, or a quaternion.
+// Stage adam: one step of Adam (Kingma and Ba, "Adam", 2015) within the bounds, for the Gaussians that the
+// image shows. One thread per number of a drawn row, or per quaternion.
 //
-// Bias is corrected by how often a row was visited itself, not by the number of steps.
+// In: gradients, learning rates, bounds, statistics. In and out: parameters, moments. Bias correction
+// counts the gradients of each row, not the steps.
 
 struct AdamUniforms {
-    // Step lengths of the columns; those of motion are three, one a power, and of the spherical harmonics
-    // after the first the last.
+    // Learning rates by column; at MOTION one per power of time, at SH_REST that of the spherical harmonics
+    // of degrees 1 to 3, at ROTATION_RATE_AT that of the rotation rates.
     rates: array<vec4<f32>, 3>,
-    // Least and greatest log-scale, log-width and tau, and the greatest logit.
+    // Smallest and largest log-scale, log-width and tau; the largest logit.
     log_scales: vec2<f32>,
     log_widths: vec2<f32>,
     tau: vec2<f32>,
     logit_max: f32,
 }
 
-@group(0) @binding(2) var<uniform> pace: AdamUniforms;
-@group(0) @binding(3) var<storage, read> state: array<u32>;
+@group(0) @binding(2) var<uniform> adam_uniforms: AdamUniforms;
+@group(0) @binding(3) var<storage, read> totals: array<u32>;
 @group(0) @binding(4) var<storage, read_write> parameters: array<f32>;
 @group(0) @binding(12) var<storage, read> order: array<u32>;
 @group(0) @binding(21) var<storage, read> d_parameters: array<f32>;
-@group(0) @binding(22) var<storage, read> memory: array<Memory>;
+@group(0) @binding(22) var<storage, read> statistics: array<Statistics>;
 @group(0) @binding(23) var<storage, read_write> first_moments: array<f32>;
 @group(0) @binding(24) var<storage, read_write> second_moments: array<f32>;
 
@@ -29,7 +30,7 @@ fn correction(log_beta: f32, visits: u32) -> f32 {
     if x < -0.5 {
         return 1.0 / (1.0 - exp(x));
     }
-    // 1 - e^x near 0 by its series: the term left out is below 2^-24.
+    // 1 - e^x near 0 as a series with a remainder below 2^-24.
     var sum = 1.0;
     for (var k = 8.0; k > 1.0; k -= 1.0) {
         sum = 1.0 + sum * x / k;
@@ -37,8 +38,8 @@ fn correction(log_beta: f32, visits: u32) -> f32 {
     return -1.0 / (x * sum);
 }
 
-// Where the step of a number leads.
-fn moved(at: u32, g: f32, rate: f32, bias: vec2<f32>) -> f32 {
+// Updates the moments of a parameter with its gradient `g` and returns its next value.
+fn updated(at: u32, g: f32, rate: f32, bias: vec2<f32>) -> f32 {
     let first = BETA1 * first_moments[at] + (1.0 - BETA1) * g;
     let second = BETA2 * second_moments[at] + (1.0 - BETA2) * g * g;
     first_moments[at] = first;
@@ -46,11 +47,24 @@ fn moved(at: u32, g: f32, rate: f32, bias: vec2<f32>) -> f32 {
     return parameters[at] - rate * (first * bias.x) / (sqrt(second * bias.y) + EPSILON);
 }
 
-// What is not a number stays so.
-fn within(x: f32, bounds: vec2<f32>) -> f32 {
+// Clamps a number of `column` to its bounds; NaN stays.
+fn clamped(column: u32, x: f32) -> f32 {
+    var bounds: vec2<f32>;
+    if column == LOG_SCALE {
+        bounds = adam_uniforms.log_scales;
+    } else if column == LOGIT {
+        bounds = vec2<f32>(-adam_uniforms.logit_max, adam_uniforms.logit_max);
+    } else if column == TAU {
+        bounds = adam_uniforms.tau;
+    } else if column == LOG_WIDTH {
+        bounds = adam_uniforms.log_widths;
+    } else {
+        return x;
+    }
     return select(clamp(x, bounds.x, bounds.y), x, is_nan(x));
 }
 
+// Learning rate of number `k` of a row in `column`.
 fn rate_of(column: u32, k: u32) -> f32 {
     var at = column;
     if column == SH && k >= 3u {
@@ -60,23 +74,33 @@ fn rate_of(column: u32, k: u32) -> f32 {
     } else if column == ROTATION_RATE {
         at = ROTATION_RATE_AT;
     }
-    return pace.rates[at / 4u][at % 4u];
+    return adam_uniforms.rates[at / 4u][at % 4u];
+}
+
+// Steps the quaternion at `to` along its gradient at `by`. Without a direction it becomes the identity.
+fn step_quaternion(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
+    var q: vec4<f32>;
+    for (var axis = 0u; axis < 4u; axis++) {
+        q[axis] = updated(to + axis, d_parameters[by + axis], rate, bias);
+    }
+    if dot(q, q) < LENGTH_MIN * LENGTH_MIN {
+        q = vec4<f32>(1.0, 0.0, 0.0, 0.0);
+    }
+    for (var axis = 0u; axis < 4u; axis++) {
+        parameters[to + axis] = q[axis];
+    }
 }
 
 @compute @workgroup_size(GROUP)
-fn adam(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = thread(group, groups, local);
+fn adam(at: Invocation) {
+    let index = thread(at);
     let i = index / NUMBERS;
-    if i >= state[DRAWN] || state[PAIRS] > step.pair_capacity {
+    if i >= totals[DRAWN] || totals[PAIRS] > uniforms.pair_capacity {
         return;
     }
     let row = order[i];
-    let remembered = memory[row];
-    if remembered.is_usable == 0u {
+    let of_row = statistics[row];
+    if of_row.is_usable == 0u {
         return;
     }
     let number = index % NUMBERS;
@@ -85,38 +109,15 @@ fn adam(
         column++;
     }
     let k = number - START[column];
-    let n = step.gaussians;
+    let n = uniforms.gaussians;
     let to = place(n, START[column], COUNT[column], row) + k;
     let by = place(n, START[column], COUNT[column], i) + k;
-    let bias = vec2<f32>(correction(LOG_BETA1, remembered.visits), correction(LOG_BETA2, remembered.visits));
+    let bias = vec2<f32>(correction(LOG_BETA1, of_row.visits), correction(LOG_BETA2, of_row.visits));
     let rate = rate_of(column, k);
-
-    if column == ROTATION {
-        // Whether a quaternion still has a direction is known of all of it.
-        if k > 0u {
-            return;
-        }
-        var q: vec4<f32>;
-        for (var axis = 0u; axis < 4u; axis++) {
-            q[axis] = moved(to + axis, d_parameters[by + axis], rate, bias);
-        }
-        if dot(q, q) < LENGTH_MIN * LENGTH_MIN {
-            q = vec4<f32>(1.0, 0.0, 0.0, 0.0);
-        }
-        for (var axis = 0u; axis < 4u; axis++) {
-            parameters[to + axis] = q[axis];
-        }
-        return;
+    if column != ROTATION {
+        parameters[to] = clamped(column, updated(to, d_parameters[by], rate, bias));
+    } else if k == 0u {
+        // One thread takes all four numbers, because the length depends on all.
+        step_quaternion(to, by, rate, bias);
     }
-    var value = moved(to, d_parameters[by], rate, bias);
-    if column == LOG_SCALE {
-        value = within(value, pace.log_scales);
-    } else if column == LOGIT {
-        value = within(value, vec2<f32>(-pace.logit_max, pace.logit_max));
-    } else if column == TAU {
-        value = within(value, pace.tau);
-    } else if column == LOG_WIDTH {
-        value = within(value, pace.log_widths);
-    }
-    parameters[to] = value;
 }

@@ -12,7 +12,7 @@ const N31: f32 = 0.4570457994644658; // 21/32
 const N32: f32 = 1.445305721320277; // 105/16
 const N33: f32 = 0.5900435899266435; // 35/32
 
-// The values of the first HARMONICS of them (1, 4, 9 or 16) towards a unit vector; 0 for the others.
+// Values of the first HARMONICS harmonics (1, 4, 9 or 16) at a unit vector; 0 for the others.
 fn harmonics(direction: vec3<f32>) -> array<f32, 16> {
     let x = direction.x;
     let y = direction.y;
@@ -46,8 +46,7 @@ fn harmonics(direction: vec3<f32>) -> array<f32, 16> {
     return values;
 }
 
-// The gradient by the direction of the sum of `w[k]` times harmonic `k`, each taken as the polynomial that
-// is evaluated above.
+// Gradient with respect to the direction of the sum of `w[k]` times harmonic `k`, as the polynomials above.
 fn harmonics_backward(direction: vec3<f32>, w: array<f32, 16>) -> vec3<f32> {
     let x = direction.x;
     let y = direction.y;

@@ -1,19 +1,16 @@
-// Stage project: the splats that can reach a pixel, and by what they are sorted.
+// Stage project: projects every Gaussian, one thread each.
+//
+// In: parameters. Out: by row, its splat and the number of tiles that it overlaps; a sort key that ascends
+// with depth (NOT_DRAWN for a Gaussian that reaches no pixel); its row.
 
-// By row.
 @group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
-// The bits of the depth, which rise with it; NOT_DRAWN of what is not drawn.
 @group(0) @binding(6) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
 
 @compute @workgroup_size(GROUP)
-fn project(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let row = thread(group, groups, local);
-    if row >= step.gaussians {
+fn project(at: Invocation) {
+    let row = thread(at);
+    if row >= uniforms.gaussians {
         return;
     }
     rows[row] = row;
@@ -22,10 +19,11 @@ fn project(
         keys[row] = NOT_DRAWN;
         return;
     }
-    keys[row] = bitcast<u32>(projected.depth);
+    // The bits of positive floats ascend with their values.
+    keys[row] = bitcast<u32>(projected.view.z);
     var splat = projected.splat;
-    let of_box = tile_rows(splat);
-    for (var tile_row = of_box.start; tile_row < of_box.end; tile_row++) {
+    let rows_of_box = tile_rows(splat);
+    for (var tile_row = rows_of_box.start; tile_row < rows_of_box.end; tile_row++) {
         let span = tiles_of_row(splat, tile_row);
         splat.tiles += span.end - span.start;
     }

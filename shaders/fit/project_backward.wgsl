@@ -1,24 +1,32 @@
-// Stage project_backward: from the gradient by splats to that by parameters.
+// Stage project_backward: backpropagates the gradient from splats to parameters, one thread per drawn
+// Gaussian, which is projected again for its intermediate results.
 //
-// Each Gaussian is projected once more and followed back, by itself. What its gradient tells about it is
-// noted on the way.
+// In: the sums that `rasterize_backward` left per pair. Out: row `i` of the gradient is that of row
+// `order[i]` of the parameters, 0 if it is not finite. Updates the statistics.
 
-@group(0) @binding(3) var<storage, read_write> state: array<atomic<u32>>;
-// Rows of the splats that were drawn.
+@group(0) @binding(3) var<storage, read_write> totals: array<atomic<u32>>;
+// Rows of the drawn splats.
 @group(0) @binding(12) var<storage, read> order: array<u32>;
 // By row.
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
 // By pair, SPLAT_NUMBERS each.
 @group(0) @binding(20) var<storage, read> d_pairs: array<f32>;
-// Row `i` is the gradient by row `order[i]` of the parameters; the columns are theirs.
 @group(0) @binding(21) var<storage, read_write> d_parameters: array<f32>;
-// By row.
-@group(0) @binding(22) var<storage, read_write> memory: array<Memory>;
+@group(0) @binding(22) var<storage, read_write> statistics: array<Statistics>;
 
-// What has become of a gradient, number by number.
+// Gradient with respect to a splat.
+struct SplatGradient {
+    center: vec2<f32>,
+    inverse_variance: vec2<f32>,
+    shear: f32,
+    color: vec3<f32>,
+    // With respect to the logarithm of the opacity.
+    log_opacity: f32,
+}
+
+// Whether the numbers of a gradient are finite, and whether their squares are, too.
 struct Health {
     is_finite: bool,
-    // Whether the squares are finite, too.
     is_usable: bool,
 }
 
@@ -39,7 +47,94 @@ fn put_quaternion(health: ptr<function, Health>, at: u32, value: vec4<f32>) {
     put(health, at + 3u, value.w);
 }
 
-// From the rotation matrix to the quaternion before it is brought to length 1.
+// Sums the pairs of a splat.
+fn splat_backward(row: u32, splat: Splat) -> SplatGradient {
+    var sums = array<f32, SPLAT_NUMBERS>();
+    let first = splats[row].first_pair;
+    for (var pair = first; pair < first + splats[row].tiles; pair++) {
+        for (var k = 0u; k < SPLAT_NUMBERS; k++) {
+            sums[k] += d_pairs[pair * SPLAT_NUMBERS + k];
+        }
+    }
+    // The exponent is -q / 2; the sums are those of its gradient times 1, s, dy, s s, s dy, dy dy.
+    let inverse_variance = splat.inverse_variance;
+    return SplatGradient(
+        vec2<f32>(inverse_variance.x * sums[1], inverse_variance.y * sums[2] - splat.shear * inverse_variance.x * sums[1]),
+        -0.5 * vec2<f32>(sums[3], sums[5]),
+        inverse_variance.x * sums[4],
+        vec3<f32>(sums[6], sums[7], sums[8]),
+        sums[0],
+    );
+}
+
+// To the images of the axes. The variance of x given y is xx - xy^2 / yy, and shear is xy / yy.
+fn images_backward(projected: Projected, d_splat: SplatGradient) -> array<vec3<f32>, 2> {
+    let inverse_variance = projected.splat.inverse_variance;
+    let shear = projected.splat.shear;
+    let d_variance = -inverse_variance.x * inverse_variance.x * d_splat.inverse_variance.x;
+    let d_shear = d_splat.shear / projected.footprint.variance.y;
+    let d_xx = d_variance;
+    let d_xy = d_shear - 2.0 * shear * d_variance;
+    let d_yy = shear * shear * d_variance - shear * d_shear
+        - inverse_variance.y * inverse_variance.y * d_splat.inverse_variance.y;
+    let images = projected.footprint.images;
+    return array<vec3<f32>, 2>(
+        images[0] * (2.0 * d_xx) + images[1] * d_xy,
+        images[1] * (2.0 * d_yy) + images[0] * d_xy,
+    );
+}
+
+// To the scaled axes in camera space. Returns the gradient with respect to the centre there.
+fn view_backward(
+    projected: Projected,
+    d_splat: SplatGradient,
+    d_axes: ptr<function, array<vec3<f32>, 3>>,
+) -> vec3<f32> {
+    let d_images = images_backward(projected, d_splat);
+    let z = projected.view.z;
+    var d_view = vec3<f32>(0.0);
+    for (var axis = 0u; axis < 2u; axis++) {
+        let f = uniforms.focal[axis] / z;
+        (*d_axes)[axis] = d_images[axis] * f;
+        (*d_axes)[2] += d_images[axis] * (-f * projected.footprint.slope[axis]);
+        // The image is proportional to f.
+        d_view.z -= dot(d_images[axis], projected.footprint.images[axis]) / z;
+        var d_slope = d_splat.center[axis] * uniforms.focal[axis];
+        if projected.footprint.is_inside[axis] {
+            d_slope -= f * dot(d_images[axis], projected.axes[2]);
+        }
+        d_view[axis] = d_slope / z;
+        d_view.z -= d_slope * (projected.view[axis] / z) / z;
+    }
+    return d_view;
+}
+
+// To the spherical harmonics. Returns the gradient with respect to the position. A channel clamped to 0
+// has no gradient.
+fn color_backward(
+    health: ptr<function, Health>,
+    i: u32,
+    row: u32,
+    projected: Projected,
+    d_unclamped: vec3<f32>,
+) -> vec3<f32> {
+    let d_color = select(vec3<f32>(0.0), d_unclamped, projected.splat.color > vec3<f32>(0.0));
+    let basis = harmonics(projected.direction);
+    let sh = place(uniforms.gaussians, START_SH, COUNT_SH, i);
+    var weights = array<f32, 16>();
+    for (var k = 0u; k < HARMONICS; k++) {
+        put_vector(health, sh + 3u * k, d_color * basis[k]);
+        weights[k] = dot(harmonic_of(row, k), d_color);
+    }
+    if HARMONICS == 1u || !(projected.distance > 0.0) {
+        return vec3<f32>(0.0);
+    }
+    let d_direction = harmonics_backward(projected.direction, weights);
+    let along = dot(d_direction, projected.direction);
+    return (d_direction - projected.direction * along) / projected.distance;
+}
+
+// From the rotation matrix to the quaternion before its normalisation.
 fn quaternion_backward(projected: Projected, g: array<vec3<f32>, 3>) -> vec4<f32> {
     if projected.length <= 0.0 {
         return vec4<f32>(0.0);
@@ -49,164 +144,91 @@ fn quaternion_backward(projected: Projected, g: array<vec3<f32>, 3>) -> vec4<f32
     let x = q.y;
     let y = q.z;
     let z = q.w;
-    // Off the diagonal, what the matrix and its transpose have in common, and what not.
+    // The symmetric and the antisymmetric part off the diagonal.
     let xy = g[0].y + g[1].x;
     let xz = g[0].z + g[2].x;
     let yz = g[1].z + g[2].y;
-    let turn = vec3<f32>(g[2].y - g[1].z, g[0].z - g[2].x, g[1].x - g[0].y);
+    let skew = vec3<f32>(g[2].y - g[1].z, g[0].z - g[2].x, g[1].x - g[0].y);
     let by_unit = vec4<f32>(
-        2.0 * (x * turn.x + y * turn.y + z * turn.z),
-        2.0 * (y * xy + z * xz + w * turn.x) - 4.0 * x * (g[1].y + g[2].z),
-        2.0 * (x * xy + z * yz + w * turn.y) - 4.0 * y * (g[0].x + g[2].z),
-        2.0 * (x * xz + y * yz + w * turn.z) - 4.0 * z * (g[0].x + g[1].y),
+        2.0 * (x * skew.x + y * skew.y + z * skew.z),
+        2.0 * (y * xy + z * xz + w * skew.x) - 4.0 * x * (g[1].y + g[2].z),
+        2.0 * (x * xy + z * yz + w * skew.y) - 4.0 * y * (g[0].x + g[2].z),
+        2.0 * (x * xz + y * yz + w * skew.z) - 4.0 * z * (g[0].x + g[1].y),
     );
     return (by_unit - dot(by_unit, q) * q) / projected.length;
 }
 
-@compute @workgroup_size(GROUP)
-fn project_backward(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = thread(group, groups, local);
-    if i >= atomicLoad(&state[DRAWN]) || atomicLoad(&state[PAIRS]) > step.pair_capacity {
-        return;
-    }
-    let row = order[i];
-    let window = window_of(row);
-    var projected: Projected;
-    if !project_into(row, window, &projected) {
-        // Only where a device computes the same numbers twice differently.
-        memory[row].is_usable = 0u;
-        return;
-    }
-    let splat = projected.splat;
-
-    // The sums that `rasterize_backward` left, of all tiles, and the gradient by what a splat is.
-    var sums = array<f32, SPLAT_NUMBERS>();
-    let first = splats[row].first_pair;
-    for (var pair = first; pair < first + splats[row].tiles; pair++) {
-        for (var k = 0u; k < SPLAT_NUMBERS; k++) {
-            sums[k] += d_pairs[pair * SPLAT_NUMBERS + k];
-        }
-    }
-    let e = sums[0];
-    let es = sums[1];
-    let ey = sums[2];
-    let ess = sums[3];
-    let esy = sums[4];
-    let eyy = sums[5];
-    var d_color = vec3<f32>(sums[6], sums[7], sums[8]);
-    let p = splat.inverse;
-    let lean = splat.lean;
-    let d_center = vec2<f32>(p.x * es, p.y * ey - lean * p.x * es);
-    let d_inverse = -0.5 * vec2<f32>(ess, eyy);
-
-    // From the footprint to the Gaussian's axes in the image. The variance of x where y is known is
-    // xx - xy^2 / yy, and lean is xy / yy.
-    let d_variance = -p.x * p.x * d_inverse.x;
-    let d_lean = p.x * esy / projected.variance_y;
-    let d_xx = d_variance;
-    let d_xy = d_lean - 2.0 * lean * d_variance;
-    let d_yy = lean * lean * d_variance - lean * d_lean - p.y * p.y * d_inverse.y;
-    let x_image = projected.images[0];
-    let y_image = projected.images[1];
-    let d_images = array<vec3<f32>, 2>(
-        x_image * (2.0 * d_xx) + y_image * d_xy,
-        y_image * (2.0 * d_yy) + x_image * d_xy,
-    );
-
-    // To the centre and the axes in the camera's.
-    let z = projected.view.z;
-    var d_view = vec3<f32>(0.0);
-    var d_axes = array<vec3<f32>, 3>();
-    for (var axis = 0u; axis < 2u; axis++) {
-        let f = step.focal[axis] / z;
-        d_axes[axis] = d_images[axis] * f;
-        d_axes[2] += d_images[axis] * (-f * projected.slope[axis]);
-        // The image is proportional to f.
-        d_view.z -= dot(d_images[axis], projected.images[axis]) / z;
-        var d_slope = d_center[axis] * step.focal[axis];
-        if projected.is_inside[axis] {
-            d_slope -= f * dot(d_images[axis], projected.axes[2]);
-        }
-        d_view[axis] = d_slope / z;
-        d_view.z -= d_slope * (projected.view[axis] / z) / z;
-    }
-    var d_world = from_view(d_view);
-
-    var health = Health(true, true);
-    let n = step.gaussians;
-    // To the colour. A channel cut off at 0 does not follow its coefficients.
-    d_color = select(vec3<f32>(0.0), d_color, splat.color > vec3<f32>(0.0));
-    let basis = harmonics(projected.direction);
-    let sh = place(n, START_SH, COUNT_SH, i);
-    var weights = array<f32, 16>();
-    for (var k = 0u; k < HARMONICS; k++) {
-        put_vector(&health, sh + 3u * k, d_color * basis[k]);
-        weights[k] = dot(harmonic_of(row, k), d_color);
-    }
-    if HARMONICS > 1u && projected.distance > 0.0 {
-        let d_direction = harmonics_backward(projected.direction, weights);
-        let along = dot(d_direction, projected.direction);
-        d_world += (d_direction - projected.direction * along) / projected.distance;
-    }
-
-    // To the scales and the rotation: in the world, the axes times the deviations are R S.
-    let turned = rows_of_rotation(projected.rotation);
-    let x_axis = step.view_from_world[0];
-    let y_axis = step.view_from_world[1];
-    let z_axis = step.view_from_world[2];
-    var d_turned: array<vec3<f32>, 3>;
+// To scales and rotation: the scaled axes in the world are R S. Returns the gradient of the quaternion.
+fn axes_backward(
+    health: ptr<function, Health>,
+    i: u32,
+    projected: Projected,
+    d_axes: array<vec3<f32>, 3>,
+) -> vec4<f32> {
+    let rotated = rows_of_rotation(projected.rotation);
+    let x_axis = uniforms.view_from_world[0];
+    let y_axis = uniforms.view_from_world[1];
+    let z_axis = uniforms.view_from_world[2];
+    var d_rotated: array<vec3<f32>, 3>;
     var d_log_scale = vec3<f32>(0.0);
     for (var r = 0u; r < 3u; r++) {
-        d_turned[r] = (d_axes[0] * x_axis[r] + d_axes[1] * y_axis[r] + d_axes[2] * z_axis[r]) * projected.scales;
-        d_log_scale += d_turned[r] * turned[r];
+        let d_world = d_axes[0] * x_axis[r] + d_axes[1] * y_axis[r] + d_axes[2] * z_axis[r];
+        d_rotated[r] = d_world * projected.scales;
+        d_log_scale += d_rotated[r] * rotated[r];
     }
-    put_vector(&health, place(n, START_LOG_SCALE, COUNT_LOG_SCALE, i), d_log_scale);
-    let d_rotation = quaternion_backward(projected, d_turned);
-    put_quaternion(&health, place(n, START_ROTATION, COUNT_ROTATION, i), d_rotation);
+    let n = uniforms.gaussians;
+    put_vector(health, place(n, START_LOG_SCALE, COUNT_LOG_SCALE, i), d_log_scale);
+    let d_rotation = quaternion_backward(projected, d_rotated);
+    put_quaternion(health, place(n, START_ROTATION, COUNT_ROTATION, i), d_rotation);
+    return d_rotation;
+}
 
-    // To the trajectory.
-    let d = window.since;
-    put_vector(&health, place(n, START_CENTER, COUNT_CENTER, i), d_world);
+// To the trajectory and the rotation rate. Returns the derivative with respect to the time since tau.
+fn motion_backward(
+    health: ptr<function, Health>,
+    i: u32,
+    row: u32,
+    d: f32,
+    d_world: vec3<f32>,
+    d_rotation: vec4<f32>,
+) -> f32 {
+    let n = uniforms.gaussians;
+    put_vector(health, place(n, START_CENTER, COUNT_CENTER, i), d_world);
     var d_since = 0.0;
     var power = 1.0;
     for (var k = 0u; k < MOTION_ORDER; k++) {
         d_since += f32(k + 1u) * power * dot(d_world, motion_of(row, k));
         power *= d;
-        put_vector(&health, place(n, START_MOTION, COUNT_MOTION, i) + 3u * k, d_world * power);
+        put_vector(health, place(n, START_MOTION, COUNT_MOTION, i) + 3u * k, d_world * power);
     }
-    if TURNS {
-        put_quaternion(&health, place(n, START_ROTATION_RATE, COUNT_ROTATION_RATE, i), d_rotation * d);
+    if ROTATES {
+        put_quaternion(health, place(n, START_ROTATION_RATE, COUNT_ROTATION_RATE, i), d_rotation * d);
         d_since += dot(d_rotation, rotation_rate_of(row));
     }
-
-    // To the window: o = sigmoid(a) exp(-z^2 / 2), z = d / s.
-    put(&health, place(n, START_LOGIT, 1u, i), e * window.clearness);
-    if IS_TIMED {
-        let in_widths = window.since_in_widths;
-        put(&health, place(n, START_LOG_WIDTH, 1u, i), e * in_widths * in_widths);
-        var d_tau = e * in_widths / window.width;
-        if step.is_detached == 0u {
-            d_tau -= d_since;
-        }
-        put(&health, place(n, START_TAU, 1u, i), d_tau);
-    }
-
-    // Of the centre in the image, counted from -1 to 1.
-    let on_screen = d_center * vec2<f32>(step.size) * 0.5;
-    let pull = sqrt(dot(on_screen, on_screen));
-    note(i, row, pull, health);
+    return d_since;
 }
 
-// Clears a gradient that is not finite, counts it, and notes what the control of their number asks for.
-fn note(i: u32, row: u32, pull: f32, health: Health) {
-    let is_good = health.is_finite && is_finite(pull);
+// To logit, width and tau: o = sigmoid(a) exp(-z^2 / 2) with z = d / s.
+fn window_backward(health: ptr<function, Health>, i: u32, window: Window, d_log_opacity: f32, d_since: f32) {
+    let n = uniforms.gaussians;
+    put(health, place(n, START_LOGIT, 1u, i), d_log_opacity * window.clearness);
+    if IS_TIMED {
+        let z = window.since_in_widths;
+        put(health, place(n, START_LOG_WIDTH, 1u, i), d_log_opacity * z * z);
+        var d_tau = d_log_opacity * z / window.width;
+        if uniforms.detach_tau == 0u {
+            d_tau -= d_since;
+        }
+        put(health, place(n, START_TAU, 1u, i), d_tau);
+    }
+}
+
+// Clears and counts a gradient that is not finite, and updates the statistics.
+fn finish(i: u32, row: u32, screen_gradient: f32, health: Health) {
+    let is_good = health.is_finite && is_finite(screen_gradient);
     if !is_good {
         for (var column = 0u; column < COLUMNS; column++) {
-            let first = place(step.gaussians, START[column], COUNT[column], i);
+            let first = place(uniforms.gaussians, START[column], COUNT[column], i);
             for (var k = 0u; k < COUNT[column]; k++) {
                 d_parameters[first + k] = 0.0;
             }
@@ -214,11 +236,37 @@ fn note(i: u32, row: u32, pull: f32, health: Health) {
     }
     let is_usable = !is_good || health.is_usable;
     if !(is_good && is_usable) {
-        atomicAdd(&state[NON_FINITE], 1u);
+        atomicAdd(&totals[NON_FINITE], 1u);
     }
-    let kept = select(0.0, pull, is_good);
-    memory[row].pull += kept;
-    memory[row].pictures += 1u;
-    memory[row].visits += select(0u, 1u, is_usable);
-    memory[row].is_usable = select(0u, 1u, is_usable);
+    statistics[row].screen_gradient += select(0.0, screen_gradient, is_good);
+    statistics[row].images += 1u;
+    statistics[row].visits += select(0u, 1u, is_usable);
+    statistics[row].is_usable = select(0u, 1u, is_usable);
+}
+
+@compute @workgroup_size(GROUP)
+fn project_backward(at: Invocation) {
+    let i = thread(at);
+    if i >= atomicLoad(&totals[DRAWN]) || atomicLoad(&totals[PAIRS]) > uniforms.pair_capacity {
+        return;
+    }
+    let row = order[i];
+    let window = window_of(row);
+    var projected: Projected;
+    if !project_into(row, window, &projected) {
+        // Only on a device that computes the same numbers differently in `project`.
+        statistics[row].is_usable = 0u;
+        return;
+    }
+    let d_splat = splat_backward(row, projected.splat);
+    var health = Health(true, true);
+    var d_axes = array<vec3<f32>, 3>();
+    var d_world = from_view(view_backward(projected, d_splat, &d_axes));
+    d_world += color_backward(&health, i, row, projected, d_splat.color);
+    let d_rotation = axes_backward(&health, i, projected, d_axes);
+    let d_since = motion_backward(&health, i, row, window.since, d_world, d_rotation);
+    window_backward(&health, i, window, d_splat.log_opacity, d_since);
+    // The image spans [-1, 1] along both axes.
+    let on_screen = d_splat.center * vec2<f32>(uniforms.size) * 0.5;
+    finish(i, row, sqrt(dot(on_screen, on_screen)), health);
 }

@@ -1,82 +1,88 @@
-// Moves Gaussians to the instant and projects them into the image: what `project` writes, and what
-// `project_backward` follows back.
+// Evaluates Gaussians at the frame and projects them into the image: `project` stores the splat,
+// `project_backward` recomputes all intermediate results.
 //
 // The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form of gsplat.
 
-// The window of a Gaussian at the instant.
+// The temporal window of a Gaussian at the frame.
 struct Window {
-    // Opacity at the instant, and how much the peak opacity lacks to 1.
+    // Opacity at the frame; 1 minus the peak opacity.
     opacity: f32,
     clearness: f32,
-    // Frames since `tau`, also in widths of the window; 0 without time.
+    // Time since tau in frames, and in window widths; 0 without time.
     since: f32,
     since_in_widths: f32,
     // Width in frames; 1 without time.
     width: f32,
 }
 
+// The affine approximation of a Gaussian in the image.
+struct Footprint {
+    // x/z and y/z at which the Jacobian is evaluated, and whether those are the centre's.
+    slope: vec2<f32>,
+    is_inside: vec2<bool>,
+    // Images of the Gaussian's scaled axes in x and in y, in pixels.
+    images: array<vec3<f32>, 2>,
+    // Variances of x and y with blur in px^2, their covariance, and the determinant.
+    variance: vec2<f32>,
+    covariance: f32,
+    determinant: f32,
+}
+
 struct Projected {
     splat: Splat,
-    // Distance of the centre along the camera's axis.
-    depth: f32,
-    // Unit vector from the eye to the centre (0 where they are one), and the distance.
+    // Unit vector from the camera to the centre (0 if they coincide), and the distance.
     direction: vec3<f32>,
     distance: f32,
-    // Unit quaternion w, x, y, z, and the length it had; 0 where it was too short to have a direction.
+    // Unit quaternion w, x, y, z, and its length before normalisation; 0 if that is too short.
     rotation: vec4<f32>,
     length: f32,
     scales: vec3<f32>,
-    // Centre in the camera's axes.
+    // Centre in camera space.
     view: vec3<f32>,
-    // x/z and y/z at which the Jacobian is taken, and whether that is at the centre.
-    slope: vec2<f32>,
-    is_inside: vec2<bool>,
-    // Along the camera's x, y and z: the Gaussian's three axes times their standard deviations.
+    // Camera-space x, y and z of the three axes times their standard deviations.
     axes: array<vec3<f32>, 3>,
-    // In the image's x and y: the same, in pixels.
-    images: array<vec3<f32>, 2>,
-    // Of y, blur included.
-    variance_y: f32,
+    footprint: Footprint,
 }
 
-// e^x, finite for all numbers; 0 far below 0, NaN for NaN.
-fn exponential(x: f32) -> f32 {
+// e^x: finite for all numbers, 0 below -87.3, NaN for NaN.
+fn finite_exp(x: f32) -> f32 {
     if is_nan(x) {
         return x;
     }
     return select(exp(clamp(x, -87.3, 88.0)), 0.0, x < -87.3);
 }
 
-// Rotates into the camera's axes, and back.
+// Rotates a vector from world to camera space.
 fn to_view(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(
-        dot(step.view_from_world[0].xyz, v),
-        dot(step.view_from_world[1].xyz, v),
-        dot(step.view_from_world[2].xyz, v),
+        dot(uniforms.view_from_world[0].xyz, v),
+        dot(uniforms.view_from_world[1].xyz, v),
+        dot(uniforms.view_from_world[2].xyz, v),
     );
 }
 
+// Rotates a vector from camera to world space.
 fn from_view(v: vec3<f32>) -> vec3<f32> {
-    return step.view_from_world[0].xyz * v.x
-        + step.view_from_world[1].xyz * v.y
-        + step.view_from_world[2].xyz * v.z;
+    return uniforms.view_from_world[0].xyz * v.x
+        + uniforms.view_from_world[1].xyz * v.y
+        + uniforms.view_from_world[2].xyz * v.z;
 }
 
 fn window_of(row: u32) -> Window {
     var window = Window(0.0, 0.0, 0.0, 0.0, 1.0);
     if IS_TIMED {
-        window.since = step.frame - number_of(row, START_TAU);
-        window.width = exponential(number_of(row, START_LOG_WIDTH));
+        window.since = uniforms.frame - scalar_of(row, START_TAU);
+        window.width = finite_exp(scalar_of(row, START_LOG_WIDTH));
     }
     window.since_in_widths = window.since / window.width;
-    let fading = exponential(-0.5 * window.since_in_widths * window.since_in_widths);
-    let logit = number_of(row, START_LOGIT);
-    window.opacity = fading / (1.0 + exponential(-logit));
-    window.clearness = 1.0 / (1.0 + exponential(logit));
+    let fading = finite_exp(-0.5 * window.since_in_widths * window.since_in_widths);
+    let logit = scalar_of(row, START_LOGIT);
+    window.opacity = fading / (1.0 + finite_exp(-logit));
+    window.clearness = 1.0 / (1.0 + finite_exp(logit));
     return window;
 }
 
-// mu + c1 d + c2 d^2 + c3 d^3, the paper's trajectory.
+// The paper's trajectory: mu + c1 d + c2 d^2 + c3 d^3.
 fn position(row: u32, d: f32) -> vec3<f32> {
     var offset = vec3<f32>(0.0);
     for (var power = MOTION_ORDER; power > 0u; power--) {
@@ -85,7 +91,7 @@ fn position(row: u32, d: f32) -> vec3<f32> {
     return center_of(row) + offset;
 }
 
-// The rows of the rotation matrix of a unit quaternion w, x, y, z.
+// Rows of the rotation matrix of a unit quaternion w, x, y, z.
 fn rows_of_rotation(q: vec4<f32>) -> array<vec3<f32>, 3> {
     let w = q.x;
     let x = q.y;
@@ -98,25 +104,11 @@ fn rows_of_rotation(q: vec4<f32>) -> array<vec3<f32>, 3> {
     );
 }
 
-// Projects a Gaussian; whether it can reach a pixel. Not so what is not there at the instant, what is
-// nearer than NEAR, and what has no finite footprint.
-fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool {
-    if !(is_finite(window.opacity) && window.opacity >= ALPHA_MIN) {
-        return false;
-    }
-    let world = position(row, window.since);
-    let origin = vec3<f32>(step.view_from_world[0].w, step.view_from_world[1].w, step.view_from_world[2].w);
-    let view = to_view(world) + origin;
-    let z = view.z;
-    if !(is_finite(z) && z >= NEAR) {
-        return false;
-    }
-    let f = step.focal / z;
-    let center = f * view.xy + step.principal;
-
+// Computes rotation, scales and axes. Returns false for a quaternion that is not finite.
+fn orient(row: u32, since: f32, out: ptr<function, Projected>) -> bool {
     var q = rotation_of(row);
-    if TURNS {
-        q += rotation_rate_of(row) * window.since;
+    if ROTATES {
+        q += rotation_rate_of(row) * since;
     }
     let length = sqrt(dot(q, q));
     if !is_finite(length) {
@@ -125,70 +117,100 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
     let has_direction = length > LENGTH_MIN;
     let rotation = select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q / length, has_direction);
     let log_scale = log_scale_of(row);
-    let scales = vec3<f32>(exponential(log_scale.x), exponential(log_scale.y), exponential(log_scale.z));
-    let turned = rows_of_rotation(rotation);
-    let in_world = array<vec3<f32>, 3>(turned[0] * scales, turned[1] * scales, turned[2] * scales);
-    var axes: array<vec3<f32>, 3>;
+    let scales = vec3<f32>(finite_exp(log_scale.x), finite_exp(log_scale.y), finite_exp(log_scale.z));
+    let rotated = rows_of_rotation(rotation);
+    let in_world = array<vec3<f32>, 3>(rotated[0] * scales, rotated[1] * scales, rotated[2] * scales);
     for (var r = 0u; r < 3u; r++) {
-        let axis = step.view_from_world[r];
-        axes[r] = in_world[0] * axis.x + in_world[1] * axis.y + in_world[2] * axis.z;
+        let axis = uniforms.view_from_world[r];
+        (*out).axes[r] = in_world[0] * axis.x + in_world[1] * axis.y + in_world[2] * axis.z;
     }
-    let at_center = view.xy / z;
-    let slope = min(max(at_center, step.slope_min), step.slope_max);
+    (*out).rotation = rotation;
+    (*out).length = select(0.0, length, has_direction);
+    (*out).scales = scales;
+    return true;
+}
+
+// The footprint of scaled axes at `view`.
+fn footprint_of(view: vec3<f32>, axes: array<vec3<f32>, 3>) -> Footprint {
+    let f = uniforms.focal / view.z;
+    let at_center = view.xy / view.z;
+    let slope = min(max(at_center, uniforms.slope_min), uniforms.slope_max);
     // Rows of the Jacobian times the axes.
     let x_image = (axes[0] - axes[2] * slope.x) * f.x;
     let y_image = (axes[1] - axes[2] * slope.y) * f.y;
     // |a|^2 |b|^2 - (a . b)^2 is |a x b|^2, which does not cancel.
     let area = cross(x_image, y_image);
     let sharp = vec2<f32>(dot(x_image, x_image), dot(y_image, y_image));
-    let xy = dot(x_image, y_image);
     let determinant = dot(area, area) + BLUR * (sharp.x + sharp.y) + BLUR * BLUR;
-    let xx = sharp.x + BLUR;
-    let yy = sharp.y + BLUR;
+    return Footprint(
+        slope,
+        at_center == slope,
+        array<vec3<f32>, 2>(x_image, y_image),
+        sharp + vec2<f32>(BLUR),
+        dot(x_image, y_image),
+        determinant,
+    );
+}
 
-    let gaze = world - step.eye;
-    let distance = sqrt(dot(gaze, gaze));
-    let direction = select(vec3<f32>(0.0), gaze / distance, distance > 0.0);
+// 0.5 plus the sum of the spherical harmonics; a splat has its positive part.
+fn color_of(row: u32, direction: vec3<f32>) -> vec3<f32> {
     let basis = harmonics(direction);
     var color = vec3<f32>(0.5);
     for (var k = 0u; k < HARMONICS; k++) {
         color += harmonic_of(row, k) * basis[k];
     }
-    let is_usable = is_finite(center.x) && is_finite(center.y) && are_finite(color)
-        && is_finite(distance) && is_finite(determinant);
-    if !is_usable {
+    return color;
+}
+
+// Projects a Gaussian. Returns false if it reaches no pixel: it is invisible at the frame, nearer than
+// NEAR, outside the image, or not finite.
+fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool {
+    if !(is_finite(window.opacity) && window.opacity >= ALPHA_MIN) {
         return false;
     }
-    // A margin above the rounding of the exponential.
-    let far = max(2.0 * log(window.opacity / ALPHA_MIN), 0.0) + FAR_MARGIN;
-    let reach = sqrt(far * vec2<f32>(xx, yy));
-    let size = vec2<f32>(step.size);
-    if !(all(center + reach > vec2<f32>(0.0)) && all(center - reach < size)) {
+    let world = position(row, window.since);
+    let translation = vec3<f32>(
+        uniforms.view_from_world[0].w,
+        uniforms.view_from_world[1].w,
+        uniforms.view_from_world[2].w,
+    );
+    let view = to_view(world) + translation;
+    if !(is_finite(view.z) && view.z >= NEAR) || !orient(row, window.since, out) {
         return false;
     }
+    let footprint = footprint_of(view, (*out).axes);
+    let gaze = world - uniforms.eye;
+    let distance = sqrt(dot(gaze, gaze));
+    let direction = select(vec3<f32>(0.0), gaze / distance, distance > 0.0);
+    let color = color_of(row, direction);
+    let center = uniforms.focal / view.z * view.xy + uniforms.principal;
+    if !(is_finite(center.x) && is_finite(center.y) && are_finite(color) && is_finite(distance)
+        && is_finite(footprint.determinant)) {
+        return false;
+    }
+    // The margin exceeds the rounding error of the finite_exp.
+    let q_max = max(2.0 * log(window.opacity / ALPHA_MIN), 0.0) + Q_MARGIN;
+    let half_extent = sqrt(q_max * footprint.variance);
+    if !(all(center + half_extent > vec2<f32>(0.0)) && all(center - half_extent < vec2<f32>(uniforms.size))) {
+        return false;
+    }
+    let xx = footprint.variance.x;
+    let yy = footprint.variance.y;
     (*out).splat = Splat(
         center,
-        vec2<f32>(yy / determinant, 1.0 / yy),
-        reach,
-        xy / yy,
-        far,
+        vec2<f32>(yy / footprint.determinant, 1.0 / yy),
+        half_extent,
+        footprint.covariance / yy,
+        q_max,
         max(color, vec3<f32>(0.0)),
         window.opacity,
-        reach.x * (xy / xx),
+        half_extent.x * (footprint.covariance / xx),
         0u,
         0u,
     );
-    (*out).depth = z;
     (*out).direction = direction;
     (*out).distance = distance;
-    (*out).rotation = rotation;
-    (*out).length = select(0.0, length, has_direction);
-    (*out).scales = scales;
     (*out).view = view;
-    (*out).slope = slope;
-    (*out).is_inside = at_center == slope;
-    (*out).axes = axes;
-    (*out).images = array<vec3<f32>, 2>(x_image, y_image);
-    (*out).variance_y = yy;
+    (*out).footprint = footprint;
     return true;
 }

@@ -1,13 +1,16 @@
-// Stage rasterize: composites splats into pixels, the paper's rendering equation.
+// Stage rasterize: composites splats into pixels, front to back (the paper's rendering equation). One group
+// per tile, one thread per pixel.
+//
+// In: splats, and the pairs of each tile front to back. Out: the image over black.
 
-@group(0) @binding(14) var<storage, read_write> picture: array<vec4<f32>>;
+@group(0) @binding(14) var<storage, read_write> image: array<vec4<f32>>;
 
 @compute @workgroup_size(TILE, TILE)
 fn rasterize(@builtin(workgroup_id) tile: vec3<u32>, @builtin(global_invocation_id) pixel: vec3<u32>) {
-    if any(pixel.xy >= step.size) {
+    if any(pixel.xy >= uniforms.size) {
         return;
     }
-    let index = tile.y * step.tiles.x + tile.x;
+    let index = tile.y * uniforms.tiles.x + tile.x;
     let end = tile_starts[index + 1u];
     var transmittance = 1.0;
     var sum = vec4<f32>(0.0);
@@ -17,5 +20,5 @@ fn rasterize(@builtin(workgroup_id) tile: vec3<u32>, @builtin(global_invocation_
         transmittance = drawn.transmittance_behind;
         sum += drawn.weight * vec4<f32>(splat.color, 1.0);
     }
-    picture[pixel.y * step.size.x + pixel.x] = sum;
+    image[pixel.y * uniforms.size.x + pixel.x] = sum;
 }

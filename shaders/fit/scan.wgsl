@@ -1,22 +1,21 @@
-// The sums of all numbers before each: within blocks, then of the blocks. Whoever reads them adds the two.
+// Stage scan: exclusive prefix sums, in two levels. After both kernels, the sum of all numbers before the
+// i-th is `counts[i] + block_sums[i / BLOCK]`.
+//
+// scan_blocks: sums within blocks, one thread per block. scan_totals: sums of the blocks, one group.
+// The total goes to the totals.
 
 var<workgroup> parts: array<u32, SCAN_GROUP>;
 
-// Stays at the largest number: a sum that is too large is then known to be.
+// Addition that saturates, so that an overflow is detected.
 fn plus(a: u32, b: u32) -> u32 {
     let sum = a + b;
     return select(sum, 0xffffffffu, sum < a);
 }
 
-// Replaces each number by the sum of those before it in its block.
 @compute @workgroup_size(GROUP)
-fn scan_blocks(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let block = thread(group, groups, local);
-    let length = scanned();
+fn scan_blocks(at: Invocation) {
+    let block = thread(at);
+    let length = scan_length();
     let first = block * BLOCK;
     if first >= length {
         return;
@@ -30,10 +29,9 @@ fn scan_blocks(
     block_sums[block] = sum;
 }
 
-// Replaces the sum of each block by that of the blocks before it; the total goes to the state. One group.
 @compute @workgroup_size(SCAN_GROUP)
 fn scan_totals(@builtin(local_invocation_index) local: u32) {
-    let blocks = (scanned() + BLOCK - 1u) / BLOCK;
+    let blocks = (scan_length() + BLOCK - 1u) / BLOCK;
     let each = (blocks + SCAN_GROUP - 1u) / SCAN_GROUP;
     let first = min(local * each, blocks);
     let last = min(first + each, blocks);
@@ -42,11 +40,12 @@ fn scan_totals(@builtin(local_invocation_index) local: u32) {
         sum = plus(sum, block_sums[i]);
     }
     parts[local] = sum;
-    for (var reach = 1u; reach < SCAN_GROUP; reach *= 2u) {
+    // Inclusive prefix sums over the threads (Hillis and Steele).
+    for (var stride = 1u; stride < SCAN_GROUP; stride *= 2u) {
         workgroupBarrier();
         var before = 0u;
-        if local >= reach {
-            before = parts[local - reach];
+        if local >= stride {
+            before = parts[local - stride];
         }
         workgroupBarrier();
         parts[local] = plus(before, parts[local]);
@@ -62,6 +61,6 @@ fn scan_totals(@builtin(local_invocation_index) local: u32) {
         offset = plus(offset, count);
     }
     if local == SCAN_GROUP - 1u {
-        state[series.total_at] = parts[local];
+        totals[series.total_at] = parts[local];
     }
 }

@@ -1,24 +1,24 @@
-// A Gaussian as the rasteriser sees it. With `d` from its centre to a pixel's, the squared distance in
-// standard deviations is `q = inverse.x (d.x - lean d.y)^2 + inverse.y d.y^2`.
+// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
+// Mahalanobis distance is `q = inverse_variance.x (d.x - shear d.y)^2 + inverse_variance.y d.y^2`.
 
 struct Splat {
     // In pixels, from the image's top left corner.
     center: vec2<f32>,
-    // Inverse variances in px^-2: of x where y is known, and of y.
-    inverse: vec2<f32>,
-    // Half the size of the box around the ellipse `q = far`.
-    reach: vec2<f32>,
-    // How far the ellipse's middle moves in x per step in y.
-    lean: f32,
-    // `q` from which alpha is certainly below ALPHA_MIN.
-    far: f32,
-    // Red, green, blue towards the eye, from 0 up.
+    // In px^-2: of x given y, and of y.
+    inverse_variance: vec2<f32>,
+    // Half the size of the bounding box of the ellipse `q = q_max`.
+    half_extent: vec2<f32>,
+    // Mean of d.x per unit of d.y.
+    shear: f32,
+    // `q` above which alpha is certainly below ALPHA_MIN.
+    q_max: f32,
+    // Red, green, blue towards the camera, at least 0.
     color: vec3<f32>,
-    // Opacity at the instant, from ALPHA_MIN up.
+    // Opacity at the frame, at least ALPHA_MIN.
     opacity: f32,
-    // `d.y` where the ellipse touches its box on the right; the negative of it on the left.
-    touch: f32,
-    // Number of tiles that it reaches, and the first of its pairs with them.
+    // `d.y` at which the ellipse touches its bounding box on the right; on the left it is -tangent_y.
+    tangent_y: f32,
+    // Number of tiles that it overlaps, and the index of its first splat-tile pair.
     tiles: u32,
     first_pair: u32,
 }

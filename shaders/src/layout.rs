@@ -1,7 +1,6 @@
-//! The structs that Rust writes and WGSL reads, field for field.
+//! Rust counterparts of the WGSL structs.
 //!
-//! Names, offsets and sizes are those of the WGSL declarations; the tests of this crate compare
-//! them through naga.
+//! Names, offsets and sizes match the WGSL declarations; tests compare them through naga.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,9 +10,9 @@ use bytemuck::{Pod, Zeroable};
 pub struct Frame {
     /// Normalised clip time, rounded to `f32`.
     pub time: f32,
-    /// What the rounding left.
+    /// Rounding error of `time`.
     pub time_rest: f32,
-    /// Farthest a splat reaches from its centre, in standard deviations.
+    /// Limit of the support radius in standard deviations.
     pub radius_max: f32,
 }
 
@@ -21,9 +20,9 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ViewUniform {
-    /// Columns of the rotation from the world's axes to the eye's, each with a padding.
+    /// Columns of the rotation from the world's axes to the eye's, each padded to 16 bytes.
     pub view_from_world: [[f32; 4]; 3],
-    /// Position of the eye, from the clip's middle as centres are.
+    /// Position of the eye relative to the clip's origin.
     pub eye: [f32; 3],
     /// Padding.
     pub _pad0: f32,
@@ -41,7 +40,7 @@ pub struct ViewUniform {
     pub _pad1: [f32; 2],
 }
 
-/// `Ranges` of gaussian.wgsl: what the packed numbers of a field stand for.
+/// `Ranges` of gaussian.wgsl: ranges of the packed numbers of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ranges {
@@ -49,9 +48,9 @@ pub struct Ranges {
     pub log_scale_min: f32,
     /// Log-scale per step of the 16-bit number.
     pub log_scale_step: f32,
-    /// Rows from here on have temporal data.
+    /// First row with temporal data.
     pub first_dynamic: u32,
-    /// Factor of the rates of rotation.
+    /// Factor of the angular rates.
     pub rate_unit: f32,
     /// Factors of the motion coefficients of power 1, 2, 3.
     pub motion_units: [f32; 3],
@@ -63,11 +62,10 @@ pub struct Ranges {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Gaussian {
-    /// Centre at the instant that the record is about, from the clip's middle, as the bits of three
-    /// `f32`.
+    /// Centre at the record's instant, relative to the clip's origin, as the bits of three `f32`.
     pub center: [u32; 3],
-    /// Smallest-three quaternion: two components in 15 bits each, the index of the missing one in
-    /// the upper 2.
+    /// Smallest-three quaternion: two components in 15 bits each, the index of the omitted one in the
+    /// upper 2.
     pub rotation: u32,
     /// The third component in the lower 16 bits, the first log-scale in the upper 16.
     pub rotation_scale: u32,

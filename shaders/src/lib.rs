@@ -1,19 +1,18 @@
-//! The WGSL stages and the Rust counterparts of the structs they share.
+//! The WGSL stages, and Rust counterparts of the structs they share.
 //!
-//! A shader is put together for the clip it draws: [`compose`] concatenates the files that the
-//! clip's [`Features`] call for. What a clip does not have is then neither code nor binding. The stages of
-//! fitting, which players do without, are in `fit`, behind the feature of that name.
+//! [`compose`] concatenates the files that the [`Features`] of a clip require, so features that a clip lacks
+//! are neither code nor bindings. The stages of fitting are in `fit`, behind the Cargo feature of that name.
 //!
-//! | group | binding | what | stage |
+//! | group | binding | content | stage |
 //! |---|---|---|---|
 //! | 0 | [`FRAME`] | [`layout::Frame`] | both |
 //! | 0 | [`VIEWS`] | array of [`layout::ViewUniform`], one per eye of the pass | vertex |
 //! | 1 | [`RANGES`] | [`layout::Ranges`] | vertex |
 //! | 1 | [`GAUSSIANS`] | array of [`layout::Gaussian`] | vertex |
-//! | 1 | [`ORDER`] | rows to draw, back to front: array of `u32` | vertex |
-//! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] a moving row | vertex |
-//! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] a row | vertex |
-//! | 2 | [`COUNTS`] | for [`Purpose::Count`]: fragments of every rectangle | fragment |
+//! | 1 | [`ORDER`] | array of `u32`: rows to draw, back to front | vertex |
+//! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] per dynamic row | vertex |
+//! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] per row | vertex |
+//! | 2 | [`COUNTS`] | for [`Purpose::Count`]: array of `u32`, fragments per quad | fragment |
 
 #[cfg(feature = "fit")]
 pub mod fit;
@@ -25,17 +24,17 @@ mod tests;
 /// Least alpha that is drawn: 1/255.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 
-/// No fragment is fully opaque.
+/// Upper limit of a fragment's alpha.
 pub const ALPHA_MAX: f32 = 0.999;
 
-/// Distance in front of the eye, in units of the field, from which Gaussians are drawn.
+/// Near plane, in units of the field.
 pub const NEAR: f32 = 0.01;
 
-/// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
+/// Added to the variances of every footprint, in px^2, so that no splat falls between pixels.
 pub const BLUR: f32 = 0.3;
 
-/// Unit of the 16-bit `1/s`: the narrowest window is `1 / (65504 WIDTH_UNIT)` of the clip, 5e-7. Of
-/// those wider than 500 clips less is kept, and nobody sees it.
+/// Unit of the 16-bit `1/s`: the narrowest window is `1 / (65504 WIDTH_UNIT)` of the clip, 5e-7. Windows wider
+/// than 500 clips lose precision, without a visible effect.
 pub const WIDTH_UNIT: f32 = 32.0;
 
 /// Binding of the instant in group 0.
@@ -55,11 +54,11 @@ pub const SH: u32 = 4;
 /// Binding of the fragment counts in group 2.
 pub const COUNTS: u32 = 0;
 
-/// Corners of the rectangle that a Gaussian is drawn as.
+/// Corners of a Gaussian's quad.
 pub const CORNERS: u32 = 4;
 
-/// Rectangles of an instance. With one each, hardware would start a group of threads for four
-/// corners, and a software driver all that it does for a draw call.
+/// Quads per instance. With one quad per instance, hardware starts a thread group for four vertices, and a
+/// software driver repeats the work of a draw call.
 pub const BATCH: u32 = 1024;
 
 /// Name of the vertex entry point.
@@ -67,12 +66,12 @@ pub const VERTEX_ENTRY: &str = "vertex";
 /// Name of the fragment entry point.
 pub const FRAGMENT_ENTRY: &str = "fragment";
 
-/// What a field has that a shader must handle.
+/// Features of a field that a shader must support.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Features {
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u8,
-    /// Temporal data; `None` where nothing moves or fades.
+    /// Temporal data; `None` for a static field.
     pub motion: Option<Motion>,
 }
 
@@ -81,41 +80,41 @@ pub struct Features {
 pub struct Motion {
     /// Highest power of time in the trajectories, 0 to 3.
     pub order: u8,
-    /// Whether Gaussians turn.
+    /// Whether Gaussians rotate.
     pub rotates: bool,
 }
 
 impl Motion {
-    /// Number of 16-bit floats a moving row has: 1/s, the motion coefficients, the rate of rotation.
+    /// Number of 16-bit floats per dynamic row: 1/s, the motion coefficients, the angular rate.
     pub const fn halves(self) -> usize {
         1 + 3 * self.order as usize + if self.rotates { 4 } else { 0 }
     }
 
-    /// Number of 32-bit words a moving row has: the instant it is about, and the 16-bit floats.
+    /// Number of 32-bit words per dynamic row: the instant and the 16-bit floats.
     pub const fn words(self) -> usize {
         1 + self.halves().div_ceil(2)
     }
 }
 
-/// Number of 32-bit words of spherical harmonics a row has: the largest coefficient, then one for
-/// each above degree 0. None at degree 0.
+/// Number of 32-bit words of spherical harmonics per row: the largest coefficient, then one word per
+/// coefficient above degree 0; none at degree 0.
 pub const fn sh_words(degree: u8) -> usize {
     if degree == 0 { 0 } else { (degree as usize + 1) * (degree as usize + 1) }
 }
 
-/// What a pipeline is for.
+/// Purpose of a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Purpose {
-    /// Drawing, `views` eyes in one pass; more than one takes multiview.
+    /// Draws `views` eyes in one pass; more than one requires multiview.
     Draw {
         /// Number of eyes.
         views: u32,
     },
-    /// Counting fragments, one eye a pass.
+    /// Counts fragments, one eye per pass.
     Count,
 }
 
-/// The WGSL source for a field with `features`.
+/// Composes the WGSL source for a field with `features`.
 pub fn compose(features: Features, purpose: Purpose) -> String {
     let views = match purpose {
         Purpose::Draw { views } => views,

@@ -1,5 +1,4 @@
-//! Every shader that can be composed is valid, and its structs, bindings and entry points are
-//! those that Rust believes in.
+//! Validates every composition of shaders, and compares structs, bindings and entry points with Rust.
 
 use std::mem::{offset_of, size_of};
 
@@ -56,7 +55,7 @@ fn bindings(module: &naga::Module) -> Vec<(String, u32, u32)> {
 }
 
 #[test]
-fn a_shader_binds_what_its_field_has_and_no_more() {
+fn a_shader_binds_only_the_features_of_its_field() {
     for features in all_features() {
         for purpose in PURPOSES {
             let mut expected = vec![
@@ -81,7 +80,7 @@ fn a_shader_binds_what_its_field_has_and_no_more() {
     }
 }
 
-/// Size of a WGSL struct, and name and offset of its members.
+/// Size of a WGSL struct, and names and offsets of its members.
 pub(crate) fn struct_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
     let (_, found) = module
         .types
@@ -107,7 +106,7 @@ macro_rules! assert_layout {
 pub(crate) use assert_layout;
 
 #[test]
-fn structs_have_the_layout_of_their_counterparts() {
+fn structs_match_their_counterparts() {
     let module = &parse(Features::default(), Purpose::Draw { views: 1 });
     assert_layout!(module, Frame { time, time_rest, radius_max });
     assert_layout!(

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use client::clips::LoadEvent;
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
-use client::net::{CACHE_BYTES, Cache, Download, Options, Patience};
+use client::net::{CACHE_BYTES, Cache, Download, Options, RetryPolicy};
 use client::player::{Player, SPEED_RANGE};
 use client::view::View;
 use codec::{Clip, Limits, decode_parallel};
@@ -223,10 +223,10 @@ impl Shelf {
     /// The clip with this number by way of the server, kept in between on disk half of the time.
     fn download(&self, which: usize) -> Result<Clip, String> {
         let cache = which.is_multiple_of(2).then(|| Cache::new(self.cache.path(), CACHE_BYTES));
-        let patience = Patience { first_wait: Duration::from_millis(1), ..Patience::default() };
+        let retry = RetryPolicy { first_wait: Duration::from_millis(1), ..RetryPolicy::default() };
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
-        for news in Download::new(&url, Options { cache, patience, ..Options::default() }) {
+        for news in Download::new(&url, Options { cache, retry, ..Options::default() }) {
             if let LoadEvent::Clip(clip) = news.map_err(|fault| fault.to_string())? {
                 latest = Some(clip);
             }

@@ -13,16 +13,16 @@ use aarc_tests::server::{Answer, Request, Server};
 use client::clips::LoadEvent;
 use client::clips::Progress;
 use client::clips::playlist;
-use client::net::{Cache, Download, Options, Patience};
+use client::net::{Cache, Download, Options, RetryPolicy};
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
 
 const ETAG: &str = "\"one\"";
 
 /// Short, to keep the tests short.
-const PATIENCE: Patience = Patience {
-    answer: Duration::from_secs(2),
-    silence: Duration::from_secs(3),
+const RETRY: RetryPolicy = RetryPolicy {
+    response_timeout: Duration::from_secs(2),
+    read_timeout: Duration::from_secs(3),
     retries: 3,
     first_retries: 3,
     first_wait: Duration::from_millis(50),
@@ -82,7 +82,7 @@ fn collect(download: Download) -> Events {
 }
 
 fn options() -> Options {
-    Options { patience: PATIENCE, ..Options::default() }
+    Options { retry: RETRY, ..Options::default() }
 }
 
 fn get(url: &str) -> Events {
@@ -140,9 +140,9 @@ fn layers_play_before_the_rest_is_sent() {
             gate.lock().unwrap().recv().unwrap();
         }
     });
-    let patience = Patience { silence: Duration::from_secs(30), ..PATIENCE };
+    let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
-    for news in Download::new(&server.url("clip.aarc"), Options { patience, ..Options::default() }) {
+    for news in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
         let LoadEvent::Clip(clip) = news.unwrap() else { continue };
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
@@ -182,9 +182,9 @@ fn a_stall_counts_as_a_lost_connection() {
             answer.file(request, &sent, ETAG, length);
         }
     });
-    let patience = Patience { silence: Duration::from_secs(2), ..PATIENCE };
+    let retry = RetryPolicy { read_timeout: Duration::from_secs(2), ..RETRY };
     let start = Instant::now();
-    let events = collect(Download::new(&server.url("clip.aarc"), Options { patience, ..options() }));
+    let events = collect(Download::new(&server.url("clip.aarc"), Options { retry, ..options() }));
     assert_eq!(events.clip(), &decoded(&file));
     assert!(start.elapsed() < Duration::from_secs(15), "it does not wait for the server");
     assert_eq!(server.sent(), [0..length / 2, length / 2..length]);
@@ -381,7 +381,7 @@ fn faults_are_one_sentence() {
         assert!(why.starts_with(url) && why.contains(sentence) && !why.contains('\n'), "{url}: {why}");
     };
     for (path, sentence) in [
-        ("status/403", "does not give it out (403 Forbidden)"),
+        ("status/403", "denies access (403 Forbidden)"),
         ("status/404", "no such file (404 Not Found)"),
         ("status/410", "no such file (410 Gone)"),
         ("status/416", "answers 416 Range Not Satisfiable"),
@@ -392,7 +392,7 @@ fn faults_are_one_sentence() {
         ("busy", "asks to wait for 600 s"),
         ("unasked", "answers 206"),
         ("empty", "cut short"),
-        ("packed", "packed (gzip)"),
+        ("packed", "compressed (gzip)"),
         ("smtp", "does not speak HTTP"),
         ("closed", "connection was lost"),
         ("mute", "does not answer"),
@@ -402,7 +402,7 @@ fn faults_are_one_sentence() {
     network(&format!("http://{free_port}/clip.aarc"), "takes no connections");
     network("http://nowhere.invalid/clip.aarc", "name");
     network(&secure, "no secure connection");
-    network("http://", "not an address");
+    network("http://", "not a URL");
     for (path, sentence) in [("page", "not an .aarc package"), ("damaged", "CRC-32")] {
         let events = get(&server.url(path));
         let Some(Fault::Data(why)) = &events.fault else { panic!("{path}: {events:?}") };
@@ -464,7 +464,7 @@ fn a_cached_clip_plays_without_the_network() {
     let alone = get_cached(&url, folder.path());
     assert_eq!(alone.clip(), &decoded(&file));
     let [note] = &alone.notes[..] else { panic!("{alone:?}") };
-    assert!(note.contains("takes no connections") && note.contains("kept"), "{note}");
+    assert!(note.contains("takes no connections") && note.contains("cached"), "{note}");
 }
 
 #[test]

@@ -28,8 +28,8 @@ impl Fault {
 
     /// The same fault with its message prefixed by `subject` and a colon.
     pub fn about(mut self, subject: &str) -> Fault {
-        let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
-            &mut self;
+        use Fault::{Data, Device, Network, Usage};
+        let (Usage(message) | Data(message) | Network(message) | Device(message)) = &mut self;
         message.insert_str(0, &format!("{subject}: "));
         self
     }
@@ -39,8 +39,8 @@ impl Fault {
 /// escaped.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Fault::Usage(message) | Fault::Data(message) | Fault::Network(message) | Fault::Device(message)) =
-            self;
+        use Fault::{Data, Device, Network, Usage};
+        let (Usage(message) | Data(message) | Network(message) | Device(message)) = self;
         message.chars().try_for_each(|c| match c.is_control() {
             true => write!(f, "{}", c.escape_default()),
             false => write!(f, "{c}"),

@@ -108,7 +108,7 @@ impl<T: ClipTarget> ClipController<T> {
             self.send_request();
             return None;
         }
-        let is_over = player.over_s().is_some() && player.is_playing();
+        let is_over = player.overrun_s().is_some() && player.is_playing();
         if is_over || self.state.skip_requested() { self.follow() } else { None }
     }
 

@@ -1,4 +1,4 @@
-//! [`GpuClip`]: a clip in GPU memory, and what the CPU keeps of it for sorting.
+//! [`GpuClip`]: a clip in GPU memory, with the columns that the CPU culls and sorts by.
 
 use codec::{Clip, Field, LayerEnd, TimeIndex};
 use glam::DVec3;
@@ -9,15 +9,15 @@ use super::pack::{origin, pack};
 use super::stages::alive::Rows;
 use super::stages::evaluate::Buffers;
 
-/// A clip in GPU memory. What the clip does not have takes none.
+/// A clip in GPU memory. Columns that the clip lacks take no memory.
 pub struct GpuClip {
-    /// What centres in GPU memory are relative to, in the world of the clip.
+    /// Origin of the centres in GPU memory, in the world of the clip.
     pub(super) origin: DVec3,
     pub(super) clip: GaussianSet,
     pub(super) plate: Option<GaussianSet>,
 }
 
-/// Gaussians that are sorted together.
+/// Gaussians that are sorted together: those of the clip, or those of its plate.
 pub(super) struct GaussianSet {
     pub(super) rows: Rows,
     pub(super) buffers: Buffers,
@@ -27,7 +27,7 @@ impl GpuClip {
     /// Packs and uploads `clip`.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it does not fit the device.
+    /// [`Fault::Device`] if the clip does not fit the device.
     pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<GpuClip, Fault> {
         let layers = clip.layers.clone();
         let time_index = clip.time_index.clone();
@@ -50,17 +50,17 @@ impl GpuClip {
         Ok(GpuClip { origin, clip, plate })
     }
 
-    /// Bytes of GPU memory that the clip takes.
+    /// GPU memory of the clip in bytes.
     pub fn bytes(&self) -> u64 {
         self.sets().map(|set| set.buffers.bytes()).sum()
     }
 
-    /// Gaussians in the first layer, the first two layers, and so on; the plate is in none.
+    /// Number of Gaussians in the first k layers, for k from 1; the plate is in no layer.
     pub fn layer_ends(&self) -> Vec<usize> {
         self.clip.rows.layer_ends().collect()
     }
 
-    /// What is drawn, back to front: the plate if there is one, the clip.
+    /// The sets back to front: the plate, if there is one, then the clip.
     pub(super) fn sets(&self) -> impl Iterator<Item = &GaussianSet> {
         self.plate.iter().chain([&self.clip])
     }

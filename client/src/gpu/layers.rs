@@ -1,7 +1,6 @@
-//! The views of an image with one layer per eye that passes draw into.
+//! [`layer_views`]: texture views of an image with one layer per eye.
 
-/// What the passes of a renderer draw into, as images of `format`: one view of all layers of
-/// `texture` for passes of several eyes, else one of each layer.
+/// Render targets of the passes, with `format`: one view of `eyes_per_pass` layers of `texture` per pass.
 pub(super) fn layer_views(
     texture: &wgpu::Texture,
     format: wgpu::TextureFormat,

@@ -1,53 +1,53 @@
-//! [`Level`]: how much of a clip is drawn, on a ladder from everything down to a bound.
+//! [`Level`]: rendering quality in steps, from exact down to a lower bound.
 //!
-//! A level changes only what a frame is drawn with: images and pipelines are the same for all. Each
-//! covers about three quarters of the pixels of the one above. The least one is a bound on what may
-//! be left out: six tenths of the image's sides, `sqrt(5)` standard deviations, one pixel of alpha,
-//! half of the Gaussians.
+//! A level changes per-frame parameters only; images and pipelines are shared by all levels. Each level
+//! shades about three quarters of the fragments of the level above. The last level bounds the loss: 0.6 of
+//! the image's sides, `sqrt(5)` standard deviations, contributions below one pixel, half of the Gaussians.
 
 use clap::ValueEnum;
 use glam::UVec2;
 
 use super::settings::{Cutoff, RenderSettings};
 
-/// How much is drawn: the first level is the best one.
+/// Rendering quality; the first level is the best.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum Level {
-    /// Every pixel and every Gaussian, to where its alpha falls to 1/255.
+    /// All pixels and Gaussians, each drawn to where its alpha falls to 1/255.
     #[default]
     Exact,
-    /// Gaussians reach `sqrt(8)` standard deviations at most.
+    /// Support radius limited to `sqrt(8)` standard deviations.
     Fine,
-    /// 0.85 of the image's sides; what adds less than a quarter of a pixel is left out.
+    /// 0.85 of the image's sides; contributions below a quarter of a pixel are culled.
     Good,
-    /// As before, with `sqrt(5)` standard deviations.
+    /// As `Good`, with a support radius of at most `sqrt(5)` standard deviations.
     Fair,
-    /// 0.7 of the image's sides; what adds less than half a pixel is left out.
+    /// 0.7 of the image's sides; contributions below half a pixel are culled.
     Light,
-    /// 0.6 of the image's sides; what adds less than a pixel is left out, and so are the least
-    /// important layers, where that takes a quarter of the Gaussians or more and leaves half.
+    /// 0.6 of the image's sides; contributions below a pixel are culled. The least important layers are
+    /// dropped if that removes at least a quarter of the Gaussians and leaves at least half.
     Least,
 }
 
-/// What a level takes.
+/// Parameters of a level.
 struct Share {
-    /// Part of the image's sides.
+    /// Fraction of the image's sides.
     side: f32,
     cutoff: Cutoff,
     /// See [`RenderSettings::min_contribution_px`].
     min_contribution_px: f32,
-    /// Part of the Gaussians that the layers drawn must hold.
+    /// Fraction of the Gaussians that the drawn layers must contain.
     gaussians: f64,
 }
 
-/// Part of the Gaussians that are still drawn, above which leaving layers out is not worth it.
-const WORTH: f64 = 0.75;
+/// Layers are dropped only if the rest has at most this fraction of the Gaussians: a smaller saving is
+/// more visible than measurable.
+const DROP_MAX: f64 = 0.75;
 
-/// Images are this many pixels wide and high, or a multiple: the blocks that GPUs work in.
+/// Viewport sides are multiples of this many pixels, the block size of GPUs.
 const BLOCK: u32 = 8;
 
 impl Level {
-    /// All, from the best down.
+    /// All levels, from the best down.
     pub const ALL: [Level; 6] =
         [Level::Exact, Level::Fine, Level::Good, Level::Fair, Level::Light, Level::Least];
 
@@ -63,7 +63,7 @@ impl Level {
         Share { side, cutoff, min_contribution_px, gaussians }
     }
 
-    /// What it is called.
+    /// Name in menus and reports.
     pub fn name(self) -> &'static str {
         match self {
             Level::Exact => "Exact",
@@ -75,18 +75,17 @@ impl Level {
         }
     }
 
-    /// The next better level; itself at the top.
+    /// The next better level; at the top, the same.
     pub fn better(self) -> Level {
         Level::ALL[(self as usize).saturating_sub(1)]
     }
 
-    /// The next level down; itself at the bottom.
+    /// The next lower level; at the bottom, the same.
     pub fn coarser(self) -> Level {
         Level::ALL[(self as usize + 1).min(Level::ALL.len() - 1)]
     }
 
-    /// `settings` with no more drawn than this level takes, of a clip with so many Gaussians in the
-    /// first layer, the first two, and so on.
+    /// `settings` reduced to this level, for a clip with `layer_ends` Gaussians in the first k layers.
     pub fn settings(self, settings: RenderSettings, layer_ends: &[usize]) -> RenderSettings {
         let share = self.share();
         let cutoff = if share.cutoff.radius_max() < settings.cutoff.radius_max() {
@@ -106,7 +105,7 @@ impl Level {
         }
     }
 
-    /// Size of what is drawn of an image that has room for `full` pixels.
+    /// Viewport size in pixels in an image of `full` pixels.
     pub fn size(self, full: UVec2) -> UVec2 {
         let side = self.share().side;
         if side == 1.0 {
@@ -117,13 +116,13 @@ impl Level {
     }
 }
 
-/// The fewest layers that hold `part` of the Gaussians of the first `layers` layers, or of all; all of
-/// them where so few are left out that it would be seen more than felt.
+/// The least number of layers that contain the fraction `part` of the Gaussians in the first `layers`
+/// layers, `None` being all. Returns `layers` if that drops too few, see [`DROP_MAX`].
 fn layers_that_hold(part: f64, layers: Option<usize>, layer_ends: &[usize]) -> usize {
     let ends = &layer_ends[..layers.unwrap_or(usize::MAX).min(layer_ends.len())];
     let all = ends.last().copied().unwrap_or(0) as f64;
     let fewest = ends.iter().position(|&end| end as f64 >= part * all);
-    fewest.filter(|&layer| ends[layer] as f64 <= WORTH * all).map_or(ends.len(), |layer| layer + 1)
+    fewest.filter(|&layer| ends[layer] as f64 <= DROP_MAX * all).map_or(ends.len(), |layer| layer + 1)
 }
 
 #[cfg(test)]
@@ -137,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn every_level_takes_less_than_the_one_above_and_nothing_more() {
+    fn every_level_reduces_the_one_above() {
         let full = UVec2::new(2064, 2208);
         for pair in Level::ALL.windows(2) {
             let [above, below] = [0, 1].map(|i| (settings(pair[i]), pair[i].size(full)));
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_holds() {
+    fn the_last_level_is_the_bound() {
         let least = settings(Level::Least);
         assert_eq!((least.cutoff, least.min_contribution_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
         assert_eq!(Level::Least.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
@@ -168,15 +167,15 @@ mod tests {
             Level::Least.settings(RenderSettings { layers, ..RenderSettings::default() }, ends).layers
         };
         assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 60_000]), Some(4));
-        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(5), "too little to gain");
-        assert_eq!(layers(Some(2), &LAYERS), Some(1), "half of what was asked for");
+        assert_eq!(layers(None, &[5000, 10_000, 20_000, 40_000, 42_978]), Some(5), "too small a saving");
+        assert_eq!(layers(Some(2), &LAYERS), Some(1), "half of the requested layers");
         assert_eq!(layers(Some(9), &LAYERS), Some(3));
         assert_eq!(layers(None, &[7]), Some(1));
-        assert_eq!(layers(None, &[]), Some(0), "a clip with nothing but a plate");
+        assert_eq!(layers(None, &[]), Some(0), "a clip with only a plate");
     }
 
     #[test]
-    fn no_level_draws_more_than_was_asked_for() {
+    fn no_level_exceeds_the_settings() {
         let asked = RenderSettings {
             cutoff: Cutoff::Sqrt5,
             layers: Some(1),
@@ -189,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_fit_the_image_whatever_it_is() {
+    fn sizes_fit_any_image() {
         for full in [UVec2::new(320, 240), UVec2::new(5, 3), UVec2::ONE, UVec2::new(1680, 1760)] {
             for level in Level::ALL {
                 let size = level.size(full);

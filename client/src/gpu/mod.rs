@@ -1,11 +1,13 @@
-//! The renderer: the only part that knows the graphics API.
+//! The renderer: the only module that uses the graphics API.
 //!
-//! Once per clip: [`GpuClip::upload`] packs it into buffers, [`Renderer::new`] builds the
-//! pipelines it needs. Per frame: [`Renderer::draw`] runs the stages `alive` and `sort` on the
-//! CPU, `evaluate` and `splat` on the GPU.
+//! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds its pipelines.
+//! Per frame, [`Renderer::draw`] runs the stages `alive` and `sort` on the CPU, then `evaluate` and `splat`
+//! on the GPU.
 
 mod clip;
+mod counts;
 mod device;
+mod drawn_set;
 mod layers;
 mod level;
 mod pack;
@@ -25,11 +27,12 @@ mod timing;
 mod ui;
 
 pub use clip::GpuClip;
+pub use counts::{Coverage, FrameCounts};
 pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER};
 pub use level::Level;
 pub use readback::Pixels;
-pub use renderer::{Coverage, FrameCounts, Renderer};
+pub use renderer::Renderer;
 pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};

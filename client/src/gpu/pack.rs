@@ -1,8 +1,8 @@
 //! Packs the Gaussians of a clip into the records that the stage `evaluate` reads.
 //!
-//! Every quantity has the precision at which its error stays below a tenth of an 8-bit step on
-//! screen, those of windows and motion a fifth, see [`moment`]; the tests of this file hold the
-//! bounds. What a record cannot hold is cut to what it can: scales, movements, brightness.
+//! The precision of each quantity keeps its error on screen below a tenth of an 8-bit step, for windows and
+//! motion below a fifth, see [`moment`]; the tests of this module check the bounds. Scales, motion and
+//! brightness are clamped to the range of the record.
 
 pub(in crate::gpu) mod moment;
 
@@ -14,40 +14,40 @@ use shaders::{Features, Motion, sh_words};
 
 use moment::Moment;
 
-/// Log-scales are cut to this on both sides: 2e-9 to 5e8 units.
+/// Log-scales are clamped to plus or minus this: 2e-9 to 5e8 units.
 const LOG_SCALE_LIMIT: f32 = 20.0;
 
-/// How many centres tell where a clip is.
+/// Number of centres sampled to find the origin of a clip.
 const ORIGIN_ROWS: usize = 1000;
 
-/// The records of the two regions of a clip, static rows first.
+/// The records of a clip, static rows first.
 pub(crate) struct Packed {
     pub(crate) features: Features,
     pub(crate) ranges: Ranges,
     pub(crate) gaussians: Vec<Gaussian>,
-    /// [`Motion::words`] for every dynamic row.
+    /// [`Motion::words`] per dynamic row.
     pub(crate) motion: Vec<u32>,
-    /// [`sh_words`] for every row.
+    /// [`sh_words`] per row.
     pub(crate) sh: Vec<u32>,
 }
 
-/// The origin of a clip: by axis, the median of where its Gaussians are. Packed centres are relative
-/// to it, so that a clip far from the origin of its world is as exact as one around it, and strays
-/// are what loses precision.
+/// The origin of a clip: the median centre per axis. Packed centres are relative to it, so the precision does
+/// not depend on the distance from the origin of the world, and only outliers lose precision.
 pub(crate) fn origin(static_field: &Field, dynamic_field: &Field) -> DVec3 {
-    let place = |row: usize| match (row.checked_sub(static_field.len()), &dynamic_field.temporal) {
+    let position = |row: usize| match (row.checked_sub(static_field.len()), &dynamic_field.temporal) {
         (None, _) => static_field.centers[row].map(f64::from),
         (Some(row), None) => dynamic_field.centers[row].map(f64::from),
         (Some(row), Some(temporal)) => Moment::of(dynamic_field, temporal, row).position,
     };
     let rows = static_field.len() + dynamic_field.len();
-    let mut places: Vec<[f64; 3]> = (0..rows).step_by(rows.div_ceil(ORIGIN_ROWS).max(1)).map(place).collect();
-    if places.is_empty() {
+    let mut positions: Vec<[f64; 3]> =
+        (0..rows).step_by(rows.div_ceil(ORIGIN_ROWS).max(1)).map(position).collect();
+    if positions.is_empty() {
         return DVec3::ZERO;
     }
-    let half = places.len() / 2;
+    let half = positions.len() / 2;
     let median =
-        |axis: usize| places.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis];
+        |axis: usize| positions.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis])).1[axis];
     let origin = DVec3::from_array([0, 1, 2].map(median));
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
@@ -96,7 +96,7 @@ pub(crate) fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -
     packed
 }
 
-/// `q` with length 1; no rotation where it has no direction.
+/// `q` normalised; the identity if its length is 0 or not finite.
 fn normalized(q: [f64; 4]) -> [f32; 4] {
     let length = moment::length(q);
     if length > 0.0 && length.is_finite() { q.map(|x| (x / length) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
@@ -104,7 +104,13 @@ fn normalized(q: [f64; 4]) -> [f32; 4] {
 
 fn ranges(static_field: &Field, dynamic_field: &Field, moments: &[Moment]) -> Ranges {
     let scales = || {
-        static_field.log_scales.iter().chain(&dynamic_field.log_scales).flatten().copied().map(cut_log_scale)
+        static_field
+            .log_scales
+            .iter()
+            .chain(&dynamic_field.log_scales)
+            .flatten()
+            .copied()
+            .map(clamp_log_scale)
     };
     let (low, high) = scales().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
@@ -128,19 +134,19 @@ fn ranges(static_field: &Field, dynamic_field: &Field, moments: &[Moment]) -> Ra
     ranges
 }
 
-fn cut_log_scale(log_scale: f32) -> f32 {
+fn clamp_log_scale(log_scale: f32) -> f32 {
     log_scale.clamp(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT)
 }
 
-/// A power of two in which `largest` is near the top of the range of an f16. Being a power of two it
-/// costs no precision, and none is lost to small numbers.
+/// A power of two that scales `largest` near the top of the range of f16. A power of two is exact, and
+/// small numbers stay normal.
 fn unit(largest: f32) -> f32 {
     if largest == 0.0 { 1.0 } else { 2f32.powi((largest.log2().ceil() as i32 - 15).max(-100)) }
 }
 
 fn pack_gaussian(field: &Field, row: usize, center: DVec3, rotation: [f32; 4], ranges: &Ranges) -> Gaussian {
     let scale = |axis: usize| {
-        let above = cut_log_scale(field.log_scales[row][axis]) - ranges.log_scale_min;
+        let above = clamp_log_scale(field.log_scales[row][axis]) - ranges.log_scale_min;
         if ranges.log_scale_step > 0.0 { (above / ranges.log_scale_step).round() as u32 } else { 0 }
     };
     let [a, b, c, largest] = pack_rotation(rotation);
@@ -156,21 +162,19 @@ fn pack_gaussian(field: &Field, row: usize, center: DVec3, rotation: [f32; 4], r
     }
 }
 
-/// Colour without what depends on the view: `0.5 + Y_0 c_0`.
+/// View-independent colour: `0.5 + Y_0 c_0`.
 fn base_color(field: &Field, row: usize) -> [f32; 3] {
     let y0 = 0.5 / std::f32::consts::PI.sqrt();
     field.sh_of(row)[0].map(|c| 0.5 + y0 * c)
 }
 
-/// Position of the largest component of `q`, the first where there are several, and its sign: the
-/// packed quaternion is `q` times that sign.
+/// Index of the first largest component of `q`, and its sign: the packed quaternion is `q` times the sign.
 fn largest_component(q: [f32; 4]) -> (usize, f32) {
     let largest = (1..4).fold(0, |best, k| if q[k].abs() > q[best].abs() { k } else { best });
     (largest, 1f32.copysign(q[largest]))
 }
 
-/// The three smaller components as signed numbers of 15, 15 and 16 bits, and the position of the
-/// missing one.
+/// The three smaller components as signed integers of 15, 15 and 16 bits, and the index of the omitted one.
 fn pack_rotation(q: [f32; 4]) -> [u32; 4] {
     let (largest, sign) = largest_component(q);
     let mut small = (0..4).filter(|&k| k != largest).map(|k| q[k] * sign * std::f32::consts::SQRT_2);
@@ -202,7 +206,7 @@ fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], ranges: &R
     words.extend(halves[..count].chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
 }
 
-/// Appends the coefficients above degree 0, zeros where the field has fewer than `degree`.
+/// Appends the coefficients of degrees 1 to `degree`; those that the field lacks are 0.
 fn pack_sh(coefficients: &[[f32; 3]], degree: u8, words: &mut Vec<u32>) {
     let largest = coefficients.iter().flatten().fold(0f32, |largest, c| largest.max(c.abs()));
     words.push(largest.to_bits());

@@ -1,4 +1,4 @@
-//! [`Picture`]: what lies below the interface, kept so that it is drawn only when it changes.
+//! [`Picture`]: the image below the user interface, cached so that it is drawn only when it changes.
 
 use program::Fault;
 
@@ -8,7 +8,7 @@ use super::surface::{Format, SurfaceFrame};
 /// An image of the size of a window.
 pub(crate) struct Picture {
     texture: wgpu::Texture,
-    /// What to draw into.
+    /// Render target.
     pub(crate) view: wgpu::TextureView,
     /// Width and height in pixels.
     pub(crate) size: [u32; 2],
@@ -36,7 +36,7 @@ impl Picture {
         Ok(Picture { view: texture.create_view(&Default::default()), texture, size })
     }
 
-    /// Records the copying of the image to `frame`, which has the same size.
+    /// Records a copy of the image to `frame`, which has the same size.
     pub(crate) fn show(&self, encoder: &mut wgpu::CommandEncoder, frame: &SurfaceFrame) {
         let (from, to) = (self.texture.as_image_copy(), frame.texture().as_image_copy());
         encoder.copy_texture_to_texture(from, to, self.texture.size());

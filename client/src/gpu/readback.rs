@@ -1,4 +1,4 @@
-//! [`Readback`]: one layer of an image on its way back from the GPU, and [`Pixels`], what arrives.
+//! [`Readback`]: copies one layer of an image from the GPU into [`Pixels`].
 
 use glam::UVec2;
 use half::f16;
@@ -6,10 +6,10 @@ use program::Fault;
 
 use super::device::Gpu;
 
-/// An image that was read back.
+/// An image in CPU memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixels {
-    /// Width and height.
+    /// Width and height in pixels.
     pub size: UVec2,
     /// Rows from the top: red, green, blue premultiplied by alpha, and alpha. Display-referred,
     /// nominally 0 to 1.
@@ -17,7 +17,7 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// The upper left corner of at most `size`.
+    /// The upper left corner, `size` pixels at most.
     #[cfg(feature = "xr")]
     pub(crate) fn corner(&self, size: UVec2) -> Pixels {
         let size = size.min(self.size);
@@ -25,14 +25,14 @@ impl Pixels {
         Pixels { size, rgba: rows.flat_map(|row| &row[..size.x as usize]).copied().collect() }
     }
 
-    /// The colours over black as bytes, red, green, blue: `size.x * size.y * 3`.
+    /// The image over black in 8 bits per channel: `size.x * size.y * 3` bytes.
     pub fn to_rgb8(&self) -> Vec<u8> {
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         self.rgba.iter().flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b)]).collect()
     }
 }
 
-/// Memory that takes one layer of an image.
+/// A buffer for one layer of an image.
 pub(super) struct Readback {
     size: UVec2,
     format: wgpu::TextureFormat,
@@ -40,8 +40,7 @@ pub(super) struct Readback {
 }
 
 impl Readback {
-    /// For images of `size` pixels whose channels are stored as `format` says, 8-bit or 16-bit
-    /// float.
+    /// A buffer for images of `size` pixels with `format`, 8 bits or 16-bit float per channel.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -59,7 +58,7 @@ impl Readback {
         })
     }
 
-    /// Records the copying of a layer of `texture`.
+    /// Records a copy of a layer of `texture`.
     pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, layer: u32) {
         encoder.copy_texture_to_buffer(
             wgpu::TexelCopyTextureInfo {
@@ -80,7 +79,7 @@ impl Readback {
         );
     }
 
-    /// Waits for what was recorded and has been submitted.
+    /// Waits for the submitted copy and returns its pixels.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
@@ -119,7 +118,7 @@ fn bytes_per_pixel(format: wgpu::TextureFormat) -> u32 {
     if format == wgpu::TextureFormat::Rgba16Float { 8 } else { 4 }
 }
 
-/// Bytes from row to row of an image that is read back.
+/// Row pitch in bytes of a readback buffer.
 pub(super) fn bytes_per_row(width: u32, format: wgpu::TextureFormat) -> u32 {
     (width * bytes_per_pixel(format)).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }

@@ -1,48 +1,25 @@
-//! [`Renderer`]: draws frames of a clip, independent of what they are drawn into.
+//! [`Renderer`]: draws frames of a clip into any render target.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
 use program::Fault;
-use shaders::Features;
 
-use super::clip::{GaussianSet, GpuClip};
+use super::clip::GpuClip;
+use super::counts::{Coverage, FrameCounts};
 use super::device::Gpu;
+use super::drawn_set::DrawnSet;
+use super::settings::RenderSettings;
 use super::stages::alive::EYES_MAX;
 use super::stages::count::Counter;
 use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
-use super::stages::splat::{self, PassUniforms, multiview_mask};
+use super::stages::splat::{PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
-use crate::gpu::settings::RenderSettings;
 use crate::view::View;
 
-/// What a frame took. Plate included.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameCounts {
-    /// Gaussians whose opacity at the instant reaches 1/255.
-    pub alive: u32,
-    /// Those in sight that were left out because they add too little, see [`RenderSettings::min_contribution_px`].
-    pub culled: u32,
-    /// Those that can reach into an image: sorted and handed to the GPU.
-    pub sorted: u32,
-    /// Milliseconds for finding them.
-    pub alive_ms: f64,
-    /// Milliseconds for sorting them.
-    pub sort_ms: f64,
-}
-
-/// What the drawn rectangles cover, see [`Renderer::count`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Coverage {
-    /// Gaussians whose rectangle holds a pixel centre.
-    pub drawn: u32,
-    /// Pixel centres in the rectangles, over all Gaussians and eyes.
-    pub fragments: u64,
-}
-
-/// The pipelines that a clip needs, and the memory of a frame.
+/// The pipelines of a clip, and the memory of a frame.
 pub struct Renderer {
     clip: Arc<GpuClip>,
     eyes: usize,
@@ -56,20 +33,9 @@ pub struct Renderer {
     counter: Option<Counter>,
 }
 
-/// A part of the clip as the renderer draws it.
-pub(super) struct DrawnSet {
-    pub(super) features: Features,
-    pub(super) layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::RenderPipeline,
-    /// The rows to draw, back to front.
-    pub(super) order: Vec<u32>,
-    pub(super) order_buffer: wgpu::Buffer,
-    pub(super) group: wgpu::BindGroup,
-}
-
 impl Renderer {
-    /// Builds what drawing `clip` for `eyes` eyes, 1 or 2, into targets of `format` needs. Both
-    /// eyes are drawn in one pass where [`Caps::multiview`](super::Caps::multiview) is set.
+    /// Builds the pipelines and buffers to draw `clip` for `eyes` eyes, 1 or 2, into targets of `format`.
+    /// Both eyes are drawn in one pass if [`Caps::multiview`](super::Caps::multiview) is set.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -106,30 +72,29 @@ impl Renderer {
         })
     }
 
-    /// The clip being drawn.
+    /// The clip.
     pub fn clip(&self) -> &Arc<GpuClip> {
         &self.clip
     }
 
-    /// Number of eyes that one pass draws: the layers of each of its targets.
+    /// Number of eyes per pass, and of layers per target.
     pub fn eyes_per_pass(&self) -> u32 {
         self.eyes_per_pass
     }
 
-    /// Number of pipelines built for drawing.
+    /// Number of render pipelines.
     pub fn pipelines(&self) -> usize {
         self.sets.len()
     }
 
-    /// Records a frame at clip time `t`, cut to `[0, 1]`, into `encoder`: the targets are cleared to transparent
-    /// black and the clip is drawn over. `targets` has a target for each pass, with
-    /// [`Renderer::eyes_per_pass`] layers. The views are of one size, and fill the targets or a part
-    /// of them in the upper left corner.
+    /// Records a frame at clip time `t`, clamped to 0 to 1, into `encoder`: clears the targets to transparent
+    /// black and draws the clip. `targets` has one target of [`Renderer::eyes_per_pass`] layers per pass.
+    /// All `views` have the same size; the viewport is the upper left corner of the targets.
     ///
     /// Submit `encoder` before the next call.
     ///
     /// # Panics
-    /// If the number of views or targets is not what the renderer was built for.
+    /// If the number of views or targets does not match the renderer.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
@@ -166,17 +131,17 @@ impl Renderer {
         counts
     }
 
-    /// Milliseconds that the GPU took for the latest frame of which it is known; `None` where the
-    /// GPU cannot tell or no frame is done. Does not wait.
+    /// GPU time of the latest measured frame in milliseconds; `None` without timestamps or before the first
+    /// result. Does not wait.
     pub fn gpu_ms(&mut self) -> Option<f64> {
         self.timer.as_mut().and_then(GpuTimer::latest_ms)
     }
 
-    /// Counts, exactly, what the frame drawn last covers; its arguments must be given again.
-    /// Takes a separate drawing and waits for it: for measuring, not for playing.
+    /// Counts the fragments of the latest frame exactly; the arguments must be those of its
+    /// [`Renderer::draw`]. Draws again and waits for the GPU: for measuring, not for playing.
     ///
     /// # Errors
-    /// [`Fault::Device`] if the device was lost or has not enough memory.
+    /// [`Fault::Device`] if the device was lost or is out of memory.
     pub fn count(
         &mut self,
         gpu: &Gpu,
@@ -194,7 +159,7 @@ impl Renderer {
         coverage
     }
 
-    /// The stages `alive` and `sort` of all sets, up to the upload of the sorted rows.
+    /// Runs the stages `alive` and `sort` for all sets and uploads the sorted rows.
     fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &RenderSettings) -> FrameCounts {
         let mut counts = FrameCounts::default();
         for (set, drawn) in self.clip.sets().zip(&mut self.sets) {
@@ -202,10 +167,10 @@ impl Renderer {
             let seen = set.rows.alive(t, views, settings, &mut self.items);
             counts.alive += seen.alive;
             counts.culled += seen.culled;
-            let middle = Instant::now();
+            let alive_end = Instant::now();
             self.sorter.sort(&mut self.items, &mut drawn.order);
-            counts.alive_ms += (middle - start).as_secs_f64() * 1e3;
-            counts.sort_ms += middle.elapsed().as_secs_f64() * 1e3;
+            counts.alive_ms += (alive_end - start).as_secs_f64() * 1e3;
+            counts.sort_ms += alive_end.elapsed().as_secs_f64() * 1e3;
             counts.sorted += drawn.order.len() as u32;
             gpu.queue.write_buffer(&drawn.order_buffer, 0, bytemuck::cast_slice(&drawn.order));
         }
@@ -246,36 +211,7 @@ impl Renderer {
     }
 }
 
-/// Records are about instants of the clip: before and after it, it is as at its ends.
+/// Clamps a time to the clip, which the records are valid for; NaN becomes 0.
 fn within_clip(t: f64) -> f64 {
-    // NaN counts as the start.
     if t > 0.0 { t.min(1.0) } else { 0.0 }
-}
-
-impl DrawnSet {
-    fn new(
-        gpu: &Gpu,
-        set: &GaussianSet,
-        pass_layout: &wgpu::BindGroupLayout,
-        format: wgpu::TextureFormat,
-        eyes_per_pass: u32,
-    ) -> DrawnSet {
-        let features = set.buffers.features;
-        let layout = set.buffers.layout(gpu);
-        let groups = [Some(pass_layout), Some(&layout)];
-        let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("order"),
-            size: 4 * set.rows.len().max(1) as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        DrawnSet {
-            features,
-            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass),
-            order: Vec::with_capacity(set.rows.len()),
-            group: set.buffers.bind(gpu, &layout, &order_buffer),
-            order_buffer,
-            layout,
-        }
-    }
 }

@@ -1,5 +1,6 @@
-//! [`RuntimeTargets`]: the images that a headset's runtime shows, as something to draw into: the
-//! eyes' by a [`Renderer`](super::Renderer), the panel's by a [`UiPainter`](super::UiPainter).
+//! [`RuntimeTargets`]: render targets in the images of a headset's runtime. A
+//! [`Renderer`](super::Renderer) draws into the images for the eyes, a [`UiPainter`](super::UiPainter) into
+//! those of the panel.
 
 use program::Fault;
 
@@ -10,7 +11,7 @@ use super::readback::{Pixels, Readback};
 use super::stages::splat::multiview_mask;
 use super::ui::UiTarget;
 
-/// Images, those for the eyes with a layer for each. They take turns in being drawn and shown.
+/// The images of a swapchain; images for the eyes have one layer per eye.
 pub(crate) struct RuntimeTargets {
     images: Vec<Target>,
     size: [u32; 2],
@@ -20,12 +21,12 @@ pub(crate) struct RuntimeTargets {
 
 struct Target {
     texture: wgpu::Texture,
-    /// One for each pass.
+    /// One view per pass.
     targets: Vec<wgpu::TextureView>,
 }
 
 impl RuntimeTargets {
-    /// Makes targets of `images`.
+    /// Creates render targets for `images`.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -47,17 +48,17 @@ impl RuntimeTargets {
         })
     }
 
-    /// What to draw into for image `index`: a target for each pass of a renderer of this device.
+    /// Render targets of image `index`, one per pass of a renderer.
     pub(crate) fn targets(&self, index: usize) -> &[wgpu::TextureView] {
         &self.images[index].targets
     }
 
-    /// What to draw the interface into for image `index`, which begins as nothing.
+    /// Target for the user interface in image `index`, cleared before drawing.
     pub(crate) fn ui_target(&self, index: usize) -> UiTarget<'_> {
-        UiTarget { view: &self.targets(index)[0], size: self.size, keeps: false }
+        UiTarget { view: &self.targets(index)[0], size: self.size, draws_over: false }
     }
 
-    /// Records the filling of image `index` with a premultiplied colour.
+    /// Records a fill of image `index` with a premultiplied colour.
     pub(crate) fn fill(&self, encoder: &mut wgpu::CommandEncoder, index: usize, rgba: [f64; 4]) {
         let [r, g, b, a] = rgba;
         for view in self.targets(index) {
@@ -78,8 +79,8 @@ impl RuntimeTargets {
         }
     }
 
-    /// Records the reading back of image `index`, after which it is a colour target again, as its
-    /// owner expects it.
+    /// Records a readback of image `index`, and its transition back to a colour target, which the runtime
+    /// expects.
     pub(crate) fn record_read(&self, encoder: &mut wgpu::CommandEncoder, index: usize) {
         let texture = &self.images[index].texture;
         for (layer, readback) in self.readbacks.iter().enumerate() {
@@ -90,8 +91,8 @@ impl RuntimeTargets {
         encoder.transition_resources(std::iter::empty(), std::iter::once(back));
     }
 
-    /// Waits for what was recorded and has been submitted: an image for each layer, none where the
-    /// images are not readable.
+    /// Waits for the submitted readback and returns one image per layer; none if the images are not
+    /// readable.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.

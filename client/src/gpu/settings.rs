@@ -1,35 +1,36 @@
-//! [`RenderSettings`]: choices about how a clip is drawn that may change from frame to frame.
+//! [`RenderSettings`]: per-frame settings of the renderer.
 
 use clap::ValueEnum;
 
-/// How a clip is drawn. The default is what the reference renderer draws.
+/// Per-frame settings. With the defaults, the picture is that of the reference renderer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
-    /// What the Gaussians are sorted by.
+    /// Sort key of the Gaussians.
     pub sort: SortOrder,
-    /// How far a Gaussian reaches.
+    /// Limit of the support radius.
     pub cutoff: Cutoff,
-    /// How many layers of the clip are drawn, from the most important one; `None` draws all.
+    /// Number of layers to draw, most important first; `None` draws all.
     pub layers: Option<usize>,
-    /// Gaussians that can add no more than this to an image are left out; 0 draws all. In pixels of
-    /// full alpha, as many as they would be in the middle of the image: its edges are stretched.
+    /// Gaussians whose contribution is below this are culled; 0 draws all. The contribution is an upper
+    /// bound of the sum of alpha over all pixels, computed as at the centre of the image, since perspective
+    /// stretches its edges.
     pub min_contribution_px: f32,
 }
 
-/// What Gaussians are sorted by.
+/// Sort key of Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum SortOrder {
-    /// Distance along the view axis, as fields are fitted.
+    /// Distance along the view axis, as in fitting.
     #[default]
     Depth,
-    /// Distance from the eye: does not change when the head turns.
+    /// Distance from the eye: invariant to head rotation.
     Radial,
 }
 
-/// How far a Gaussian reaches from its centre at most.
+/// Limit of the support radius of a Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Cutoff {
-    /// To where its alpha falls to 1/255: nothing visible is cut off.
+    /// No limit: the quad ends where alpha falls to 1/255, so nothing visible is cut off.
     #[default]
     Exact,
     /// `sqrt(8)` standard deviations, as common players do.
@@ -41,10 +42,10 @@ pub enum Cutoff {
 }
 
 impl Cutoff {
-    /// The most standard deviations that a Gaussian reaches.
+    /// The limit in standard deviations.
     pub fn radius_max(self) -> f32 {
         match self {
-            // Even a full opacity of 1 reaches only sqrt(2 ln 255) = 3.33.
+            // Above the exact radius of an opacity of 1, sqrt(2 ln 255) = 3.33.
             Cutoff::Exact => 4.0,
             Cutoff::Sqrt8 => 8f32.sqrt(),
             Cutoff::Sqrt5 => 5f32.sqrt(),

@@ -1,4 +1,4 @@
-//! [`WindowSurface`]: a window as something to draw into.
+//! [`WindowSurface`]: the swapchain of a window.
 
 use std::sync::Arc;
 
@@ -8,57 +8,54 @@ use winit::window::Window;
 use super::device::{Failures, Gpu, Loss};
 use super::ui::UiTarget;
 
-/// Formats that take display-referred colours as they are, in the order of preference.
+/// Formats without colour conversion, in the order of preference.
 const FORMATS: [wgpu::TextureFormat; 2] = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
 
-/// The interface is drawn over a picture that is copied in.
+/// The picture is copied into the image, and the user interface is drawn over it.
 const USAGES: wgpu::TextureUsages =
     wgpu::TextureUsages::RENDER_ATTACHMENT.union(wgpu::TextureUsages::COPY_DST);
 
-/// How the colours of an image are stored.
+/// Pixel format of an image.
 pub(crate) type Format = wgpu::TextureFormat;
 
-/// The images that a window shows.
+/// The swapchain of a window.
 pub(crate) struct WindowSurface {
     instance: wgpu::Instance,
     surface: wgpu::Surface<'static>,
     window: Arc<Window>,
     format: wgpu::TextureFormat,
     alpha_mode: wgpu::CompositeAlphaMode,
-    /// Size that the surface is configured for; `None` where it must be configured anew.
+    /// Configured size; `None` if the surface must be configured again.
     configured: Option<[u32; 2]>,
     failures: Failures,
 }
 
-/// An image of the window, to be drawn and shown.
+/// An acquired image of the window.
 pub(crate) struct SurfaceFrame {
-    /// Until it is shown.
+    /// `None` once presented.
     texture: Option<wgpu::SurfaceTexture>,
     loss: Loss,
-    /// What to draw into.
+    /// Render target.
     pub(crate) view: wgpu::TextureView,
     /// Width and height in pixels.
     pub(crate) size: [u32; 2],
 }
 
 impl WindowSurface {
-    /// Opens the fastest device that can show on `window`.
+    /// Opens the fastest device that can present to `window`.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is none.
     pub(crate) fn open(window: Arc<Window>) -> Result<(Gpu, WindowSurface), Fault> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        // Where it fails for want of a driver, that is the thing to say.
+        // Without a driver, report that as the cause.
         let surface = create(&instance, &window)
             .or_else(|fault| Gpu::from_instance(&instance, None).and(Err(fault)))?;
         let gpu = Gpu::from_instance(&instance, Some(&surface))?;
         let offered = surface.get_capabilities(&gpu.adapter);
         let format =
             FORMATS.into_iter().find(|format| offered.formats.contains(format)).ok_or_else(|| {
-                Fault::Device(format!(
-                    "{} shows no 8-bit images in windows; try --headless",
-                    gpu.adapter_name
-                ))
+                Fault::Device(format!("{} has no 8-bit images for windows; try --headless", gpu.adapter_name))
             })?;
         let opaque = wgpu::CompositeAlphaMode::Opaque;
         let surface = WindowSurface {
@@ -68,18 +65,18 @@ impl WindowSurface {
             format,
             alpha_mode: if offered.alpha_modes.contains(&opaque) { opaque } else { Default::default() },
             configured: None,
-            failures: Failures::watch(&gpu),
+            failures: Failures::collect(&gpu),
         };
         Ok((gpu, surface))
     }
 
-    /// The format that renderers must draw in.
+    /// Format of the window's images.
     pub(crate) fn format(&self) -> Format {
         self.format
     }
 
-    /// The next image of the window, at its present size. Waits until the display takes one more;
-    /// `None` while there is nothing to show it on.
+    /// Acquires the next image at the present size of the window, waiting for the display. `None` if the
+    /// window cannot show an image now.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost or has failed.
@@ -89,7 +86,7 @@ impl WindowSurface {
         if size.contains(&0) {
             return Ok(None);
         }
-        // A second try after the surface was made anew; after that, the next frame.
+        // One retry after the surface was configured again; then the next frame retries.
         for _ in 0..2 {
             if self.configured != Some(size) && !self.configure(gpu, size) {
                 return Ok(None);
@@ -115,7 +112,7 @@ impl WindowSurface {
         Ok(None)
     }
 
-    /// Shows `frame`, all of whose drawing has been submitted.
+    /// Presents `frame`, after all its drawing was submitted.
     pub(crate) fn present(&self, gpu: &Gpu, mut frame: SurfaceFrame) {
         self.window.pre_present_notify();
         if !gpu.is_lost()
@@ -125,7 +122,8 @@ impl WindowSurface {
         }
     }
 
-    /// Whether it worked: a window that is being resized or closed may refuse.
+    /// Configures the surface and returns whether that succeeded; a window that is being resized or closed
+    /// may refuse.
     fn configure(&mut self, gpu: &Gpu, size: [u32; 2]) -> bool {
         let [width, height] = size;
         let refused = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -138,7 +136,7 @@ impl WindowSurface {
                 width,
                 height,
                 present_mode: wgpu::PresentMode::Fifo,
-                // What a hand does shows in the next image; the processor's part of a frame is short.
+                // For low input latency; the CPU's part of a frame is short.
                 desired_maximum_frame_latency: 1,
                 alpha_mode: self.alpha_mode,
                 view_formats: vec![],
@@ -159,9 +157,9 @@ impl SurfaceFrame {
         SurfaceFrame { texture: Some(texture), loss: gpu.loss.clone(), view, size }
     }
 
-    /// The interface goes over what was drawn.
+    /// Target for the user interface, drawn over the image.
     pub(crate) fn ui_target(&self) -> UiTarget<'_> {
-        UiTarget { view: &self.view, size: self.size, keeps: true }
+        UiTarget { view: &self.view, size: self.size, draws_over: true }
     }
 
     pub(super) fn texture(&self) -> &wgpu::Texture {
@@ -172,7 +170,7 @@ impl SurfaceFrame {
 impl Drop for SurfaceFrame {
     fn drop(&mut self) {
         if let Some(texture) = self.texture.take() {
-            self.loss.let_go(texture);
+            self.loss.release(texture);
         }
     }
 }

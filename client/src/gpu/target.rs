@@ -1,29 +1,30 @@
-//! [`Offscreen`]: an image to draw into and read back, one layer per eye.
+//! [`Offscreen`]: a render target with one layer per eye that can be read back.
 
 use clap::ValueEnum;
 use glam::UVec2;
 use program::Fault;
 
+use super::counts::FrameCounts;
 use super::device::Gpu;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
-use super::renderer::{FrameCounts, Renderer};
+use super::renderer::Renderer;
 use super::settings::RenderSettings;
 use crate::view::View;
 
 /// Bits per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ChannelDepth {
-    /// 8-bit unsigned: what displays take.
+    /// 8-bit unsigned, as on displays.
     #[value(name = "8")]
     Eight,
-    /// 16-bit float: adds up many faint layers without rounding each to 1/255.
+    /// 16-bit float: blends many translucent layers without rounding each to 1/255.
     #[value(name = "16")]
     Sixteen,
 }
 
 impl ChannelDepth {
-    /// The format of the graphics API.
+    /// The texture format.
     pub fn format(self) -> wgpu::TextureFormat {
         match self {
             ChannelDepth::Eight => wgpu::TextureFormat::Rgba8Unorm,
@@ -36,16 +37,16 @@ impl ChannelDepth {
 pub struct Offscreen {
     layers: u32,
     texture: wgpu::Texture,
-    /// One layer, read back.
+    /// Readback buffer for one layer.
     readback: Readback,
 }
 
 impl Offscreen {
-    /// An image of `size` pixels for `layers` eyes.
+    /// Creates an image of `size` pixels with `layers` layers.
     ///
     /// # Errors
-    /// [`Fault::Usage`] if it is empty or larger than the device allows, [`Fault::Device`] if there
-    /// is not enough memory.
+    /// [`Fault::Usage`] if the size is 0 or exceeds the limits of the device, [`Fault::Device`] if there is
+    /// not enough memory.
     pub fn new(gpu: &Gpu, size: UVec2, layers: u32, depth: ChannelDepth) -> Result<Offscreen, Fault> {
         let side = gpu.caps.max_image_side;
         if size.min_element() == 0 || size.max_element() > side {
@@ -82,13 +83,12 @@ impl Offscreen {
         })
     }
 
-    /// What the passes of a renderer draw into: one view of all layers for passes of several eyes,
-    /// else one of each layer.
+    /// Render targets for a renderer with `eyes_per_pass`, one per pass.
     pub fn targets(&self, eyes_per_pass: u32) -> Vec<wgpu::TextureView> {
         layer_views(&self.texture, self.texture.format(), eyes_per_pass)
     }
 
-    /// Draws a frame into the image and waits until it is done.
+    /// Draws a frame into the image and waits for the GPU.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.

@@ -1,24 +1,24 @@
-//! [`GpuTimer`]: how long the GPU took for a frame, without ever waiting for it.
+//! [`GpuTimer`]: measures GPU times of frames without waiting for the GPU.
 //!
-//! A few slots take turns. A frame writes two timestamps into its slot and asks for them to be
-//! mapped once it is done; a later frame picks them up.
+//! Slots are used in turn. A frame writes two timestamps into a free slot and requests their mapping; a
+//! later frame reads them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::device::Gpu;
 
-/// Frames that may be under way at once with a measurement each.
+/// Frames that can be measured concurrently.
 const SLOTS: usize = 4;
 
-/// Timestamps that a slot has room for. Two are used; Mesa's software driver writes one for each
-/// eye of a multiview pass, from the given one on, also after the pass.
+/// Timestamps per slot. Two are used, but Mesa's software driver writes one per eye of a multiview pass,
+/// starting at the given index, also at the end of the pass.
 const QUERIES: u32 = 3;
 
 /// Bytes of two timestamps.
 const BYTES: u64 = 16;
 
-/// Measures passes.
+/// Timestamp queries of the frames in flight.
 pub(super) struct GpuTimer {
     slots: Vec<Slot>,
     /// Milliseconds per tick.
@@ -35,7 +35,7 @@ struct Slot {
 }
 
 impl GpuTimer {
-    /// `None` where the GPU cannot tell.
+    /// Creates a timer; `None` if the device has no timestamps.
     pub(super) fn new(gpu: &Gpu) -> Option<GpuTimer> {
         let buffer = |usage| {
             let descriptor = wgpu::BufferDescriptor {
@@ -64,7 +64,7 @@ impl GpuTimer {
         })
     }
 
-    /// Picks up what has arrived; the latest frame measured, in milliseconds.
+    /// Collects finished measurements and returns the latest one in milliseconds.
     pub(super) fn latest_ms(&mut self) -> Option<f64> {
         for slot in self.slots.iter_mut().filter(|slot| slot.mapped.swap(false, Ordering::Acquire)) {
             if let Ok(mapped) = slot.readback.slice(..).get_mapped_range() {
@@ -77,12 +77,12 @@ impl GpuTimer {
         self.latest_ms
     }
 
-    /// A slot for the next frame; `None` while all are under way.
+    /// A free slot for the next frame; `None` if all are in flight.
     pub(super) fn free_slot(&self) -> Option<usize> {
         self.slots.iter().position(|slot| !slot.busy)
     }
 
-    /// What pass `pass` of `passes` writes into `slot`.
+    /// Timestamp writes of pass `pass` of `passes` for `slot`.
     pub(super) fn writes(
         &self,
         slot: usize,
@@ -96,7 +96,7 @@ impl GpuTimer {
         }
     }
 
-    /// Records that the timestamps of `slot` be fetched after the frame.
+    /// Records the readback of the timestamps of `slot`.
     pub(super) fn fetch(&mut self, encoder: &mut wgpu::CommandEncoder, slot: usize) {
         let slot = &mut self.slots[slot];
         encoder.resolve_query_set(&slot.queries, 0..2, &slot.resolved, 0);

@@ -1,36 +1,36 @@
-//! [`UiPainter`]: draws the interface, over a picture or by itself.
+//! [`UiPainter`]: draws the user interface, over a picture or alone.
 
 use super::device::Gpu;
 
-/// What the interface is drawn into.
+/// Render target of the user interface.
 pub(crate) struct UiTarget<'a> {
     pub(super) view: &'a wgpu::TextureView,
     /// Width and height in pixels.
     pub(super) size: [u32; 2],
-    /// Whether what it holds shows below the interface.
-    pub(super) keeps: bool,
+    /// Whether to draw over the present content instead of clearing it.
+    pub(super) draws_over: bool,
 }
 
-/// Draws what egui laid out.
+/// Draws the output of egui.
 pub(crate) struct UiPainter {
     renderer: egui_wgpu::Renderer,
 }
 
 impl UiPainter {
-    /// A painter into images of `format`, which must take display-referred colours as they are.
+    /// A painter for targets of `format`, which must not convert colours.
     pub(crate) fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> UiPainter {
-        // No dithering: the picture below must stay as it is drawn.
+        // Dithering would change the picture below.
         let options = egui_wgpu::RendererOptions { dithering: false, ..Default::default() };
         UiPainter { renderer: egui_wgpu::Renderer::new(&gpu.device, format, options) }
     }
 
-    /// A painter into images that a headset's runtime shows.
+    /// A painter for images of a headset's runtime.
     #[cfg(feature = "xr")]
     pub(crate) fn for_runtime(gpu: &Gpu, format: super::RuntimeFormat) -> UiPainter {
         UiPainter::new(gpu, format.drawn())
     }
 
-    /// Records the drawing of `triangles` into `target`, after bringing the textures up to date.
+    /// Updates the textures and records the drawing of `triangles` into `target`.
     pub(crate) fn draw(
         &mut self,
         gpu: &Gpu,
@@ -46,7 +46,7 @@ impl UiPainter {
             }
         }
         let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: target.size, pixels_per_point };
-        // A device that is gone has no buffers, and the painter insists on them.
+        // egui panics if it cannot create buffers on a lost device.
         gpu.unless_lost(|| self.record(gpu, encoder, target, triangles, &screen));
         for id in textures.free.drain() {
             self.renderer.free_texture(&id);
@@ -69,7 +69,7 @@ impl UiPainter {
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
-                    load: if target.keeps {
+                    load: if target.draws_over {
                         wgpu::LoadOp::Load
                     } else {
                         wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)

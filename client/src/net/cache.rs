@@ -1,9 +1,9 @@
-//! [`Cache`]: clips kept on disk, so that they play again without the network.
+//! [`Cache`]: downloaded files on disk, which play again without the network.
 //!
-//! An entry is one file, named by the SHA-256 of the address: the SHA-256 of all that follows, a
-//! line with the length of the version and the version (`ETag`), and the package. It is written
-//! under another name and renamed, so that several players can use one folder. Reading an entry
-//! makes it new; what was not read for the longest time goes when the folder grows too large.
+//! An entry is one file, named by the SHA-256 of its URL: the SHA-256 of the rest, the length of the
+//! version as a 16-bit number, the version (`ETag`), and the downloaded bytes. It is written under another
+//! name and renamed, so several players can share a folder. Reading an entry renews its date; the entries
+//! with the oldest dates are removed when the folder exceeds its limit.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -13,29 +13,29 @@ use std::time::{Duration, SystemTime};
 use sha2::{Digest, Sha256};
 use tempfile::Builder;
 
-/// Most bytes that are kept.
+/// Size limit of the cache in bytes.
 pub const CACHE_BYTES: u64 = 512 << 20;
 
-/// Endings of the names of entries, and of files that are being written.
+/// Extensions of entries, and of files being written.
 const ENTRY: &str = "clip";
 const WRITING: &str = "part";
 
-/// Bytes of a checksum, and those before the version: the checksum and the version's length.
+/// Bytes of a checksum, and of the part before the version: checksum and length of the version.
 const SUM_BYTES: usize = 32;
 const PREFIX_BYTES: usize = SUM_BYTES + 2;
 
-/// After this long, nobody is writing a file any more.
-const ABANDONED: Duration = Duration::from_secs(3600);
+/// Age at which a file being written counts as left behind by a player that ended.
+const STALE_AFTER: Duration = Duration::from_secs(3600);
 
-/// A clip that was kept.
+/// A cached file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Entry {
-    /// The version, as the server called it.
+pub(super) struct CachedFile {
+    /// The server's name of the version; empty if it has none.
     pub(super) etag: String,
-    pub(super) package: Vec<u8>,
+    pub(super) bytes: Vec<u8>,
 }
 
-/// A folder of clips.
+/// A folder of downloaded files.
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: PathBuf,
@@ -43,13 +43,13 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// Of at most `max_bytes` bytes in `folder`, which is made when something is to be kept.
+    /// A cache of at most `max_bytes` bytes in `folder`, which the first entry creates.
     pub fn new(folder: &Path, max_bytes: u64) -> Cache {
         Cache { folder: folder.into(), max_bytes }
     }
 
-    /// What is kept of the clip at `url`. An entry that is damaged is removed.
-    pub(super) fn get(&self, url: &str) -> Option<Entry> {
+    /// The cached file of `url`. Removes a damaged entry.
+    pub(super) fn get(&self, url: &str) -> Option<CachedFile> {
         let path = self.path(url);
         let bytes = match read(&path, self.max_bytes) {
             Ok(bytes) => bytes,
@@ -61,24 +61,24 @@ impl Cache {
         };
         let entry = parse(bytes);
         if entry.is_none() {
-            log::warn!("{}: damaged: the clip is fetched again", path.display());
+            log::warn!("{}: damaged: the file is fetched again", path.display());
             self.remove(url);
         }
         entry
     }
 
-    /// Keeps the clip at `url`, unless it is larger than the whole folder may be.
+    /// Caches the file at `url`, unless it exceeds the limit of the whole cache.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(super) fn put(&self, url: &str, etag: &str, package: &[u8]) -> io::Result<()> {
+    pub(super) fn put(&self, url: &str, etag: &str, file: &[u8]) -> io::Result<()> {
         let version = etag.as_bytes();
-        let bytes = (PREFIX_BYTES + version.len() + package.len()) as u64;
+        let bytes = (PREFIX_BYTES + version.len() + file.len()) as u64;
         let Ok(length) = u16::try_from(version.len()) else { return Ok(()) };
         if bytes > self.max_bytes {
             return Ok(());
         }
-        let parts = [&length.to_le_bytes()[..], version, package];
+        let parts = [&length.to_le_bytes()[..], version, file];
         fs::create_dir_all(&self.folder)?;
         let path = self.path(url);
         self.make_room(bytes, &path)?;
@@ -91,7 +91,7 @@ impl Cache {
         Ok(())
     }
 
-    /// Forgets the clip at `url`.
+    /// Removes the entry of `url`.
     pub(super) fn remove(&self, url: &str) {
         let path = self.path(url);
         match fs::remove_file(&path) {
@@ -107,52 +107,52 @@ impl Cache {
         self.folder.join(name).with_extension(ENTRY)
     }
 
-    /// Removes what was not read for the longest time until `bytes` fit in, in the place of `replaced`.
+    /// Removes the entries read longest ago until `bytes` fit. Does not count the entry `replaced`.
     fn make_room(&self, bytes: u64, replaced: &Path) -> io::Result<()> {
         let now = SystemTime::now();
         let mut entries = Vec::new();
         for file in self.folder.read_dir()? {
             let path = file?.path();
-            // Another player may have removed it meanwhile.
-            let Ok(about) = path.metadata() else { continue };
-            let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            // Another player may have removed it.
+            let Ok(metadata) = path.metadata() else { continue };
+            let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let ends_in = |ending: &str| path.extension().is_some_and(|end| end == ending);
             if path == replaced {
                 continue;
             }
             if ends_in(ENTRY) {
-                entries.push((used, about.len(), path));
-            } else if ends_in(WRITING) && now.duration_since(used).is_ok_and(|age| age > ABANDONED) {
+                entries.push((used, metadata.len(), path));
+            } else if ends_in(WRITING) && now.duration_since(used).is_ok_and(|age| age > STALE_AFTER) {
                 let _ = fs::remove_file(path);
             }
         }
         entries.sort();
         let mut total: u64 = entries.iter().map(|(_, bytes, _)| bytes).sum();
-        for (_, old, path) in entries {
+        for (_, size, path) in entries {
             if total + bytes <= self.max_bytes {
                 break;
             }
             match fs::remove_file(path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => total -= old,
+                _ => total -= size,
             }
         }
         Ok(())
     }
 }
 
-/// Reads a file of at most `max_bytes` bytes, which is then the one read last.
+/// Reads the first `max_bytes` bytes of a file and renews its date.
 fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
     Read::by_ref(&mut file).take(max_bytes).read_to_end(&mut bytes)?;
-    // Where the system refuses, it goes a little earlier than it should.
+    // On failure the entry is removed earlier than it should be.
     let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
     Ok(bytes)
 }
 
-/// The entry that a file holds; `None` where its checksum differs.
-fn parse(mut bytes: Vec<u8>) -> Option<Entry> {
+/// Parses an entry; `None` if its checksum differs.
+fn parse(mut bytes: Vec<u8>) -> Option<CachedFile> {
     let (stored, rest) = bytes.split_at_checked(SUM_BYTES)?;
     if stored != sum(&[rest]) {
         return None;
@@ -160,7 +160,7 @@ fn parse(mut bytes: Vec<u8>) -> Option<Entry> {
     let (length, rest) = rest.split_at_checked(PREFIX_BYTES - SUM_BYTES)?;
     let length = usize::from(u16::from_le_bytes(length.try_into().ok()?));
     let etag = String::from_utf8(rest.get(..length)?.to_vec()).ok()?;
-    Some(Entry { etag, package: bytes.split_off(PREFIX_BYTES + length) })
+    Some(CachedFile { etag, bytes: bytes.split_off(PREFIX_BYTES + length) })
 }
 
 fn sum(parts: &[&[u8]]) -> [u8; SUM_BYTES] {
@@ -173,18 +173,18 @@ fn sum(parts: &[&[u8]]) -> [u8; SUM_BYTES] {
 mod tests {
     use super::*;
 
-    fn kept(cache: &Cache, urls: &[&str]) -> Vec<bool> {
+    fn cached(cache: &Cache, urls: &[&str]) -> Vec<bool> {
         urls.iter().map(|url| cache.path(url).exists()).collect()
     }
 
     #[test]
-    fn an_entry_comes_back_and_a_new_one_takes_its_place() {
+    fn a_new_entry_replaces_the_old_one() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(&folder.path().join("a/b"), 1000);
         assert_eq!(cache.get("u"), None);
-        for (etag, package) in [("\"1\"", &b"old"[..]), ("", b""), ("\"2\"", b"new")] {
-            cache.put("u", etag, package).unwrap();
-            assert_eq!(cache.get("u"), Some(Entry { etag: etag.into(), package: package.to_vec() }));
+        for (etag, bytes) in [("\"1\"", &b"old"[..]), ("", b""), ("\"2\"", b"new")] {
+            cache.put("u", etag, bytes).unwrap();
+            assert_eq!(cache.get("u"), Some(CachedFile { etag: etag.into(), bytes: bytes.to_vec() }));
         }
         assert_eq!(cache.get("v"), None);
         assert_eq!(cache.folder.read_dir().unwrap().count(), 1, "nothing else is left");
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn every_flipped_bit_and_every_cut_is_noticed_and_the_entry_goes() {
+    fn flipped_bits_and_truncations_are_detected_and_remove_the_entry() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
         cache.put("u", "\"1\"", b"package").unwrap();
@@ -205,8 +205,8 @@ mod tests {
             bytes[bit / 8] ^= 1 << (bit % 8);
             bytes
         });
-        let cut = (0..whole.len()).map(|length| whole[..length].to_vec());
-        for bytes in flipped.chain(cut) {
+        let truncated = (0..whole.len()).map(|length| whole[..length].to_vec());
+        for bytes in flipped.chain(truncated) {
             fs::write(&path, &bytes).unwrap();
             assert_eq!(cache.get("u"), None);
             assert!(!path.exists());
@@ -214,29 +214,33 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_holds_and_what_was_read_stays() {
+    fn the_limit_holds_and_entries_read_last_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
-        let ago = |url: &str, seconds| {
+        let set_age = |url: &str, seconds| {
             let file = File::options().append(true).open(cache.path(url)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
         };
         for (age, url) in [(30, "a"), (20, "b"), (10, "c")] {
             cache.put(url, "", &[0; 250]).unwrap();
-            ago(url, age);
+            set_age(url, age);
         }
         assert!(cache.get("a").is_some());
         cache.put("d", "", &[0; 250]).unwrap();
-        assert_eq!(kept(&cache, &["a", "b", "c", "d"]), [true, false, true, true]);
+        assert_eq!(cached(&cache, &["a", "b", "c", "d"]), [true, false, true, true]);
         cache.put("e", "", &[0; 1000]).unwrap();
-        assert_eq!(kept(&cache, &["a", "c", "d", "e"]), [true, true, true, false], "larger than the folder");
+        assert_eq!(
+            cached(&cache, &["a", "c", "d", "e"]),
+            [true, true, true, false],
+            "larger than the folder"
+        );
         let bytes: u64 =
             folder.path().read_dir().unwrap().map(|file| file.unwrap().metadata().unwrap().len()).sum();
         assert!(bytes <= 1000, "{bytes}");
     }
 
     #[test]
-    fn a_clock_that_was_set_costs_no_clip() {
+    fn a_clock_set_to_another_year_removes_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
         let year = Duration::from_secs(365 * 24 * 3600);
@@ -248,31 +252,31 @@ mod tests {
         }
         File::create(folder.path().join("new.part")).unwrap().set_modified(times[2]).unwrap();
         cache.put("another", "", &[9; 200]).unwrap();
-        assert_eq!(kept(&cache, &["0", "1", "2", "another"]), [true; 4]);
+        assert_eq!(cached(&cache, &["0", "1", "2", "another"]), [true; 4]);
         for i in 0..times.len() {
-            assert_eq!(cache.get(&i.to_string()).unwrap().package, [i as u8; 200]);
+            assert_eq!(cache.get(&i.to_string()).unwrap().bytes, [i as u8; 200]);
         }
-        assert!(folder.path().join("new.part").exists(), "somebody may be writing it");
+        assert!(folder.path().join("new.part").exists(), "another player may be writing it");
     }
 
     #[test]
-    fn what_someone_stopped_writing_goes_and_other_files_stay() {
+    fn files_left_behind_are_removed_and_other_files_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
         let file = |name: &str, age| {
             let file = File::create(folder.path().join(name)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
         };
-        file("old.part", 2 * ABANDONED.as_secs());
+        file("old.part", 2 * STALE_AFTER.as_secs());
         file("new.part", 1);
-        file("someone.else", 2 * ABANDONED.as_secs());
+        file("someone.else", 2 * STALE_AFTER.as_secs());
         cache.put("u", "", b"").unwrap();
-        let there = ["old.part", "new.part", "someone.else"].map(|name| folder.path().join(name).exists());
-        assert_eq!(there, [false, true, true]);
+        let exists = ["old.part", "new.part", "someone.else"].map(|name| folder.path().join(name).exists());
+        assert_eq!(exists, [false, true, true]);
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_an_error_and_not_the_end() {
+    fn a_folder_that_cannot_be_created_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("file"), "").unwrap();
         let cache = Cache::new(&folder.path().join("file"), 1000);

@@ -1,43 +1,43 @@
-//! [`Fetch`]: the thread that fetches a file, and what it shares with the one that decodes it.
+//! [`Fetch`]: the thread that fetches a file, and the state it shares with its caller.
 //!
-//! Bytes come in on a thread of their own, so that a slow server holds nothing up and decoding
-//! does not hold up the bytes. Nobody waits for it to end: dropped, it ends with its next byte, or
-//! when it would give up anyway.
+//! On its own thread a slow server does not block the caller, and decoding does not block the transfer.
+//! Dropping a [`Fetch`] cancels it without waiting: the thread ends at its next byte or timeout.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use program::Fault;
 
-use super::arrived::Arrived;
 use super::meter::Meter;
-use super::request::{Bytes, Server};
-use super::transfer::{Patience, Step, Transfer};
-use super::trouble::Trouble;
+use super::partial_file::PartialFile;
+use super::request::{ResponseBody, Server};
+use super::request_error::RequestError;
+use super::retry::RetryPolicy;
+use super::transfer::{Action, Transfer};
 use crate::clips::Progress;
 
-/// Bytes read at a time: several dozen times a second on the fastest networks.
+/// Bytes per read: dozens of reads a second on a fast network.
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// How fetching ended.
+/// How a fetch ended.
 #[derive(Clone, Debug)]
-pub(super) enum End {
-    /// The package is here; this is the version, if the server tells one.
+pub(super) enum Outcome {
+    /// The file is complete; `etag` is its version, if the server names one.
     Complete { etag: Option<String> },
-    /// There is no other version than the known one.
+    /// The cached version is current.
     Unchanged,
-    /// It is not to be had. `passing` is whether it may be some other time.
-    Failed { fault: Fault, passing: bool },
+    /// `is_transient`: a later attempt may succeed.
+    Failed { fault: Fault, is_transient: bool },
 }
 
-/// What both threads know.
+/// The state that both threads share.
 #[derive(Debug)]
 pub(super) struct State {
-    pub(super) arrived: Arrived,
+    pub(super) file: PartialFile,
     pub(super) progress: Progress,
-    pub(super) end: Option<End>,
+    pub(super) outcome: Option<Outcome>,
     meter: Meter,
-    abandoned: bool,
+    is_cancelled: bool,
 }
 
 #[derive(Debug)]
@@ -49,7 +49,7 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // What is shared is whole between any two statements.
+        // A panic leaves the state consistent: no update takes several statements.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -58,46 +58,47 @@ impl Shared {
     }
 }
 
-/// A clip that is being fetched.
+/// A running fetch.
 #[derive(Debug)]
 pub(super) struct Fetch(Arc<Shared>);
 
 impl Fetch {
-    /// Begins to fetch what is at `url`, of at most so many bytes, into `arrived`, unless its version is
-    /// `known`.
+    /// Starts to fetch the file at `url`, of at most `max_bytes` bytes, into `file`, unless its version is
+    /// that of the cache, `cached`.
     ///
     /// # Errors
-    /// If the system refuses another thread.
+    /// [`Fault::Device`] if the system refuses a thread.
     pub(super) fn start(
         url: &str,
-        patience: Patience,
+        retry: RetryPolicy,
         max_bytes: usize,
-        arrived: Arrived,
-        known: Option<String>,
-    ) -> std::io::Result<Fetch> {
+        file: PartialFile,
+        cached: Option<String>,
+    ) -> Result<Fetch, Fault> {
         let state = State {
-            arrived,
+            file,
             progress: Progress::default(),
-            end: None,
+            outcome: None,
             meter: Meter::default(),
-            abandoned: false,
+            is_cancelled: false,
         };
         let shared =
             Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new(), start: Instant::now() });
-        let transfer = Transfer::new(patience, max_bytes as u64, known);
+        let transfer = Transfer::new(retry, max_bytes as u64, cached);
         let (ours, url) = (shared.clone(), url.to_owned());
-        std::thread::Builder::new().name("fetch".into()).spawn(move || {
-            let end = match Server::new(&url, patience) {
-                Ok(server) => Exchange { server, transfer, shared: &ours, answered: false }.run(),
-                Err(trouble) => Some(failed(trouble.text(), false)),
+        let thread = std::thread::Builder::new().name("fetch".into()).spawn(move || {
+            let outcome = match Server::new(&url, retry) {
+                Ok(server) => Exchange { server, transfer, shared: &ours, has_responded: false }.run(),
+                Err(error) => Some(failed(error.text(), false)),
             };
-            ours.lock().end = end;
+            ours.lock().outcome = outcome;
             ours.changed.notify_all();
-        })?;
+        });
+        thread.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
         Ok(Fetch(shared))
     }
 
-    /// Waits up to `time` until `is_ready`, and lends what is known then.
+    /// Waits until `is_ready`, for `time` at most, and returns the state, locked.
     pub(super) fn wait(&self, time: Duration, is_ready: impl Fn(&State) -> bool) -> MutexGuard<'_, State> {
         let until = Instant::now() + time;
         let mut state = self.0.lock();
@@ -115,146 +116,157 @@ impl Fetch {
 
 impl Drop for Fetch {
     fn drop(&mut self) {
-        self.0.lock().abandoned = true;
+        self.0.lock().is_cancelled = true;
         self.0.changed.notify_all();
     }
 }
 
-fn failed(why: String, passing: bool) -> End {
-    End::Failed { fault: Fault::Network(why), passing }
+fn failed(why: String, is_transient: bool) -> Outcome {
+    Outcome::Failed { fault: Fault::Network(why), is_transient }
 }
 
-/// What is left to do after a request.
-enum Then {
-    Again(Duration, String),
-    End(End),
-    /// Nobody wants it any more.
-    Abandon,
+/// What follows a request.
+enum AfterRequest {
+    Retry(Duration, String),
+    End(Outcome),
+    Cancelled,
 }
 
-impl From<Step> for Then {
-    fn from(step: Step) -> Then {
-        Then::End(match step {
-            Step::Again(wait, why) => return Then::Again(wait, why),
-            Step::Unchanged => End::Unchanged,
-            Step::GiveUp(why) => failed(why, true),
-            Step::Refused(why) => failed(why, false),
-            Step::TooLarge(why) => End::Failed { fault: Fault::Data(why), passing: false },
-            Step::Read { .. } | Step::StartOver => failed("the answer was not understood".into(), true),
+impl From<Action> for AfterRequest {
+    fn from(action: Action) -> AfterRequest {
+        AfterRequest::End(match action {
+            Action::Retry(wait, why) => return AfterRequest::Retry(wait, why),
+            Action::Unchanged => Outcome::Unchanged,
+            Action::GiveUp(why) => failed(why, true),
+            Action::Refused(why) => failed(why, false),
+            Action::TooLarge(why) => Outcome::Failed { fault: Fault::Data(why), is_transient: false },
+            Action::Read { .. } | Action::StartOver => failed("the answer was not understood".into(), true),
         })
     }
 }
 
-/// Requests until the end.
+/// The requests of a fetch.
 struct Exchange<'a> {
     server: Server,
     transfer: Transfer,
     shared: &'a Shared,
-    /// Whether the server ever answered.
-    answered: bool,
+    has_responded: bool,
 }
 
 impl Exchange<'_> {
-    /// The end; `None` where nobody waits for it any more.
-    fn run(mut self) -> Option<End> {
+    /// Sends requests until the end; `None` if cancelled.
+    fn run(mut self) -> Option<Outcome> {
         loop {
             match self.request() {
-                Then::Again(wait, why) => self.rest(wait, why)?,
-                Then::End(end) => return Some(end),
-                Then::Abandon => return None,
+                AfterRequest::Retry(wait, why) => self.wait_for_retry(wait, why)?,
+                AfterRequest::End(outcome) => return Some(outcome),
+                AfterRequest::Cancelled => return None,
             }
         }
     }
 
-    /// Tells of the trouble and waits; `None` where nobody waits for it any more.
-    fn rest(&self, wait: Duration, why: String) -> Option<()> {
+    /// Reports the reason of a retry and waits for its time; `None` if cancelled.
+    fn wait_for_retry(&self, wait: Duration, why: String) -> Option<()> {
         let until = Instant::now() + wait;
         let mut state = self.shared.lock();
         state.progress.trouble = Some(why);
         self.shared.changed.notify_all();
         loop {
             let left = until.saturating_duration_since(Instant::now());
-            if state.abandoned || left.is_zero() {
-                return (!state.abandoned).then_some(());
+            if state.is_cancelled || left.is_zero() {
+                return (!state.is_cancelled).then_some(());
             }
             state = self.shared.wait(state, left);
         }
     }
 
-    /// One request, and the bytes of its answer.
-    fn request(&mut self) -> Then {
-        let ask = self.transfer.ask();
-        let (head, bytes) = match self.server.get(&ask) {
-            Ok(answer) => answer,
-            Err(trouble) => return self.lost(trouble),
+    /// Sends one request and reads the response.
+    fn request(&mut self) -> AfterRequest {
+        let request = self.transfer.next_request();
+        let (head, body) = match self.server.get(&request) {
+            Ok(response) => response,
+            Err(error) => return self.on_error(error),
         };
-        self.answered = true;
-        match self.transfer.answer(&ask, &head) {
-            Step::Read { skip } => self.read(bytes, skip),
-            Step::StartOver => {
-                self.shared.lock().arrived.clear();
-                self.read(bytes, 0)
+        self.has_responded = true;
+        match self.transfer.on_response(&request, &head) {
+            Action::Read { skip } => self.read(body, skip),
+            Action::StartOver => {
+                self.shared.lock().file.clear();
+                self.read(body, 0)
             }
-            step => step.into(),
+            action => action.into(),
         }
     }
 
-    /// Takes in bytes, without the first `skip`, until the package is complete.
-    fn read(&mut self, mut bytes: Bytes, mut skip: u64) -> Then {
+    /// Reads the body, without its first `skip` bytes, until the file is complete.
+    fn read(&mut self, mut body: ResponseBody, mut skip: u64) -> AfterRequest {
         let mut buffer = vec![0; BUFFER_BYTES];
         loop {
-            let count = match bytes.read(&mut buffer) {
-                Ok(0) => {
-                    let state = self.shared.lock();
-                    let here = state.arrived.bytes().len() as u64;
-                    if state.arrived.is_document() && self.transfer.total().is_none_or(|total| here >= total)
-                    {
-                        return Then::End(End::Complete { etag: self.transfer.etag().map(String::from) });
-                    }
-                    let needed = state.arrived.package_bytes();
-                    drop(state);
-                    return self.transfer.ended(needed.map(|bytes| bytes as u64)).into();
-                }
+            let count = match body.read(&mut buffer) {
+                Ok(0) => return self.on_end(),
                 Ok(count) => count,
-                Err(trouble) => return self.lost(trouble),
+                Err(error) => return self.on_error(error),
             };
             let skipped = skip.min(count as u64) as usize;
             skip -= skipped as u64;
-            let new = &buffer[skipped..count];
-            if let Err(step) = self.transfer.took(new.len() as u64) {
-                return step.into();
+            if let Some(end) = self.on_bytes(&buffer[skipped..count]) {
+                return end;
             }
-            let now_s = self.shared.start.elapsed().as_secs_f64();
-            let mut state = self.shared.lock();
-            if state.abandoned {
-                return Then::Abandon;
-            }
-            if let Err(error) = state.arrived.push(new) {
-                return Then::End(End::Failed { fault: Fault::Data(error.to_string()), passing: false });
-            }
-            state.meter.count(now_s, new.len() as u64);
-            let here = state.arrived.bytes().len() as u64;
-            let package = state.arrived.package_bytes().map(|bytes| bytes as u64);
-            state.progress = Progress {
-                received: here,
-                total: package.or(self.transfer.total()),
-                bytes_per_s: state.meter.bytes_per_s(now_s),
-                trouble: None,
-            };
-            if state.arrived.is_complete() {
-                return Then::End(End::Complete { etag: self.transfer.etag().map(String::from) });
-            }
-            self.shared.changed.notify_all();
         }
     }
 
-    fn lost(&mut self, trouble: Trouble) -> Then {
-        match trouble {
-            Trouble::Passing(why) => self.transfer.lost(&why).into(),
-            // A name that was known is missed because the network is gone.
-            Trouble::Unresolved(why) if self.answered => self.transfer.lost(&why).into(),
-            Trouble::Unresolved(why) | Trouble::Untrusted(why) => Step::GiveUp(why).into(),
-            Trouble::Lasting(why) => Step::Refused(why).into(),
+    /// Appends bytes to the file; returns what follows if the request ends with them.
+    fn on_bytes(&mut self, bytes: &[u8]) -> Option<AfterRequest> {
+        if let Err(action) = self.transfer.count(bytes.len() as u64) {
+            return Some(action.into());
+        }
+        let now_s = self.shared.start.elapsed().as_secs_f64();
+        let mut state = self.shared.lock();
+        if state.is_cancelled {
+            return Some(AfterRequest::Cancelled);
+        }
+        if let Err(error) = state.file.push(bytes) {
+            let fault = Fault::Data(error.to_string());
+            return Some(AfterRequest::End(Outcome::Failed { fault, is_transient: false }));
+        }
+        state.meter.count(now_s, bytes.len() as u64);
+        let package_bytes = state.file.package_bytes().map(|bytes| bytes as u64);
+        state.progress = Progress {
+            received: state.file.bytes().len() as u64,
+            total: package_bytes.or(self.transfer.total()),
+            bytes_per_s: state.meter.bytes_per_s(now_s),
+            trouble: None,
+        };
+        if state.file.is_complete() {
+            return Some(self.complete());
+        }
+        self.shared.changed.notify_all();
+        None
+    }
+
+    /// Handles the end of a body before the end of a package.
+    fn on_end(&mut self) -> AfterRequest {
+        let state = self.shared.lock();
+        let received = state.file.bytes().len() as u64;
+        if state.file.is_document() && self.transfer.total().is_none_or(|total| received >= total) {
+            return self.complete();
+        }
+        let package_bytes = state.file.package_bytes();
+        drop(state);
+        self.transfer.on_end(package_bytes.map(|bytes| bytes as u64)).into()
+    }
+
+    fn complete(&self) -> AfterRequest {
+        AfterRequest::End(Outcome::Complete { etag: self.transfer.etag().map(String::from) })
+    }
+
+    fn on_error(&mut self, error: RequestError) -> AfterRequest {
+        match error {
+            RequestError::Transient(why) => self.transfer.on_break(&why).into(),
+            // A name that resolved before does not resolve while the network is down.
+            RequestError::UnknownHost(why) if self.has_responded => self.transfer.on_break(&why).into(),
+            RequestError::UnknownHost(why) | RequestError::Untrusted(why) => Action::GiveUp(why).into(),
+            RequestError::Permanent(why) => Action::Refused(why).into(),
         }
     }
 }

@@ -1,14 +1,14 @@
-//! [`Head`]: what a server says before the bytes, as far as it matters.
+//! [`Head`]: status and headers of a response, as far as a transfer uses them.
 
 use std::time::SystemTime;
 
-/// What a server says before the bytes.
+/// Status and headers of a response.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
     pub(super) status: u16,
     /// `Content-Length`.
     pub(super) length: Option<u64>,
-    /// `Content-Range`: the first byte and, if told, the number in all.
+    /// `Content-Range`: offset of the first byte and, if given, the total number of bytes.
     pub(super) range: Option<(u64, Option<u64>)>,
     pub(super) etag: Option<String>,
     /// `Content-Encoding` other than identity.
@@ -18,9 +18,9 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Of an answer with this status; `header` gives the text of a header by its name in lower case.
-    /// What makes no sense counts as not said.
-    pub(super) fn read<'h>(status: u16, header: impl Fn(&'static str) -> Option<&'h str>) -> Head {
+    /// Parses the headers; `header` returns the text of one by its name in lower case. A malformed header
+    /// counts as absent.
+    pub(super) fn parse<'h>(status: u16, header: impl Fn(&'static str) -> Option<&'h str>) -> Head {
         let text = |name| header(name).map(str::trim);
         Head {
             status,
@@ -35,20 +35,42 @@ impl Head {
             retry_after_s: text("retry-after").and_then(|time| retry_after_s(time, text("date"))),
         }
     }
+
+    /// The status code with its name.
+    pub(super) fn status_text(&self) -> String {
+        let name = match self.status {
+            400 => "Bad Request",
+            401 => "Unauthorized",
+            403 => "Forbidden",
+            404 => "Not Found",
+            407 => "Proxy Authentication Required",
+            408 => "Request Timeout",
+            410 => "Gone",
+            416 => "Range Not Satisfiable",
+            425 => "Too Early",
+            429 => "Too Many Requests",
+            500 => "Internal Server Error",
+            502 => "Bad Gateway",
+            503 => "Service Unavailable",
+            504 => "Gateway Timeout",
+            _ => return self.status.to_string(),
+        };
+        format!("{} {name}", self.status)
+    }
 }
 
-/// Seconds of `Retry-After`, which is a number of them, or a date.
+/// Seconds of `Retry-After`, which holds a number of seconds or a date.
 fn retry_after_s(text: &str, now: Option<&str>) -> Option<u64> {
     if let Ok(seconds) = text.parse() {
         return Some(seconds);
     }
     let date = |text: &str| httpdate::parse_http_date(text).ok();
-    // By the server's clock, where it tells: this one may be wrong.
+    // The server's clock, if it sends one: ours may be wrong.
     let now = now.and_then(date).unwrap_or_else(SystemTime::now);
     Some(date(text)?.duration_since(now).unwrap_or_default().as_secs())
 }
 
-/// The first byte of `bytes FIRST-LAST/TOTAL`, and the total unless it is `*`.
+/// FIRST of `bytes FIRST-LAST/TOTAL`, and TOTAL unless it is `*`.
 fn content_range(text: &str) -> Option<(u64, Option<u64>)> {
     let (range, total) = text.strip_prefix("bytes ")?.split_once('/')?;
     let first = range.split_once('-')?.0.trim().parse().ok()?;
@@ -60,11 +82,11 @@ mod tests {
     use super::*;
 
     fn head(status: u16, headers: &[(&str, &'static str)]) -> Head {
-        Head::read(status, |name| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| *text))
+        Head::parse(status, |name| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| *text))
     }
 
     #[test]
-    fn ranges_are_read_and_nonsense_is_not() {
+    fn ranges_are_parsed_and_malformed_ones_ignored() {
         assert_eq!(content_range("bytes 5-9/10"), Some((5, Some(10))));
         assert_eq!(content_range("bytes 0-9/*"), Some((0, None)));
         for text in ["", "bytes", "bytes */10", "lines 5-9/10", "bytes 5-9", "bytes -5/10", "bytes x-9/10"] {
@@ -73,15 +95,15 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_version_is_none() {
+    fn a_malformed_etag_is_ignored() {
         for etag in ["", "none", "\""] {
             assert_eq!(head(200, &[("etag", etag)]).etag, None, "{etag}");
         }
     }
 
     #[test]
-    fn what_the_headers_say() {
-        let said = head(
+    fn headers_are_parsed() {
+        let parsed = head(
             200,
             &[
                 ("content-length", " 12 "),
@@ -97,16 +119,16 @@ mod tests {
             retry_after_s: Some(20),
             ..Head::default()
         };
-        assert_eq!(said, expected);
+        assert_eq!(parsed, expected);
     }
 
     #[test]
-    fn a_date_to_wait_for_is_by_the_clock_of_the_server() {
+    fn a_date_of_retry_after_counts_from_the_date_of_the_server() {
         let at = |time: &str, now: Option<&str>| retry_after_s(time, now);
         let now = Some("Wed, 21 Oct 2015 07:27:35 GMT");
         assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", now), Some(25));
-        assert_eq!(at("Wed, 21 Oct 2015 07:27:00 GMT", now), Some(0), "that is over");
-        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", None), Some(0), "that is long over");
+        assert_eq!(at("Wed, 21 Oct 2015 07:27:00 GMT", now), Some(0), "in the past");
+        assert_eq!(at("Wed, 21 Oct 2015 07:28:00 GMT", None), Some(0), "in the past of this clock, too");
         assert_eq!(at("soon", now), None);
         let later = SystemTime::now() + std::time::Duration::from_secs(3600);
         let seconds = at(&httpdate::fmt_http_date(later), Some("no date")).unwrap();

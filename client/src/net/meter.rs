@@ -1,30 +1,29 @@
-//! [`Meter`]: how fast bytes arrive.
+//! [`Meter`]: the download rate.
 
 use std::collections::VecDeque;
 
-/// Seconds over which the rate is taken: long enough to read, short enough to tell a stall.
+/// Seconds over which the rate is averaged: long enough for a steady number, short enough to show a stall.
 const WINDOW_S: f64 = 3.0;
 
-/// Least seconds after which a rate means anything.
-const LEAST_S: f64 = 0.1;
+/// Minimum seconds over which a rate is meaningful.
+const MIN_S: f64 = 0.1;
 
-/// Bytes per second over the last few seconds.
+/// Measures bytes per second over the last [`WINDOW_S`] seconds.
 #[derive(Debug, Default)]
 pub(super) struct Meter {
-    /// When, in seconds, and how many bytes had been counted by then.
+    /// Time in seconds, and bytes counted up to it.
     samples: VecDeque<(f64, u64)>,
     counted: u64,
 }
 
 impl Meter {
-    /// Counts `bytes` that arrived at `now_s`, seconds of any clock.
+    /// Counts `bytes` received at `now_s`, seconds of a monotonic clock.
     pub(super) fn count(&mut self, now_s: f64, bytes: u64) {
         if self.samples.is_empty() {
             self.samples.push_back((now_s, 0));
         }
         self.counted += bytes;
-        // Samples closer than this tell nothing more.
-        if self.samples.back().is_some_and(|(then_s, _)| now_s - then_s >= 0.5 * LEAST_S) {
+        if self.samples.back().is_some_and(|(then_s, _)| now_s - then_s >= 0.5 * MIN_S) {
             self.samples.push_back((now_s, self.counted));
         }
         while self.samples.len() > 2 && self.samples[1].0 < now_s - WINDOW_S {
@@ -32,11 +31,11 @@ impl Meter {
         }
     }
 
-    /// The rate as of `now_s`.
+    /// The rate at `now_s`.
     pub(super) fn bytes_per_s(&self, now_s: f64) -> Option<f64> {
         let &(start_s, start) = self.samples.front()?;
         let elapsed_s = now_s - start_s;
-        (elapsed_s >= LEAST_S).then(|| (self.counted - start) as f64 / elapsed_s)
+        (elapsed_s >= MIN_S).then(|| (self.counted - start) as f64 / elapsed_s)
     }
 }
 

@@ -1,17 +1,30 @@
-//! The bar at the bottom: timeline, transport, and the menus.
+//! The bar at the bottom: timeline, transport and menus.
 
+use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, RichText, Slider, Ui, vec2};
 
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
 use super::style;
-use super::viewer::Viewer;
 use crate::gpu::{Cutoff, RenderSettings, SortOrder};
 use crate::player::{Player, SPEEDS};
 
-/// Shows the bar; what its buttons ask for goes to `commands`.
-pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
+/// The state that the bar shows and changes.
+pub(crate) struct Controls<'a> {
+    pub(crate) player: &'a mut Player,
+    pub(crate) settings: &'a mut RenderSettings,
+    /// Whether the pointer holds the timeline.
+    pub(crate) is_scrubbing: &'a mut bool,
+    /// Number of layers of the clip.
+    pub(crate) layers: usize,
+    pub(crate) viewpoints: &'a [Viewpoint],
+    /// Index of the viewpoint chosen last.
+    pub(crate) viewpoint: usize,
+}
+
+/// Shows the bar. Appends the commands of its buttons to `commands`.
+pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<Command>) {
     let frame = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
         left: 14,
         right: 14,
@@ -19,28 +32,28 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>
         bottom: 8,
     });
     Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
-        timeline(ui, viewer);
+        timeline(ui, &mut controls);
         ui.horizontal(|ui| {
-            transport(ui, &viewer.player, commands);
-            ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, viewer, commands));
+            transport(ui, controls.player, commands);
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, controls, commands));
         });
     });
 }
 
-/// The slider over the whole clip. While it is held, the clock stands still.
-fn timeline(ui: &mut Ui, viewer: &mut Viewer) {
-    let player = &mut viewer.player;
+/// The slider over the clip.
+fn timeline(ui: &mut Ui, controls: &mut Controls<'_>) {
+    let player = &mut *controls.player;
     let mut position_s = player.position_s();
-    let moving = player.duration_s() > 0.0;
+    let has_duration = player.duration_s() > 0.0;
     let slider = Slider::new(&mut position_s, 0.0..=player.duration_s().max(f64::MIN_POSITIVE))
         .show_value(false)
         .smart_aim(false);
     ui.spacing_mut().slider_width = ui.available_width();
-    let response = ui.add_enabled(moving, slider);
+    let response = ui.add_enabled(has_duration, slider);
     if response.changed() {
         player.seek(position_s);
     }
-    viewer.scrubbing = response.dragged();
+    *controls.is_scrubbing = response.dragged();
 }
 
 fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
@@ -66,21 +79,21 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
     ui.label(RichText::new(frames).monospace().color(style::QUIET));
 }
 
-/// Position and length with hundredths of a second: `1.25 / 10.00 s`, `0:59.20 / 1:30.00`.
+/// Position and duration to hundredths of a second: `1.25 / 10.00 s`, `0:59.20 / 1:30.00`.
 fn time_text(player: &Player) -> String {
     let (position_s, duration_s) = (player.position_s(), player.duration_s());
     if duration_s < 60.0 {
         return format!("{position_s:5.2} / {duration_s:.2} s");
     }
-    let clock = |seconds: f64| {
+    let minutes = |seconds: f64| {
         let hundredths = (seconds * 100.0).round() as u64;
         format!("{}:{:02}.{:02}", hundredths / 6000, hundredths / 100 % 60, hundredths % 100)
     };
-    format!("{} / {}", clock(position_s), clock(duration_s))
+    format!("{} / {}", minutes(position_s), minutes(duration_s))
 }
 
-/// From right to left.
-fn menus(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
+/// The menus, laid out from right to left.
+fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     ui.spacing_mut().item_spacing = vec2(6.0, 4.0);
     if ui.button("Keys").on_hover_text("List of keys (H)").clicked() {
         commands.push(Command::ToggleKeys);
@@ -88,18 +101,18 @@ fn menus(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
     if ui.button("Snapshot").on_hover_text("Save a picture (P)").clicked() {
         commands.push(Command::Screenshot);
     }
-    let layers = viewer.layers();
-    rendering_menu(ui, &mut viewer.settings, layers);
-    ui.menu_button("View", |ui| view_menu(ui, viewer, commands));
-    let looping = viewer.player.is_looping();
+    rendering_menu(ui, controls.settings, controls.layers);
+    ui.menu_button("View", |ui| view_menu(ui, &controls, commands));
+    let player = controls.player;
+    let looping = player.is_looping();
     if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
         commands.push(Command::ToggleLoop);
     }
-    let speed = viewer.player.speed();
+    let speed = player.speed();
     ui.menu_button(speed_text(speed), |ui| {
         for choice in SPEEDS.into_iter().rev() {
             if ui.selectable_label(speed == choice, speed_text(choice)).clicked() {
-                viewer.player.set_speed(choice);
+                player.set_speed(choice);
                 ui.close();
             }
         }
@@ -112,11 +125,11 @@ fn speed_text(speed: f64) -> String {
     format!("{speed}x")
 }
 
-fn view_menu(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
+fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) {
     ui.set_min_width(180.0);
-    for (number, viewpoint) in viewer.viewpoints().iter().enumerate() {
+    for (number, viewpoint) in controls.viewpoints.iter().enumerate() {
         let key = if number < 9 { format!("{}", number + 1) } else { String::new() };
-        let chosen = number == viewer.viewpoint();
+        let chosen = number == controls.viewpoint;
         let entry = egui::Button::selectable(chosen, viewpoint.name.as_str()).shortcut_text(key);
         if ui.add(entry).clicked() {
             commands.push(Command::GoToViewpoint(number));
@@ -134,10 +147,10 @@ fn view_menu(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     }
 }
 
-/// How the clip is drawn. Stays open while choices are compared.
+/// The render settings. The menu stays open to compare choices.
 fn rendering_menu(ui: &mut Ui, settings: &mut RenderSettings, layers: usize) {
-    let stays = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    MenuButton::new("Rendering").config(stays).ui(ui, |ui| {
+    let stay_open = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    MenuButton::new("Rendering").config(stay_open).ui(ui, |ui| {
         ui.label(RichText::new("Sort by").color(style::QUIET));
         ui.radio_value(&mut settings.sort, SortOrder::Depth, "Depth")
             .on_hover_text("Along the view axis, as clips are fitted");

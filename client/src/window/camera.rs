@@ -1,31 +1,30 @@
 //! [`CameraControl`]: the camera that the mouse and the keys move.
 //!
-//! A turntable around a pivot: two angles relative to the clip's up axis, and a distance. Every
-//! motion keeps the horizon level. Lengths are in the units of the clip, whose size says little:
-//! captured scenes have far outliers. So speeds and limits follow from the distance between the
-//! viewpoint and what it looks at.
+//! A turntable around a pivot: two angles relative to the clip's up axis, and a distance. Every motion keeps
+//! the horizon level. Speeds and limits are relative to the distance between the viewpoint and its target,
+//! not to the bounds of the clip, which far outliers of a capture enlarge.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use codec::{Camera, Viewpoint};
 use glam::DVec3;
 
-/// Angle by which a drag over the whole height of the window turns.
+/// Angle of an orbit for a drag over the height of the window.
 const TURN_PER_HEIGHT: f64 = PI;
 
-/// Steepest look up or down: just short of the pole, where the heading would be undefined.
+/// Largest pitch: short of the pole, where the yaw is undefined.
 const PITCH_MAX: f64 = FRAC_PI_2 - 1e-3;
 
-/// Change of distance per notch of the wheel.
+/// Factor on the distance per notch of the wheel.
 pub(crate) const ZOOM_PER_NOTCH: f64 = 0.9;
 
-/// Flying speed in distances to the pivot per second.
+/// Flying speed per second, relative to the distance to the pivot.
 const FLY_PER_SECOND: f64 = 0.4;
 
 /// Factor on the flying speed while shift is held.
 const FLY_FAST: f64 = 4.0;
 
-/// Where flying goes, in camera axes, each -1, 0 or 1.
+/// Direction of flight in camera axes, each -1, 0 or 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Fly {
     pub(crate) right: f64,
@@ -35,20 +34,20 @@ pub(crate) struct Fly {
 }
 
 impl Fly {
-    /// Whether the camera moves.
-    pub(crate) fn is_moving(&self) -> bool {
+    /// Whether the direction is not zero.
+    pub(crate) fn is_flying(&self) -> bool {
         self.right != 0.0 || self.up != 0.0 || self.forward != 0.0
     }
 }
 
-/// A camera on a turntable.
+/// A turntable camera.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraControl {
-    /// Unit axes of the clip's world: up, and two that span the ground.
+    /// Unit axes of the clip's world: up, and two horizontal ones.
     up: DVec3,
     north: DVec3,
     east: DVec3,
-    /// Distance between the viewpoint last visited and its target.
+    /// Distance between the viewpoint visited last and its target.
     scale: f64,
     pivot: DVec3,
     distance: f64,
@@ -58,7 +57,7 @@ pub(crate) struct CameraControl {
 }
 
 impl CameraControl {
-    /// A camera at `viewpoint`, in a world with the axis `up`.
+    /// A camera at `viewpoint` in a world with the up axis `up`.
     pub(crate) fn new(viewpoint: &Viewpoint, up: [f32; 3]) -> CameraControl {
         let up = DVec3::from(up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);
         let north = up.any_orthonormal_vector();
@@ -77,7 +76,7 @@ impl CameraControl {
         control
     }
 
-    /// Jumps to a viewpoint. One that looks along the up axis is tilted by less than 0.1 degree.
+    /// Jumps to a viewpoint. Tilts one that looks along the up axis by less than 0.1 degrees.
     pub(crate) fn go_to(&mut self, viewpoint: &Viewpoint) {
         let position = DVec3::from(viewpoint.position.map(f64::from));
         let target = DVec3::from(viewpoint.target.map(f64::from));
@@ -93,13 +92,13 @@ impl CameraControl {
         self.fov_y = f64::from(viewpoint.fov_y).clamp(0.01, 3.0);
     }
 
-    /// Turns around the pivot by a drag of `(dx, dy)` window heights, as if the clip were held.
+    /// Turns around the pivot by a drag of `(dx, dy)` window heights; the clip follows the pointer.
     pub(crate) fn orbit(&mut self, dx: f64, dy: f64) {
         self.turn(dx * TURN_PER_HEIGHT, -dy * TURN_PER_HEIGHT);
     }
 
-    /// Turns around the eye by a drag of `(dx, dy)` window heights: what is under the pointer in
-    /// the middle of the picture stays under it.
+    /// Turns around the eye by a drag of `(dx, dy)` window heights; a point at the centre of the image stays
+    /// under the pointer.
     pub(crate) fn look(&mut self, dx: f64, dy: f64) {
         let position = self.position();
         self.turn(-dx * self.fov_y, dy * self.fov_y);
@@ -111,8 +110,8 @@ impl CameraControl {
         self.pitch = (self.pitch + up).clamp(-PITCH_MAX, PITCH_MAX);
     }
 
-    /// Moves sideways by a drag of `(dx, dy)` window heights: what is under the pointer at the
-    /// distance of the pivot stays under it.
+    /// Moves sideways by a drag of `(dx, dy)` window heights; a point at the distance of the pivot stays
+    /// under the pointer.
     pub(crate) fn pan(&mut self, dx: f64, dy: f64) {
         let height = 2.0 * self.distance * (0.5 * self.fov_y).tan();
         let right = self.right();
@@ -120,10 +119,10 @@ impl CameraControl {
         self.pivot += (up * dy - right * dx) * height;
     }
 
-    /// Moves towards the pivot by `notches` of the wheel, away from it where negative.
+    /// Moves towards the pivot by `notches` of the wheel; negative ones move away.
     pub(crate) fn zoom(&mut self, notches: f64) {
         let distance = self.distance * ZOOM_PER_NOTCH.powf(notches);
-        // Never so near that rounding shows, nor so far that the way back gets lost.
+        // Nearer, rounding shows; farther, the clip is too small to return to.
         self.distance = distance.clamp(1e-2 * self.scale, 1e2 * self.scale);
     }
 
@@ -182,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_as_the_viewpoint_says() {
+    fn it_starts_at_the_viewpoint() {
         for up in [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.6, 0.8, 0.0]] {
             let viewpoint = Viewpoint { position: [1.0, 2.0, 3.0], target: [-2.0, 0.5, 0.0], ..viewpoint() };
             let control = CameraControl::new(&viewpoint, up);
@@ -199,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orbit_keeps_the_pivot_in_the_middle_at_its_distance() {
+    fn an_orbit_keeps_the_pivot_centred_at_its_distance() {
         let mut control = control();
         control.orbit(0.3, 0.2);
         assert!(near(control.pivot, DVec3::new(0.0, 1.0, 0.0)));
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drag_takes_the_near_side_along() {
+    fn the_near_side_follows_a_drag() {
         let near_side = DVec3::new(0.0, 1.0, 1.0);
         for (dx, dy) in [(0.05, 0.0), (-0.05, 0.0), (0.0, 0.05), (0.0, -0.05)] {
             let mut control = control();
@@ -221,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn looking_keeps_the_eye_and_moves_the_picture_with_the_pointer() {
+    fn looking_keeps_the_eye_and_the_image_follows_the_pointer() {
         let mut control = control();
         let eye = control.position();
         control.look(0.02, 0.03);
@@ -241,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wheel_goes_to_the_pivot_and_back_and_never_through_it() {
+    fn the_wheel_moves_to_the_pivot_and_never_through_it() {
         let mut control = control();
         control.zoom(3.0);
         assert!((control.distance - 4.0 * 0.729).abs() < 1e-9);
@@ -266,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn the_poles_keep_a_camera() {
+    fn the_camera_is_valid_at_the_poles() {
         let mut control = control();
         for dy in [5.0, -10.0] {
             control.orbit(0.0, dy);
@@ -282,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_viewpoint_without_a_direction_still_gives_a_camera() {
+    fn a_viewpoint_without_a_direction_has_a_valid_camera() {
         let nowhere = Viewpoint { position: [1.0; 3], target: [1.0; 3], ..viewpoint() };
         let control = CameraControl::new(&nowhere, [0.0; 3]);
         assert!(control.camera(WIDTH, HEIGHT).check().is_ok());

@@ -1,20 +1,20 @@
-//! [`FrameTimes`]: how evenly pictures follow each other while the clip plays.
+//! [`FrameTimes`]: the intervals between frames while the clip plays.
 
 use crate::stats::Summary;
 
-/// Frames that are looked at: two seconds at 60 per second.
+/// Number of intervals in the summary: two seconds at 60 frames per second.
 const FRAMES: usize = 120;
 
 /// The latest intervals between frames.
 #[derive(Debug, Default)]
 pub(crate) struct FrameTimes {
     intervals_ms: Vec<f64>,
-    /// Where the next one goes once there are [`FRAMES`].
+    /// Index of the oldest interval once there are [`FRAMES`].
     next: usize,
 }
 
 impl FrameTimes {
-    /// Takes in the interval between two frames that followed each other without a rest.
+    /// Adds the interval between two successive frames.
     pub(crate) fn push(&mut self, interval_s: f64) {
         let interval_ms = interval_s * 1e3;
         if self.intervals_ms.len() < FRAMES {
@@ -25,7 +25,7 @@ impl FrameTimes {
         }
     }
 
-    /// Milliseconds between frames; `None` before there are any.
+    /// Summary of the intervals in milliseconds; `None` before the first.
     pub(crate) fn summary(&self) -> Option<Summary> {
         (!self.intervals_ms.is_empty()).then(|| Summary::of(self.intervals_ms.iter().copied()))
     }

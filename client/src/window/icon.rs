@@ -1,4 +1,4 @@
-//! The window's icon: three Gaussians, drawn here so that no file is needed.
+//! The window's icon: three Gaussians, drawn in code.
 
 use winit::window::Icon;
 
@@ -12,7 +12,7 @@ const BLOBS: [([f32; 2], f32, [f32; 3]); 3] = [
     ([0.50, 0.66], 0.14, [0.98, 0.85, 0.35]),
 ];
 
-/// Draws the icon; `None` where the platform takes none.
+/// Draws the icon; `None` if the platform refuses it.
 pub(crate) fn icon() -> Option<Icon> {
     Icon::from_rgba(pixels(), SIZE, SIZE).ok()
 }
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_icon_is_opaque_inside_and_clear_at_the_corners() {
+    fn the_icon_is_opaque_inside_and_transparent_at_the_corners() {
         let pixels = pixels();
         assert!(icon().is_some());
         let alpha = |x: u32, y: u32| pixels[((y * SIZE + x) * 4 + 3) as usize];

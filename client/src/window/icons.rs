@@ -1,8 +1,8 @@
-//! Buttons with drawn symbols, which no font has to hold.
+//! Buttons with symbols that are drawn, independent of fonts.
 
 use egui::{Color32, Painter, Pos2, Rect, Response, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
-/// What a symbol button shows.
+/// The symbol of a button.
 #[derive(Clone, Copy)]
 pub(crate) enum Symbol {
     Play,
@@ -12,7 +12,7 @@ pub(crate) enum Symbol {
     Close,
 }
 
-/// A button with a symbol, and `hint` for those who hover over it or hear it read.
+/// A button with a symbol. `hint` is its tooltip and its label for screen readers.
 pub(crate) fn symbol_button(ui: &mut Ui, symbol: Symbol, hint: &str) -> Response {
     let size = vec2(30.0, ui.spacing().interact_size.y);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click());

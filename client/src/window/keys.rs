@@ -1,10 +1,10 @@
-//! The keys: one table that both acts on them and lists them, and the keys held to fly.
+//! The keys: one table for commands and for the list of keys, and the keys held to fly.
 
 use egui::{Event, InputState, Key};
 
 use super::camera::Fly;
 
-/// What a key asks for.
+/// A command of a key or a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Command {
     TogglePlaying,
@@ -15,7 +15,7 @@ pub(crate) enum Command {
     Faster,
     NormalSpeed,
     ToggleLoop,
-    /// A viewpoint by its number from 0.
+    /// The viewpoint of this index.
     GoToViewpoint(usize),
     Recentre,
     Screenshot,
@@ -26,15 +26,15 @@ pub(crate) enum Command {
     Dismiss,
 }
 
-/// One line of the table.
+/// A line of the table.
 pub(crate) struct Binding {
     keys: &'static [Key],
     command: Command,
-    /// Whether holding the key goes on and on.
+    /// Whether a held key repeats the command.
     repeats: bool,
-    /// The keys as the list shows them.
+    /// Name of the keys in the list.
     pub(crate) label: &'static str,
-    /// What they do.
+    /// Name of the command in the list.
     pub(crate) action: &'static str,
 }
 
@@ -51,7 +51,7 @@ const fn repeating(
     Binding { keys, command, repeats: true, label, action }
 }
 
-/// Keys of the player.
+/// Keys that control the player.
 pub(crate) const PLAYING: [Binding; 8] = [
     once(&[Key::Space], Command::TogglePlaying, "Space", "Play or pause"),
     repeating(&[Key::ArrowLeft, Key::Comma], Command::StepBack, "Left or ,", "One frame back"),
@@ -63,7 +63,7 @@ pub(crate) const PLAYING: [Binding; 8] = [
     once(&[Key::L], Command::ToggleLoop, "L", "Loop on or off"),
 ];
 
-/// Keys of the window.
+/// Keys that control the window.
 pub(crate) const WINDOW: [Binding; 7] = [
     once(&[Key::R], Command::Recentre, "R", "Back to the viewpoint"),
     once(&[Key::P], Command::Screenshot, "P", "Save a picture"),
@@ -74,7 +74,7 @@ pub(crate) const WINDOW: [Binding; 7] = [
     once(&[Key::Escape], Command::Dismiss, "Esc", "Close a list or message"),
 ];
 
-/// What the mouse and held keys do, for the list.
+/// The list of mouse and flying controls.
 pub(crate) const CAMERA: [(&str, &str); 8] = [
     ("Left drag", "Orbit"),
     ("Right drag, Shift + drag", "Pan"),
@@ -86,11 +86,11 @@ pub(crate) const CAMERA: [(&str, &str); 8] = [
     ("1 ... 9", "Viewpoints"),
 ];
 
-/// Number keys, in the order of the viewpoints.
+/// The keys of the first viewpoints.
 const VIEWPOINTS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
-/// The commands of the keys pressed since the last frame.
+/// Commands of the keys pressed since the last frame.
 pub(crate) fn commands(input: &InputState) -> Vec<Command> {
     input.events.iter().filter_map(command).collect()
 }
@@ -99,11 +99,11 @@ fn command(event: &Event) -> Option<Command> {
     let &Event::Key { key, physical_key, pressed: true, repeat, modifiers } = event else {
         return None;
     };
-    // Combinations belong to the desktop; a key that flies does nothing else, on any layout.
+    // Combinations belong to the desktop. A flying key, identified by its position, has no other command.
     if modifiers.ctrl || modifiers.alt || modifiers.command || is_fly_key(physical_key.unwrap_or(key)) {
         return None;
     }
-    // The digits of the upper row by place: some layouts type them only with Shift.
+    // Digits by position: some layouts type them only with Shift.
     let digit = |key: Key| VIEWPOINTS.iter().position(|&digit| digit == key);
     if let Some(number) = digit(key).or_else(|| physical_key.and_then(digit)) {
         return (!repeat).then_some(Command::GoToViewpoint(number));
@@ -112,14 +112,14 @@ fn command(event: &Event) -> Option<Command> {
     (!repeat || binding.repeats).then_some(binding.command)
 }
 
-/// Keys that fly, by their place on the keyboard: left, right, back, ahead, down, up.
+/// Flying keys by position: left, right, back, forward, down, up.
 const FLY_KEYS: [Key; 6] = [Key::A, Key::D, Key::S, Key::W, Key::Q, Key::E];
 
 fn is_fly_key(key: Key) -> bool {
     FLY_KEYS.contains(&key)
 }
 
-/// The keys that are held down to fly.
+/// The flying keys held down.
 #[derive(Debug, Default)]
 pub(crate) struct FlyKeys {
     held: [bool; FLY_KEYS.len()],
@@ -127,7 +127,7 @@ pub(crate) struct FlyKeys {
 }
 
 impl FlyKeys {
-    /// Takes in the keys pressed and let go since the last frame.
+    /// Updates from the keys pressed and released since the last frame.
     pub(crate) fn update(&mut self, input: &InputState) {
         for event in &input.events {
             match *event {
@@ -137,7 +137,7 @@ impl FlyKeys {
                         self.held[index] = pressed && !modifiers.ctrl && !modifiers.alt && !modifiers.command;
                     }
                 }
-                // The releases of keys go to whichever window has the focus then.
+                // Another window receives the releases of these keys.
                 Event::WindowFocused(false) => self.held = Default::default(),
                 _ => {}
             }
@@ -145,12 +145,12 @@ impl FlyKeys {
         self.fast = input.modifiers.shift;
     }
 
-    /// Lets go of every key.
+    /// Releases all keys.
     pub(crate) fn release(&mut self) {
         self.held = Default::default();
     }
 
-    /// Where they fly.
+    /// The direction of flight.
     pub(crate) fn fly(&self) -> Fly {
         let axis = |negative: usize| f64::from(self.held[negative + 1]) - f64::from(self.held[negative]);
         Fly { right: axis(0), forward: axis(2), up: axis(4), fast: self.fast }
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn no_key_means_two_things() {
+    fn no_key_is_bound_twice() {
         let mut keys: Vec<Key> =
             PLAYING.iter().chain(&WINDOW).flat_map(|binding| binding.keys).copied().collect();
         keys.extend(VIEWPOINTS);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn combinations_are_left_alone() {
+    fn combinations_give_no_command() {
         let event = Event::Key {
             key: Key::P,
             physical_key: Some(Key::P),
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn flying_goes_by_place_until_release_or_loss_of_focus() {
+    fn flying_keys_go_by_position_until_release_or_loss_of_focus() {
         let key = |physical_key, pressed| Event::Key {
             // An AZERTY keyboard types other letters there.
             key: if physical_key == Key::W { Key::Z } else { Key::Q },
@@ -231,11 +231,11 @@ mod tests {
         keys.update(&input(vec![key(Key::A, false)]));
         assert_eq!(keys.fly(), Fly { right: 0.0, up: 0.0, forward: 1.0, fast: false });
         keys.update(&input(vec![Event::WindowFocused(false)]));
-        assert!(!keys.fly().is_moving());
+        assert!(!keys.fly().is_flying());
     }
 
     #[test]
-    fn a_key_that_flies_gives_no_command() {
+    fn a_flying_key_gives_no_command() {
         let event = Event::Key {
             key: Key::Period,
             physical_key: Some(Key::E),

@@ -1,5 +1,5 @@
-//! What lies over the picture when asked for: statistics, the list of keys, a message, and the
-//! hint while a file is dragged over the window.
+//! Overlays on the picture: statistics, the list of keys, a message, and a hint while a file is dragged over
+//! the window.
 
 use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, Spinner, Ui, vec2};
 
@@ -7,28 +7,28 @@ use super::icons::{Symbol, symbol_button};
 use super::keys::{CAMERA, PLAYING, WINDOW};
 use super::style;
 
-/// Seconds for which a note stays.
+/// Seconds until a note disappears.
 const NOTE_S: f64 = 5.0;
 
 /// One line for the viewer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Message {
-    /// Goes away by itself at this time of the interface.
+    /// Disappears at `until_s` of the interface's time.
     Note { text: String, until_s: f64 },
-    /// Stays until something replaces it.
+    /// Stays until replaced.
     Working(String),
-    /// Stays until it is dismissed.
+    /// Stays until dismissed.
     Error(String),
 }
 
 impl Message {
-    /// A note that is new now.
+    /// A note that appears now.
     pub(crate) fn note(ctx: &Context, text: String) -> Message {
         Message::Note { text, until_s: ctx.input(|input| input.time) + NOTE_S }
     }
 }
 
-/// Shows the message above the bar, and takes it away when it has been seen.
+/// Shows the message above the bar; removes it when it expires or is dismissed.
 pub(crate) fn message(ctx: &Context, bar_height: f32, message: &mut Option<Message>) {
     let now_s = ctx.input(|input| input.time);
     if let Some(Message::Note { until_s, .. }) = message {
@@ -38,12 +38,12 @@ pub(crate) fn message(ctx: &Context, bar_height: f32, message: &mut Option<Messa
             ctx.request_repaint_after_secs((*until_s - now_s) as f32);
         }
     }
-    let Some(shown) = message.clone() else { return };
+    let Some(current) = message.clone() else { return };
     let mut dismissed = false;
     card(ctx, "message", Align2::CENTER_BOTTOM, vec2(0.0, -bar_height - 14.0), |ui| {
         ui.set_max_width((ctx.content_rect().width() - 80.0).clamp(120.0, 620.0));
         ui.horizontal(|ui| {
-            let (text, color) = match shown {
+            let (text, color) = match current {
                 Message::Note { text, .. } => (text, ui.visuals().text_color()),
                 Message::Working(text) => {
                     ui.add(Spinner::new().size(14.0));
@@ -60,7 +60,7 @@ pub(crate) fn message(ctx: &Context, bar_height: f32, message: &mut Option<Messa
     }
 }
 
-/// Shows rows of names and values in the upper left corner.
+/// Shows rows of names and values in the top left corner.
 pub(crate) fn statistics(ctx: &Context, rows: &[(&str, String)]) {
     card(ctx, "statistics", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
         ui.spacing_mut().interact_size.y = 0.0;
@@ -74,7 +74,7 @@ pub(crate) fn statistics(ctx: &Context, rows: &[(&str, String)]) {
     });
 }
 
-/// Shows the list of keys in the middle.
+/// Shows the list of keys in the centre.
 pub(crate) fn keys(ctx: &Context) {
     card(ctx, "keys", Align2::CENTER_CENTER, vec2(0.0, -24.0), |ui| {
         ui.spacing_mut().interact_size.y = 0.0;
@@ -102,7 +102,7 @@ fn key_list<'a>(ui: &mut Ui, title: &str, lines: impl Iterator<Item = (&'a str, 
     });
 }
 
-/// Says, while a file hovers over the window, what happens when it is let go.
+/// Shows a hint over the window while a file is dragged over it.
 pub(crate) fn drop_hint(ctx: &Context) {
     let layer = egui::LayerId::new(Order::Foreground, Id::unique("drop hint"));
     let (rect, painter) = (ctx.content_rect(), ctx.layer_painter(layer));

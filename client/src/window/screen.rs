@@ -1,4 +1,4 @@
-//! [`Screen`]: the device that a window is drawn with, and what lasts as long as it, whatever plays.
+//! [`Screen`]: the graphics device of a window, and all that is bound to the device but not to a clip.
 
 use std::sync::Arc;
 use std::thread::sleep;
@@ -11,16 +11,16 @@ use winit::window::{Theme, Window};
 use super::style;
 use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
 
-/// Longest to wait for the loader.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for the loader to release a lost device.
+const RELEASE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What a window is drawn with.
+/// The device of a window and its resources.
 pub(super) struct Screen {
     pub(super) picture: Picture,
     pub(super) input: egui_winit::State,
     pub(super) painter: UiPainter,
     pub(super) gpu: Arc<Gpu>,
-    /// Put away last, see [`Screen::drop`].
+    /// Dropped last, see [`Screen::drop`].
     pub(super) surface: WindowSurface,
     /// Frames shown.
     frames: u64,
@@ -30,7 +30,7 @@ impl Screen {
     /// Opens a device for a window.
     ///
     /// # Errors
-    /// [`Fault::Device`] if there is none that can show on it.
+    /// [`Fault::Device`] if no device can present to it.
     pub(super) fn open(window: &Arc<Window>) -> Result<Screen, Fault> {
         let (gpu, surface) = WindowSurface::open(window.clone())?;
         let ctx = egui::Context::default();
@@ -52,24 +52,23 @@ impl Screen {
         })
     }
 
-    /// Shows `frame`, all of whose drawing has been submitted.
+    /// Presents `frame`, whose commands have been submitted.
     pub(super) fn present(&mut self, frame: SurfaceFrame) {
         self.surface.present(&self.gpu, frame);
         self.frames = self.frames.saturating_add(1);
     }
 
-    /// Whether the device is lost after it worked for long enough that another one may as well.
+    /// Whether the device is lost and has shown enough frames to expect another to work.
     pub(super) fn is_worth_replacing(&self) -> bool {
         self.gpu.is_worth_replacing(self.frames)
     }
 }
 
 impl Drop for Screen {
-    /// What was under way on a device that is gone holds images of the window until the device is put
-    /// away, which the loader may still have in its hands for a moment.
+    /// Waits until the loader releases a lost device: until then, the device holds images of the window.
     fn drop(&mut self) {
         let start = Instant::now();
-        while self.gpu.is_lost() && Arc::strong_count(&self.gpu) > 1 && start.elapsed() < PATIENCE {
+        while self.gpu.is_lost() && Arc::strong_count(&self.gpu) > 1 && start.elapsed() < RELEASE_TIMEOUT {
             sleep(Duration::from_millis(1));
         }
     }

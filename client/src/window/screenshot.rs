@@ -1,7 +1,7 @@
-//! Pictures of what the window shows, without the controls.
+//! [`Screenshot`]: an image of the clip as the window shows it, without the controls.
 //!
-//! They are drawn as `--headless` draws, with a renderer of their own on a thread of their own:
-//! the window's frames wait for nothing.
+//! It is rendered as by `--headless`, with its own renderer on its own thread, and delays no frame of the
+//! window.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,23 +11,23 @@ use program::{Fault, output};
 use crate::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::view::View;
 
-/// What a picture shows.
-pub(crate) struct Shot {
+/// The content of a screenshot.
+pub(crate) struct Screenshot {
     pub(crate) clip: Arc<GpuClip>,
-    /// Name of the clip, from which the file gets its own.
+    /// Name of the clip, for the name of the file.
     pub(crate) name: String,
-    /// Normalised clip time, and the same in seconds.
+    /// Normalised clip time, and the position in seconds.
     pub(crate) t: f64,
     pub(crate) time_s: f64,
     pub(crate) view: View,
     pub(crate) settings: RenderSettings,
 }
 
-impl Shot {
-    /// Draws the picture and writes it into `folder`, under a name that is free; returns the path.
+impl Screenshot {
+    /// Renders the image and writes it to `folder` under an unused name; returns the path.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it cannot be drawn, [`Fault::Usage`] if it cannot be written.
+    /// [`Fault::Device`] if it cannot be rendered, [`Fault::Usage`] if it cannot be written.
     pub(crate) fn save(&self, gpu: &Gpu, folder: &Path) -> Result<PathBuf, Fault> {
         let path = free_path(folder, &file_stem(&self.name, self.time_s));
         output::check(&path)?;
@@ -42,7 +42,7 @@ impl Shot {
     }
 }
 
-/// `clip_1.250s` for the clip `clip.aarc` at 1.25 s. What some file systems refuse becomes `_`.
+/// `clip_1.250s` for `clip.aarc` at 1.25 s. Characters that some file systems refuse become `_`.
 fn file_stem(name: &str, time_s: f64) -> String {
     let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or("clip");
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
@@ -50,7 +50,7 @@ fn file_stem(name: &str, time_s: f64) -> String {
     format!("{stem}_{time_s:.3}s")
 }
 
-/// A path in `folder` at which there is nothing yet.
+/// An unused path in `folder`.
 fn free_path(folder: &Path, stem: &str) -> PathBuf {
     let numbered = |number: u32| match number {
         1 => folder.join(format!("{stem}.png")),
@@ -64,14 +64,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_clip_and_time() {
+    fn names_have_clip_and_time() {
         assert_eq!(file_stem("clip.aarc", 1.25), "clip_1.250s");
         assert_eq!(file_stem("a b:c?.aarc", 0.0), "a_b_c__0.000s");
         assert_eq!(file_stem("", 2.0), "clip_2.000s");
     }
 
     #[test]
-    fn no_picture_is_overwritten() {
+    fn no_file_is_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let first = free_path(folder.path(), "a");
         assert_eq!(first, folder.path().join("a.png"));

@@ -23,8 +23,9 @@ use super::frame_times::FrameTimes;
 use super::icon;
 use super::overlay::Message;
 use super::screen::Screen;
-use super::screenshot::Shot;
-use super::viewer::{Requests, Scene, Viewer};
+use super::screenshot::Screenshot;
+use super::viewed_clip::ViewedClip;
+use super::viewer::{Requests, Viewer};
 use crate::clips::{
     Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
 };
@@ -94,7 +95,7 @@ impl ClipTarget for WindowTarget {
 /// A clip that is ready to be drawn.
 struct Playing {
     title: String,
-    scene: Scene,
+    viewed: ViewedClip,
     /// `None` once its device was lost.
     renderer: Option<Renderer>,
     /// Number of Gaussians, plate included.
@@ -109,7 +110,7 @@ impl Playing {
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         Ok(Playing {
             title: title(entry.name.as_deref()),
-            scene: Scene::of(clip),
+            viewed: ViewedClip::new(clip),
             renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
@@ -165,7 +166,7 @@ impl Session {
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
-        let viewer = Viewer::new(playing.scene.clone(), start.viewpoint, start.settings);
+        let viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         let wake = {
             let proxy = proxy.clone();
             // The event loop has ended where this fails.
@@ -243,17 +244,17 @@ impl Session {
     }
 
     fn show(&mut self, playing: Playing, transition: Transition) {
-        let scene = playing.scene.clone();
+        let viewed = playing.viewed.clone();
         match transition {
             Transition::Open => {
-                self.viewer.change_scene(scene);
+                self.viewer.change_clip(viewed);
                 self.last_frame = None;
             }
             Transition::Follow => {
-                self.viewer.follow_scene(scene);
+                self.viewer.continue_with(viewed);
                 self.clear_progress();
             }
-            Transition::Refine => self.viewer.refine_scene(scene),
+            Transition::Refine => self.viewer.update_clip(viewed),
         }
         self.window.set_title(&playing.title);
         self.playing = playing;
@@ -293,7 +294,7 @@ impl Session {
         }
 
         let looping = self.viewer.player.is_looping();
-        self.viewer.player.set_followed(self.clips.is_followed(looping));
+        self.viewer.player.set_has_next(self.clips.is_followed(looping));
         let ctx = self.screen.input.egui_ctx().clone();
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
@@ -379,7 +380,7 @@ impl Session {
         }
         let Some(renderer) = &self.playing.renderer else { return };
         let player = &self.viewer.player;
-        let shot = Shot {
+        let screenshot = Screenshot {
             clip: renderer.clip().clone(),
             name: self.playing.title.clone(),
             t: state.t,
@@ -392,7 +393,7 @@ impl Session {
         self.saving = Some(std::thread::spawn(move || {
             let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
             // The event loop has ended where this fails.
-            let _ = proxy.send_event(Event::Saved(shot.save(&gpu, &folder)));
+            let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folder)));
         }));
     }
 

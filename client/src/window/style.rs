@@ -1,25 +1,25 @@
-//! Colours and shapes of the controls: dark and translucent, so that the picture stays in charge.
+//! Colours and shapes of the controls: dark and translucent, to leave attention to the picture.
 
 use std::num::NonZeroUsize;
 
 use egui::style::HandleShape;
 use egui::{Color32, Context, CornerRadius, Frame, Margin, Shadow, Stroke, Theme, Visuals};
 
-/// Marks what is chosen or already played.
+/// Colour of selections and of the played part of the timeline.
 pub(crate) const ACCENT: Color32 = Color32::from_rgb(242, 142, 72);
 
-/// Text that is there to be looked up, not read.
+/// Colour of secondary text.
 pub(crate) const QUIET: Color32 = Color32::from_gray(150);
 
-/// Text of an error.
+/// Colour of error messages.
 pub(crate) const ERROR: Color32 = Color32::from_rgb(255, 128, 112);
 
 const SURFACE: Color32 = Color32::from_rgb(22, 23, 27);
 const TEXT: Color32 = Color32::from_gray(214);
 
-/// Sets the look of everything that egui draws.
+/// Applies the style to an egui context.
 pub(crate) fn apply(ctx: &Context) {
-    // A pass takes the input in and moves the clock: never two of them for a frame.
+    // A pass handles input and advances the player: a second pass would do so twice.
     ctx.options_mut(|options| options.max_passes = NonZeroUsize::MIN);
     ctx.set_theme(Theme::Dark);
     ctx.style_mut_of(Theme::Dark, |style| {
@@ -59,7 +59,7 @@ fn visuals() -> Visuals {
     visuals
 }
 
-/// Background of what lies over the picture.
+/// Background of an overlay.
 pub(crate) fn card() -> Frame {
     Frame::new()
         .fill(translucent(SURFACE))

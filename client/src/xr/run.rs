@@ -80,7 +80,7 @@ struct Device {
 impl Device {
     fn open(runtime: &Runtime) -> Result<Device, Fault> {
         let (gpu, handles) = Gpu::from_vulkan(runtime)?;
-        let failures = Failures::watch(&gpu);
+        let failures = Failures::collect(&gpu);
         Ok(Device { gpu: Arc::new(gpu), handles, failures })
     }
 

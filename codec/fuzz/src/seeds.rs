@@ -47,7 +47,7 @@ fn inputs() -> Vec<(String, Input)> {
     for sh_degree in 0..=3 {
         for motion_order in 0..=3 {
             for rotation_rates in [false, true] {
-                let shape = Shape { rows: 9, sh_degree, motion_order, rotation_rates, some_still: true };
+                let shape = Shape { rows: 9, sh_degree, motion_order, rotation_rates, some_static: true };
                 let field: Field = field(shape, inputs.len() as u64);
                 let layers = if (sh_degree + motion_order) % 2 == 0 { vec![2, 6] } else { Vec::new() };
                 let plate = (sh_degree / 2 + motion_order) % 2 == 0;

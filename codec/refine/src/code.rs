@@ -1,7 +1,7 @@
-//! [`code`]: a field to a package just as exact as asked for.
+//! [`code`]: packages a field with a target PSNR.
 //!
-//! Pictures tell how visible every Gaussian is; the package is made with that, decoded, rendered
-//! and compared with the field, and made again with the precision corrected.
+//! The sensitivity of each Gaussian in pictures sets its precision. The package is decoded, rendered and
+//! compared with the field, and encoded again with a corrected precision until it meets the target.
 
 use std::num::NonZero;
 
@@ -13,38 +13,39 @@ use codec::{
 use crate::prune::{Pictures, PosedView};
 use crate::reference::{RenderScene, sensitivities};
 
-/// Most packages that are made to find one.
+/// Most packages that [`code`] encodes.
 pub const TRIALS: usize = 5;
 
-/// How much more exact than asked for a package may be, in dB.
+/// Accepted excess over the target PSNR, in dB.
 const TOLERANCE: f64 = 0.1;
 
-/// A package, what it decodes to, and how far that is from the field.
+/// A package with its decoded clip and quality.
 #[derive(Clone, Debug)]
 pub struct Coded {
-    /// The package.
+    /// Bytes of the package.
     pub bytes: Vec<u8>,
-    /// The package, decoded.
+    /// The decoded package.
     pub clip: Clip,
-    /// PSNR in dB of its pictures against those of the field.
+    /// PSNR in dB of pictures of the clip against pictures of the field.
     pub psnr_db: f64,
 }
 
-/// Why there is no package.
+/// Error of [`code`].
 #[derive(Debug)]
 pub enum CodeError {
     /// The field cannot be packaged.
     Encode(EncodeError),
-    /// The package cannot be read.
+    /// The package cannot be decoded.
     Decode(Error),
 }
 
-/// Packages `source` with the coder `context`, no less exact than `psnr_db` where that can be
-/// reached, and little more. `seen` are pictures that show what matters, `judge` holds pictures of
-/// the source to compare with. `on_step` is called after each of `seen` and each of [`TRIALS`].
+/// Packages `source` with the coder `context` at a PSNR of `psnr_db` or slightly above, or as close as
+/// possible. `layers` are the layer ends in rows. Sensitivities are taken from the views `seen`; `judge`
+/// holds pictures of the source to compare with. `on_step` is called after each of `seen` and each of
+/// [`TRIALS`].
 ///
 /// # Errors
-/// Those of [`codec::encode`] and [`codec::decode`].
+/// Errors of [`codec::encode`] and [`codec::decode`].
 pub fn code(
     source: &Source,
     layers: &[usize],
@@ -53,27 +54,26 @@ pub fn code(
     judge: &Pictures,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
-    let visible = sensitivities(source.field, source.plate, seen, &mut on_step);
-    code_knowing(source, layers, psnr_db, visible, judge, on_step)
+    let known = sensitivities(source.field, source.plate, seen, &mut on_step);
+    code_knowing(source, layers, psnr_db, known, judge, on_step)
 }
 
-/// Packages `source` as [`code`] does where what matters is known: the sensitivities of its rows and
-/// the blur that they were seen with, as [`sensitivities`] finds them. `on_step` is called after
-/// each of [`TRIALS`].
+/// Packages `source` as [`code`] does with known sensitivities and footprint, as computed by
+/// [`sensitivities`]. `on_step` is called after each of [`TRIALS`].
 ///
 /// # Errors
-/// Those of [`codec::encode`] and [`codec::decode`].
+/// Errors of [`codec::encode`] and [`codec::decode`].
 pub fn code_knowing(
     source: &Source,
     layers: &[usize],
     psnr_db: f64,
-    visible: Option<(Vec<Sensitivity>, f32)>,
+    sensitivities: Option<(Vec<Sensitivity>, f32)>,
     judge: &Pictures,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
     let mut precision = Precision { psnr: psnr_db, ..Precision::default() };
-    if let Some((sensitivities, footprint)) = visible {
-        precision.sensitivities = sensitivities;
+    if let Some((rows, footprint)) = sensitivities {
+        precision.sensitivities = rows;
         precision.footprint = Some(footprint);
     }
     let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
@@ -96,12 +96,12 @@ pub fn code_knowing(
             best = Some(coded);
         }
         let surplus = coded_db - psnr_db;
-        // Nothing to see, or nothing to gain.
+        // The pictures are equal, or the target is met.
         if !surplus.is_finite() || (0.0..TOLERANCE).contains(&surplus) {
             (trial + 1..TRIALS).for_each(|_| on_step());
             break;
         }
         precision.psnr -= surplus - 0.5 * TOLERANCE;
     }
-    Ok(best.expect("there is a first trial"))
+    Ok(best.expect("TRIALS is above 0"))
 }

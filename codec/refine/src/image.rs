@@ -1,14 +1,14 @@
-//! [`Image`]: what the reference renderer makes, and how two of them compare.
+//! [`Image`]: pictures of the reference renderer, and their differences.
 
-/// A rectangle of pixels, row by row from the top left.
+/// An RGBA image, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// `width * height` pixels: red, green, blue premultiplied by alpha, and alpha. Display-referred;
-    /// alpha in `[0, 1]`, colours from 0 up and possibly above 1.
+    /// `width * height` pixels: red, green and blue premultiplied by alpha, then alpha. Display-referred;
+    /// alpha is 0 to 1, colours are 0 or more and may exceed 1.
     pub pixels: Vec<[f64; 4]>,
 }
 
@@ -21,21 +21,21 @@ impl Image {
     /// The pixel in column `x` of row `y`.
     ///
     /// # Panics
-    /// If it lies outside the image.
+    /// If the pixel is outside the image.
     pub fn pixel(&self, x: u32, y: u32) -> [f64; 4] {
         assert!(x < self.width && y < self.height, "pixel {x},{y} of {}x{}", self.width, self.height);
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
-    /// The image over black in 8 bits per channel: `width * height * 3` bytes, each the nearest to
-    /// the colour cut to `[0, 1]`.
+    /// The image over black in 8 bits per channel: `width * height * 3` bytes, colours clamped to 0 to 1 and
+    /// rounded to nearest.
     pub fn to_rgb8(&self) -> Vec<u8> {
         let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         self.pixels.iter().flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b)]).collect()
     }
 
-    /// Peak signal-to-noise ratio in dB of the two images over black, their colours cut to the
-    /// displayable `[0, 1]`; `+inf` where they are the same.
+    /// Peak signal-to-noise ratio in dB of two images over black, colours clamped to 0 to 1; `+inf` for
+    /// equal images.
     ///
     /// # Panics
     /// If the sizes differ.
@@ -43,8 +43,7 @@ impl Image {
         psnr(self.squared_error(other), self.pixels.len())
     }
 
-    /// Sum of the squared differences of the images over black, their colours cut to the
-    /// displayable `[0, 1]`, over all channels of all pixels.
+    /// Sum of squared differences over all channels of all pixels, over black, colours clamped to 0 to 1.
     ///
     /// # Panics
     /// If the sizes differ.
@@ -53,7 +52,7 @@ impl Image {
         self.colors(other).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
-    /// Largest difference between two colours of the images over black, cut to `[0, 1]`.
+    /// Largest absolute difference of a channel, over black, colours clamped to 0 to 1.
     ///
     /// # Panics
     /// If the sizes differ.
@@ -68,8 +67,8 @@ impl Image {
     }
 }
 
-/// Peak signal-to-noise ratio in dB of a sum of squared errors over so many pixels of three
-/// channels; `+inf` where there is no error.
+/// Peak signal-to-noise ratio in dB of a sum of squared errors over `pixels` pixels of three channels;
+/// `+inf` for no error.
 pub fn psnr(squared_error: f64, pixels: usize) -> f64 {
     if squared_error == 0.0 {
         f64::INFINITY

@@ -1,7 +1,7 @@
-//! [`median`]: the one in the middle.
+//! [`median`].
 
-/// The middle of the values; `None` of none. Of an even number the greater of the two.
+/// Median, the upper one for even lengths; `None` for no values.
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    let half = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }

@@ -1,4 +1,4 @@
-//! Diagrams against those that GUDHI finds: `gudhi_diagrams.txt`, written by `gudhi_diagrams.py`.
+//! Compares diagrams with those of GUDHI in `gudhi_diagrams.txt`, written by `gudhi_diagrams.py`.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use refine::prune::{Connectivity, MergeTree};
 
 const TABLE: &str = include_str!("gudhi_diagrams.txt");
 
-/// Knuth's MMIX generator, the upper 32 bits.
+/// The upper 32 bits of Knuth's MMIX generator.
 fn numbers(mut seed: u64) -> impl FnMut() -> u64 {
     move || {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -19,7 +19,7 @@ fn noise(size: [usize; 3], seed: u64, levels: u64) -> Vec<u64> {
     (0..size.iter().product()).map(|_| draw() % levels).collect()
 }
 
-/// Sparse points, each axis summed over windows of 5 twice, divided down to `levels`.
+/// Sparse points, box-filtered twice along each axis with windows of 5, scaled to `levels`.
 fn smooth(size: [usize; 3], seed: u64, levels: u64) -> Vec<u64> {
     let mut field = noise(size, seed, 1000);
     field.iter_mut().filter(|value| **value < 990).for_each(|value| *value = 0);
@@ -37,7 +37,7 @@ fn smooth(size: [usize; 3], seed: u64, levels: u64) -> Vec<u64> {
     field.into_iter().map(|value| value * levels / most).collect()
 }
 
-/// A complex in Perseus format, upside down and with all finite values above 0.
+/// Reads a complex in Perseus format and negates it, so that all finite values are above 0.
 fn file(path: &Path) -> Option<(Vec<f64>, [usize; 3])> {
     let text = std::fs::read_to_string(path).ok()?;
     let mut words = text.split_ascii_whitespace();
@@ -52,7 +52,7 @@ fn file(path: &Path) -> Option<(Vec<f64>, [usize; 3])> {
 }
 
 #[test]
-fn diagrams_are_those_of_gudhi() {
+fn diagrams_agree_with_gudhi() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/ph-gudhi");
     let mut compared = 0;
     for line in TABLE.lines() {

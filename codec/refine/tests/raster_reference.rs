@@ -1,4 +1,4 @@
-//! Reproduces forward renders of gsplat: the conventions of the rasteriser, pinned to 1e-5.
+//! Compares with forward renders of gsplat to 1e-5, which pins the conventions of the rasteriser.
 
 use std::path::Path;
 

@@ -35,8 +35,8 @@ const NUMBER_MAX: f64 = 1e30;
 pub(super) const LOG_EXTENT_MAX: f64 = 44.0;
 
 /// Weight of the neighbours' mean, against the mean of all, in predictions. Format.
-const SCALE_PULL: f64 = 0.3;
-const COLOR_PULL: f64 = 0.4;
+const SCALE_NEIGHBOR_WEIGHT: f64 = 0.3;
+const COLOR_NEIGHBOR_WEIGHT: f64 = 0.4;
 
 /// Rate-distortion trade-off of a spherical-harmonic coefficient: squared error, in steps, that is
 /// worth a bit. The slope at high rates is ln 2 / 6 = 0.12; most coefficients take a bit or two.
@@ -209,9 +209,10 @@ impl<'a> RowCoder<'a> {
         for (r, quantity) in self.scales.iter_mut().enumerate() {
             let number = target.map_or(0.0, |t| log_extent(t.log_scales[r], footprint) - last);
             let mean = quantity.mean();
-            let pull = SCALE_PULL * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
+            let offset =
+                SCALE_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
             symbols.begin(Attribute::Scales, r);
-            let code = quantity.code(symbols, number, Coding::near(unit, mean + pull));
+            let code = quantity.code(symbols, number, Coding::near(unit, mean + offset));
             let extent = (last + f64::from(code) * unit).max(base);
             if extent > LOG_EXTENT_MAX {
                 return None;
@@ -359,9 +360,10 @@ impl<'a> RowCoder<'a> {
         for (i, quantity) in self.colors.iter_mut().enumerate() {
             let unit = (step * if i == 0 { COLOR } else { COLOR * CHROMA }).min(COLOR_STEP_MAX);
             let mean = quantity.mean();
-            let pull = COLOR_PULL * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
+            let offset =
+                COLOR_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
             symbols.begin(Attribute::Color, i);
-            let code = quantity.code(symbols, color[i], Coding::near(unit, mean + pull));
+            let code = quantity.code(symbols, color[i], Coding::near(unit, mean + offset));
             history.color[i] = f64::from(code) * unit;
         }
         self.row.sh[0] = rgb(history.color).map(|x| narrowed(x / SH_C0));

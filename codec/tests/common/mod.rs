@@ -1,9 +1,14 @@
-//! What the tests of the package share: procedural fields, and a knife for packages.
+//! Shared by tests, benches and fuzz targets: procedural fields, and packages taken apart.
 #![allow(dead_code, reason = "every test file uses a part")]
 
-use codec::{ClipInfo, Field, Temporal, Viewpoint, sh_coefficients};
+use codec::{
+    Clip, ClipInfo, Coder, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint, decode, encode,
+    sh_coefficients,
+};
 
-/// SplitMix64: a small generator that gives the same numbers everywhere.
+pub(crate) mod precision;
+
+/// SplitMix64: a small generator of the same numbers on every machine.
 pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
@@ -37,26 +42,26 @@ pub(crate) struct Shape {
     pub(crate) sh_degree: u8,
     pub(crate) motion_order: u8,
     pub(crate) rotation_rates: bool,
-    /// Every fourth row is always on and motionless.
-    pub(crate) some_still: bool,
+    /// Whether every fourth row is static.
+    pub(crate) some_static: bool,
 }
 
 impl Shape {
-    /// All columns and both regions.
+    /// All columns, both regions.
     pub(crate) fn full(rows: usize) -> Shape {
-        Shape { rows, sh_degree: 3, motion_order: 3, rotation_rates: true, some_still: true }
+        Shape { rows, sh_degree: 3, motion_order: 3, rotation_rates: true, some_static: true }
     }
 }
 
-/// A field of random numbers in the ranges that fitted fields have. Row `i` can be told from its
-/// opacity, `(i % 255 + 1) / 255`, which no coder changes.
+/// A field of random numbers in the ranges of fitted fields. The opacity of row `i` is
+/// `(i % 255 + 1) / 255`, so that [`source_row`] can find it again.
 pub(crate) fn field(shape: Shape, seed: u64) -> Field {
     let mut rng = Rng(seed);
     let mut field = Field { sh_degree: shape.sh_degree, ..Field::default() };
     let mut temporal = Temporal { motion_order: shape.motion_order, ..Temporal::default() };
     let mut rates = Vec::new();
     for i in 0..shape.rows {
-        let still = shape.some_still && i % 4 == 3;
+        let is_static = shape.some_static && i % 4 == 3;
         field.centers.push(rng.vector(3.0));
         let q: [f32; 4] = rng.vector(1.0);
         let norm = q.iter().map(|x| x * x).sum::<f32>().sqrt();
@@ -68,12 +73,12 @@ pub(crate) fn field(shape: Shape, seed: u64) -> Field {
             field.sh.push(rng.vector(0.5 / k as f32));
         }
         temporal.tau.push(rng.uniform(-0.1, 1.1));
-        temporal.s.push(if still { f32::INFINITY } else { rng.uniform(0.01, 0.3) });
+        temporal.s.push(if is_static { f32::INFINITY } else { rng.uniform(0.01, 0.3) });
         for power in 0..shape.motion_order {
-            let size = if still { 0.0 } else { 0.5 / f32::from(power + 1) };
+            let size = if is_static { 0.0 } else { 0.5 / f32::from(power + 1) };
             temporal.motion.push(rng.vector(size));
         }
-        rates.push(rng.vector(if still { 0.0 } else { 0.3 }));
+        rates.push(rng.vector(if is_static { 0.0 } else { 0.3 }));
     }
     temporal.rotation_rates = shape.rotation_rates.then_some(rates);
     field.temporal = Some(temporal);
@@ -82,7 +87,7 @@ pub(crate) fn field(shape: Shape, seed: u64) -> Field {
 
 /// A field of random static Gaussians.
 pub(crate) fn static_field(rows: usize, sh_degree: u8, seed: u64) -> Field {
-    let shape = Shape { rows, sh_degree, motion_order: 0, rotation_rates: false, some_still: false };
+    let shape = Shape { rows, sh_degree, motion_order: 0, rotation_rates: false, some_static: false };
     Field { temporal: None, ..field(shape, seed) }
 }
 
@@ -104,16 +109,43 @@ pub(crate) fn info() -> ClipInfo {
     }
 }
 
-/// A package taken apart by the letter of FORMAT.md, without the crate's own parser. Putting it
-/// together recomputes lengths, offsets and checksums, so that what a test changed is the only
-/// thing wrong.
+/// Options of a coder with these ends of layers.
+pub(crate) fn options(coder: Coder, layers: &[usize]) -> EncodeOptions {
+    EncodeOptions { coder, layers: layers.to_vec(), ..EncodeOptions::default() }
+}
+
+/// Packages a field with [`info`].
+pub(crate) fn package(field: &Field, plate: Option<&Field>, options: &EncodeOptions) -> Vec<u8> {
+    encode(&Source { info: &info(), field, plate }, options).unwrap()
+}
+
+/// Decodes a package and checks all fields of the clip.
+pub(crate) fn valid_clip(package: &[u8]) -> Clip {
+    let clip = decode(package, &Limits::default()).unwrap();
+    check_fields(&clip);
+    clip
+}
+
+pub(crate) fn check_fields(clip: &Clip) {
+    for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
+        field.check().unwrap();
+    }
+}
+
+/// The source row, below 255, of a decoded row with an exact opacity.
+pub(crate) fn source_row(decoded: &Field, i: usize) -> usize {
+    (decoded.opacities[i] * 255.0).round() as usize - 1
+}
+
+/// A package taken apart as FORMAT.md says, without the crate's own parser. [`Parts::join`] recomputes
+/// lengths, offsets and checksums, so that a test's change is the only error.
 #[derive(Clone)]
 pub(crate) struct Parts {
-    /// The head up to the section table.
+    /// The head before the section table.
     pub(crate) head: Vec<u8>,
     /// Entries of the section table.
     pub(crate) table: Vec<[u8; 24]>,
-    /// Bytes of each section.
+    /// The bytes of each section.
     pub(crate) sections: Vec<Vec<u8>>,
 }
 
@@ -129,6 +161,19 @@ impl Parts {
             package[offset..offset + length].to_vec()
         };
         Parts { head: package[..table_at].to_vec(), sections: table.iter().map(section).collect(), table }
+    }
+
+    /// The package with section `i` replaced by `payload`, stored as it is.
+    pub(crate) fn with_payload(&self, i: usize, payload: Vec<u8>) -> Vec<u8> {
+        let mut parts = self.clone();
+        put_u32(&mut parts.table[i], 16, payload.len());
+        parts.sections[i] = payload;
+        parts.join()
+    }
+
+    /// Offset of section `i` in the package.
+    pub(crate) fn offset(&self, i: usize) -> usize {
+        self.head.len() + 24 * self.table.len() + 4 + self.sections[..i].iter().map(Vec::len).sum::<usize>()
     }
 
     pub(crate) fn join(&self) -> Vec<u8> {
@@ -156,13 +201,13 @@ impl Parts {
         zstd::bulk::decompress(&self.sections[i], u32_at(&self.table[i], 16)).unwrap()
     }
 
-    /// Replaces the payload of section `i` by `raw`, compressed.
+    /// Compresses `raw` as the payload of section `i`.
     pub(crate) fn set_raw(&mut self, i: usize, raw: &[u8]) {
         self.sections[i] = zstd::bulk::compress(raw, 1).unwrap();
     }
 
-    /// Number of the first section of a kind (1 Gaussians, 2 time index) and region (0 still,
-    /// 1 moving, 2 plate).
+    /// Number of the first section of a kind (1 Gaussians, 2 time index) and region (0 static,
+    /// 1 dynamic, 2 plate).
     pub(crate) fn find(&self, kind: u8, region: u8) -> usize {
         self.table.iter().position(|entry| entry[0] == kind && entry[3] == region).unwrap()
     }

@@ -1,14 +1,14 @@
-//! The structs of a fit that Rust and WGSL share, field for field.
+//! The structs of a fit that Rust and WGSL share, field by field.
 
 use bytemuck::{Pod, Zeroable};
 
-/// `StepUniforms` of step.wgsl: the instant, the camera, the sizes.
+/// `StepUniforms` of uniforms.wgsl: time, camera, sizes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct StepUniforms {
-    /// Rows of the rigid transform: the rotation, and the translation in the last.
+    /// Rows of the rigid transform: the rotation, and the translation in the last column.
     pub view_from_world: [[f32; 4]; 3],
-    /// Position of the eye in the world.
+    /// Position of the camera in the world.
     pub eye: [f32; 3],
     /// Time in frames.
     pub frame: f32,
@@ -16,114 +16,114 @@ pub struct StepUniforms {
     pub focal: [f32; 2],
     /// Principal point in pixels from the top left corner.
     pub principal: [f32; 2],
-    /// Least x/z and y/z at which a footprint is computed.
+    /// Lowest x/z and y/z at which the Jacobian is evaluated.
     pub slope_min: [f32; 2],
-    /// Largest x/z and y/z at which a footprint is computed.
+    /// Highest x/z and y/z at which the Jacobian is evaluated.
     pub slope_max: [f32; 2],
-    /// Of the image in pixels.
+    /// Size of the image in pixels.
     pub size: [u32; 2],
-    /// Of the image in tiles.
+    /// Size of the image in tiles.
     pub tiles: [u32; 2],
     /// Number of Gaussians.
     pub gaussians: u32,
-    /// Pairs of a splat and a tile for which there is room.
+    /// Capacity of the buffers of splat-tile pairs.
     pub pair_capacity: u32,
-    /// 1 where windows' centres move by opacity alone, else 0.
-    pub is_detached: u32,
+    /// 1 to stop the gradient of positions and rotations with respect to `tau`, else 0.
+    pub detach_tau: u32,
     /// Padding.
     pub _pad0: u32,
 }
 
-/// `Series` of series.wgsl: what is scanned or sorted.
+/// `Series` of series.wgsl: the input of a scan or a sort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Series {
-    /// Which number of the state is the length.
+    /// Index of its length in the [`Totals`].
     pub length_at: u32,
-    /// For how many there is room.
+    /// Its capacity; a longer series counts as empty.
     pub capacity: u32,
-    /// Which number of the state becomes the sum.
+    /// Index in the [`Totals`] that receives the sum.
     pub total_at: u32,
-    /// The lowest bit of the digit that is sorted by, or [`NO_DIGITS`](super::NO_DIGITS).
+    /// Lowest bit of the digit that is sorted by, or [`NO_DIGITS`](super::NO_DIGITS).
     pub shift: u32,
 }
 
-/// `AdamUniforms` of adam.wgsl: how far a step goes, and how far at most.
+/// `AdamUniforms` of adam.wgsl: learning rates and bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct AdamUniforms {
-    /// Step lengths of the columns; [`AdamUniforms::MOTION`] and what follows are other than they.
+    /// Learning rates of the columns up to [`AdamUniforms::MOTION`]; the constants say which follow.
     pub rates: [f32; 12],
-    /// Least and greatest log-scale.
+    /// Smallest and largest log-scale.
     pub log_scales: [f32; 2],
-    /// Least and greatest log-width.
+    /// Smallest and largest log-width.
     pub log_widths: [f32; 2],
-    /// Least and greatest `tau`.
+    /// Smallest and largest `tau`.
     pub tau: [f32; 2],
-    /// Greatest logit, and the negative of the least.
+    /// Largest logit; the smallest is its negative.
     pub logit_max: f32,
     /// Padding.
     pub _pad0: f32,
 }
 
 impl AdamUniforms {
-    /// Where the rates of the powers of time are, three.
+    /// Index of the rates of the three powers of time.
     pub const MOTION: usize = 7;
-    /// Where the rate of the rotation rates is.
+    /// Index of the rate of the rotation rates.
     pub const ROTATION_RATE: u32 = 10;
-    /// Where the rate of the spherical harmonics after the first is.
+    /// Index of the rate of the spherical harmonics of degrees 1 to 3.
     pub const SH_REST: u32 = 11;
 }
 
-/// `Memory` of memory.wgsl: what is remembered of a Gaussian from step to step.
+/// `Statistics` of statistics.wgsl: the statistics of a Gaussian, kept from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Memory {
-    /// Sum of the pulls since the last control of the number of Gaussians.
-    pub pull: f32,
-    /// How many pictures showed it since.
-    pub pictures: u32,
-    /// How many gradients it has had.
+pub struct Statistics {
+    /// Sum of the norms of the screen-space gradients since the last capacity control.
+    pub screen_gradient: f32,
+    /// Number of images that showed it since.
+    pub images: u32,
+    /// Number of gradients in Adam's moments.
     pub visits: u32,
-    /// 1 where the gradient of the last step could be used, else 0.
+    /// 1 if Adam could use the gradient of the last step, else 0.
     pub is_usable: u32,
 }
 
-/// What a step tells about itself: eight numbers, which the shaders know by their places.
+/// The results of a step: eight numbers, which the shaders address by index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct State {
+pub struct Totals {
     /// Number of Gaussians.
     pub gaussians: u32,
-    /// Number of those that are drawn.
+    /// Number of drawn Gaussians.
     pub drawn: u32,
-    /// Pairs of a splat and a tile, also where there is no room for them.
+    /// Number of splat-tile pairs, even if it exceeds their capacity.
     pub pairs: u32,
-    /// Gradients that were not finite.
+    /// Number of gradients that were not finite.
     pub non_finite: u32,
     /// Sum of the absolute differences over pixels and channels.
     pub absolute: f32,
     /// Sum of the similarities over pixels and channels.
     pub similarity: f32,
-    /// A total that nobody asks for.
+    /// Receives the sums of scans whose total is not needed.
     pub spare: u32,
     /// Padding.
     pub _pad0: u32,
 }
 
-impl State {
-    /// Place of [`State::gaussians`].
+impl Totals {
+    /// Index of [`Totals::gaussians`].
     pub const GAUSSIANS: u32 = 0;
-    /// Place of [`State::drawn`].
+    /// Index of [`Totals::drawn`].
     pub const DRAWN: u32 = 1;
-    /// Place of [`State::pairs`].
+    /// Index of [`Totals::pairs`].
     pub const PAIRS: u32 = 2;
-    /// Place of [`State::non_finite`].
+    /// Index of [`Totals::non_finite`].
     pub const NON_FINITE: u32 = 3;
-    /// Place of [`State::absolute`].
+    /// Index of [`Totals::absolute`].
     pub const ABSOLUTE: u32 = 4;
-    /// Place of [`State::similarity`].
+    /// Index of [`Totals::similarity`].
     pub const SIMILARITY: u32 = 5;
-    /// Place of [`State::spare`].
+    /// Index of [`Totals::spare`].
     pub const SPARE: u32 = 6;
 }

@@ -1,19 +1,18 @@
-//! Every stage that can be composed is valid, and its structs, bindings and kernels are those that Rust
-//! believes in.
+//! Every stage is valid WGSL for all columns, and its structs, bindings and kernels match Rust.
 
 use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-use super::layout::{AdamUniforms, Memory, Series, State, StepUniforms};
+use super::layout::{AdamUniforms, Series, Statistics, StepUniforms, Totals};
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 
 const NAMES: [&str; 28] = [
-    "step",
+    "uniforms",
     "series",
-    "pace",
-    "state",
+    "adam_uniforms",
+    "totals",
     "parameters",
     "splats",
     "keys",
@@ -24,15 +23,15 @@ const NAMES: [&str; 28] = [
     "block_sums",
     "order",
     "tile_starts",
-    "picture",
+    "image",
     "photograph",
     "blurred",
     "derivatives",
     "differences",
-    "d_picture",
+    "d_image",
     "d_pairs",
     "d_parameters",
-    "memory",
+    "statistics",
     "first_moments",
     "second_moments",
     "pair_tiles",
@@ -78,7 +77,7 @@ fn every_stage_is_valid_and_has_its_kernels() {
 }
 
 #[test]
-fn a_buffer_has_one_number_and_a_kernel_at_most_eight() {
+fn a_buffer_has_one_binding_and_a_kernel_at_most_eight_buffers() {
     assert_eq!(binding::TILE_PAIRS as usize + 1, NAMES.len());
     for stage in Stage::ALL {
         let module = parse(stage, all_columns()[0]);
@@ -104,57 +103,48 @@ fn a_buffer_has_one_number_and_a_kernel_at_most_eight() {
 fn structs_have_the_layout_of_their_counterparts() {
     let module = |stage| parse(stage, all_columns()[0]);
     let adam = &module(Stage::Adam);
-    assert_layout!(adam, Memory { pull, pictures, visits, is_usable });
-    // The last member of these is padding, which WGSL adds by itself.
-    let (size, members) = struct_layout(adam, "StepUniforms");
-    assert_eq!(size, size_of::<StepUniforms>());
-    let expected = [
-        offset_of!(StepUniforms, view_from_world),
-        offset_of!(StepUniforms, eye),
-        offset_of!(StepUniforms, frame),
-        offset_of!(StepUniforms, focal),
-        offset_of!(StepUniforms, principal),
-        offset_of!(StepUniforms, slope_min),
-        offset_of!(StepUniforms, slope_max),
-        offset_of!(StepUniforms, size),
-        offset_of!(StepUniforms, tiles),
-        offset_of!(StepUniforms, gaussians),
-        offset_of!(StepUniforms, pair_capacity),
-        offset_of!(StepUniforms, is_detached),
-    ];
-    assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
-    let (size, members) = struct_layout(adam, "AdamUniforms");
-    assert_eq!(size, size_of::<AdamUniforms>());
-    let expected = [
-        offset_of!(AdamUniforms, rates),
-        offset_of!(AdamUniforms, log_scales),
-        offset_of!(AdamUniforms, log_widths),
-        offset_of!(AdamUniforms, tau),
-        offset_of!(AdamUniforms, logit_max),
-    ];
-    assert_eq!(members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>(), expected);
+    assert_layout!(adam, Statistics { screen_gradient, images, visits, is_usable });
+    // The Rust structs end in explicit padding, which WGSL adds by itself.
+    assert_layout!(
+        adam,
+        StepUniforms {
+            view_from_world,
+            eye,
+            frame,
+            focal,
+            principal,
+            slope_min,
+            slope_max,
+            size,
+            tiles,
+            gaussians,
+            pair_capacity,
+            detach_tau
+        }
+    );
+    assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max });
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
     assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);
 }
 
 #[test]
-fn the_state_is_known_by_its_places() {
-    let places = [
-        (State::GAUSSIANS, offset_of!(State, gaussians)),
-        (State::DRAWN, offset_of!(State, drawn)),
-        (State::PAIRS, offset_of!(State, pairs)),
-        (State::NON_FINITE, offset_of!(State, non_finite)),
-        (State::ABSOLUTE, offset_of!(State, absolute)),
-        (State::SIMILARITY, offset_of!(State, similarity)),
-        (State::SPARE, offset_of!(State, spare)),
+fn totals_have_their_indices() {
+    let indices = [
+        (Totals::GAUSSIANS, offset_of!(Totals, gaussians)),
+        (Totals::DRAWN, offset_of!(Totals, drawn)),
+        (Totals::PAIRS, offset_of!(Totals, pairs)),
+        (Totals::NON_FINITE, offset_of!(Totals, non_finite)),
+        (Totals::ABSOLUTE, offset_of!(Totals, absolute)),
+        (Totals::SIMILARITY, offset_of!(Totals, similarity)),
+        (Totals::SPARE, offset_of!(Totals, spare)),
     ];
-    assert!(places.iter().all(|(place, offset)| *place as usize * 4 == *offset));
+    assert!(indices.iter().all(|(index, offset)| *index as usize * 4 == *offset));
 }
 
 #[test]
-fn a_scene_has_no_columns_that_it_does_not_need() {
-    let still = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false };
-    assert_eq!(still.numbers(), 14);
+fn absent_columns_are_empty() {
+    let static_scene = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false };
+    assert_eq!(static_scene.numbers(), 14);
     let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true };
     assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
 }

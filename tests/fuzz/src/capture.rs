@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use refine::capture::CaptureShot;
+use refine::capture::PhotoId;
 use studio::capture::Footage;
 
 use crate::files::{Desk, check_refusal};
@@ -77,7 +77,7 @@ pub fn check_capture(bytes: &[u8]) {
         Err(error) => return check_refusal(&error),
     };
     check_footage(&footage);
-    for &shot in footage.capture.shots.iter().take(2) {
+    for &shot in footage.capture.photos.iter().take(2) {
         match footage.photo(shot) {
             Ok(photo) => {
                 let camera = &footage.capture.cameras[shot.camera].camera;
@@ -88,7 +88,7 @@ pub fn check_capture(bytes: &[u8]) {
         }
     }
     if folder == "depth" {
-        match footage.depth(&desk.path("depths"), CaptureShot { frame: 0, camera: 0 }) {
+        match footage.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
             Ok(map) => {
                 let map = map.expect("there is a file");
                 assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
@@ -105,8 +105,8 @@ fn check_footage(footage: &Footage) {
     }
     assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
     assert!(capture.times.is_sorted());
-    let exists = |shot: &CaptureShot| shot.camera < capture.cameras.len() && shot.frame < capture.times.len();
-    assert!(!capture.shots.is_empty() && capture.shots.iter().all(exists));
+    let exists = |shot: &PhotoId| shot.camera < capture.cameras.len() && shot.frame < capture.times.len();
+    assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
     assert!(footage.missing() <= capture.cameras.len() * capture.times.len());
 }
 

@@ -10,6 +10,10 @@ pub mod seeds;
 mod files;
 mod parts;
 
-// The downloader names what it is of the player.
-#[path = "../../../client/src/progress.rs"]
-pub mod progress;
+#[path = "../../../client/src/clips/progress.rs"]
+mod progress;
+
+/// What the downloader uses of the player's module of this name.
+pub mod clips {
+    pub use crate::progress::Progress;
+}

@@ -81,7 +81,7 @@ fn images(_: &Gpu) -> Result<(), String> {
     let sent = server.sent().len();
     drop(server);
     let alone = run(&mut player(&folder, &url, "alone.png")).success();
-    if sent != 1 || !alone.stderr.contains("kept on this device") {
+    if sent != 1 || !alone.stderr.contains("cached on this device") {
         return Err(format!("sent {sent} times, {alone:?}"));
     }
     let expected = folder.read("file.png")?;

@@ -136,7 +136,7 @@ fn urls(_: &Gpu) -> Result<(), String> {
     }
     drop(server);
     let alone = play(&folder, &url, "--frames 0..9 --out alone").success();
-    if !alone.stderr.contains("list.json: the server takes no connections; the version kept") {
+    if !alone.stderr.contains("list.json: the server takes no connections; the version cached") {
         return Err(format!("{alone:?}"));
     }
     let expected = images_in(&folder, "files");

@@ -101,12 +101,12 @@ fn normalized(q: [f32; 4]) -> [f32; 4] {
 /// from the one before, since the cook's arm moves.
 fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     let scene = studio::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
-    let settings = package::Settings {
+    let settings = package::PackageSettings {
         budget: Some(40_000),
         rank: Some(Ranking::Mass),
         no_floor: true,
         coding: package::Coding::Fixed,
-        ..package::Settings::default()
+        ..package::PackageSettings::default()
     };
     let package = package(&scene, &settings).map_err(|error| format!("{error:#}"))?;
     let clip = codec::decode(&package.bytes, &Limits::default()).map_err(|error| error.to_string())?;

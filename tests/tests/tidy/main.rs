@@ -66,7 +66,8 @@ fn only_their_folders_name_the_graphics_and_headset_interfaces() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs"]) {
         // Of the peers, the one that is a library of it is handed a device.
-        let graphics = ["client/src/gpu/", "codec/refine/src/fit/gpu/", "tests/peers/src/native/viewer.rs"];
+        let graphics =
+            ["client/src/gpu/", "codec/refine/src/fit/backend/gpu/", "tests/peers/src/native/viewer.rs"];
         let homes: [(&str, &[&str]); 2] = [("wgpu", &graphics), ("openxr", &["client/src/xr/"])];
         for (word, homes) in homes {
             if homes.iter().any(|home| path.starts_with(home)) || path.starts_with(TIDY) {
@@ -100,7 +101,10 @@ fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
         if path.starts_with(TIDY) {
             continue;
         }
-        let allowed = path.starts_with("client/src/gpu/device") || path.starts_with("client/src/xr/");
+        // The example is a Vulkan layer, which speaks the loader's C interface; no program contains it.
+        let allowed = path.starts_with("client/src/gpu/device")
+            || path.starts_with("client/src/xr/")
+            || path == "tests/examples/lossy_driver.rs";
         let lines: Vec<&str> = text.lines().collect();
         for (number, _) in code(&text).filter(|(_, line)| names(line, "unsafe")) {
             let before = &lines[number.saturating_sub(6)..number];

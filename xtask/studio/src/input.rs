@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
+use refine::capture::Holdout;
 use refine::reference;
 
 use crate::scene::{Scene, frames_of};
@@ -59,6 +60,14 @@ impl Input {
         match self {
             Input::Package(clip) => Some(frames_of(&clip.info)),
             Input::Scene(scene) => scene.frames(),
+        }
+    }
+
+    /// The frames that were held out from fitting, if a field file records it.
+    pub fn holdout(&self) -> Option<Holdout> {
+        match self {
+            Input::Package(_) => None,
+            Input::Scene(scene) => scene.subject.hints.holdout,
         }
     }
 

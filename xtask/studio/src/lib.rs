@@ -14,6 +14,7 @@ pub mod input;
 pub mod machine;
 pub mod package;
 pub mod playlist;
+pub mod progress;
 pub mod report;
 pub mod scene;
 pub mod synth;

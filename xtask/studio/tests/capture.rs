@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
-use refine::capture::CaptureShot;
+use refine::capture::PhotoId;
 use serde_json::{Value, json};
 use studio::capture::Footage;
 use studio::synth::stage::{Settings, write};
@@ -182,7 +182,7 @@ fn a_manifest_with_faults_is_refused() {
 #[test]
 fn photographs_before_black_are_not_cut_out_twice() {
     let studio = Studio::new();
-    let shot = CaptureShot { camera: 0, frame: 0 };
+    let shot = PhotoId { camera: 0, frame: 0 };
     let saved = image::open(studio.file("images", 0, 0)).unwrap().to_rgb8();
     let mask = image::open(studio.file("masks", 0, 0)).unwrap().to_luma8();
     let photo = |studio: &Studio| studio.footage().photo(shot).unwrap().image;
@@ -207,7 +207,7 @@ fn depths_are_found_by_the_names_of_photographs() {
     let footage = studio.footage();
     let folder = studio.folder().join("network");
     fs::create_dir_all(folder.join("00")).unwrap();
-    let at = |frame| footage.depth(&folder, CaptureShot { camera: 0, frame });
+    let at = |frame| footage.depth(&folder, PhotoId { camera: 0, frame });
     assert_eq!(at(0).unwrap(), None);
     let depths = ImageBuffer::from_fn(3, 2, |x, y| Luma([(1000 * y + x) as u16]));
     depths.save(folder.join("00/000000.png")).unwrap();

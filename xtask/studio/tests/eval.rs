@@ -460,9 +460,9 @@ fn cameras_of_a_real_capture_agree() {
     let Some(folder) = data("stage-knight") else { return };
     let footage = Footage::open(&folder).unwrap();
     let capture = &footage.capture;
-    assert_eq!((capture.cameras.len(), capture.times.len(), capture.shots.len()), (32, 33, 32 * 33));
+    assert_eq!((capture.cameras.len(), capture.times.len(), capture.photos.len()), (32, 33, 32 * 33));
     let shot =
-        |camera: usize| *capture.shots.iter().find(|shot| (shot.camera, shot.frame) == (camera, 7)).unwrap();
+        |camera: usize| *capture.photos.iter().find(|shot| (shot.camera, shot.frame) == (camera, 7)).unwrap();
     assert_eq!(footage.name(shot(8)), "08/000007");
     let seen = footage.photo(shot(8)).unwrap().image;
     let depth = footage.depth(&folder.join("depths"), shot(0)).unwrap().expect("depths");
@@ -490,6 +490,6 @@ fn blender_scenes_hold_their_test_cameras() {
     let footage = Footage::open(&folder).unwrap();
     let held = footage.capture.cameras.iter().filter(|camera| camera.held).count();
     assert_eq!((footage.capture.cameras.len(), held, footage.capture.times.len()), (110, 10, 1));
-    let photo = footage.photo(footage.capture.shots[0]).unwrap();
+    let photo = footage.photo(footage.capture.photos[0]).unwrap();
     assert_eq!((photo.image.width, photo.image.pixel(0, 0)[3]), (400, 0.0), "alpha is the mask");
 }

@@ -214,7 +214,7 @@ fn what_cannot_be_fitted_is_said_in_one_line() {
     assert!(
         error(3, &["--frames", "1..2", "--held-cameras", "00,01,02,04,05,06,07"]).contains("none is left")
     );
-    assert!(error(3, &["--cameras", "00"]).contains("visual hull takes two cameras or more"));
+    assert!(error(3, &["--cameras", "00"]).contains("visual hull needs two cameras or more"));
     assert!(error(3, &["--depths", "nowhere"]).contains("no anchor: no depth map"));
     assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
     assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));

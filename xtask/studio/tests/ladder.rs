@@ -39,7 +39,7 @@ fn first_layers_are_as_good_as_a_package_of_their_size() {
 #[test]
 fn a_loss_is_a_failed_check() {
     let folder = tempdir().unwrap();
-    let outcome = package(folder.path(), &["--no-floor", "--refit"]);
+    let outcome = package(folder.path(), &["--no-floor", "--recolor"]);
     assert_eq!(outcome.code, Some(1), "{}{}", outcome.stdout, outcome.stderr);
     assert!(outcome.stderr.contains("the first 5000 Gaussians"), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("ladder") && folder.path().join("limbs.aarc").exists());

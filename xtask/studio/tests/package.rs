@@ -176,9 +176,9 @@ fn of_all_rankings_the_most_faithful_is_taken() {
     assert!(number(&bare["topology"]["recall"]) <= number(&given["topology"]["recall"]));
 
     let plain = package(&["--rank", "mass"]);
-    let refitted = package(&["--rank", "mass", "--refit"]);
-    let gain = number(&refitted["refit_gain_db"]);
-    let difference = number(&refitted["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
+    let recolored = package(&["--rank", "mass", "--recolor"]);
+    let gain = number(&recolored["refit_gain_db"]);
+    let difference = number(&recolored["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
     // The gain is that of drafts.
     assert!((difference - gain.max(0.0)).abs() < 0.05, "{difference} dB for a gain of {gain}");
     assert!(gain > 0.0, "colours make up for what left: {gain} dB");
@@ -191,7 +191,7 @@ fn of_all_rankings_the_most_faithful_is_taken() {
     let wrong = aarc_studio(folder.path(), &["package", "field.ply", "--rank", "beauty"]);
     assert_eq!(wrong.code, Some(2));
     assert!(wrong.stderr.contains("auto, mass, temporal-mass"), "{}", wrong.stderr);
-    let alone = aarc_studio(folder.path(), &["package", "field.ply", "--refit"]);
+    let alone = aarc_studio(folder.path(), &["package", "field.ply", "--recolor"]);
     assert!(alone.code == Some(2) && alone.stderr.contains("--budget"), "{}", alone.stderr);
 }
 

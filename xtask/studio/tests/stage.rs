@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use codec::Camera;
 use refine::anchor::DepthMap;
-use refine::capture::{CaptureShot, Holdout, Split};
+use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 use studio::capture::Footage;
 use studio::synth::stage::{Settings, write};
@@ -53,7 +53,7 @@ fn a_stage_is_a_capture_and_the_same_every_time() {
     let counts = Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
     assert_eq!((counts, footage.missing()), ([8, 4, 2, 1], 0));
     // What moves is seen to move.
-    let photo = |frame| footage.photo(CaptureShot { camera: 1, frame }).unwrap().image;
+    let photo = |frame| footage.photo(PhotoId { camera: 1, frame }).unwrap().image;
     assert!(photo(0).psnr(&photo(2)) < 25.0);
 }
 
@@ -87,12 +87,12 @@ fn seen(settings: Settings) -> Vec<Seen> {
     let stage = folder.path().join("stage");
     write(&stage, &settings, || ()).unwrap();
     let footage = Footage::open(&stage).unwrap();
-    let shot = |shot: &CaptureShot| Seen {
+    let shot = |shot: &PhotoId| Seen {
         camera: footage.capture.cameras[shot.camera].camera.clone(),
         photo: footage.photo(*shot).unwrap().image,
         depths: footage.depth(&stage.join("depths"), *shot).unwrap().expect("depths"),
     };
-    footage.capture.shots.iter().map(shot).collect()
+    footage.capture.photos.iter().map(shot).collect()
 }
 
 #[test]

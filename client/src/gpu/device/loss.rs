@@ -1,10 +1,10 @@
-//! [`Loss`]: whether a device is gone, and waiting for one that may go meanwhile.
+//! [`Loss`]: detects the loss of a device.
 //!
-//! A driver gives a device up when it crashes, is reset or updated. From then on the graphics
-//! interface takes calls without doing anything and tells of it once, from any thread; only where
-//! somebody waits for the device at that moment, it panics.
+//! A driver loses its device when it crashes, is reset or is updated. From then on the graphics API accepts
+//! calls without effect and reports the loss once, from any thread. It panics only in a wait for the device
+//! that is in progress at that moment.
 
-#![allow(clippy::missing_const_for_thread_local, reason = "it is const; for Android that is not seen")]
+#![allow(clippy::missing_const_for_thread_local, reason = "it is const; the lint errs for Android")]
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -12,24 +12,24 @@ use std::ops::Deref;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Once, OnceLock};
 
-/// Why a device is gone, once it is.
+/// The cause of the loss, once the device is lost.
 #[derive(Clone)]
 pub(in crate::gpu) struct Loss(Arc<OnceLock<String>>);
 
 impl Loss {
-    /// Listens to what the graphics interface tells of `device`. Errors before it is gone are defects
-    /// of the program and panic, unless somebody else listens to them.
-    pub(super) fn watch(device: &wgpu::Device) -> Loss {
+    /// Listens to the loss and the errors of `device`. Errors on a device that is not lost are defects of the
+    /// program and panic, unless another handler replaces this one.
+    pub(super) fn listen(device: &wgpu::Device) -> Loss {
         let why: Arc<OnceLock<String>> = Arc::default();
-        let told = why.clone();
+        let first_cause = why.clone();
         device.set_device_lost_callback(move |reason, message| {
             let why = if message.is_empty() { format!("{reason:?}").to_lowercase() } else { message };
-            // The first one tells most.
-            let _ = told.set(why);
+            // The first cause is the most specific.
+            let _ = first_cause.set(why);
         });
         let is_gone = why.clone();
         device.on_uncaptured_error(Arc::new(move |error| {
-            // What was made of the device went with it, and is missed: of that, the loss is told.
+            // Errors after the loss are its consequences.
             if is_gone.get().is_none() {
                 panic!("{error}");
             }
@@ -37,15 +37,15 @@ impl Loss {
         Loss(why)
     }
 
-    /// Why the device is gone, if it is.
+    /// The cause of the loss; `None` if the device is not lost.
     pub(super) fn why(&self) -> Option<&str> {
         self.0.get().map(String::as_str)
     }
 
-    /// Waits until `device` has done all that it was given.
+    /// Waits until `device` has finished all submitted work.
     ///
     /// # Errors
-    /// Why that will not be.
+    /// The cause of a loss or failed wait.
     pub(super) fn wait(&self, device: &wgpu::Device) -> Result<(), String> {
         let waited = self.catch(|| device.poll(wgpu::PollType::wait_indefinitely()))?;
         match (self.why(), waited) {
@@ -55,18 +55,18 @@ impl Loss {
         }
     }
 
-    /// What `work` returns.
+    /// Runs `work`.
     ///
     /// # Errors
-    /// Why the device is gone, where that made `work` panic.
+    /// The cause of the loss, if `work` panics on a lost device.
     ///
     /// # Panics
-    /// If `work` panics on a device that is there.
+    /// If `work` panics on a device that is not lost.
     pub(super) fn catch<T>(&self, work: impl FnOnce() -> T) -> Result<T, String> {
-        quietly(work).or_else(|panic| match self.why() {
+        catch_silently(work).or_else(|panic| match self.why() {
             Some(why) => Err(why.to_owned()),
             None => {
-                log::error!("{}", panic.told);
+                log::error!("{}", panic.message);
                 panic::resume_unwind(panic.payload)
             }
         })
@@ -75,21 +75,21 @@ impl Loss {
 
 #[cfg(feature = "window")]
 impl Loss {
-    /// Drops the image of a window. One of a device that is gone the graphics interface takes back only
-    /// from a thread that panics, and as long as it is out, the window cannot be given to another device.
-    pub(in crate::gpu) fn let_go(&self, image: wgpu::SurfaceTexture) {
+    /// Drops the image of a window. The graphics API releases an image of a lost device only on a panicking
+    /// thread; until then, no other device can use the window.
+    pub(in crate::gpu) fn release(&self, image: wgpu::SurfaceTexture) {
         if self.why().is_some() {
-            let _ = quietly(move || {
+            let _ = catch_silently(move || {
                 let _image = image;
-                panic!("nobody hears this");
+                panic!("releases the image");
             });
         }
     }
 }
 
-/// What panics when it is dropped after the device is gone: dropped without that.
+/// A value whose drop panics after the device is lost; this wrapper catches the panic.
 pub(in crate::gpu) struct Fragile<T> {
-    /// Until it is dropped.
+    /// `None` only while dropping.
     held: Option<T>,
     loss: Loss,
 }
@@ -112,40 +112,41 @@ impl<T> Drop for Fragile<T> {
     fn drop(&mut self) {
         let held = self.held.take();
         if self.loss.why().is_some() {
-            let _ = quietly(|| drop(held));
+            let _ = catch_silently(|| drop(held));
         }
     }
 }
 
-/// A panic of which nothing was printed.
+/// A caught panic, not printed.
 struct Panic {
-    /// What would have been.
-    told: String,
+    /// The message that the default hook would have printed.
+    message: String,
     payload: Box<dyn Any + Send>,
 }
 
 thread_local! {
-    /// Where panics of this thread may be expected, what the last one said.
-    static TOLD: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// `Some` while panics of this thread are expected: the message of the last one.
+    static MESSAGE: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// What `work` returns, or its panic.
-fn quietly<T>(work: impl FnOnce() -> T) -> Result<T, Panic> {
+/// Runs `work` and catches its panic without printing it.
+fn catch_silently<T>(work: impl FnOnce() -> T) -> Result<T, Panic> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
-        let loud = panic::take_hook();
+        let default_hook = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
-            let is_told = TOLD.with_borrow_mut(|told| told.as_mut().map(|told| *told = panic.to_string()));
-            if is_told.is_none() {
-                loud(panic);
+            let is_expected = MESSAGE
+                .with_borrow_mut(|message| message.as_mut().map(|message| *message = panic.to_string()));
+            if is_expected.is_none() {
+                default_hook(panic);
             }
         }));
     });
-    TOLD.set(Some(String::new()));
-    // What was interrupted is a device that is gone; where it is not, the panic goes on.
+    MESSAGE.set(Some(String::new()));
+    // Only a lost device is left in an inconsistent state; otherwise the panic is resumed.
     let result = panic::catch_unwind(AssertUnwindSafe(work));
-    let told = TOLD.take().unwrap_or_default();
-    result.map_err(|payload| Panic { told, payload })
+    let message = MESSAGE.take().unwrap_or_default();
+    result.map_err(|payload| Panic { message, payload })
 }
 
 #[cfg(test)]
@@ -154,17 +155,17 @@ mod tests {
 
     #[test]
     fn only_expected_panics_are_caught() {
-        assert_eq!(quietly(|| 3).ok(), Some(3));
-        let panic = quietly(|| -> u8 { panic!("nobody sees this") }).err().unwrap();
-        assert!(panic.told.contains("nobody sees this"), "{}", panic.told);
-        assert_eq!(TOLD.take(), None);
+        assert_eq!(catch_silently(|| 3).ok(), Some(3));
+        let panic = catch_silently(|| -> u8 { panic!("an expected panic") }).err().unwrap();
+        assert!(panic.message.contains("an expected panic"), "{}", panic.message);
+        assert_eq!(MESSAGE.take(), None);
     }
 
     #[test]
-    fn a_panic_goes_on_unless_the_device_is_gone() {
+    fn a_panic_is_resumed_unless_the_device_is_lost() {
         let loss = Loss(Arc::default());
         assert_eq!(loss.catch(|| 3), Ok(3));
-        let defect = quietly(|| loss.catch(|| -> u8 { panic!("a defect") })).err().unwrap();
+        let defect = catch_silently(|| loss.catch(|| -> u8 { panic!("a defect") })).err().unwrap();
         assert_eq!(defect.payload.downcast_ref(), Some(&"a defect"));
         loss.0.set("reset".into()).unwrap();
         assert_eq!(loss.catch(|| -> u8 { panic!("of the loss") }), Err("reset".into()));

@@ -1,7 +1,7 @@
-//! [`Gpu`]: the graphics device and what it can do.
+//! [`Gpu`]: the graphics device and its capabilities.
 //!
-//! Whoever opens it, the device is asked for the same: [`Wanted`] decides from what an adapter
-//! offers. In [`vulkan`] a headset's runtime opens it.
+//! [`DeviceRequest`] chooses features and limits from those of the adapter. A headset's runtime opens the
+//! device itself, see [`vulkan`].
 
 mod loss;
 #[cfg(feature = "xr")]
@@ -15,37 +15,37 @@ use program::Fault;
 
 pub(super) use loss::{Fragile, Loss};
 
-/// What to log unless `RUST_LOG` says otherwise: what drivers and loaders say matters only to
-/// those who look for it.
+/// Default log filter, without `RUST_LOG`: messages of drivers and loaders are off.
 pub const LOG_FILTER: &str = "error,wgpu_hal=off";
 
-/// What is printed once another device has taken the place of a lost one.
+/// Message once another device has replaced a lost one.
 pub(crate) const DEVICE_REPLACED: &str =
     "the graphics device stopped working: the clip goes on with another one";
 
-/// Frames that a lost device must have drawn to be replaced: one that is lost over and over is no use.
+/// Frames that a device must have drawn before its loss to be replaced. A device that is lost at once would
+/// be lost again and again.
 const LASTING_FRAMES: u64 = 50;
 
-/// What an adapter offers beyond what every one does.
+/// Optional capabilities and limits of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caps {
-    /// Both eyes can be drawn in one pass. Clear it to draw them one after the other.
+    /// Whether both eyes can be drawn in one pass. Clear it to draw them one after the other.
     pub multiview: bool,
-    /// The GPU can say how long it took.
+    /// Whether the GPU has timestamps.
     pub timestamps: bool,
     /// Largest width and height of an image in pixels.
     pub max_image_side: u32,
-    /// Largest buffer that a shader can read, in bytes.
+    /// Largest storage buffer in bytes.
     pub max_buffer_bytes: u64,
 }
 
 /// The graphics device.
 pub struct Gpu {
-    /// What the adapter offers.
+    /// Capabilities of the device.
     pub caps: Caps,
     /// Name of the adapter.
     pub adapter_name: String,
-    /// Name and version of its driver.
+    /// Name and version of the driver.
     pub driver: String,
     #[cfg(feature = "window")]
     pub(crate) adapter: wgpu::Adapter,
@@ -53,21 +53,21 @@ pub struct Gpu {
     pub(super) queue: Fragile<wgpu::Queue>,
     instance: wgpu::Instance,
     pub(super) loss: Loss,
-    /// The only thread that may hand over work; `None` where any may.
+    /// The only thread that may submit work; `None` for any.
     submitter: Option<ThreadId>,
 }
 
-/// What to ask of an adapter.
-struct Wanted {
+/// Features and limits to request from an adapter.
+struct DeviceRequest {
     features: wgpu::Features,
     limits: wgpu::Limits,
 }
 
-impl Wanted {
-    /// What the renderer makes use of and the adapter `info`, which has `features` and `limits`, offers.
-    fn of(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> Wanted {
+impl DeviceRequest {
+    /// Intersects the features and limits that the renderer uses with those of the adapter `info`.
+    fn new(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> DeviceRequest {
         let mut features = features & (wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY);
-        if !draws_multiview_right(info) {
+        if !has_correct_multiview(info) {
             features.remove(wgpu::Features::MULTIVIEW);
         }
         let limits = wgpu::Limits {
@@ -77,7 +77,7 @@ impl Wanted {
             max_multiview_view_count: limits.max_multiview_view_count,
             ..wgpu::Limits::downlevel_defaults()
         };
-        Wanted { features, limits }
+        DeviceRequest { features, limits }
     }
 
     fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
@@ -90,16 +90,16 @@ impl Wanted {
 }
 
 impl Gpu {
-    /// A device to draw into images with; needs no display.
+    /// Opens a device without a display.
     ///
     /// # Errors
-    /// [`Fault::Device`] if there is no driver, or none that is capable enough.
+    /// [`Fault::Device`] if there is no driver, or no adapter meets the requirements.
     pub fn new_headless() -> Result<Gpu, Fault> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         Gpu::from_instance(&instance, None)
     }
 
-    /// The fastest device of `instance`, able to show on `surface` if there is one.
+    /// Opens the fastest device of `instance` that can present to `surface`, if one is given.
     ///
     /// # Errors
     /// As for [`Gpu::new_headless`].
@@ -121,23 +121,23 @@ impl Gpu {
             )
         })?;
         let info = adapter.get_info();
-        let wanted = Wanted::of(&info, adapter.features(), &adapter.limits());
-        let opened = pollster::block_on(adapter.request_device(&wanted.descriptor()))
+        let request = DeviceRequest::new(&info, adapter.features(), &adapter.limits());
+        let opened = pollster::block_on(adapter.request_device(&request.descriptor()))
             .map_err(|error| Fault::Device(format!("graphics device {}: {error}", info.name)))?;
-        Ok(Gpu::opened(instance.clone(), adapter, &wanted, opened, None))
+        Ok(Gpu::opened(instance.clone(), adapter, &request, opened, None))
     }
 
-    /// The device `opened` of `adapter`, which has been given what was `wanted`.
+    /// Wraps the device that was opened on `adapter` with `request`.
     fn opened(
         instance: wgpu::Instance,
         adapter: wgpu::Adapter,
-        wanted: &Wanted,
+        request: &DeviceRequest,
         (device, queue): (wgpu::Device, wgpu::Queue),
         submitter: Option<ThreadId>,
     ) -> Gpu {
         let info = adapter.get_info();
-        let Wanted { features, limits } = wanted;
-        let loss = Loss::watch(&device);
+        let DeviceRequest { features, limits } = request;
+        let loss = Loss::listen(&device);
         Gpu {
             caps: Caps {
                 multiview: features.contains(wgpu::Features::MULTIVIEW),
@@ -157,70 +157,73 @@ impl Gpu {
         }
     }
 
-    /// A recorder of GPU work.
+    /// A new command encoder.
     pub fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&Default::default())
     }
 
-    /// Hands recorded work to the GPU.
+    /// Submits recorded work.
     ///
     /// # Panics
-    /// If a headset's runtime shares the device, and this is not the thread that opened it: the
-    /// runtime uses the same queue within the calls that thread makes, and nobody guards it.
+    /// If a headset's runtime shares the device and this is not the thread that opened it. The runtime
+    /// uses the same queue, unsynchronised, within the calls of that thread.
     pub fn submit(&self, encoder: wgpu::CommandEncoder) {
         let here = std::thread::current().id();
-        assert!(self.submitter.is_none_or(|thread| thread == here), "only the thread of the frames submits");
+        assert!(
+            self.submitter.is_none_or(|thread| thread == here),
+            "only the thread that opened the device submits"
+        );
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Blocks until all work handed over is done.
+    /// Blocks until all submitted work is done.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
     pub fn wait(&self) -> Result<(), Fault> {
-        self.loss.wait(&self.device).map_err(|why| self.gone(&why))
+        self.loss.wait(&self.device).map_err(|why| self.lost_fault(&why))
     }
 
-    /// Creates a resource, turning want of memory into an error.
+    /// Creates a resource and reports a lack of memory as an error. `purpose` names it in messages.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory, or the device was lost.
     ///
     /// # Panics
-    /// If `create` asks for what is invalid, which is a defect of the program.
-    pub(crate) fn allocate<T>(&self, what: &str, create: impl FnOnce() -> T) -> Result<T, Fault> {
+    /// If `create` is invalid, which is a defect of the program.
+    pub(crate) fn allocate<T>(&self, purpose: &str, create: impl FnOnce() -> T) -> Result<T, Fault> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        // What is made of a resource that there is no memory for is invalid, too.
+        // Objects made of a resource that could not be allocated are invalid, too.
         let validity = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let created = create();
         let invalid = pollster::block_on(validity.pop());
-        let want = pollster::block_on(memory.pop());
+        let exhausted = pollster::block_on(memory.pop());
         if let Some(why) = self.loss.why() {
-            return Err(self.gone(why));
+            return Err(self.lost_fault(why));
         }
         let name = &self.adapter_name;
-        match (want, invalid) {
+        match (exhausted, invalid) {
             (None, None) => Ok(created),
             (Some(_), _) => {
-                Err(Fault::Device(format!("graphics device {name}: not enough memory for {what}")))
+                Err(Fault::Device(format!("graphics device {name}: not enough memory for {purpose}")))
             }
-            (None, Some(error)) => panic!("{what}: {error}"),
+            (None, Some(error)) => panic!("{purpose}: {error}"),
         }
     }
 
-    /// Creates a buffer that holds `bytes`, a multiple of four of them.
+    /// Creates a buffer with the content `bytes`, a multiple of four bytes.
     ///
     /// # Errors
     /// As for [`Gpu::allocate`].
     pub(crate) fn buffer(
         &self,
-        what: &str,
+        purpose: &str,
         bytes: &[u8],
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, Fault> {
-        let buffer = self.allocate(what, || {
+        let buffer = self.allocate(purpose, || {
             self.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(what),
+                label: Some(purpose),
                 size: bytes.len() as u64,
                 usage,
                 mapped_at_creation: true,
@@ -228,50 +231,46 @@ impl Gpu {
         })?;
         match buffer.get_mapped_range_mut(..) {
             Ok(mut mapped) => mapped.copy_from_slice(bytes),
-            Err(error) => return Err(self.gone(self.loss.why().unwrap_or(&error.to_string()))),
+            Err(error) => return Err(self.lost_fault(self.loss.why().unwrap_or(&error.to_string()))),
         }
         buffer.unmap();
         Ok(buffer)
     }
 
-    /// The fault of a device that is gone, and why.
-    fn gone(&self, why: &str) -> Fault {
+    /// The fault of a lost device with its cause.
+    fn lost_fault(&self, why: &str) -> Fault {
         let name = &self.adapter_name;
         Fault::Device(format!("graphics device {name} stopped working ({why}): start again"))
     }
 
-    /// Whether the device is lost, and worked for long enough that another one may as well: it has drawn
-    /// this many `frames`.
+    /// Whether the device is lost after drawing enough `frames` that another device is likely to work.
     pub(crate) fn is_worth_replacing(&self, frames: u64) -> bool {
         self.loss.why().is_some() && frames >= LASTING_FRAMES
     }
 
-    /// Whether the device is gone: what is drawn with it is drawn nowhere.
+    /// Whether the device is lost.
     #[cfg(feature = "window")]
     pub(crate) fn is_lost(&self) -> bool {
         self.loss.why().is_some()
     }
 
-    /// Does what panics on a device that is gone, or goes meanwhile; not, or not to the end, on such a
-    /// one.
+    /// Runs `work`, which may panic on a lost device. Skips or aborts it if the device is lost.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn unless_lost(&self, work: impl FnOnce()) {
         if self.loss.why().is_none() {
-            // Who draws is told of the loss at the end of the frame.
+            // The end of the frame reports the loss.
             let _ = self.loss.catch(work);
         }
     }
 
-    /// Destroys the device under all that uses it, as a driver that is reset does: to try what comes
-    /// of that.
+    /// Destroys the device, as the reset of a driver does; for tests.
     pub fn lose(&self) {
         self.device.destroy();
-        // Until it is waited for, a device that was destroyed goes on.
+        // The loss is reported by the next wait.
         let _ = self.wait();
     }
 
-    /// Objects of the graphics interface that are held, by kind; of all devices that one headset or
-    /// window has.
+    /// Number of live graphics objects by kind, over all devices of the instance.
     pub fn objects(&self) -> Vec<(&'static str, usize)> {
         let Some(report) = self.instance.generate_report() else { return Vec::new() };
         let hub = report.hub_report();
@@ -293,47 +292,57 @@ impl Gpu {
         kinds.map(|(kind, registry)| (kind, registry.num_kept_from_user)).to_vec()
     }
 
-    /// Bytes of GPU memory that are held for objects, where the device counts them.
+    /// Allocated GPU memory in bytes; `None` if the device does not count it.
     pub fn allocated_bytes(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
 }
 
-/// The first failure that a device reports by itself, from any thread.
+/// The first error that a device reports outside any error scope, from whichever thread.
 #[cfg(any(feature = "window", feature = "xr"))]
-pub(crate) struct Failures(Arc<Mutex<Option<String>>>);
+pub(crate) struct Failures(Arc<Mutex<Option<wgpu::Error>>>);
 
 #[cfg(any(feature = "window", feature = "xr"))]
 impl Failures {
-    /// Keeps what would otherwise end the program in a panic.
-    pub(crate) fn watch(gpu: &Gpu) -> Failures {
-        let failure: Arc<Mutex<Option<String>>> = Arc::default();
+    /// Collects errors of `gpu` for [`Failures::check`] instead of panicking where they occur.
+    pub(crate) fn collect(gpu: &Gpu) -> Failures {
+        let failure: Arc<Mutex<Option<wgpu::Error>>> = Arc::default();
         let uncaptured = failure.clone();
         gpu.device.on_uncaptured_error(Arc::new(move |error| {
-            let mut first = uncaptured.lock().unwrap_or_else(PoisonError::into_inner);
-            first.get_or_insert_with(|| error.to_string());
+            uncaptured.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }));
         Failures(failure)
     }
 
-    /// Whether all is well with `gpu`.
+    /// Returns the error collected since the last call.
     ///
     /// # Errors
-    /// [`Fault::Device`] with the failure.
+    /// [`Fault::Device`] if the device was lost, is out of memory or failed internally.
+    ///
+    /// # Panics
+    /// On a validation error: the program made an invalid call, which is a defect of the program.
     pub(crate) fn check(&self, gpu: &Gpu) -> Result<(), Fault> {
         if let Some(why) = gpu.loss.why() {
-            return Err(gpu.gone(why));
+            return Err(gpu.lost_fault(why));
         }
-        match self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            None => Ok(()),
-            Some(failure) => Err(Fault::Device(format!("graphics device {}: {failure}", gpu.adapter_name))),
+        let failure = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        failure.map_or(Ok(()), |error| Err(fault_of(&gpu.adapter_name, &error)))
+    }
+}
+
+#[cfg(any(feature = "window", feature = "xr"))]
+fn fault_of(adapter_name: &str, error: &wgpu::Error) -> Fault {
+    match error {
+        wgpu::Error::Validation { .. } => panic!("invalid use of the graphics device: {error}"),
+        wgpu::Error::OutOfMemory { .. } | wgpu::Error::Internal { .. } => {
+            Fault::Device(format!("graphics device {adapter_name}: {error}"))
         }
     }
 }
 
-/// Mesa's software rasteriser before version 25 draws triangles that need clipping into the first
-/// layer for every eye.
-fn draws_multiview_right(info: &wgpu::AdapterInfo) -> bool {
+/// Whether multiview works: Mesa's software rasteriser before version 25 draws clipped triangles of all
+/// eyes into the first layer.
+fn has_correct_multiview(info: &wgpu::AdapterInfo) -> bool {
     info.driver != "llvmpipe" || mesa_major(&info.driver_info).is_some_and(|major| major >= 25)
 }
 
@@ -352,5 +361,21 @@ mod tests {
         assert_eq!(mesa_major("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
         assert_eq!(mesa_major("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
         assert_eq!(mesa_major("570.1"), None);
+    }
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    fn exhausted_memory_is_a_device_fault() {
+        let fault = fault_of("llvmpipe", &wgpu::Error::OutOfMemory { source: "no memory".into() });
+        assert_eq!(fault.exit_code(), 5);
+        assert!(fault.to_string().starts_with("graphics device llvmpipe: "), "{fault}");
+    }
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    #[should_panic(expected = "invalid use of the graphics device: ")]
+    fn a_validation_error_is_a_defect() {
+        let description = "bind group 1 is not set".to_owned();
+        fault_of("llvmpipe", &wgpu::Error::Validation { source: "unset".into(), description });
     }
 }

@@ -1,9 +1,8 @@
-//! A device that a headset's runtime opens, and images that it owns.
+//! The Vulkan device of a headset's runtime, and images that the runtime owns.
 //!
-//! Such a runtime insists on making the Vulkan instance and device itself, and on choosing the GPU;
-//! [`VulkanRuntime`] is what it is asked to do, and [`Gpu::from_vulkan`] puts the renderer's device
-//! on top. [`RuntimeImages`] are the images that it shows, [`RuntimeImages::wrap`] makes textures
-//! of them.
+//! The runtime creates the Vulkan instance and device itself and chooses the GPU, see [`VulkanRuntime`];
+//! [`Gpu::from_vulkan`] wraps them for the renderer. [`RuntimeImages`] are the runtime's swapchain images,
+//! and [`RuntimeImages::wrap`] wraps them as textures.
 
 #![allow(unsafe_code, reason = "handles of Vulkan cross between the renderer and a runtime")]
 
@@ -12,30 +11,30 @@ use glam::UVec2;
 use program::Fault;
 use wgpu_hal::vulkan::Api as Vulkan;
 
-use super::{Gpu, Wanted};
+use super::{DeviceRequest, Gpu};
 
-/// The version of Vulkan to ask for. With a device of 1.3 the shader compiler emits SPIR-V 1.6,
-/// which no instance of a lower version may be given.
+/// Requested version of Vulkan. On a device of 1.3 the shader compiler emits SPIR-V 1.6, which an instance of
+/// a lower version must not be given.
 const VERSION: u32 = vk::API_VERSION_1_3;
 
-/// The queue family that everything is submitted to: the graphics API takes the first.
+/// Queue family of all submissions: the graphics API uses the first.
 const QUEUE_FAMILY: u32 = 0;
 
-/// What makes the Vulkan objects of a device that is shared with it.
+/// A runtime that creates the Vulkan objects of a device and shares it.
 ///
 /// # Safety
-/// The handles that the functions return must be what they say, made from what they were given.
+/// Returned handles must be valid and created from the given arguments.
 pub(crate) unsafe trait VulkanRuntime {
-    /// The lowest version of Vulkan that it works with.
+    /// The lowest version of Vulkan that the runtime supports.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it cannot say.
+    /// [`Fault::Device`] if the runtime fails.
     fn version_min(&self) -> Result<u32, Fault>;
 
-    /// Makes the instance.
+    /// Creates the instance.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it cannot.
+    /// [`Fault::Device`] if the runtime fails.
     ///
     /// # Safety
     /// As for `vkCreateInstance`, and `loader` must be that of a Vulkan loader that stays loaded.
@@ -54,10 +53,10 @@ pub(crate) unsafe trait VulkanRuntime {
     /// `instance` must come from [`VulkanRuntime::create_instance`].
     unsafe fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, Fault>;
 
-    /// Makes the device.
+    /// Creates the device.
     ///
     /// # Errors
-    /// [`Fault::Device`] if it cannot.
+    /// [`Fault::Device`] if the runtime fails.
     ///
     /// # Safety
     /// As for `vkCreateDevice` and [`VulkanRuntime::create_instance`]; `physical` must come from
@@ -70,7 +69,7 @@ pub(crate) unsafe trait VulkanRuntime {
     ) -> Result<vk::Device, Fault>;
 }
 
-/// The Vulkan objects below a [`Gpu`]. They live as long as it does.
+/// The Vulkan objects of a [`Gpu`], valid as long as it lives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VulkanHandles {
     pub(crate) instance: vk::Instance,
@@ -81,10 +80,11 @@ pub(crate) struct VulkanHandles {
 }
 
 impl Gpu {
-    /// The device that `runtime` opens, shared with it: only the calling thread may submit.
+    /// Opens the device of `runtime`, which shares it: only the calling thread may submit.
     ///
     /// # Errors
-    /// [`Fault::Device`] if there is no Vulkan, the runtime fails, or the GPU is not capable enough.
+    /// [`Fault::Device`] if there is no Vulkan, the runtime fails, or the GPU does not meet the
+    /// requirements.
     pub(crate) fn from_vulkan(runtime: &impl VulkanRuntime) -> Result<(Gpu, VulkanHandles), Fault> {
         let failed = |what: &str, error: &dyn std::fmt::Display| {
             Fault::Device(format!("graphics device of the headset: {what}: {error}"))
@@ -135,11 +135,11 @@ impl Gpu {
         let exposed = hal.expose_adapter(physical).ok_or_else(|| {
             Fault::Device("graphics device of the headset: its driver is too old for the renderer".into())
         })?;
-        let wanted = Wanted::of(&exposed.info, exposed.features, &exposed.capabilities.limits);
+        let request = DeviceRequest::new(&exposed.info, exposed.features, &exposed.capabilities.limits);
 
-        let extensions = exposed.adapter.required_device_extensions(wanted.features);
+        let extensions = exposed.adapter.required_device_extensions(request.features);
         let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
-        let mut features = exposed.adapter.physical_device_features(&extensions, wanted.features);
+        let mut features = exposed.adapter.physical_device_features(&extensions, request.features);
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(QUEUE_FAMILY).queue_priorities(&[1.0])];
         let info =
@@ -163,8 +163,8 @@ impl Gpu {
                 device,
                 None,
                 &extensions,
-                wanted.features,
-                &wanted.limits,
+                request.features,
+                &request.limits,
                 &wgpu::MemoryHints::Performance,
                 QUEUE_FAMILY,
                 0,
@@ -177,15 +177,14 @@ impl Gpu {
         // SAFETY: the adapter belongs to this instance.
         let adapter = unsafe { instance.create_adapter_from_hal(exposed) };
         // SAFETY: the device was opened on this adapter.
-        let opened = unsafe { adapter.create_device_from_hal(open, &wanted.descriptor()) }
+        let opened = unsafe { adapter.create_device_from_hal(open, &request.descriptor()) }
             .map_err(|error| failed("device", &error))?;
         let here = std::thread::current().id();
-        Ok((Gpu::opened(instance, adapter, &wanted, opened, Some(here)), handles))
+        Ok((Gpu::opened(instance, adapter, &request, opened, Some(here)), handles))
     }
 }
 
-/// The version of Android as a level of its interfaces, which some drivers' faults are known by; 0
-/// elsewhere.
+/// API level of Android, by which workarounds for drivers are chosen; 0 elsewhere.
 fn android_version() -> u32 {
     #[cfg(target_os = "android")]
     return android_activity::AndroidApp::sdk_version().unsigned_abs();
@@ -193,8 +192,7 @@ fn android_version() -> u32 {
     0
 }
 
-/// The version to make an instance with, where the loader has up to `offered` and the runtime needs
-/// `least`.
+/// Version of the instance, for a loader that supports up to `offered` and a runtime that needs `least`.
 fn version(offered: u32, least: u32) -> Result<u32, Fault> {
     let version = VERSION.min(offered).max(least);
     if version > offered || vk::api_version_major(version) != 1 {
@@ -208,17 +206,17 @@ fn version(offered: u32, least: u32) -> Result<u32, Fault> {
     Ok(version)
 }
 
-/// How the images of a runtime are stored, and as what they are drawn into.
+/// Format of a runtime's images: as stored, and as drawn into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RuntimeFormat {
-    /// By its name in Vulkan.
+    /// The Vulkan format.
     pub(crate) vulkan: vk::Format,
     stored: wgpu::TextureFormat,
     drawn: wgpu::TextureFormat,
 }
 
-/// Formats in the order of preference. Colours are display-referred and are blended so: they are
-/// written as they are into what the runtime takes for sRGB.
+/// Formats in the order of preference. Colours are display-referred and blended as such: they are written
+/// unconverted into images that the runtime interprets as sRGB.
 const FORMATS: [RuntimeFormat; 4] = {
     use wgpu::TextureFormat::{Bgra8Unorm, Bgra8UnormSrgb, Rgba8Unorm, Rgba8UnormSrgb};
     [
@@ -230,7 +228,7 @@ const FORMATS: [RuntimeFormat; 4] = {
 };
 
 impl RuntimeFormat {
-    /// The best of those `offered`; `None` where none can be drawn into.
+    /// The preferred one of the `offered` formats; `None` if none is supported.
     pub(crate) fn choose(offered: &[vk::Format]) -> Option<RuntimeFormat> {
         let chosen = FORMATS.into_iter().find(|format| offered.contains(&format.vulkan))?;
         if chosen.stored == chosen.drawn {
@@ -239,12 +237,12 @@ impl RuntimeFormat {
         Some(chosen)
     }
 
-    /// Whether images must be made so that they can be drawn into as another format.
+    /// Whether images need a mutable format.
     pub(crate) fn is_reinterpreted(&self) -> bool {
         self.stored != self.drawn
     }
 
-    /// The format that renderers must draw in.
+    /// Format of the render targets.
     pub(crate) fn drawn(&self) -> wgpu::TextureFormat {
         self.drawn
     }
@@ -261,13 +259,13 @@ pub(crate) struct RuntimeImages {
 }
 
 impl RuntimeImages {
-    /// `images` of `size` pixels and `layers` layers, from which can be copied if `readable`.
+    /// Describes `images` of `size` pixels and `layers` layers; `readable` ones can be copied from.
     ///
     /// # Safety
-    /// The images must be of the device of the [`Gpu`] that they are wrapped for, be what is said
-    /// of them, made to be drawn into and with a mutable format if
-    /// [`RuntimeFormat::is_reinterpreted`], and outlive the textures that are made of them. Each must
-    /// be in the layout of a colour attachment whenever it is drawn into or copied from.
+    /// The images must belong to the device of the [`Gpu`] that wraps them, match the description, be
+    /// created as colour attachments, with a mutable format if [`RuntimeFormat::is_reinterpreted`], and
+    /// outlive their textures. Each must be in the layout of a colour attachment when it is drawn into or
+    /// copied from.
     pub(crate) unsafe fn new(
         images: Vec<vk::Image>,
         size: UVec2,
@@ -294,7 +292,7 @@ impl RuntimeImages {
         self.readable
     }
 
-    /// A texture for each image, in the state of a colour target.
+    /// Wraps each image as a texture in the state of a colour target.
     pub(crate) fn wrap(&self, gpu: &Gpu) -> Vec<wgpu::Texture> {
         let RuntimeImages { size, layers, format, readable, .. } = *self;
         let size = wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers };
@@ -354,7 +352,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn srgb_comes_before_what_is_not_converted() {
+    fn srgb_formats_are_preferred() {
         let choose = |offered: &[vk::Format]| RuntimeFormat::choose(offered).map(|format| format.vulkan);
         let (rgba, bgra) = (vk::Format::R8G8B8A8_UNORM, vk::Format::B8G8R8A8_SRGB);
         assert_eq!(choose(&[rgba, bgra]), Some(bgra));
@@ -364,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn the_version_is_one_that_both_have() {
+    fn the_version_is_supported_by_loader_and_runtime() {
         let v = vk::make_api_version;
         assert_eq!(version(v(0, 1, 4, 300), v(0, 1, 0, 0)), Ok(v(0, 1, 3, 0)));
         assert_eq!(version(v(0, 1, 1, 0), v(0, 1, 0, 0)), Ok(v(0, 1, 1, 0)));

@@ -1,42 +1,39 @@
-//! [`Moment`]: a moving Gaussian, expressed about an instant at which it can be seen.
+//! [`Moment`]: a dynamic Gaussian, expanded about an instant at which it is visible.
 //!
-//! A field gives motion about the centre of the window, which may lie far outside the clip, and in
-//! powers of clip time, which makes huge numbers of small movements in a narrow window. Here both are
-//! undone, in f64: the trajectory is expanded about the middle of the part of the window that lies in
-//! the clip, and time is measured in widths of the window (in clips, where it is wider than one). So
-//! a coefficient is a movement that can be seen, whatever the window.
+//! A field expands motion about the centre of the window, which may be far outside the clip, and in powers
+//! of clip time, which makes coefficients of narrow windows huge. A moment is expanded in f64 about the
+//! centre of the window's overlap with the clip, and time is measured in widths of the window (in clips for
+//! wider windows). Its coefficients are therefore as large as the visible motion.
 //!
-//! # What a record of it is off by
+//! # Errors of a record
 //!
-//! At an instant `t` at which the Gaussian is alive, with `h = 2^-11`, the rounding of an f16:
+//! At an instant `t` at which the Gaussian is alive, with `h = 2^-11`, the rounding of f16:
 //!
-//! - Position: `h (|w1 u| + |w2 u^2| + |w3 u^3|)`, a two-thousandth of the way of each power from the
-//!   middle, or `2^-39 |u|^k` of the largest coefficient in the field where that is more. As far from
-//!   the middle as it is visible, `|u| <= 3.4`, and as much more as `t0`, one of 65536, is beside the
-//!   middle: up to 8 at a width of 1e-6, twice that at the very end of the clip.
+//! - Position: `h (|w1 u| + |w2 u^2| + |w3 u^3|)`, a two-thousandth of each term, or `2^-39 |u|^k` of the largest coefficient in the field if that is more. A visible
+//!   Gaussian has `|u| <= 3.4`, plus the rounding of `t0` to 65536ths: up to 8 at a width of 1e-6, twice
+//!   that at the end of the clip.
 //! - Opacity: `z` is off by `h |t - t0| / s` for the rounding of `1/s` and by `2^-11` for that of
 //!   `z0`; `|t - t0| / s <= |z| + |z0|`; the slope of `exp(-z^2 / 2)` is `|z| exp(-z^2 / 2) <= 0.61`,
 //!   and `z^2 exp(-z^2 / 2) <= 0.74`. Together `h (1.35 + 0.61 |z0|)` of a full alpha: 0.17 of an
-//!   8-bit step where the centre of the window is in the clip, and 0.43 where the clip holds only its
-//!   end, 3.4 widths away. Beside the middle as above, it is 0.8 of a step at a width of 1e-6.
-//! - Rotation: `h` of the quaternion's way from the middle.
+//!   8-bit step if the centre of the window is in the clip, and 0.43 if the clip contains only its end,
+//!   3.4 widths away. With the rounding of `t0`, it is 0.8 of a step at a width of 1e-6.
+//! - Rotation: `h` of the quaternion's change since `t0`.
 
 use codec::{Field, Temporal};
 use half::f16;
 use shaders::WIDTH_UNIT;
 
-/// Instants are counted in this many parts of the clip.
+/// Resolution of instants, in steps per clip.
 pub(in crate::gpu) const INSTANTS: f64 = 65536.0;
 
-/// `z0` is counted in this many parts of a width.
+/// Resolution of `z0`, in steps per width.
 pub(in crate::gpu) const Z_STEPS: f64 = 1024.0;
 
-/// Movements are cut to this many units of the field per width: what goes farther is in sight for a
-/// millionth of it, and must not cost the others their precision.
+/// Limit of motion coefficients, in units of the field per width. A faster Gaussian is visible for a
+/// millionth of its window, and must not cost the others their precision.
 const MOTION_MAX: f64 = 16_777_216.0;
 
-/// Rates of rotation per width are shortened to this, for the same reason: a quaternion passes all its
-/// way in a millionth of the width.
+/// Limit of angular rates per width, for the same reason.
 const RATE_MAX: f64 = 16_777_216.0;
 
 /// A row of a field about the instant `t0`. With `d = t - t0` and `u = d max(1, 1/s)` its position is

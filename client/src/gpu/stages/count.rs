@@ -1,4 +1,4 @@
-//! Stage `count`: how many fragments every rectangle covers, exactly and the same on every run.
+//! Stage `count`: counts the fragments of every quad, exactly and deterministically.
 
 use glam::DVec3;
 use program::Fault;
@@ -6,12 +6,13 @@ use shaders::{COUNTS, Purpose};
 
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
+use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
-use crate::gpu::renderer::{Coverage, DrawnSet};
+use crate::gpu::drawn_set::DrawnSet;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
-/// The target of the counting passes: something must be bound, nothing is written.
+/// Format of the target of counting passes: a target must be bound, but nothing is written.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 
 /// Pipelines and memory for counting.
@@ -79,8 +80,7 @@ impl Counter {
         }
     }
 
-    /// Counts what drawing the sorted rows of `sets`, of a clip with this `origin`, into `views`
-    /// takes.
+    /// Counts the fragments of the sorted rows of `sets` in `views`; `origin` is that of the clip.
     pub(in crate::gpu) fn count(
         &self,
         gpu: &Gpu,

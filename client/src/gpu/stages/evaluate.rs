@@ -1,5 +1,5 @@
-//! Stage `evaluate`: the buffers that the shader reads Gaussians from. The arithmetic is in
-//! evaluate.wgsl, the records' format in [`super::super::pack`].
+//! Stage `evaluate`: the buffers of packed Gaussians. The arithmetic is in evaluate.wgsl, the format of the
+//! records in [`super::super::pack`].
 
 use std::mem::size_of;
 
@@ -11,7 +11,7 @@ use shaders::{Features, GAUSSIANS, MOTION, ORDER, RANGES, SH, sh_words};
 use crate::gpu::device::Gpu;
 use crate::gpu::pack::Packed;
 
-/// The packed Gaussians of a part in GPU memory.
+/// The packed Gaussians of a set in GPU memory.
 pub(in crate::gpu) struct Buffers {
     pub(in crate::gpu) features: Features,
     ranges: wgpu::Buffer,
@@ -21,10 +21,10 @@ pub(in crate::gpu) struct Buffers {
 }
 
 impl Buffers {
-    /// Checks that the records of a part fit what a shader of this device can read.
+    /// Checks that the records of a set fit the storage buffers of the device.
     ///
     /// # Errors
-    /// [`Fault::Device`] that names both sizes.
+    /// [`Fault::Device`] with both sizes.
     pub(in crate::gpu) fn check_size(
         gpu: &Gpu,
         static_field: &Field,
@@ -44,7 +44,7 @@ impl Buffers {
         )))
     }
 
-    /// Uploads what was packed.
+    /// Uploads packed Gaussians.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -54,7 +54,7 @@ impl Buffers {
             [] => Ok(None),
             words => gpu.buffer(label, bytemuck::cast_slice(words), storage).map(Some),
         };
-        // A binding must not be empty, even if nothing is ever drawn from it.
+        // A binding must not be empty, even if nothing is drawn from it.
         let nothing = [Gaussian::default()];
         let gaussians = if packed.gaussians.is_empty() { &nothing[..] } else { &packed.gaussians };
         let ranges = bytemuck::bytes_of(&packed.ranges);
@@ -67,13 +67,13 @@ impl Buffers {
         })
     }
 
-    /// Bytes of GPU memory taken.
+    /// GPU memory in bytes.
     pub(in crate::gpu) fn bytes(&self) -> u64 {
         let optional = self.motion.iter().chain(&self.sh).map(wgpu::Buffer::size).sum::<u64>();
         self.ranges.size() + self.gaussians.size() + optional
     }
 
-    /// Group 1 of the shaders of these features.
+    /// Layout of bind group 1 for the features of the set.
     pub(in crate::gpu) fn layout(&self, gpu: &Gpu) -> wgpu::BindGroupLayout {
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
         let mut entries = vec![
@@ -89,7 +89,7 @@ impl Buffers {
         })
     }
 
-    /// Binds the buffers and the sorted rows.
+    /// Bind group 1 with the buffers and the sorted rows.
     pub(in crate::gpu) fn bind(
         &self,
         gpu: &Gpu,

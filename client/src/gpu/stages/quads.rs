@@ -1,14 +1,14 @@
-//! [`Quads`]: rectangles by the thousand, two triangles each.
+//! [`Quads`]: batched quads of two triangles each.
 
 use program::Fault;
 use shaders::{BATCH, CORNERS};
 
 use crate::gpu::device::Gpu;
 
-/// The triangles of a rectangle, by its corners.
+/// The triangles of a quad, by its corners.
 const TRIANGLES: [u32; 6] = [0, 1, 2, 2, 1, 3];
 
-/// The corners of the triangles of [`BATCH`] rectangles.
+/// Index buffer of [`BATCH`] quads.
 #[derive(Clone)]
 pub(in crate::gpu) struct Quads {
     indices: wgpu::Buffer,
@@ -24,7 +24,7 @@ impl Quads {
         Ok(Quads { indices })
     }
 
-    /// Draws `count` rectangles with the pipeline that is set.
+    /// Draws `count` quads with the present pipeline.
     pub(in crate::gpu) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, count: u32) {
         let (batches, rest) = (count / BATCH, count % BATCH);
         let corners = |quads| quads * TRIANGLES.len() as u32;
@@ -34,5 +34,5 @@ impl Quads {
     }
 }
 
-// The number of a corner has 16 bits.
+// Indices have 16 bits.
 const _: () = assert!(BATCH * CORNERS <= 1 << 16);

@@ -1,23 +1,23 @@
-//! Stage `sort`: back to front.
+//! Stage `sort`: orders rows back to front.
 //!
-//! A radix sort of 32-bit depth keys, 11 bits a pass, stable. It reuses its memory.
+//! A stable radix sort of 32-bit depth keys, 11 bits per pass, that reuses its memory.
 
-/// Bits of a digit.
+/// Bits per digit.
 pub const DIGIT_BITS: u32 = 11;
 
-/// Digits that cover a key.
+/// Digits per key.
 pub const DIGITS: usize = 3;
 
 const BUCKETS: usize = 1 << DIGIT_BITS;
 
-/// A row and the key that it is sorted by: the key in the upper half.
+/// A sort key in the upper half and its row in the lower half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::gpu) struct Item(u64);
 
 impl Item {
     /// `depth` must not be NaN.
     pub(in crate::gpu) fn new(depth: f32, row: u32) -> Item {
-        // Floats order like sign-magnitude integers: this maps them to unsigned ones.
+        // Floats sort like sign-magnitude integers; this maps them to unsigned ones.
         let bits = depth.to_bits();
         let key = if bits >> 31 == 0 { bits | 1 << 31 } else { !bits };
         Item(u64::from(key) << 32 | u64::from(row))
@@ -32,26 +32,26 @@ impl Item {
     }
 }
 
-/// The sort and its memory.
+/// The memory of the sort.
 pub(in crate::gpu) struct Sorter {
     scratch: Vec<Item>,
     counts: Box<[[u32; BUCKETS]; DIGITS]>,
 }
 
 impl Sorter {
-    /// A sort of up to `capacity` items without further allocation.
+    /// A sorter of up to `capacity` items without further allocation.
     pub(in crate::gpu) fn new(capacity: usize) -> Sorter {
         Sorter { scratch: Vec::with_capacity(capacity), counts: Box::new([[0; BUCKETS]; DIGITS]) }
     }
 
-    /// Replaces `order` by the rows of `items` from the farthest to the nearest. Of items at the
-    /// same depth, the first of `items` counts as nearest. Leaves `items` in any order.
+    /// Replaces `order` by the rows of `items` from the farthest to the nearest. Among equal depths, the
+    /// first item counts as nearest. Leaves `items` in unspecified order.
     pub(in crate::gpu) fn sort(&mut self, items: &mut Vec<Item>, order: &mut Vec<u32>) {
         self.count(items);
         self.scratch.resize(items.len(), Item(0));
         for digit in 0..DIGITS {
             let counts = &mut self.counts[digit];
-            // All items share the digit: they are in order already.
+            // All items share the digit: they are sorted by it.
             if counts.iter().any(|&count| count as usize == items.len()) {
                 continue;
             }
@@ -72,7 +72,7 @@ impl Sorter {
         order.extend(items.iter().rev().map(|item| item.row()));
     }
 
-    /// Counts how often each value of each digit occurs.
+    /// Histogram of each digit.
     fn count(&mut self, items: &[Item]) {
         self.counts.iter_mut().for_each(|counts| counts.fill(0));
         for item in items {
@@ -95,7 +95,7 @@ mod tests {
         order
     }
 
-    /// Rows by rising depth, ties in their order, then reversed.
+    /// Rows by a stable sort by depth, reversed.
     fn expected(depths: &[f32]) -> Vec<u32> {
         let mut rows: Vec<u32> = (0..depths.len() as u32).collect();
         rows.sort_by(|&a, &b| depths[a as usize].total_cmp(&depths[b as usize]));
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn farthest_first_and_the_first_of_equals_nearest() {
+    fn farthest_first_and_first_among_equals_nearest() {
         assert_eq!(sorted(&[1.0, 3.0, 2.0, 3.0, 1.0]), [3, 1, 2, 4, 0]);
         assert!(sorted(&[]).is_empty());
         assert_eq!(sorted(&[7.0; 4]), [3, 2, 1, 0]);

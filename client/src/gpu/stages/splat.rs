@@ -1,4 +1,4 @@
-//! Stage `splat`: the pipeline that draws the sorted Gaussians of a part, and the eyes of a pass.
+//! Stage `splat`: the pipeline that draws the sorted Gaussians of a set, and the uniforms of a pass.
 
 use std::mem::size_of;
 use std::num::NonZeroU32;
@@ -12,7 +12,7 @@ use crate::gpu::device::Gpu;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
-/// The instant and the eyes of one pass: group 0.
+/// The uniforms of one pass: bind group 0.
 pub(in crate::gpu) struct PassUniforms {
     frame: wgpu::Buffer,
     views: wgpu::Buffer,
@@ -20,7 +20,7 @@ pub(in crate::gpu) struct PassUniforms {
 }
 
 impl PassUniforms {
-    /// Group 0 for passes of `views` eyes.
+    /// Layout of bind group 0 for passes of `views` eyes.
     pub(in crate::gpu) fn layout(gpu: &Gpu, views: u32) -> wgpu::BindGroupLayout {
         let entry = |binding, visibility, bytes: usize| wgpu::BindGroupLayoutEntry {
             binding,
@@ -63,7 +63,7 @@ impl PassUniforms {
         PassUniforms { frame, views, group }
     }
 
-    /// Sets the instant and the eyes for the work submitted next, of a clip with this `origin`.
+    /// Writes the uniforms for the next submission; `origin` is that of the clip.
     pub(in crate::gpu) fn write(&self, gpu: &Gpu, t: f64, cutoff: Cutoff, views: &[View], origin: DVec3) {
         let time = t as f32;
         let time_rest = (t - f64::from(time)) as f32;
@@ -91,8 +91,7 @@ fn uniform_of(view: &View, origin: DVec3) -> ViewUniform {
     }
 }
 
-/// The pipeline for a part with `features` in passes of `views` eyes: premultiplied colour over
-/// what is there.
+/// The pipeline of a set with `features` in passes of `views` eyes, blending premultiplied colours.
 pub(in crate::gpu) fn pipeline(
     gpu: &Gpu,
     features: Features,
@@ -108,7 +107,7 @@ pub(in crate::gpu) fn pipeline(
     build(gpu, features, Purpose::Draw { views }, groups, target)
 }
 
-/// A pipeline of the composed shader for `purpose`.
+/// Builds a pipeline of the shader composed for `purpose`.
 pub(in crate::gpu) fn build(
     gpu: &Gpu,
     features: Features,
@@ -151,7 +150,7 @@ pub(in crate::gpu) fn build(
     })
 }
 
-/// Which layers a pass of `views` eyes draws into; `None` for a single one.
+/// Layer mask of a pass of `views` eyes; `None` for one eye.
 pub(in crate::gpu) fn multiview_mask(views: u32) -> Option<NonZeroU32> {
     if views > 1 { NonZeroU32::new((1 << views) - 1) } else { None }
 }

@@ -186,8 +186,8 @@ impl Show {
                 return;
             }
             (Transition::Follow, Some(playing)) => {
-                match self.player.over_s() {
-                    Some(_) => self.player.follow_with(duration_s, fps),
+                match self.player.overrun_s() {
+                    Some(_) => self.player.continue_with(duration_s, fps),
                     None => self.player.change_clip(duration_s, fps),
                 }
                 if clip.shares_stage(&playing.clip) {
@@ -236,7 +236,7 @@ impl Show {
         }
         commands.clear();
         self.commands = commands;
-        self.player.set_followed(self.clips.is_followed(self.player.is_looping()));
+        self.player.set_has_next(self.clips.is_followed(self.player.is_looping()));
         if !scrubbing {
             self.player.advance(elapsed_s);
         }

@@ -1,24 +1,24 @@
-//! Alignment of depths that have no scale of their own to the cameras' units.
+//! Aligns depth maps of unknown scale to the units of the cameras.
 
 use super::DepthMap;
 use crate::median::median;
 
-/// How given depths relate to the units of the capture.
+/// Relation of given depths to the units of the capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Alignment {
-    /// They are in these units already.
+    /// The depths are in these units.
     Metric,
-    /// Up to one scale, found once: that which makes the median depth of the subject, over all views
-    /// of the first frame that has depths, the radius of the rig (the paper's appendix on backbones).
-    /// The radius is the median distance of the cameras from the point that their axes pass nearest
-    /// to.
+    /// One unknown scale for the whole capture. It is found once: in the first frame that has depths,
+    /// the median depth of the subject over all views becomes the radius of the rig (the paper's
+    /// appendix on backbones). The radius is the median distance of the cameras from the point
+    /// nearest to all optical axes.
     #[default]
     Rig,
-    /// Up to a scale and a shift of each map, found by fitting the map to the visual hull's depths.
+    /// An unknown scale and shift per map, fitted to the depths of the visual hull.
     Hull,
 }
 
-/// What brings depths to other units: `scale * depth + shift`.
+/// A change of units of depths: `scale * depth + shift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Affine {
     pub(super) scale: f64,
@@ -26,7 +26,7 @@ pub(super) struct Affine {
 }
 
 impl Affine {
-    /// The aligned map; what is unknown, or would be behind the camera, is 0.
+    /// Applies the change. Depths that are unknown, or would lie behind the camera, become 0.
     pub(super) fn apply(self, map: &DepthMap) -> DepthMap {
         let aligned = |depth: &f32| match *depth > 0.0 && depth.is_finite() {
             true => ((self.scale * f64::from(*depth) + self.shift) as f32).max(0.0),
@@ -36,15 +36,15 @@ impl Affine {
     }
 }
 
-/// Rounds of the two stages of [`robust`]: by absolute deviations, which find the majority wherever
-/// they start, then with weights that leave the rest out.
+/// Rounds of the two stages of [`robust`]: least absolute deviations find the majority from any start,
+/// then Tukey's weights exclude the outliers.
 const ROUNDS: [usize; 2] = [10, 5];
 
-/// The scale and shift that take the first of each pair to the second, by iteratively reweighted
-/// least squares; up to some 40 % of the pairs may be anything. `None` of fewer than 8 pairs.
+/// Fits the scale and shift that take the first of each pair to the second, by iteratively reweighted
+/// least squares. Tolerates about 40 % outliers. `None` for fewer than 8 pairs.
 ///
-/// Where the pairs do not tell the two apart (all depths are equal) or the scale is not positive
-/// (the depths have nothing to do with the subject), the shift is 0 and the medians agree.
+/// If the first numbers are all equal, or the fitted scale is not positive, the result scales median
+/// to median, with shift 0.
 pub(super) fn robust(pairs: &[(f64, f64)]) -> Option<Affine> {
     if pairs.len() < 8 {
         return None;
@@ -63,7 +63,7 @@ pub(super) fn robust(pairs: &[(f64, f64)]) -> Option<Affine> {
             return Some(by_median);
         };
         fit = better;
-        // A thousandth of the depth keeps the weights of exact pairs finite.
+        // The lower bound keeps the weights of exact pairs finite.
         let spread = median(pairs.iter().map(|pair| residual(fit, *pair)).collect())?;
         let spread = (1.4826 * spread).max(1e-3 * medians[1]);
         for (weight, pair) in weights.iter_mut().zip(pairs) {
@@ -80,7 +80,7 @@ fn tukey(r: f64) -> f64 {
     if u < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 }
 }
 
-/// The weighted least squares fit; `None` where the first numbers of the pairs do not vary.
+/// Weighted least squares fit; `None` if the first numbers of the pairs do not vary.
 fn weighted(pairs: &[(f64, f64)], weights: &[f64]) -> Option<Affine> {
     let sum: f64 = weights.iter().sum();
     let each = || pairs.iter().zip(weights);
@@ -96,8 +96,8 @@ fn weighted(pairs: &[(f64, f64)], weights: &[f64]) -> Option<Affine> {
 mod tests {
     use super::*;
 
-    /// Depths between 2 and 4, and what an affine map with noise and a share of outliers makes of
-    /// them.
+    /// Depths between 2 and 4, paired with their affine image with noise and `outliers` percent of
+    /// outliers.
     fn pairs(outliers: usize) -> Vec<(f64, f64)> {
         let mut random = fastrand::Rng::with_seed(7);
         let pair = |i: usize| {
@@ -110,12 +110,12 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_and_a_shift_are_found_among_outliers() {
+    fn fits_scale_and_shift_among_outliers() {
         for outliers in [0, 20, 40] {
             let fit = robust(&pairs(outliers)).unwrap();
             assert!((fit.scale - 0.7).abs() < 2e-3 && (fit.shift - 0.4).abs() < 5e-3, "{outliers}: {fit:?}");
         }
-        // All on one side, as a background is that leaks into masks.
+        // Outliers on one side only, as from background that leaks into masks.
         let far: Vec<_> = pairs(0)
             .into_iter()
             .enumerate()
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn depths_that_say_nothing_are_only_scaled() {
+    fn uninformative_depths_are_only_scaled() {
         let constant: Vec<_> = pairs(0).into_iter().map(|(_, y)| (3.0, y)).collect();
         let upside_down: Vec<_> = pairs(0).into_iter().map(|(x, y)| (6.0 - x, y)).collect();
         for pairs in [constant, upside_down] {

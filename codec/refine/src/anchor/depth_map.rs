@@ -1,23 +1,23 @@
-//! [`DepthMap`]: how far each pixel of a photograph sees.
+//! [`DepthMap`].
 
-/// Depths of the pixels of a photograph.
+/// Depths seen by the pixels of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthMap {
-    /// Width in pixels; may be another than the photograph's.
+    /// Width in pixels; may differ from the photograph's.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
     /// Distance along the camera's axis (z, not the length of the ray), row by row from the top
-    /// left. In units of the capture once aligned. 0, negative or not finite where it is unknown.
+    /// left, in units of the capture once aligned. Values that are 0, negative or not finite mean
+    /// unknown.
     pub depths: Vec<f32>,
 }
 
 impl DepthMap {
-    /// The depth that pixel `(x, y)` of a photograph of the given size sees; `None` where it is
-    /// unknown.
+    /// Depth seen by pixel `(x, y)` of a photograph of `size`; `None` if unknown.
     ///
-    /// Of the map's pixels the nearest counts: between two, on the edge of the subject, there may be
-    /// nothing.
+    /// Takes the nearest pixel of the map. Interpolation would invent depths between the subject's
+    /// edge and the background.
     pub fn at(&self, [x, y]: [u32; 2], size: [u32; 2]) -> Option<f32> {
         let scaled = |at: u32, of: u32, to: u32| {
             ((2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(of))).min(u64::from(to.max(1)) - 1)

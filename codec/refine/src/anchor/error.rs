@@ -1,46 +1,46 @@
-//! [`AnchorError`]: why there is no anchor.
+//! [`AnchorError`].
 
 use std::fmt;
 
-/// Why there is no anchor.
+/// Error of [`anchor`](super::anchor) and [`scatter`](super::scatter).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum AnchorError {
     /// There are no frames.
     NoFrames,
-    /// None of the views that are to put Gaussians on their rays is there.
+    /// No frame has a camera of [`AnchorSettings::views`](super::AnchorSettings).
     NoViews,
-    /// A photograph is not as large as its camera says.
+    /// A photograph and its camera differ in size.
     Size {
         /// Number of the frame.
         frame: usize,
         /// Number of the camera.
         camera: usize,
     },
-    /// A hull of photographs without masks.
+    /// A hull was asked for, but the photographs have no masks.
     NoMasks,
     /// All masks are empty.
     NoSubject,
-    /// A hull of one mask.
+    /// A hull was asked for, but only one camera sees the subject.
     OneView,
-    /// The silhouettes have no point in common.
+    /// The silhouettes have no common point.
     NoHull,
-    /// No depth map holds a depth.
+    /// No depth map has a valid depth on the subject.
     NoDepths,
-    /// Depths to be scaled by a rig that has no radius.
+    /// Depths are to be scaled by the rig's radius, but the optical axes have no common point.
     NoRig,
-    /// Gaussians to be put where the cameras look, but they do not look at one point.
-    NoMiddle,
-    /// Gaussians to be put on rays, but there is none for them, or none of them is asked for.
+    /// The optical axes have no common point to scatter Gaussians around.
+    NoCenter,
+    /// No pixel is sampled: the number of Gaussians is too small.
     NoRays,
-    /// A mirror without a side that is the front.
+    /// Mirroring was asked for, but the grounding cameras are not on one side.
     NoFront,
 }
 
 impl AnchorError {
-    /// Whether other frames may do better.
+    /// Whether other frames may still have a surface.
     pub(super) fn is_of_one_frame(&self) -> bool {
         use AnchorError::*;
-        matches!(self, NoViews | NoSubject | OneView | NoHull | NoDepths)
+        matches!(self, NoViews | NoSubject | OneView | NoHull | NoDepths | NoRays)
     }
 }
 
@@ -48,35 +48,36 @@ impl fmt::Display for AnchorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             AnchorError::NoFrames => "there are no frames to anchor",
-            AnchorError::NoViews => "none of the cameras that are to ground the anchor is in the capture",
+            AnchorError::NoViews => "the capture has none of the cameras named to ground the anchor",
             AnchorError::Size { frame, camera } => {
                 return write!(
                     f,
-                    "the photograph of camera {camera} in frame {frame} is not as large as its camera"
+                    "the photograph of camera {camera} in frame {frame} and its camera differ in size"
                 );
             }
             AnchorError::NoMasks => {
-                "the photographs have no masks, so there is no visual hull: give masks or depth maps"
+                "the photographs have no masks, which a visual hull needs: give masks or depth maps"
             }
             AnchorError::NoSubject => "no mask shows a subject: check the masks",
             AnchorError::OneView => {
-                "a visual hull takes two cameras or more that see the subject: give more or depth maps"
+                "a visual hull needs two cameras or more that see the subject: give more, or depth maps"
             }
             AnchorError::NoHull => {
-                "the masks have no point in common, so there is no visual hull: check cameras and masks"
+                "the masks have no common point, so the visual hull is empty: check cameras and masks"
             }
             AnchorError::NoDepths => {
-                "no depth map holds a depth for the subject: all are missing, 0 or not finite"
+                "no depth map has a depth on the subject: all are missing, 0 or not finite"
             }
             AnchorError::NoRig => {
                 "the cameras do not look at one point, so depths cannot be scaled by their distance from it: \
                  give depths in units of the capture or masks to align them to"
             }
-            AnchorError::NoMiddle => "the cameras do not look at one point, so nobody knows where to start",
-            AnchorError::NoRays => "no pixel of the subject gets a Gaussian: ask for more of them",
+            AnchorError::NoCenter => {
+                "the cameras do not look at one point, so there is no place to start from"
+            }
+            AnchorError::NoRays => "no pixel of the subject gets a Gaussian: raise the number of Gaussians",
             AnchorError::NoFront => {
-                "the back side is mirrored only behind cameras on one side: name the frontal ones or \
-                 turn mirroring off"
+                "mirroring needs cameras on one side: name the frontal ones or turn mirroring off"
             }
         })
     }

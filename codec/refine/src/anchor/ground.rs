@@ -1,14 +1,14 @@
-//! Grounding: every sampled pixel of the subject puts two Gaussians on its ray (the paper's Eq.
-//! ground, with K = 2 and no offset from the ray).
+//! Grounding: every sampled pixel of the subject puts two Gaussians on its ray (the paper's
+//! `eq:ground` with K = 2 and no offset from the ray).
 //!
-//! Depths count along the camera's axis, so the ray is the one that goes one unit along it. What the
-//! paper's head would predict follows from rules: sizes from what a pixel covers at its depth,
-//! colours from the photograph, time from the frame.
+//! Depths are measured along the optical axis. Rules replace the predictions of the paper's head: sizes
+//! follow from the distance between sampled rays at the depth, colours from the photograph, and time
+//! from the frame.
 
 use codec::{SH_C0, sh_coefficients};
 
-use super::eye::Eye;
-use super::{Anchor, DepthMap};
+use super::pinhole::Pinhole;
+use super::{AnchorSettings, DepthMap};
 use crate::fit::{Parameters, Photograph};
 
 /// Gaussians per ray.
@@ -17,67 +17,67 @@ pub(super) const PER_RAY: usize = 2;
 /// Opacity of the first Gaussian on a ray.
 const OPACITY: f64 = 0.5;
 
-/// Opacity of what lies behind, by that of what lies in front.
+/// Opacity of a Gaussian behind the surface, as a fraction of the one on it.
 pub(super) const BEHIND: f64 = 0.5;
 
-/// Of views all around, about one in so many sees a point of the surface: their rays lie that much
-/// denser on it than those of one view.
+/// With cameras all around, about one in this many sees a given point of the surface. The rays of n
+/// views are n over this as dense on the surface as those of one view.
 const VIEWS_PER_COVER: f64 = 3.0;
 
-/// Standard deviation of a Gaussian, by the distance between sampled rays.
+/// Standard deviation of a Gaussian, in distances between sampled rays.
 const SIZE: f64 = 0.7;
 
-/// Distance of the second Gaussian behind the first, by the distance between sampled rays; at most a
-/// third of what is there to be inside of.
+/// Distance of the second Gaussian behind the first, in distances between sampled rays, and its upper
+/// bound as a fraction of the subject's thickness.
 const APART: f64 = 1.25;
 const APART_MOST: f64 = 1.0 / 3.0;
 
-/// What a view sees.
+/// The surface that one view sees.
 pub(super) struct Surface<'a> {
-    pub(super) eye: Eye,
+    pub(super) pinhole: Pinhole,
     pub(super) photograph: &'a Photograph,
     /// Depths in units of the capture.
     pub(super) depths: DepthMap,
-    /// Depths at which the rays of the photograph's pixels enter and leave the hull; empty without
-    /// one.
+    /// Depths at which the ray of each pixel enters and leaves the hull; empty without a hull.
     pub(super) spans: Vec<[f32; 2]>,
 }
 
 impl Surface<'_> {
-    /// The depth of a pixel of the subject.
+    /// Depth of a pixel; `None` if it is unknown or the pixel does not show the subject.
     fn depth(&self, [x, y]: [u32; 2]) -> Option<f64> {
-        let pixel = y as usize * self.eye.size[0] as usize + x as usize;
+        let pixel = y as usize * self.pinhole.size[0] as usize + x as usize;
         if !self.photograph.is_subject(pixel) {
             return None;
         }
-        self.depths.at([x, y], self.eye.size).map(f64::from)
+        self.depths.at([x, y], self.pinhole.size).map(f64::from)
     }
 
-    /// Number of pixels of the subject whose depth is known.
+    /// Number of pixels of the subject with a known depth.
     pub(super) fn pixels(&self) -> usize {
-        let [width, height] = self.eye.size;
+        let [width, height] = self.pinhole.size;
         let known = |y: u32| (0..width).filter(|x| self.depth([*x, y]).is_some()).count();
         (0..height).map(known).sum()
     }
 
-    /// The Gaussians of every `step`-th pixel along either axis, `step` at least 1 and not
-    /// necessarily whole, at frame `frame`. `views` put theirs on the same subject.
+    /// Gaussians of every `step`-th pixel along both axes, `step` being 1 or more and not necessarily
+    /// whole. `views` is the number of views that ground the same subject. `frame` gives the Gaussians
+    /// a window; `None` makes them static.
     pub(super) fn ground(
         &self,
         step: f64,
         views: usize,
-        anchor: &Anchor,
+        anchor: &AnchorSettings,
         frame: Option<usize>,
     ) -> Parameters<f32> {
         let overlap = (views as f64 / VIEWS_PER_COVER).max(1.0).sqrt();
         let single = |v: glam::DVec3| v.to_array().map(|x| x as f32);
         let mut grounded = Parameters { sh_degree: anchor.sh_degree, ..Parameters::default() };
-        for y in lattice(step, self.eye.size[1]) {
-            for x in lattice(step, self.eye.size[0]) {
+        for y in lattice(step, self.pinhole.size[1]) {
+            for x in lattice(step, self.pinhole.size[0]) {
                 let Some(depth) = self.depth([x, y]) else { continue };
-                let pixel = y as usize * self.eye.size[0] as usize + x as usize;
-                let ray = self.eye.ray([x, y]);
-                let spacing = depth * step / self.eye.focal / overlap;
+                let pixel = y as usize * self.pinhole.size[0] as usize + x as usize;
+                let ray = self.pinhole.ray([x, y]);
+                let spacing = depth * step / self.pinhole.focal / overlap;
                 let mut apart = APART * spacing;
                 if let Some([_, leave]) = self.spans.get(pixel).filter(|[_, leave]| f64::from(*leave) > depth)
                 {
@@ -86,7 +86,7 @@ impl Surface<'_> {
                 let [r, g, b, alpha] = self.photograph.pixels[pixel].map(f64::from);
                 let dc = [r, g, b].map(|c| (((c / alpha).min(1.0) - 0.5) / SH_C0) as f32);
                 for (depth, opacity) in [(depth, OPACITY), (depth + apart, BEHIND * OPACITY)] {
-                    grounded.centers.push(single(self.eye.position + depth * ray));
+                    grounded.centers.push(single(self.pinhole.position + depth * ray));
                     grounded.rotations.push([1.0, 0.0, 0.0, 0.0]);
                     grounded.log_scales.push([libm::log(SIZE * spacing) as f32; 3]);
                     grounded.logits.push(libm::log(opacity / (1.0 - opacity)) as f32);
@@ -107,12 +107,12 @@ impl Surface<'_> {
     }
 }
 
-/// The rows or columns that are sampled: every `step`-th of `size`.
+/// Rows or columns to sample: every `step`-th of `size`.
 pub(super) fn lattice(step: f64, size: u32) -> impl Iterator<Item = u32> {
     (0..size).map(move |k| ((f64::from(k) + 0.5) * step) as u32).take_while(move |at| *at < size)
 }
 
-/// Distance in pixels between sampled rays, for about `rays` of `pixels`.
+/// Distance in pixels between sampled rays, so that about `rays` of `pixels` are sampled.
 pub(super) fn step(pixels: usize, rays: f64) -> f64 {
     (pixels as f64 / rays).sqrt().max(1.0)
 }

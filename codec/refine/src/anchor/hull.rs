@@ -1,24 +1,24 @@
-//! The visual hull: the largest body that casts all silhouettes.
+//! The visual hull: the largest body consistent with all silhouettes.
 //!
-//! A box around it is found by halving space; a grid in the box is carved; the ray of each pixel is
-//! followed through the grid to where it enters, and there along the ray itself, so that depths are
-//! as fine as the masks and not as the grid. What no silhouette shows, hollows and loops, stays
+//! A coarse search finds the bounding box, and a voxel grid in the box is carved. Each pixel's ray is
+//! then traced through the grid to its entry voxel and bisected there against the silhouettes, so that
+//! depths are as fine as the masks and not as the grid. Concavities that no silhouette shows stay
 //! filled.
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
 use super::AnchorError;
-use super::eye::{Eye, nearest_to_axes};
+use super::pinhole::{Pinhole, nearest_to_axes};
 use super::silhouette::Silhouette;
 
-/// How a visual hull is carved.
+/// Settings of the visual hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HullSettings {
-    /// Voxels along the longest side of the grid, taken to `[8, 512]`.
+    /// Voxels along the longest side of the grid, clamped to 8 to 512.
     pub voxels: usize,
-    /// Number of masks that may miss a point of the subject, as wrong masks do; at most one in
-    /// eight of those that see it.
+    /// Number of masks that may wrongly exclude a point of the subject; at most one in eight of the
+    /// cameras.
     pub misses: usize,
 }
 
@@ -28,12 +28,12 @@ impl Default for HullSettings {
     }
 }
 
-/// Cells along each side of the box while it is looked for, and how often it may shrink: every time
-/// it has been less than 0.9 as large as before, so that a fly in a hall is found too.
+/// Cells along each side of the search box, and the most times that the box shrinks. The search ends
+/// when the box keeps more than 0.9 of its size, so even a tiny subject in a large rig is found.
 const SEARCH_CELLS: u32 = 24;
 const SEARCHES: usize = 12;
 
-/// How often the interval that holds the surface is halved: 2 voxels then become a quarter of one.
+/// Bisections of the interval that contains the surface: from 2 voxels to a quarter of one.
 const HALVINGS: usize = 3;
 
 /// A carved grid.
@@ -45,15 +45,17 @@ pub(super) struct Hull {
     /// Side of a voxel.
     pub(super) voxel: f64,
     size: UVec3,
-    /// Whether each voxel belongs to the hull, x fastest.
+    /// Whether each voxel is in the hull, x fastest.
     inside: Vec<bool>,
 }
 
 impl Hull {
-    /// Carves. An empty mask says nothing: the subject may be beyond the edge, or the mask failed.
+    /// Carves the hull. Empty masks are ignored: the subject may be outside the image, or the
+    /// segmentation failed.
     ///
     /// # Errors
-    /// Where there is no hull, see [`AnchorError`].
+    /// [`AnchorError::NoMasks`], [`AnchorError::NoSubject`], [`AnchorError::OneView`] or
+    /// [`AnchorError::NoHull`].
     pub(super) fn carve(all: Vec<Silhouette>, settings: HullSettings) -> Result<Hull, AnchorError> {
         if !all.is_empty() && all.iter().all(Silhouette::is_full) {
             return Err(AnchorError::NoMasks);
@@ -88,10 +90,10 @@ impl Hull {
         self.low + self.voxel * (cell.as_dvec3() + 0.5)
     }
 
-    /// Whether most silhouettes show something, and hardly any shows that it is not there.
+    /// Whether more than half of the silhouettes vote for the point and at most `misses` against it.
     ///
-    /// Most, for what stands right before a camera is in its silhouette and in that of the camera
-    /// opposite, and the others do not see it.
+    /// A majority is required because a point right in front of a camera is inside the silhouettes of
+    /// that camera and of the opposite one, and outside the view of all others.
     fn agree(&self, votes: impl Iterator<Item = Option<bool>>) -> bool {
         let (mut shown, mut missed) = (0, 0);
         for vote in votes.flatten() {
@@ -106,25 +108,27 @@ impl Hull {
         shown > self.silhouettes.len() / 2
     }
 
-    /// Whether a point belongs to the hull.
+    /// Whether a point is in the hull.
     fn holds(&self, point: DVec3) -> bool {
         self.agree(self.silhouettes.iter().map(|silhouette| silhouette.at(point)))
     }
 
-    /// A box around the hull: from one that holds all cameras down to the cells in which it may be.
+    /// Bounding box of the hull: starts with a box around all cameras and shrinks it to the cells that
+    /// may contain the hull.
     fn find_box(&self) -> Option<[DVec3; 2]> {
-        let eyes: Vec<Eye> = self.silhouettes.iter().map(|s| s.eye.clone()).collect();
-        let farthest = |from: DVec3| eyes.iter().map(|eye| eye.position.distance(from)).fold(0.0, f64::max);
-        let mean = |of: fn(&Eye) -> DVec3| eyes.iter().map(of).sum::<DVec3>() / eyes.len() as f64;
-        let (middle, reach) = match nearest_to_axes(&eyes) {
-            Some(middle) => (middle, farthest(middle)),
-            // Side by side: beyond some ten times their distance silhouettes say little of depth.
+        let pinholes: Vec<Pinhole> = self.silhouettes.iter().map(|s| s.pinhole.clone()).collect();
+        let farthest =
+            |from: DVec3| pinholes.iter().map(|pinhole| pinhole.position.distance(from)).fold(0.0, f64::max);
+        let mean = |of: fn(&Pinhole) -> DVec3| pinholes.iter().map(of).sum::<DVec3>() / pinholes.len() as f64;
+        let (center, half) = match nearest_to_axes(&pinholes) {
+            Some(center) => (center, farthest(center)),
+            // Parallel cameras: beyond about ten times their baseline, silhouettes do not bound depth.
             None => {
-                let reach = 10.0 * farthest(mean(|eye| eye.position));
-                (mean(|eye| eye.position) + reach * mean(|eye| eye.forward), reach)
+                let half = 10.0 * farthest(mean(|pinhole| pinhole.position));
+                (mean(|pinhole| pinhole.position) + half * mean(|pinhole| pinhole.forward), half)
             }
         };
-        let (mut low, mut high) = (middle - reach, middle + reach);
+        let (mut low, mut high) = (center - half, center + half);
         for _ in 0..SEARCHES {
             let cell = (high - low) / f64::from(SEARCH_CELLS);
             let radius = 0.5 * cell.length();
@@ -132,7 +136,7 @@ impl Hull {
                 return None;
             }
             let n = SEARCH_CELLS;
-            let kept: Vec<UVec3> = (0..n * n * n)
+            let occupied: Vec<UVec3> = (0..n * n * n)
                 .into_par_iter()
                 .map(|i| UVec3::new(i % n, i / n % n, i / (n * n)))
                 .filter(|at| {
@@ -140,8 +144,8 @@ impl Hull {
                     self.agree(self.silhouettes.iter().map(|silhouette| silhouette.near(center, radius)))
                 })
                 .collect();
-            let first = kept.iter().copied().reduce(UVec3::min)?;
-            let last = kept.iter().copied().reduce(UVec3::max)?;
+            let first = occupied.iter().copied().reduce(UVec3::min)?;
+            let last = occupied.iter().copied().reduce(UVec3::max)?;
             let before = high - low;
             (low, high) = (low + cell * first.as_dvec3(), low + cell * (last.as_dvec3() + 1.0));
             if (high - low).cmpgt(0.9 * before).all() {
@@ -151,7 +155,7 @@ impl Hull {
         Some([low, high])
     }
 
-    /// Middle of the hull.
+    /// Centroid of the hull.
     pub(super) fn centroid(&self) -> DVec3 {
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
         for (i, _) in self.inside.iter().enumerate().filter(|(_, inside)| **inside) {
@@ -162,15 +166,15 @@ impl Hull {
         sum / count
     }
 
-    /// Depths at which the ray of each pixel in `subject` enters the hull and first leaves it;
-    /// `[0, 0]` for the others, for those that miss it, and for all where the camera is inside.
-    pub(super) fn spans(&self, eye: &Eye, subject: impl Fn(usize) -> bool + Sync) -> Vec<[f32; 2]> {
-        let [width, height] = eye.size.map(|n| n as usize);
+    /// Depths at which the ray of each pixel in `subject` enters the hull and first leaves it; `[0, 0]`
+    /// for all other pixels, for rays that miss the hull, and for a camera inside the hull.
+    pub(super) fn spans(&self, pinhole: &Pinhole, subject: impl Fn(usize) -> bool + Sync) -> Vec<[f32; 2]> {
+        let [width, height] = pinhole.size.map(|n| n as usize);
         let mut spans = vec![[0.0; 2]; width * height];
         spans.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, span) in row.iter_mut().enumerate().filter(|(x, _)| subject(y * width + x)) {
-                let ray = eye.ray([x as u32, y as u32]);
-                if let Some(found) = self.span(eye.position, ray) {
+                let ray = pinhole.ray([x as u32, y as u32]);
+                if let Some(found) = self.span(pinhole.position, ray) {
                     *span = found.map(|depth| depth as f32);
                 }
             }
@@ -183,7 +187,7 @@ impl Hull {
         let (from, along) = ((origin - self.low) / self.voxel, ray / self.voxel);
         let holds = |depth: f64| self.holds(origin + depth * ray);
         let [enter, leave] = self.walk(from, along).or_else(|| {
-            // Past the centres of all voxels: along an edge, or something thin.
+            // The ray misses the centres of all voxels: the hull is thin here, or this is its edge.
             let [start, end] = self.crossing(from, along)?;
             let depth = |k: u32| start + (f64::from(k) + 0.5) * 0.5 * step;
             let enter = (0..).map(depth).take_while(|depth| *depth < end).find(|depth| holds(*depth))?;
@@ -193,18 +197,19 @@ impl Hull {
             return None;
         }
         let (mut out, mut within) = (enter - step, enter + step);
-        // Where a corner of a voxel was only just cut, the ray itself may be nowhere inside.
+        // A ray that clips the corner of a voxel may be nowhere inside the hull itself.
         if out > 0.0 && !holds(out) && holds(within) {
             for _ in 0..HALVINGS {
-                let middle = 0.5 * (out + within);
-                if holds(middle) { within = middle } else { out = middle }
+                let half_way = 0.5 * (out + within);
+                if holds(half_way) { within = half_way } else { out = half_way }
             }
             return Some([0.5 * (out + within), leave.max(within)]);
         }
         Some([enter, leave])
     }
 
-    /// Where a ray enters and leaves the grid, in front of its origin; both in voxels.
+    /// Depths at which a ray enters and leaves the grid, in front of its origin; `origin` and `ray` are
+    /// in voxels.
     fn crossing(&self, origin: DVec3, ray: DVec3) -> Option<[f64; 2]> {
         let inverse = nonzero(ray).recip();
         let (a, b) = (-origin * inverse, (self.size.as_dvec3() - origin) * inverse);
@@ -212,8 +217,8 @@ impl Hull {
         (start < end).then_some([start, end])
     }
 
-    /// Follows a ray from voxel to voxel (Amanatides and Woo, 1987) through the first of its stretches
-    /// within the hull; `origin` and `ray` are in voxels.
+    /// Traces a ray through the voxels (Amanatides and Woo, 1987) and returns its first interval inside
+    /// the hull; `origin` and `ray` are in voxels.
     fn walk(&self, origin: DVec3, ray: DVec3) -> Option<[f64; 2]> {
         let [start, _] = self.crossing(origin, ray)?;
         let ray = nonzero(ray);
@@ -250,7 +255,7 @@ impl Hull {
     }
 }
 
-/// A direction without a 0, which would make 0 * inf of a ray along a face of the grid.
+/// The direction with zeros replaced by 1e-12: a ray along a face of the grid would give 0 * inf.
 fn nonzero(ray: DVec3) -> DVec3 {
     DVec3::select(ray.abs().cmplt(DVec3::splat(1e-12)), DVec3::splat(1e-12), ray)
 }
@@ -259,7 +264,7 @@ fn nonzero(ray: DVec3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::anchor::AnchorView;
-    use crate::anchor::scene::{Shape, pattern, ring, sphere, view};
+    use crate::anchor::test_scene::{Shape, pattern, ring, sphere, view};
 
     fn body() -> Vec<Shape> {
         let limb = Shape { ends: [DVec3::new(0.1, 0.2, 0.0), DVec3::new(0.5, 0.5, 0.2)], radius: 0.08 };
@@ -272,14 +277,15 @@ mod tests {
     }
 
     fn carve(views: &[(AnchorView, Vec<f32>)], voxels: usize) -> Result<Hull, AnchorError> {
-        let silhouette =
-            |(view, _): &(AnchorView, Vec<f32>)| Silhouette::new(&Eye::new(&view.camera), &view.photograph);
+        let silhouette = |(view, _): &(AnchorView, Vec<f32>)| {
+            Silhouette::new(&Pinhole::new(&view.camera), &view.photograph)
+        };
         Hull::carve(views.iter().map(silhouette).collect(), HullSettings { voxels, misses: 1 })
     }
 
-    /// Errors of the depths of a view in voxels, sorted, and the share of its pixels that have one.
+    /// Depth errors of a view in voxels, sorted, and the fraction of its pixels that have a depth.
     fn errors(hull: &Hull, (view, depths): &(AnchorView, Vec<f32>)) -> (Vec<f64>, f64) {
-        let spans = hull.spans(&Eye::new(&view.camera), |pixel| depths[pixel] > 0.0);
+        let spans = hull.spans(&Pinhole::new(&view.camera), |pixel| depths[pixel] > 0.0);
         let found = spans.iter().zip(depths).filter(|(span, _)| span[0] > 0.0);
         let mut errors: Vec<f64> =
             found.map(|(span, depth)| f64::from((span[0] - depth).abs()) / hull.voxel).collect();
@@ -289,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn depths_are_within_a_voxel_of_spheres_and_limbs() {
+    fn depths_of_spheres_and_limbs_are_within_a_voxel() {
         let views = seen(&body(), 32);
         let hull = carve(&views, 64).unwrap();
         for i in [0, 7] {
@@ -301,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_subject_far_from_the_middle_fills_the_grid() {
+    fn a_small_off_center_subject_fills_the_grid() {
         let views = seen(&[sphere(DVec3::new(0.3, -0.2, 0.1), 0.03)], 16);
         let hull = carve(&views, 32).unwrap();
         assert!(hull.voxel < 0.006, "{}", hull.voxel);
@@ -309,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_mask_and_an_empty_one_do_no_harm() {
+    fn a_wrong_mask_and_an_empty_mask_are_tolerated() {
         let mut views = seen(&body(), 16);
         views[3].0.photograph.pixels.fill([0; 4]);
         for pixel in &mut views[5].0.photograph.pixels[..128 * 70] {
@@ -319,9 +325,9 @@ mod tests {
         assert!(errors[errors.len() / 2] < 1.0 && share > 0.99);
     }
 
-    /// What a lens left blank is not background.
+    /// Pixels that a lens leaves blank are not background.
     #[test]
-    fn what_is_not_seen_does_not_vote() {
+    fn blank_pixels_do_not_vote() {
         let mut views = seen(&body(), 16);
         for (view, _) in &mut views[..4] {
             view.photograph.valid = (0..128 * 128).map(|i| i % 128 < 64).collect();
@@ -334,14 +340,14 @@ mod tests {
     }
 
     #[test]
-    fn from_inside_the_subject_there_is_no_depth() {
+    fn a_camera_inside_the_subject_gets_no_depths() {
         let mut views = seen(&body(), 16);
         let inside = codec::Camera::look_at([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, 32, 32);
         let (mut within, _) = view(16, &inside, &[], pattern);
         within.photograph.pixels.fill([9, 9, 9, 255]);
         views.push((within, vec![1.0; 32 * 32]));
         let hull = carve(&views, 64).unwrap();
-        assert!(hull.spans(&Eye::new(&inside), |_| true).iter().all(|span| *span == [0.0; 2]));
+        assert!(hull.spans(&Pinhole::new(&inside), |_| true).iter().all(|span| *span == [0.0; 2]));
         assert!(errors(&hull, &views[0]).1 > 0.99);
     }
 
@@ -354,7 +360,7 @@ mod tests {
         assert_eq!(fault(&full), Some(AnchorError::NoMasks));
         assert_eq!(fault(&seen(&[], 16)), Some(AnchorError::NoSubject));
         assert_eq!(fault(&views[..1]), Some(AnchorError::OneView));
-        // Each camera sees something elsewhere.
+        // Each camera sees a different object.
         let apart: Vec<_> = (0..4)
             .map(|i| {
                 let y = f64::from(i) * 0.2 - 0.3;
@@ -367,7 +373,7 @@ mod tests {
             })
             .collect();
         assert_eq!(fault(&apart), Some(AnchorError::NoHull));
-        // A camera twice: parallel axes, and no end in depth but that of the search.
+        // The same camera twice: the axes are parallel, and only the search bounds the depth.
         assert!(fault(&[views[0].clone(), views[0].clone()]).is_some());
     }
 }

@@ -1,40 +1,39 @@
-//! The back side by mirror symmetry (the paper's Eq. mirror), for captures from one side.
+//! Mirrors the back side (the paper's `eq:mirror`), for captures from one side.
 //!
-//! The paper gives the reflection of a centre; that of its covariance and of its motion follow. With
+//! The paper gives the reflection of a centre; the reflections of covariance and motion follow. With
 //! unit normal `n` and `H = I - 2 n n^T`, a covariance becomes `H Sigma H`, so axes `R` become
 //! `H R diag(1, 1, -1)`, again a rotation. As quaternions, with `n` and `k = (0, 0, 1)` pure:
 //! `H x = n x n`, hence `q' = n q k`.
 
 use glam::{DQuat, DVec3};
 
-use super::eye::Eye;
 use super::ground::BEHIND;
+use super::pinhole::Pinhole;
 use crate::fit::Parameters;
 
-/// Least length of the mean of the views' horizontal directions: 1 for one view, 0.9 for an arc of
-/// 90 degrees, 0.64 for a half circle, 0 for a ring. Wider than a half circle there is no back side.
+/// Least length of the mean of the views' horizontal directions for a capture from one side: the length
+/// is 1 for one view, 0.9 for an arc of 90 degrees, 0.64 for a half circle and 0 for a ring.
 const ONE_SIDED: f64 = 0.6;
 
 /// The plane between front and back.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
-    /// A point of it.
+    /// A point on the plane.
     pub(super) point: DVec3,
-    /// Its unit normal.
+    /// Unit normal.
     pub(super) normal: DVec3,
 }
 
-/// Mean direction in which `views` look, made horizontal; `None` where they look from all sides.
-///
-/// Up is where the images of `rig`, all cameras, have it on the average.
-pub(super) fn front(views: &[Eye], rig: &[Eye]) -> Option<DVec3> {
-    let up = rig.iter().map(|eye| eye.up).sum::<DVec3>().try_normalize()?;
-    let level = |eye: &Eye| eye.forward.reject_from_normalized(up).try_normalize();
+/// Mean horizontal viewing direction of `views`; `None` if they look from all sides. Up is the mean image
+/// up of all cameras, `rig`.
+pub(super) fn front(views: &[Pinhole], rig: &[Pinhole]) -> Option<DVec3> {
+    let up = rig.iter().map(|pinhole| pinhole.up).sum::<DVec3>().try_normalize()?;
+    let level = |pinhole: &Pinhole| pinhole.forward.reject_from_normalized(up).try_normalize();
     let mean = views.iter().filter_map(level).sum::<DVec3>() / views.len() as f64;
     if mean.length() > ONE_SIDED { mean.try_normalize() } else { None }
 }
 
-/// The Gaussians behind the mirror: half as opaque as the front ones, of the same colours.
+/// The mirrored Gaussians: same colours, [`BEHIND`] times the opacity.
 pub(super) fn mirrored(front: &Parameters<f32>, plane: Plane) -> Parameters<f32> {
     let n = plane.normal;
     let across = |v: DVec3| v - 2.0 * v.dot(n) * n;
@@ -43,7 +42,7 @@ pub(super) fn mirrored(front: &Parameters<f32>, plane: Plane) -> Parameters<f32>
         let away = DVec3::from_array(p.map(f64::from)) - plane.point;
         (plane.point + across(away)).to_array().map(|x| x as f32)
     };
-    // Linear in q, so rates of quaternions, and quaternions of any length, turn like these.
+    // Linear in q, so it holds for rates and for quaternions of any length, too.
     let turn = |q: &[f32; 4]| {
         let [w, x, y, z] = q.map(f64::from);
         let pure = |v: DVec3| DQuat::from_xyzw(v.x, v.y, v.z, 0.0);
@@ -60,7 +59,7 @@ pub(super) fn mirrored(front: &Parameters<f32>, plane: Plane) -> Parameters<f32>
     }
 }
 
-/// The logit of [`BEHIND`] times the opacity of a logit.
+/// Logit of [`BEHIND`] times the opacity.
 fn fainter(logit: f32) -> f32 {
     let opacity = BEHIND / (1.0 + libm::exp(-f64::from(logit)));
     libm::log(opacity / (1.0 - opacity)) as f32
@@ -69,7 +68,7 @@ fn fainter(logit: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anchor::scene::ring;
+    use crate::anchor::test_scene::ring;
     use glam::DMat3;
 
     fn gaussians() -> Parameters<f32> {
@@ -110,10 +109,10 @@ mod tests {
                 let expected = h * covariance(&before, i, time) * h;
                 assert!(covariance(&after, i, time).abs_diff_eq(expected, 1e-5), "{i} at {time}");
             }
-            let middle = 0.5
+            let half_way = 0.5
                 * (DVec3::from_array(before.centers[i].map(f64::from))
                     + DVec3::from_array(after.centers[i].map(f64::from)));
-            assert!((middle - plane().point).dot(n).abs() < 1e-6, "half way is the plane");
+            assert!((half_way - plane().point).dot(n).abs() < 1e-6, "the plane lies half way");
             let motion = h * DVec3::from_array(before.motion[i].map(f64::from));
             assert!(DVec3::from_array(after.motion[i].map(f64::from)).abs_diff_eq(motion, 1e-6));
         }
@@ -121,27 +120,27 @@ mod tests {
     }
 
     #[test]
-    fn twice_is_not_at_all_but_for_opacity() {
+    fn mirroring_twice_restores_all_but_opacity() {
         let before = gaussians();
         let back = mirrored(&mirrored(&before, plane()), plane());
         let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         for i in 0..2 {
             assert!(near(&back.centers[i], &before.centers[i]) && near(&back.motion[i], &before.motion[i]));
-            // q and -q are one rotation.
+            // q and -q are the same rotation.
             let same = near(&back.rotations[i], &before.rotations[i]);
             assert!(same || near(&back.rotations[i], &before.rotations[i].map(|x| -x)));
         }
-        assert!((back.logits[0] - (0.125f32 / 0.875).ln()).abs() < 1e-6, "0.5 a quarter of what it was");
+        assert!((back.logits[0] - (0.125f32 / 0.875).ln()).abs() < 1e-6, "a quarter of 0.5");
     }
 
     #[test]
-    fn only_one_side_has_a_back() {
-        let eyes: Vec<Eye> = ring(16, 3.0, 16).iter().map(Eye::new).collect();
-        assert!(front(&eyes, &eyes).is_none());
-        assert!(front(&[], &eyes).is_none());
-        let normal = front(&eyes[..1], &eyes).unwrap();
-        let up = eyes.iter().map(|eye| eye.up).sum::<DVec3>().normalize();
-        assert!(normal.dot(up).abs() < 1e-9 && normal.dot(eyes[0].forward) > 0.8);
-        assert!(front(&eyes[..5], &eyes).is_some(), "a quarter of the ring");
+    fn only_one_sided_captures_have_a_front() {
+        let pinholes: Vec<Pinhole> = ring(16, 3.0, 16).iter().map(Pinhole::new).collect();
+        assert!(front(&pinholes, &pinholes).is_none());
+        assert!(front(&[], &pinholes).is_none());
+        let normal = front(&pinholes[..1], &pinholes).unwrap();
+        let up = pinholes.iter().map(|pinhole| pinhole.up).sum::<DVec3>().normalize();
+        assert!(normal.dot(up).abs() < 1e-9 && normal.dot(pinholes[0].forward) > 0.8);
+        assert!(front(&pinholes[..5], &pinholes).is_some(), "a quarter of the ring");
     }
 }

@@ -1,42 +1,44 @@
-//! [`scatter`]: no anchor at all, Gaussians anywhere; what an anchor is held against.
+//! [`scatter`]: random Gaussians instead of an anchor, the baseline that anchors are compared with.
 
 use codec::Camera;
 
-use super::eye::{Eye, nearest_to_axes};
-use super::{Anchor, AnchorError};
+use super::pinhole::{Pinhole, nearest_to_axes};
+use super::{AnchorError, AnchorSettings};
 use crate::fit::{Parameters, Real, Timeline};
 
-/// Opacity of a Gaussian that nothing is known of, as in 3D Gaussian Splatting.
+/// Initial opacity, as in 3D Gaussian Splatting.
 const OPACITY: f64 = 0.1;
 
-/// Radius of the ball that they fill, as a part of the cameras' mean distance from its middle.
-const REACH: f64 = 0.35;
+/// Radius of the ball of Gaussians, as a fraction of the cameras' mean distance from its centre.
+const BALL_RADIUS: f64 = 0.35;
 
-/// Standard deviation of a Gaussian, as a part of what it would take to fill the ball side by side.
+/// Standard deviation of a Gaussian, as a fraction of the size that fills the ball without gaps.
 const FILLING: f64 = 0.5;
 
-/// Gray Gaussians at random places around the point that `cameras` look at, and at random times of
-/// the clip: the same for the same `seed`. Of `settings`, their number, windows and columns count.
+/// Gray Gaussians at random positions around the point that `cameras` look at, and at random times of
+/// the clip. The result depends on `seed` only. From `settings` it takes the number of Gaussians, their
+/// temporal width, and the columns.
 ///
 /// # Errors
-/// [`AnchorError::NoMiddle`] where the cameras do not look at one point.
+/// [`AnchorError::NoCenter`] if the cameras do not look at one point.
 pub fn scatter(
-    settings: &Anchor,
+    settings: &AnchorSettings,
     timeline: Timeline,
     cameras: &[&Camera],
     seed: u64,
 ) -> Result<Parameters<f32>, AnchorError> {
-    let eyes: Vec<Eye> = cameras.iter().map(|camera| Eye::new(camera)).collect();
-    let center = nearest_to_axes(&eyes).ok_or(AnchorError::NoMiddle)?;
-    let distance = eyes.iter().map(|eye| eye.position.distance(center)).sum::<f64>() / eyes.len() as f64;
-    let radius = REACH * distance;
+    let pinholes: Vec<Pinhole> = cameras.iter().map(|camera| Pinhole::new(camera)).collect();
+    let center = nearest_to_axes(&pinholes).ok_or(AnchorError::NoCenter)?;
+    let distance =
+        pinholes.iter().map(|pinhole| pinhole.position.distance(center)).sum::<f64>() / pinholes.len() as f64;
+    let radius = BALL_RADIUS * distance;
     let count = settings.gaussians;
     let scale = FILLING * radius / libm::cbrt(count.max(1) as f64);
     let timed = timeline.frames > 1;
     let columns = Parameters {
         sh_degree: settings.sh_degree,
         motion_order: if timed { settings.motion_order } else { 0 },
-        // Its length says only whether there is time at all.
+        // Only its emptiness matters: it tells `zeros` whether to make temporal columns.
         tau: vec![0.0; usize::from(timed)],
         ..Parameters::default()
     };
@@ -56,7 +58,7 @@ pub fn scatter(
     Ok(all)
 }
 
-/// A point of the unit ball, each as likely as any other.
+/// A uniformly distributed point of the unit ball.
 fn in_ball(random: &mut fastrand::Rng) -> [f64; 3] {
     loop {
         let place: [f64; 3] = std::array::from_fn(|_| 2.0 * random.f64() - 1.0);

@@ -1,26 +1,36 @@
-//! The surfaces of a frame, from the source of depths that is asked for.
+//! The surfaces that the views of a frame see, from the chosen [`DepthSource`].
 
 use glam::DVec3;
 
 use super::align::{self, Affine};
-use super::eye::{Eye, rig_radius};
 use super::ground::{self, Surface};
 use super::hull::Hull;
+use super::pinhole::{Pinhole, rig_radius};
 use super::silhouette::Silhouette;
 use super::{
-    Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, DepthMap, Found, Source, mirror, sweep,
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, sweep,
 };
+use crate::fit::Photograph;
 use crate::median::median;
 
-/// What the views that ground an anchor see: about `rays` of their pixels, all where there are fewer.
-/// `scale` is what depths are multiplied by under [`Alignment::Rig`], found in the first frame that
-/// tells it.
+/// The surfaces of a frame.
+pub(super) struct FrameSurfaces<'a> {
+    /// One surface per grounding view.
+    pub(super) surfaces: Vec<Surface<'a>>,
+    /// Distance in pixels between sampled rays.
+    pub(super) step: f64,
+    /// Centroid of the hull, if there is one.
+    pub(super) hull_center: Option<DVec3>,
+}
+
+/// Finds the surfaces that the grounding views see, sampled at about `rays` of their pixels. `scale` is
+/// the factor of [`Alignment::Rig`]; the first frame that determines it sets it.
 pub(super) fn surfaces<'a>(
-    settings: &Anchor,
+    settings: &AnchorSettings,
     frame: &'a AnchorFrame,
     rays: f64,
     scale: &mut Option<f64>,
-) -> Result<Found<'a>, AnchorError> {
+) -> Result<FrameSurfaces<'a>, AnchorError> {
     let views = &frame.views;
     for AnchorView { camera_id, camera, photograph, .. } in views {
         let size = (photograph.width, photograph.height);
@@ -29,71 +39,47 @@ pub(super) fn surfaces<'a>(
             return Err(AnchorError::Size { frame: frame.frame, camera: *camera_id });
         }
     }
-    let wanted = wanted(settings, frame);
-    if !wanted.contains(&true) {
+    let grounding = grounding(settings, frame);
+    if !grounding.contains(&true) {
         return Err(AnchorError::NoViews);
     }
-    let eyes = eyes(frame);
+    let pinholes = pinholes(frame);
     let hull = match settings.source {
-        Source::Given(Alignment::Metric | Alignment::Rig) => None,
-        Source::Hull | Source::HullAndSweep | Source::Given(Alignment::Hull) => {
+        DepthSource::Given(Alignment::Metric | Alignment::Rig) => None,
+        DepthSource::Hull | DepthSource::HullAndSweep | DepthSource::Given(Alignment::Hull) => {
             let silhouettes =
-                eyes.iter().zip(views).map(|(eye, view)| Silhouette::new(eye, &view.photograph));
+                pinholes.iter().zip(views).map(|(pinhole, view)| Silhouette::new(pinhole, &view.photograph));
             Some(Hull::carve(silhouettes.collect(), settings.hull)?)
         }
     };
-    // Given depths decide themselves which pixels there are.
-    let step = match settings.source {
-        Source::Hull | Source::HullAndSweep => {
-            let of = |view: &AnchorView| {
+    // With given depths, the number of pixels is known only once they are aligned.
+    let mut step = match settings.source {
+        DepthSource::Hull | DepthSource::HullAndSweep => {
+            let subject = |view: &AnchorView| {
                 (0..view.photograph.pixels.len()).filter(|i| view.photograph.is_subject(*i)).count()
             };
-            ground::step(views.iter().zip(&wanted).filter(|(_, w)| **w).map(|(view, _)| of(view)).sum(), rays)
+            ground::step(selected(views, &grounding).map(subject).sum(), rays)
         }
-        Source::Given(_) => 1.0,
+        DepthSource::Given(_) => 1.0,
     };
     let mut surfaces: Vec<Surface> = (0..views.len())
-        .filter(|i| wanted[*i])
-        .map(|i| {
-            let (eye, photograph) = (&eyes[i], &views[i].photograph);
-            let [width, height] = eye.size;
-            let sampled = |size: u32| {
-                let mut sampled = vec![false; size as usize];
-                ground::lattice(step, size).for_each(|at| sampled[at as usize] = true);
-                sampled
-            };
-            let (columns, rows) = (sampled(width), sampled(height));
-            let wanted = |pixel: usize| {
-                let (x, y) = (pixel % width as usize, pixel / width as usize);
-                columns[x] && rows[y] && photograph.is_subject(pixel)
-            };
-            let spans = hull.as_ref().map(|hull| hull.spans(eye, wanted)).unwrap_or_default();
-            // Of the hull, until there are better ones.
-            let depths = DepthMap { width, height, depths: spans.iter().map(|span| span[0]).collect() };
-            Surface { eye: eye.clone(), photograph, depths, spans }
-        })
+        .filter(|i| grounding[*i])
+        .map(|i| hull_surface(&pinholes[i], &views[i].photograph, hull.as_ref(), step))
         .collect();
     match (settings.source, &hull) {
-        (Source::HullAndSweep, Some(hull)) => {
-            let pairs: Vec<_> = eyes.iter().zip(views.iter().map(|view| &view.photograph)).collect();
-            let swept = sweep::sweep(settings.sweep, hull, &pairs, &wanted);
-            let swept = swept.into_iter().zip(&wanted).filter(|(_, wanted)| **wanted);
+        (DepthSource::HullAndSweep, Some(hull)) => {
+            let pairs: Vec<_> = pinholes.iter().zip(views.iter().map(|view| &view.photograph)).collect();
+            let swept = sweep::sweep(settings.sweep, hull, &pairs, &grounding);
+            let swept = swept.into_iter().zip(&grounding).filter(|(_, grounding)| **grounding);
             for (surface, (depths, _)) in surfaces.iter_mut().zip(swept) {
                 surface.depths = depths;
             }
         }
-        (Source::Given(alignment), _) => {
-            let given: Vec<Option<&DepthMap>> = views
-                .iter()
-                .zip(&wanted)
-                .filter(|(_, w)| **w)
-                .map(|(view, _)| view.depths.as_ref())
-                .collect();
+        (DepthSource::Given(alignment), _) => {
+            let given: Vec<Option<&DepthMap>> =
+                selected(views, &grounding).map(|view| view.depths.as_ref()).collect();
             if alignment == Alignment::Rig && scale.is_none() {
-                let radius = rig_radius(&eyes).ok_or(AnchorError::NoRig)?;
-                let known = surfaces.iter().zip(&given).flat_map(|(surface, map)| known(surface, *map));
-                let middle = median(known.map(|(_, depth)| depth).collect());
-                *scale = Some(radius / middle.ok_or(AnchorError::NoDepths)?);
+                *scale = Some(rig_scale(&pinholes, &surfaces, &given)?);
             }
             for (surface, map) in surfaces.iter_mut().zip(given) {
                 surface.depths = aligned(surface, map, alignment, *scale);
@@ -101,54 +87,90 @@ pub(super) fn surfaces<'a>(
             if surfaces.iter().all(|surface| surface.pixels() == 0) {
                 return Err(AnchorError::NoDepths);
             }
+            step = ground::step(surfaces.iter().map(Surface::pixels).sum(), rays);
         }
         _ => (),
     }
-    let step = match settings.source {
-        Source::Given(_) => ground::step(surfaces.iter().map(Surface::pixels).sum(), rays),
-        _ => step,
+    Ok(FrameSurfaces { surfaces, step, hull_center: hull.map(|hull| hull.centroid()) })
+}
+
+/// The surface of a view with the depths of `hull` at every `step`-th pixel; without a hull, no depths.
+fn hull_surface<'a>(
+    pinhole: &Pinhole,
+    photograph: &'a Photograph,
+    hull: Option<&Hull>,
+    step: f64,
+) -> Surface<'a> {
+    let [width, height] = pinhole.size;
+    let sampled = |size: u32| {
+        let mut sampled = vec![false; size as usize];
+        ground::lattice(step, size).for_each(|at| sampled[at as usize] = true);
+        sampled
     };
-    Ok(Found { surfaces, step, middle: hull.map(|hull| hull.centroid()) })
+    let (columns, rows) = (sampled(width), sampled(height));
+    let is_sampled = |pixel: usize| {
+        let (x, y) = (pixel % width as usize, pixel / width as usize);
+        columns[x] && rows[y] && photograph.is_subject(pixel)
+    };
+    let spans = hull.map(|hull| hull.spans(pinhole, is_sampled)).unwrap_or_default();
+    let depths = DepthMap { width, height, depths: spans.iter().map(|span| span[0]).collect() };
+    Surface { pinhole: pinhole.clone(), photograph, depths, spans }
 }
 
-/// Where the views that ground an anchor look, if from one side.
-pub(super) fn front(settings: &Anchor, frame: &AnchorFrame) -> Option<DVec3> {
-    let (rig, wanted) = (eyes(frame), wanted(settings, frame));
-    let grounding: Vec<Eye> =
-        rig.iter().zip(wanted).filter(|(_, w)| *w).map(|(eye, _)| eye.clone()).collect();
-    mirror::front(&grounding, &rig)
+/// The scale of [`Alignment::Rig`].
+fn rig_scale(
+    pinholes: &[Pinhole],
+    surfaces: &[Surface],
+    given: &[Option<&DepthMap>],
+) -> Result<f64, AnchorError> {
+    let radius = rig_radius(pinholes).ok_or(AnchorError::NoRig)?;
+    let known = surfaces.iter().zip(given).flat_map(|(surface, map)| known(surface, *map));
+    let depth = median(known.map(|(_, depth)| depth).collect()).ok_or(AnchorError::NoDepths)?;
+    Ok(radius / depth)
 }
 
-fn eyes(frame: &AnchorFrame) -> Vec<Eye> {
-    frame.views.iter().map(|view| Eye::new(&view.camera)).collect()
+/// Mean viewing direction of the grounding views, if they are on one side.
+pub(super) fn front(settings: &AnchorSettings, frame: &AnchorFrame) -> Option<DVec3> {
+    let rig = pinholes(frame);
+    let views: Vec<Pinhole> = selected(&rig, &grounding(settings, frame)).cloned().collect();
+    mirror::front(&views, &rig)
 }
 
-/// Of each view, whether it is to put Gaussians on its rays.
-fn wanted(settings: &Anchor, frame: &AnchorFrame) -> Vec<bool> {
+fn pinholes(frame: &AnchorFrame) -> Vec<Pinhole> {
+    frame.views.iter().map(|view| Pinhole::new(&view.camera)).collect()
+}
+
+/// Whether each view puts Gaussians on its rays.
+fn grounding(settings: &AnchorSettings, frame: &AnchorFrame) -> Vec<bool> {
     let named =
         |view: &AnchorView| settings.views.as_ref().is_none_or(|named| named.contains(&view.camera_id));
     frame.views.iter().map(named).collect()
 }
 
-/// The pixels of the subject whose depth a map knows, and it.
+/// The items whose flag is set.
+fn selected<'a, T>(items: &'a [T], flags: &'a [bool]) -> impl Iterator<Item = &'a T> {
+    items.iter().zip(flags).filter(|(_, flag)| **flag).map(|(item, _)| item)
+}
+
+/// Pixels of the subject with a known depth in `map`, and the depth.
 fn known(surface: &Surface, map: Option<&DepthMap>) -> Vec<(usize, f64)> {
-    let [width, height] = surface.eye.size;
+    let [width, height] = surface.pinhole.size;
     let depth = |pixel: usize| {
         let at = [pixel as u32 % width, pixel as u32 / width];
-        let depth = map?.at(at, surface.eye.size).filter(|_| surface.photograph.is_subject(pixel))?;
+        let depth = map?.at(at, surface.pinhole.size).filter(|_| surface.photograph.is_subject(pixel))?;
         Some((pixel, f64::from(depth)))
     };
     (0..(width * height) as usize).filter_map(depth).collect()
 }
 
-/// A map in units of the capture, or an empty one, which puts no Gaussians anywhere.
+/// The map in units of the capture; an empty map, which grounds no Gaussians, if alignment fails.
 fn aligned(surface: &Surface, map: Option<&DepthMap>, alignment: Alignment, scale: Option<f64>) -> DepthMap {
     let affine = match alignment {
         Alignment::Metric => Some(Affine { scale: 1.0, shift: 0.0 }),
         Alignment::Rig => scale.map(|scale| Affine { scale, shift: 0.0 }),
         Alignment::Hull => {
-            let of_hull = |(pixel, depth): (usize, f64)| (depth, f64::from(surface.spans[pixel][0]));
-            let pairs = known(surface, map).into_iter().map(of_hull).filter(|(_, hull)| *hull > 0.0);
+            let hull_pair = |(pixel, depth): (usize, f64)| (depth, f64::from(surface.spans[pixel][0]));
+            let pairs = known(surface, map).into_iter().map(hull_pair).filter(|(_, hull)| *hull > 0.0);
             align::robust(&pairs.collect::<Vec<_>>())
         }
     };

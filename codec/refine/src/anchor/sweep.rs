@@ -1,25 +1,26 @@
-//! Plane sweep: where behind the hull's surface the photographs agree.
+//! Plane sweep (Collins, 1996): finds the depth behind the hull's surface at which the photographs
+//! agree.
 //!
-//! A pixel of the subject tries depths from where its ray enters the hull to a little behind; at each
-//! the patch around it is looked up in the nearest other views, and the depth at which it looks most
-//! alike is taken, by zero-mean normalised cross-correlation (Collins, 1996; the mean of the best half
-//! of the views leaves out those that something hides it from, as Kang, Szeliski and Chai, 2001,
-//! have it). Where nothing is alike, or neighbours see through the point, the hull's depth stays.
+//! Each pixel of the subject tries depths from the hull's surface inwards. At each depth, the patch
+//! around the pixel is compared with the neighbouring views by zero-mean normalised cross-correlation
+//! (NCC). The score is the mean over the best half of the neighbours, which excludes views that are
+//! occluded (Kang, Szeliski and Chai, 2001). The hull's depth stays if no depth scores well, or if
+//! neighbours see through the point.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::DepthMap;
-use super::eye::Eye;
 use super::hull::Hull;
+use super::pinhole::Pinhole;
 use crate::fit::Photograph;
 
-/// How depths are swept.
+/// Settings of the plane sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SweepSettings {
-    /// Number of depths that a pixel tries, the hull's included; taken to `[2, 256]`.
+    /// Number of depths that a pixel tries, the hull's included, clamped to 2 to 256.
     pub depths: usize,
-    /// Photographs are shrunk by a whole number to be about this wide or high, whichever is more.
+    /// Photographs are shrunk by a whole factor until their longer side has about this many pixels.
     pub size: u32,
 }
 
@@ -29,60 +30,62 @@ impl Default for SweepSettings {
     }
 }
 
-/// Number of other views that a view is compared with, and how many of them must agree.
+/// Number of neighbours that a view is compared with, and how many of them must agree.
 const NEIGHBORS: usize = 4;
 const BEST: usize = 2;
 
-/// Cosines of the least and the greatest angle between two views of the subject: nearer ones see
-/// no depth, farther ones another side.
+/// Cosines of the least and greatest angle between a view and its neighbours: closer views have no
+/// parallax, wider ones see another side.
 const ANGLES: [f64; 2] = [0.9998, 0.5];
 
-/// The patch reaches this far to either side.
-const REACH: i32 = 2;
+/// Half-size of a patch: it has `2 PATCH_HALF + 1` pixels a side.
+const PATCH_HALF: i32 = 2;
 
-/// Least number of its pixels that must show the subject.
+/// Least number of pixels of a patch that must show the subject.
 const LEAST_PIXELS: usize = 13;
 
-/// Least standard deviation of the patch's brightness, of 1: below there is noise.
+/// Least standard deviation of a patch's brightness, which is 0 to 1: below is noise.
 const LEAST_CONTRAST: f32 = 2.0 / 255.0;
 
-/// How alike it must look at the best depth, and by how much more than at the hull's.
+/// Least NCC at the best depth, and least gain over the NCC at the hull's depth.
 const LEAST_SCORE: f32 = 0.7;
 const LEAST_GAIN: f32 = 0.05;
 
-/// How far behind the hull to look: voxels, or a share of the hull's thickness.
-const REACH_VOXELS: f64 = 3.0;
-const REACH_THICKNESS: f64 = 0.05;
+/// Range of the sweep behind the hull: the larger of so many voxels and this fraction of the hull's
+/// thickness.
+const RANGE_VOXELS: f64 = 3.0;
+const RANGE_THICKNESS: f64 = 0.05;
 
-/// A photograph as it is compared.
+/// A photograph prepared for comparison.
 struct SweptView {
-    eye: Eye,
+    pinhole: Pinhole,
     /// Brightness over black.
     luma: Vec<f32>,
     subject: Vec<bool>,
     spans: Vec<[f32; 2]>,
-    /// The other views to compare with, nearest first.
+    /// Views to compare with, nearest first.
     neighbors: Vec<usize>,
 }
 
-/// Depth maps of the views whose place in `wanted` is true, empty ones for the others.
+/// Depth maps of the views flagged in `grounding`, empty maps for the others.
 pub(super) fn sweep(
     settings: SweepSettings,
     hull: &Hull,
-    views: &[(&Eye, &Photograph)],
-    wanted: &[bool],
+    views: &[(&Pinhole, &Photograph)],
+    grounding: &[bool],
 ) -> Vec<DepthMap> {
-    let middle = hull.centroid();
-    let neighbors: Vec<Vec<usize>> = (0..views.len()).map(|i| nearest(views, i, middle)).collect();
-    // A neighbour's depths are what a view's are checked by.
-    let needed = |i: usize| wanted[i] || (0..views.len()).any(|j| wanted[j] && neighbors[j].contains(&i));
+    let center = hull.centroid();
+    let neighbors: Vec<Vec<usize>> = (0..views.len()).map(|i| nearest(views, i, center)).collect();
+    // The check of a view needs the depths of its neighbours, too.
+    let needed =
+        |i: usize| grounding[i] || (0..views.len()).any(|j| grounding[j] && neighbors[j].contains(&i));
     let all: Vec<SweptView> = (0..views.len())
         .into_par_iter()
         .map(|i| {
-            let (eye, photograph) = views[i];
-            let mut view = shrunk(eye, photograph, settings.size);
+            let (pinhole, photograph) = views[i];
+            let mut view = shrunk(pinhole, photograph, settings.size);
             if needed(i) {
-                view.spans = hull.spans(&view.eye, |pixel| view.subject[pixel]);
+                view.spans = hull.spans(&view.pinhole, |pixel| view.subject[pixel]);
             }
             view.neighbors = neighbors[i].clone();
             view
@@ -91,16 +94,16 @@ pub(super) fn sweep(
     let matched: Vec<Vec<f32>> = (0..all.len())
         .map(|i| if needed(i) { matched(&all, i, settings.depths, hull.voxel) } else { Vec::new() })
         .collect();
-    let checked = |i: usize| match wanted[i] {
+    let checked = |i: usize| match grounding[i] {
         true => checked(&all, &matched, i, hull.voxel),
         false => DepthMap { width: 0, height: 0, depths: Vec::new() },
     };
     (0..all.len()).map(checked).collect()
 }
 
-/// The views that look at `middle` from nearest to where view `i` does.
-fn nearest(views: &[(&Eye, &Photograph)], i: usize, middle: DVec3) -> Vec<usize> {
-    let towards = |i: usize| (middle - views[i].0.position).normalize_or_zero();
+/// The views whose direction to `center` is closest to that of view `i`, closest first.
+fn nearest(views: &[(&Pinhole, &Photograph)], i: usize, center: DVec3) -> Vec<usize> {
+    let towards = |i: usize| (center - views[i].0.position).normalize_or_zero();
     let cosine = |other: usize| towards(i).dot(towards(other));
     let mut others: Vec<usize> = (0..views.len())
         .filter(|other| *other != i && cosine(*other) < ANGLES[0] && cosine(*other) > ANGLES[1])
@@ -110,11 +113,12 @@ fn nearest(views: &[(&Eye, &Photograph)], i: usize, middle: DVec3) -> Vec<usize>
     others
 }
 
-fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> SweptView {
-    let factor = ((eye.size[0].max(eye.size[1]) + size / 2) / size.max(1)).max(1);
-    let factor = factor.min(eye.size[0]).min(eye.size[1]);
-    let eye = eye.shrunk(factor);
-    let [width, height] = eye.size;
+/// Prepares a photograph: shrinks it by a whole factor to about `size` pixels along the longer side.
+fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
+    let factor = ((pinhole.size[0].max(pinhole.size[1]) + size / 2) / size.max(1)).max(1);
+    let factor = factor.min(pinhole.size[0]).min(pinhole.size[1]);
+    let pinhole = pinhole.shrunk(factor);
+    let [width, height] = pinhole.size;
     let (mut luma, mut subject) = (Vec::new(), Vec::new());
     for pixel in 0..width * height {
         let (mut sum, mut shown) = (0, 0);
@@ -130,22 +134,22 @@ fn shrunk(eye: &Eye, photograph: &Photograph, size: u32) -> SweptView {
         luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
         subject.push(2 * shown > factor * factor);
     }
-    SweptView { eye, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
+    SweptView { pinhole, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
 }
 
-/// What a patch looks like: brightness less its mean, over its norm.
+/// The normalised brightness of a patch: zero mean, unit norm.
 struct Patch {
-    /// Of each pixel, its ray as `Vec3` of its place, and its brightness.
+    /// Homogeneous image coordinates and brightness of each pixel.
     pixels: Vec<(Vec3, f32)>,
 }
 
 impl Patch {
-    /// The patch around a pixel; `None` where there is too little to compare.
+    /// The patch around a pixel; `None` if it has too few pixels or too little contrast.
     fn around(view: &SweptView, x: i32, y: i32) -> Option<Patch> {
-        let [width, height] = view.eye.size.map(|n| n as i32);
-        let mut pixels = Vec::with_capacity((2 * REACH as usize + 1).pow(2));
-        for v in (y - REACH).max(0)..(y + REACH + 1).min(height) {
-            for u in (x - REACH).max(0)..(x + REACH + 1).min(width) {
+        let [width, height] = view.pinhole.size.map(|n| n as i32);
+        let mut pixels = Vec::with_capacity((2 * PATCH_HALF as usize + 1).pow(2));
+        for v in (y - PATCH_HALF).max(0)..(y + PATCH_HALF + 1).min(height) {
+            for u in (x - PATCH_HALF).max(0)..(x + PATCH_HALF + 1).min(width) {
                 let at = (v * width + u) as usize;
                 if view.subject[at] {
                     pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), view.luma[at]));
@@ -167,8 +171,8 @@ impl Patch {
         Some(Patch { pixels })
     }
 
-    /// How alike it looks in `other` if it is `depth` away, -1 to 1; `rays` are those of its pixels
-    /// there.
+    /// NCC, -1 to 1, of the patch with its projection into `other` if it is at `depth`; `None` if the
+    /// projection leaves the image. `rays` are the pixels' rays in `other`.
     fn likeness(&self, other: &SweptView, rays: &[Vec3], offset: Vec3, depth: f32) -> Option<f32> {
         let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
         for ((_, luma), ray) in self.pixels.iter().zip(rays) {
@@ -185,9 +189,9 @@ impl Patch {
     }
 }
 
-/// Brightness at a place given as pixel times depth, and depth; `None` outside the image.
+/// Bilinear brightness at `(u depth, v depth, depth)`; `None` outside the image.
 fn brightness(view: &SweptView, at: Vec3) -> Option<f32> {
-    let [width, height] = view.eye.size;
+    let [width, height] = view.pinhole.size;
     let (x, y) = (at.x / at.z - 0.5, at.y / at.z - 0.5);
     let within = at.z > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
     if !within {
@@ -203,31 +207,30 @@ fn brightness(view: &SweptView, at: Vec3) -> Option<f32> {
     Some(above + v * (below - above))
 }
 
-/// The depths of view `i` at which it looks most like its neighbours; the hull's where it looks like
-/// them at none.
+/// The depths of view `i` with the highest NCC, or the hull's depths where no NCC is high.
 fn matched(all: &[SweptView], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
     let view = &all[i];
     let depths = depths.clamp(2, 256);
-    // Rays of this view in each other: pixel times depth = depth * (matrix * pixel) + offset.
+    // Image of a pixel of this view in another: depth * (matrix * pixel) + offset.
     let others: Vec<_> = view
         .neighbors
         .iter()
         .map(|&other| {
-            let eye = &all[other].eye;
-            let matrix = eye.pixel_from_world * view.eye.world_from_pixel;
-            let offset = eye.pixel_from_world * view.eye.position + eye.offset;
+            let pinhole = &all[other].pinhole;
+            let matrix = pinhole.pixel_from_world * view.pinhole.world_from_pixel;
+            let offset = pinhole.pixel_from_world * view.pinhole.position + pinhole.offset;
             (&all[other], matrix.as_mat3(), offset.as_vec3())
         })
         .collect();
-    let width = view.eye.size[0] as usize;
+    let width = view.pinhole.size[0] as usize;
     let mut swept: Vec<f32> = view.spans.iter().map(|[enter, _]| *enter).collect();
     swept.par_iter_mut().enumerate().filter(|(_, depth)| **depth > 0.0).for_each(|(pixel, depth)| {
         let (x, y) = (pixel % width, pixel / width);
         let Some(patch) = Patch::around(view, x as i32, y as i32) else { return };
         let [enter, leave] = view.spans[pixel];
-        let ray = view.eye.ray([x as u32, y as u32]).length();
-        let behind = (REACH_VOXELS * voxel / ray) as f32;
-        let behind = behind.max(REACH_THICKNESS as f32 * (leave - enter)).min(leave - enter);
+        let ray = view.pinhole.ray([x as u32, y as u32]).length();
+        let behind = (RANGE_VOXELS * voxel / ray) as f32;
+        let behind = behind.max(RANGE_THICKNESS as f32 * (leave - enter)).min(leave - enter);
         let step = behind / (depths - 1) as f32;
         let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths];
         for (slot, (other, matrix, offset)) in others.iter().enumerate() {
@@ -250,8 +253,8 @@ fn matched(all: &[SweptView], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
     swept
 }
 
-/// Where the scores are highest, in steps from the first, between two by a parabola; 0 where no
-/// score is high.
+/// Position of the highest score in steps from the first, refined by a parabola; 0 if no score is
+/// high.
 fn peak(scores: &[f32]) -> f32 {
     let Some(k) = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])) else { return 0.0 };
     let gains = scores[k] > scores[0] + LEAST_GAIN || !scores[0].is_finite();
@@ -269,26 +272,26 @@ fn peak(scores: &[f32]) -> f32 {
     k as f32 + aside
 }
 
-/// The matched depths of view `i` that a neighbour's depths confirm, and the hull's for the others.
+/// The matched depths of view `i` that neighbours confirm, and the hull's depths elsewhere.
 ///
-/// A neighbour confirms a point within a voxel of its own surface, and denies one that it sees
-/// through; of one behind its surface it says nothing.
+/// A neighbour confirms a point within a voxel of its own surface and denies a point in front of it.
+/// For a point behind its surface it abstains.
 fn checked(all: &[SweptView], matched: &[Vec<f32>], i: usize, voxel: f64) -> DepthMap {
     let view = &all[i];
-    let [width, height] = view.eye.size;
+    let [width, height] = view.pinhole.size;
     let depth = |pixel: usize| {
         let (found, [enter, _]) = (matched[i][pixel], view.spans[pixel]);
         if found == enter {
             return enter;
         }
         let pixel = pixel as u32;
-        let ray = view.eye.ray([pixel % width, pixel / width]);
-        let point = view.eye.position + f64::from(found) * ray;
+        let ray = view.pinhole.ray([pixel % width, pixel / width]);
+        let point = view.pinhole.position + f64::from(found) * ray;
         let mut votes = 0;
         for &other in &view.neighbors {
-            let eye = &all[other].eye;
-            let Some((place, there)) = eye.project(point) else { continue };
-            let Some(at) = eye.pixel(place).filter(|at| matched[other][*at] > 0.0) else { continue };
+            let pinhole = &all[other].pinhole;
+            let Some((place, there)) = pinhole.project(point) else { continue };
+            let Some(at) = pinhole.pixel(place).filter(|at| matched[other][*at] > 0.0) else { continue };
             let before = f64::from(matched[other][at]) - there;
             votes += if before.abs() < voxel { 1 } else { -i32::from(before > 0.0) };
         }
@@ -302,26 +305,28 @@ fn checked(all: &[SweptView], matched: &[Vec<f32>], i: usize, voxel: f64) -> Dep
 mod tests {
     use super::*;
     use crate::anchor::hull::HullSettings;
-    use crate::anchor::scene::{pattern, ring, sphere, view};
     use crate::anchor::silhouette::Silhouette;
+    use crate::anchor::test_scene::{pattern, ring, sphere, view};
 
-    /// Mean errors of the hull's and of swept depths where the hull is far from the surface: in view 0
-    /// of four balls with a smaller one between them, in a hollow that no silhouette shows.
-    fn errors(color: fn(DVec3) -> [u8; 3]) -> [f64; 2] {
+    /// Mean depth errors of the hull and of the sweep where the hull is far from the surface: four balls
+    /// with a smaller one between them form a hollow that no silhouette shows.
+    fn mean_errors(color: fn(DVec3) -> [u8; 3]) -> [f64; 2] {
         let ball = |x: f64, y: f64| sphere(DVec3::new(x, y, 0.0), 0.22);
         let small = sphere(DVec3::ZERO, 0.17);
         let shapes = [ball(0.2, 0.2), ball(-0.2, 0.2), ball(0.2, -0.2), ball(-0.2, -0.2), small];
         let views: Vec<_> =
             ring(24, 3.0, 200).iter().enumerate().map(|(i, c)| view(i, c, &shapes, color)).collect();
-        let eyes: Vec<Eye> = views.iter().map(|(view, _)| Eye::new(&view.camera)).collect();
-        let silhouettes =
-            eyes.iter().zip(&views).map(|(eye, (view, _))| Silhouette::new(eye, &view.photograph));
+        let pinholes: Vec<Pinhole> = views.iter().map(|(view, _)| Pinhole::new(&view.camera)).collect();
+        let silhouettes = pinholes
+            .iter()
+            .zip(&views)
+            .map(|(pinhole, (view, _))| Silhouette::new(pinhole, &view.photograph));
         let hull = Hull::carve(silhouettes.collect(), HullSettings { voxels: 64, misses: 0 }).unwrap();
-        let pairs: Vec<_> = eyes.iter().zip(views.iter().map(|(view, _)| &view.photograph)).collect();
-        let wanted: Vec<bool> = (0..24).map(|i| i == 0).collect();
-        let swept = sweep(SweepSettings::default(), &hull, &pairs, &wanted);
+        let pairs: Vec<_> = pinholes.iter().zip(views.iter().map(|(view, _)| &view.photograph)).collect();
+        let grounding: Vec<bool> = (0..24).map(|i| i == 0).collect();
+        let swept = sweep(SweepSettings::default(), &hull, &pairs, &grounding);
         assert!(swept[1..].iter().all(|map| map.depths.is_empty()));
-        let spans = hull.spans(&eyes[0], |pixel| views[0].1[pixel] > 0.0);
+        let spans = hull.spans(&pinholes[0], |pixel| views[0].1[pixel] > 0.0);
         let far: Vec<[f32; 2]> = (0..spans.len())
             .map(|i| [spans[i][0] - views[0].1[i], swept[0].depths[i] - views[0].1[i]])
             .zip(&spans)
@@ -333,21 +338,21 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_is_found_in_a_hollow() {
-        let [hull, swept] = errors(pattern);
+    fn the_sweep_finds_a_textured_hollow() {
+        let [hull, swept] = mean_errors(pattern);
         assert!(swept < 0.7 * hull, "hull {hull}, swept {swept}");
     }
 
     #[test]
-    fn without_a_pattern_the_hull_stays() {
+    fn without_texture_the_hull_stays() {
         for color in [|_| [0; 3], |_| [200, 100, 50]] as [fn(DVec3) -> [u8; 3]; 2] {
-            let [hull, swept] = errors(color);
+            let [hull, swept] = mean_errors(color);
             assert!((swept - hull).abs() < 0.05 * hull, "hull {hull}, swept {swept}");
         }
     }
 
     #[test]
-    fn peaks_lie_between_steps_and_only_where_they_are_high() {
+    fn peaks_are_interpolated_and_must_be_high() {
         let parabola: Vec<f32> = (0..9).map(|k| 0.95 - 0.02 * (k as f32 - 4.3).powi(2)).collect();
         assert!((peak(&parabola) - 4.3).abs() < 1e-4);
         assert_eq!(peak(&parabola.iter().map(|s| s - 0.5).collect::<Vec<_>>()), 0.0);

@@ -1,10 +1,10 @@
-//! The anchor as a whole, against what was ray-traced.
+//! Tests of the anchor as a whole against ray-traced scenes.
 
 use codec::Camera;
 use glam::DVec3;
 
-use super::eye::Eye;
-use super::scene::{Shape, pattern, ring, sphere, view};
+use super::pinhole::Pinhole;
+use super::test_scene::{Shape, pattern, ring, sphere, view};
 use super::*;
 
 fn body(frame: usize) -> Vec<Shape> {
@@ -23,32 +23,32 @@ fn frame(number: usize, cameras: &[Camera]) -> AnchorFrame {
     AnchorFrame { frame: number, views: cameras.iter().enumerate().map(view).collect() }
 }
 
-fn settings(source: Source) -> Anchor {
+fn settings(source: DepthSource) -> AnchorSettings {
     let hull = HullSettings { voxels: 64, misses: 1 };
-    Anchor { source, hull, gaussians: 2000, ..Anchor::default() }
+    AnchorSettings { source, hull, gaussians: 2000, ..AnchorSettings::default() }
 }
 
-/// The depths of all pixels of a frame that its Gaussians stand at, view by view.
-fn depths(settings: &Anchor, frame: &AnchorFrame) -> Vec<DepthMap> {
+/// Depth maps of a frame, view by view.
+fn depths(settings: &AnchorSettings, frame: &AnchorFrame) -> Vec<DepthMap> {
     let found = sources::surfaces(settings, frame, f64::INFINITY, &mut None).unwrap();
     found.surfaces.into_iter().map(|surface| surface.depths).collect()
 }
 
-fn run(settings: &Anchor, frames: &[AnchorFrame]) -> Result<Parameters<f32>, AnchorError> {
+fn run(settings: &AnchorSettings, frames: &[AnchorFrame]) -> Result<Parameters<f32>, AnchorError> {
     let last = frames.last().map_or(0, |frame| frame.frame);
     anchor(settings, Timeline { frames: last + 1 }, frames.iter().cloned().map(Ok))
 }
 
-const SOURCES: [Source; 5] = [
-    Source::Hull,
-    Source::HullAndSweep,
-    Source::Given(Alignment::Metric),
-    Source::Given(Alignment::Rig),
-    Source::Given(Alignment::Hull),
+const SOURCES: [DepthSource; 5] = [
+    DepthSource::Hull,
+    DepthSource::HullAndSweep,
+    DepthSource::Given(Alignment::Metric),
+    DepthSource::Given(Alignment::Rig),
+    DepthSource::Given(Alignment::Hull),
 ];
 
 #[test]
-fn every_source_puts_gaussians_on_the_surface() {
+fn gaussians_of_every_source_lie_on_the_surface() {
     let frames = [0, 2].map(|number| frame(number, &ring(12, 3.0, 64)));
     for source in SOURCES {
         let gaussians = run(&settings(source), &frames).unwrap();
@@ -65,28 +65,29 @@ fn every_source_puts_gaussians_on_the_surface() {
             })
             .collect();
         away.sort_by(f64::total_cmp);
-        // The paper's rule moves all depths: by as much as the nearest half is nearer than the middle.
-        let most = if source == Source::Given(Alignment::Rig) { 0.5 } else { 0.03 };
+        // The paper's rule biases all depths: it takes the median depth of the near surface for the
+        // distance of the centre.
+        let most = if source == DepthSource::Given(Alignment::Rig) { 0.5 } else { 0.03 };
         assert!(away[away.len() * 8 / 10] < most, "{source:?}: {}", away[away.len() * 8 / 10]);
     }
 }
 
 #[test]
-fn gaussians_stand_in_their_pixels() {
+fn gaussians_project_to_their_pixels() {
     let frame = frame(0, &ring(4, 3.0, 64));
-    let one = Anchor {
+    let one = AnchorSettings {
         views: Some(vec![1]),
         mirror: Mirror::Off,
         gaussians: 400,
-        ..settings(Source::Given(Alignment::Metric))
+        ..settings(DepthSource::Given(Alignment::Metric))
     };
     let gaussians = run(&one, std::slice::from_ref(&frame)).unwrap();
-    let (eye, seen) = (Eye::new(&frame.views[1].camera), &frame.views[1]);
-    assert!(gaussians.tau.is_empty() && gaussians.motion.is_empty(), "a still has no time");
+    let (pinhole, seen) = (Pinhole::new(&frame.views[1].camera), &frame.views[1]);
+    assert!(gaussians.tau.is_empty() && gaussians.motion.is_empty(), "one frame has no time");
     for (i, center) in gaussians.centers.iter().enumerate() {
-        let (place, depth) = eye.project(DVec3::from_array(center.map(f64::from))).unwrap();
+        let (place, depth) = pinhole.project(DVec3::from_array(center.map(f64::from))).unwrap();
         assert!(place.iter().all(|at| (at.fract() - 0.5).abs() < 1e-3), "{place:?}: a pixel's centre");
-        let pixel = eye.pixel(place).unwrap();
+        let pixel = pinhole.pixel(place).unwrap();
         let surface = f64::from(seen.depths.as_ref().unwrap().depths[pixel]);
         let behind = depth - surface;
         assert!(if i % 2 == 0 { behind.abs() < 1e-5 } else { behind > 0.01 && behind < 0.3 }, "{behind}");
@@ -98,12 +99,12 @@ fn gaussians_stand_in_their_pixels() {
 }
 
 #[test]
-fn colours_are_what_they_are_without_the_mask() {
+fn colours_are_divided_by_the_mask() {
     let mut frame = frame(0, &ring(4, 3.0, 64));
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         *pixel = if pixel[3] > 0 { [100, 50, 200, 200] } else { [0; 4] };
     }
-    let gaussians = run(&settings(Source::Given(Alignment::Metric)), &[frame]).unwrap();
+    let gaussians = run(&settings(DepthSource::Given(Alignment::Metric)), &[frame]).unwrap();
     let color = gaussians.sh[0].map(|c| 0.5 + 0.282_094_8 * c);
     for (c, expected) in color.iter().zip([0.5, 0.25, 1.0]) {
         assert!((c - expected).abs() < 1e-5, "{color:?}");
@@ -111,7 +112,7 @@ fn colours_are_what_they_are_without_the_mask() {
 }
 
 #[test]
-fn given_depths_come_back_to_the_units_of_the_capture() {
+fn given_depths_are_aligned_to_the_units_of_the_capture() {
     let cameras = ring(12, 3.0, 64);
     let truth = frame(0, &cameras);
     let mut changed = truth.clone();
@@ -122,7 +123,7 @@ fn given_depths_come_back_to_the_units_of_the_capture() {
         }
     }
     let worst = |alignment, frame: &AnchorFrame| {
-        let found = depths(&settings(Source::Given(alignment)), frame);
+        let found = depths(&settings(DepthSource::Given(alignment)), frame);
         let mut errors: Vec<f32> = Vec::new();
         for (map, view) in found.iter().zip(&truth.views) {
             let known = map.depths.iter().zip(&view.depths.as_ref().unwrap().depths);
@@ -134,23 +135,23 @@ fn given_depths_come_back_to_the_units_of_the_capture() {
     };
     assert!(worst(Alignment::Metric, &changed) > 1.0);
     assert!(worst(Alignment::Hull, &changed) < 0.08, "{}", worst(Alignment::Hull, &changed));
-    // One scale for all views, as the paper has it.
+    // One scale for all views, as in the paper.
     let mut scaled = truth.clone();
     for view in &mut scaled.views {
         view.depths.as_mut().unwrap().depths.iter_mut().for_each(|depth| *depth *= 0.01);
     }
-    let found = depths(&settings(Source::Given(Alignment::Rig)), &scaled);
+    let found = depths(&settings(DepthSource::Given(Alignment::Rig)), &scaled);
     let mut all: Vec<f32> =
         found.iter().flat_map(|map| &map.depths).copied().filter(|depth| *depth > 0.0).collect();
     all.sort_by(f32::total_cmp);
     assert!((all[all.len() / 2] - 3.0).abs() < 1e-3, "the median is the radius: {}", all[all.len() / 2]);
 }
 
-/// The same depths at half the size, and maps without any.
+/// Maps of half the size, and maps without depths.
 #[test]
-fn maps_of_another_size_are_sampled_and_empty_ones_refused() {
+fn maps_of_another_size_are_sampled_and_empty_maps_refused() {
     let mut frame = frame(0, &ring(8, 3.0, 64));
-    let metric = settings(Source::Given(Alignment::Metric));
+    let metric = settings(DepthSource::Given(Alignment::Metric));
     let whole = run(&metric, std::slice::from_ref(&frame)).unwrap().len();
     for view in &mut frame.views {
         let map = view.depths.take().unwrap();
@@ -164,7 +165,7 @@ fn maps_of_another_size_are_sampled_and_empty_ones_refused() {
             view.depths.as_mut().unwrap().depths.fill(nothing);
         }
         for alignment in [Alignment::Metric, Alignment::Rig, Alignment::Hull] {
-            let fault = run(&settings(Source::Given(alignment)), std::slice::from_ref(&frame));
+            let fault = run(&settings(DepthSource::Given(alignment)), std::slice::from_ref(&frame));
             assert_eq!(fault.err(), Some(AnchorError::NoDepths), "{nothing} {alignment:?}");
         }
     }
@@ -173,12 +174,12 @@ fn maps_of_another_size_are_sampled_and_empty_ones_refused() {
 }
 
 #[test]
-fn constant_depths_become_those_of_the_hull_on_the_average() {
+fn constant_depths_are_scaled_to_the_hulls_median() {
     let mut frame = frame(0, &ring(8, 3.0, 64));
     for view in &mut frame.views {
         view.depths.as_mut().unwrap().depths.fill(1.0);
     }
-    let found = depths(&settings(Source::Given(Alignment::Hull)), &frame);
+    let found = depths(&settings(DepthSource::Given(Alignment::Hull)), &frame);
     for map in &found {
         assert!(map.depths.iter().all(|depth| *depth == map.depths[0]));
         assert!((2.5..3.0).contains(&map.depths[0]), "{}", map.depths[0]);
@@ -186,14 +187,14 @@ fn constant_depths_become_those_of_the_hull_on_the_average() {
 }
 
 #[test]
-fn frames_without_a_subject_are_passed_over() {
+fn frames_without_a_subject_are_skipped() {
     let cameras = ring(8, 3.0, 48);
     let mut frames = [0, 1, 2].map(|number| frame(number, &cameras));
     let empty = |frame: &mut AnchorFrame| {
         frame.views.iter_mut().for_each(|view| view.photograph.pixels.fill([0; 4]));
     };
     empty(&mut frames[1]);
-    let hull = settings(Source::HullAndSweep);
+    let hull = settings(DepthSource::HullAndSweep);
     let some = run(&hull, &frames).unwrap();
     assert!(some.tau.contains(&0.0) && !some.tau.contains(&1.0) && some.tau.contains(&2.0));
     frames.iter_mut().for_each(empty);
@@ -205,37 +206,37 @@ fn frames_without_a_subject_are_passed_over() {
 fn one_camera_needs_depths_in_units_of_the_capture() {
     let frame = frame(0, &ring(8, 3.0, 48)[..1]);
     let fault = |source| run(&settings(source), std::slice::from_ref(&frame)).err();
-    assert_eq!(fault(Source::HullAndSweep), Some(AnchorError::OneView));
-    assert_eq!(fault(Source::Given(Alignment::Hull)), Some(AnchorError::OneView));
-    assert_eq!(fault(Source::Given(Alignment::Rig)), Some(AnchorError::NoRig));
-    assert_eq!(fault(Source::Given(Alignment::Metric)), None);
+    assert_eq!(fault(DepthSource::HullAndSweep), Some(AnchorError::OneView));
+    assert_eq!(fault(DepthSource::Given(Alignment::Hull)), Some(AnchorError::OneView));
+    assert_eq!(fault(DepthSource::Given(Alignment::Rig)), Some(AnchorError::NoRig));
+    assert_eq!(fault(DepthSource::Given(Alignment::Metric)), None);
 }
 
 #[test]
-fn black_images_have_a_surface_and_photographs_without_masks_have_none() {
+fn black_photographs_have_a_surface_and_unmasked_ones_have_none() {
     let mut frame = frame(0, &ring(8, 3.0, 48));
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         *pixel = [0, 0, 0, pixel[3]];
     }
-    let black = run(&settings(Source::HullAndSweep), std::slice::from_ref(&frame)).unwrap();
+    let black = run(&settings(DepthSource::HullAndSweep), std::slice::from_ref(&frame)).unwrap();
     assert!(black.len() > 1000 && black.to_field(Timeline { frames: 1 }).check().is_ok());
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         pixel[3] = 255;
     }
-    let fault = run(&settings(Source::HullAndSweep), std::slice::from_ref(&frame)).err().unwrap();
+    let fault = run(&settings(DepthSource::HullAndSweep), std::slice::from_ref(&frame)).err().unwrap();
     assert_eq!(fault, AnchorError::NoMasks);
     assert!(fault.to_string().contains("no masks") && !fault.to_string().contains('\n'));
-    // Depths alone do: there is no subject to cut out, only depths.
-    assert!(run(&settings(Source::Given(Alignment::Metric)), &[frame]).is_ok());
+    // Given depths need no masks.
+    assert!(run(&settings(DepthSource::Given(Alignment::Metric)), &[frame]).is_ok());
 }
 
 #[test]
 fn a_photograph_of_another_size_is_refused() {
     let mut frame = frame(3, &ring(8, 3.0, 48));
     frame.views[5].camera.width = 47;
-    let fault = run(&settings(Source::Hull), std::slice::from_ref(&frame)).err();
+    let fault = run(&settings(DepthSource::Hull), std::slice::from_ref(&frame)).err();
     assert_eq!(fault, Some(AnchorError::Size { frame: 3, camera: 5 }));
-    let nowhere = Anchor { views: Some(vec![99]), ..settings(Source::Hull) };
+    let nowhere = AnchorSettings { views: Some(vec![99]), ..settings(DepthSource::Hull) };
     frame.views.truncate(5);
     assert_eq!(run(&nowhere, &[frame]).err(), Some(AnchorError::NoViews));
 }
@@ -244,34 +245,34 @@ fn a_photograph_of_another_size_is_refused() {
 fn short_clips_from_one_side_get_a_back() {
     let cameras = ring(16, 3.0, 64);
     let frames = [0, 2].map(|number| frame(number, &cameras));
-    let frontal = Anchor { views: Some(vec![0]), ..settings(Source::Hull) };
+    let frontal = AnchorSettings { views: Some(vec![0]), ..settings(DepthSource::Hull) };
     let both = run(&frontal, &frames).unwrap();
     assert!((1200..2600).contains(&both.len()), "{}", both.len());
     let (mut front, mut back) = (0, 0);
     for (center, logit) in both.centers.iter().zip(&both.logits) {
-        // Camera 0 stands at +z. Front and back lie about the middle.
+        // Camera 0 is at +z, and the subject is around the origin.
         let counted = if *logit >= -1.2 && center[2] > 0.15 { &mut front } else { &mut back };
         *counted += usize::from(center[2].abs() > 0.15);
     }
     assert!(front > 300 && back > 300, "{front} {back}");
-    let off = run(&Anchor { mirror: Mirror::Off, ..frontal.clone() }, &frames).unwrap();
+    let off = run(&AnchorSettings { mirror: Mirror::Off, ..frontal.clone() }, &frames).unwrap();
     assert!(off.centers.iter().all(|center| center[2] > -0.1));
     let long = anchor(&frontal, Timeline { frames: 10 }, frames.iter().cloned().map(Ok::<_, AnchorError>));
-    assert!(long.unwrap().centers.iter().all(|center| center[2] > -0.1), "not mirrored by itself");
-    let ring = Anchor { mirror: Mirror::On, ..settings(Source::Hull) };
+    assert!(long.unwrap().centers.iter().all(|center| center[2] > -0.1), "long clips are not mirrored");
+    let ring = AnchorSettings { mirror: Mirror::On, ..settings(DepthSource::Hull) };
     assert_eq!(run(&ring, &frames).err(), Some(AnchorError::NoFront));
-    // Cameras that are named, but stand all around, see the back: nothing is kept free for a mirror.
-    let around = Anchor { views: Some((0..16).collect()), ..settings(Source::Hull) };
-    let all = Anchor { views: None, ..around.clone() };
+    // Named cameras that stand all around see the back: no budget is reserved for a mirror.
+    let around = AnchorSettings { views: Some((0..16).collect()), ..settings(DepthSource::Hull) };
+    let all = AnchorSettings { views: None, ..around.clone() };
     assert_eq!(run(&around, &frames).unwrap(), run(&all, &frames).unwrap());
 }
 
 #[test]
-fn threads_do_not_matter() {
+fn the_result_does_not_depend_on_threads() {
     let frames = [0, 2].map(|number| frame(number, &ring(8, 3.0, 48)));
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(&settings(Source::HullAndSweep), &frames)).unwrap()
+        pool.install(|| run(&settings(DepthSource::HullAndSweep), &frames)).unwrap()
     };
     assert_eq!(with(1), with(3));
 }

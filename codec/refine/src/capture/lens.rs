@@ -1,16 +1,15 @@
-//! [`Lens`]: the distortion of a camera's lens after Brown and Conrady, as OpenCV and COLMAP have
-//! it.
+//! [`Lens`]: the Brown-Conrady distortion of a camera's lens, as in OpenCV and COLMAP.
 
 use codec::Camera;
 
-/// Coefficients of a lens; all 0 for none.
+/// Distortion coefficients; all 0 without a lens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
-    /// Radial, of the squared distance from the optical axis.
+    /// Radial, of the squared radius.
     pub k1: f64,
-    /// Radial, of its second power.
+    /// Radial, of the fourth power of the radius.
     pub k2: f64,
-    /// Radial, of its third power.
+    /// Radial, of the sixth power of the radius.
     pub k3: f64,
     /// Tangential, across the image.
     pub p1: f64,
@@ -19,11 +18,10 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// In OpenCV's order: k1, k2, p1, p2, k3; what is left out is 0.
+    /// Creates a lens from coefficients in OpenCV's order: k1, k2, p1, p2, k3. Missing ones are 0.
     ///
     /// # Errors
-    /// One sentence where there are others than 0, which this model does not have, or numbers that
-    /// are not finite.
+    /// A sentence if further coefficients are not 0, or a coefficient is not finite.
     pub fn from_opencv(coefficients: &[f64]) -> Result<Lens, String> {
         if !coefficients.iter().all(|k| k.is_finite()) {
             return Err("a coefficient of the lens is not finite".into());
@@ -38,13 +36,13 @@ impl Lens {
         Ok(Lens { k1: at(0), k2: at(1), p1: at(2), p2: at(3), k3: at(4) })
     }
 
-    /// Whether the lens does nothing.
+    /// Whether the lens does not distort.
     pub fn is_none(&self) -> bool {
         *self == Lens::default()
     }
 
-    /// Where the lens shows a point, both at distance 1 along the optical axis. `None` from where
-    /// its radial polynomial stops growing: farther points would be shown nearer, over others.
+    /// Distorts a point in normalised image coordinates. `None` beyond the radius at which the radial
+    /// polynomial stops growing, where the image would fold over.
     pub fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let r2 = x * x + y * y;
         if r2 >= self.monotonic_radius_squared() {
@@ -58,9 +56,9 @@ impl Lens {
         ])
     }
 
-    /// Where in a picture through the lens each pixel of the picture without it comes from, row by row:
-    /// in pixels from the corner of an image of `columns` by `rows`, which covers what `camera` sees in
-    /// as many pixels or others. `None` where it was not shown; places may lie beyond the image.
+    /// For each pixel of the undistorted image, row by row, its coordinates in the distorted one, in pixels
+    /// from the image corner. `columns` by `rows` is the size of both, which may differ from that of
+    /// `camera`. `None` for pixels beyond the lens; coordinates may lie outside the image.
     pub fn sources(
         self,
         camera: &Camera,
@@ -77,13 +75,13 @@ impl Lens {
         })
     }
 
-    /// Least squared radius `q` at which `1 + 3 k1 q + 5 k2 q^2 + 7 k3 q^3`, the derivative of the
-    /// distorted radius, is not positive; infinite if there is none.
+    /// Least squared radius `q` at which the derivative of the distorted radius,
+    /// `1 + 3 k1 q + 5 k2 q^2 + 7 k3 q^3`, is not positive; infinite if there is none.
     fn monotonic_radius_squared(&self) -> f64 {
         let [a, b, c] = [3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3];
         let slope = |q: f64| 1.0 + q * (a + q * (b + q * c));
-        // Between its extremes a cubic is monotonic: the first root lies in the first interval with
-        // a change of sign. Nobody sees beyond 100 times the focal length.
+        // Between its extremes a cubic is monotonic, so the first root is in the first interval with a
+        // change of sign. Radii above 100 focal lengths do not occur.
         let mut ends = vec![0.0];
         ends.extend(quadratic_roots(3.0 * c, 2.0 * b, a).into_iter().filter(|q| (0.0..1e4).contains(q)));
         ends.push(1e4);
@@ -94,8 +92,8 @@ impl Lens {
                 continue;
             }
             for _ in 0..100 {
-                let middle = 0.5 * (low + high);
-                if slope(middle) > 0.0 { low = middle } else { high = middle }
+                let half_way = 0.5 * (low + high);
+                if slope(half_way) > 0.0 { low = half_way } else { high = half_way }
             }
             return high;
         }
@@ -117,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_move_as_opencv_moves_them() {
+    fn points_are_distorted_as_by_opencv() {
         // cv2.projectPoints of (0.3, -0.2, 1) with unit intrinsics.
         let lens = Lens::from_opencv(&[-0.2, 0.05, 0.01, -0.02, 0.003]).unwrap();
         let [x, y] = lens.distort([0.3, -0.2]).unwrap();
@@ -134,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_ends_where_its_radius_stops_growing() {
+    fn a_lens_ends_where_the_distorted_radius_stops_growing() {
         // r - 0.1 r^3 grows to r = sqrt(1 / 0.3).
         let lens = Lens { k1: -0.1, ..Lens::default() };
         let edge = (1.0f64 / 0.3).sqrt();

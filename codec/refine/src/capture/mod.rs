@@ -1,8 +1,7 @@
-//! [`Capture`]: what calibrated cameras saw of a scene.
+//! [`Capture`]: calibrated cameras and the index of their photographs.
 //!
-//! A capture names its cameras and its photographs: which camera took them, and when. It holds no
-//! pixels; whoever reads them turns each into a [`Photo`], free of lens distortion and cut out by
-//! its mask where there is one.
+//! A capture names its cameras and photographs, but contains no pixels. [`Photo`] is a photograph in
+//! memory, free of lens distortion and multiplied by its mask.
 
 mod lens;
 mod split;
@@ -13,59 +12,58 @@ use crate::image::Image;
 pub use lens::Lens;
 pub use split::{Holdout, Split, SplitError};
 
-/// Mask above which a pixel belongs to the subject.
+/// Mask value above which a pixel belongs to the subject.
 const SUBJECT: f64 = 127.5 / 255.0;
 
-/// Cameras, and what they photographed.
+/// Cameras, frames and photographs of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Capture {
     /// The cameras, as calibrated.
     pub cameras: Vec<CalibratedCamera>,
-    /// Clip time of each frame, ascending within `[0, 1]`; a static scene has one frame.
+    /// Clip time of each frame, ascending, 0 to 1; a static scene has one frame.
     pub times: Vec<f64>,
-    /// Each camera at most once in each frame.
-    pub shots: Vec<CaptureShot>,
+    /// Photographs: each camera at most once per frame.
+    pub photos: Vec<PhotoId>,
 }
 
 /// A camera of a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibratedCamera {
-    /// What the capture calls it.
+    /// Name in the capture.
     pub name: String,
-    /// The camera, as if it had no lens.
+    /// The camera without its lens distortion.
     pub camera: Camera,
-    /// What its lens does to a picture.
+    /// Lens distortion.
     pub lens: Lens,
-    /// Whether the capture says that it is held out.
+    /// Whether the capture marks the camera as held out.
     pub held: bool,
 }
 
-/// A photograph of a capture.
+/// Identifies a photograph of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct CaptureShot {
+pub struct PhotoId {
     /// Number of the frame, from 0.
     pub frame: usize,
     /// Number of the camera.
     pub camera: usize,
 }
 
-/// Clip times of `frames` frames at even distances: 0 for the first, 1 for the last.
+/// Clip times of `frames` equidistant frames: 0 for the first, 1 for the last.
 pub fn even_times(frames: usize) -> Vec<f64> {
     (0..frames).map(|frame| frame as f64 / (frames.max(2) - 1) as f64).collect()
 }
 
-/// A photograph as its camera would have taken it without a lens.
+/// An undistorted photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photo {
-    /// Colours multiplied by the mask; alpha is the mask, 1 everywhere where there is none.
+    /// Colours multiplied by the mask; alpha is the mask, or 1 without one.
     pub image: Image,
-    /// Of each pixel, whether the photograph shows what is there: not where it ends, nor where the
-    /// lens folds.
+    /// Whether each pixel is valid. Pixels outside the distorted photograph or beyond the lens are not.
     pub seen: Vec<bool>,
 }
 
 impl Photo {
-    /// A photograph through `lens` by a camera with these intrinsics, undone.
+    /// Undistorts a photograph that was taken through `lens`.
     pub fn undistorted(taken: Image, camera: &Camera, lens: &Lens) -> Photo {
         if lens.is_none() {
             let seen = vec![true; taken.pixels.len()];
@@ -85,16 +83,15 @@ impl Photo {
 }
 
 impl Photo {
-    /// Whether a pixel shows the subject.
+    /// Whether a pixel is valid and shows the subject.
     pub fn is_subject(&self, pixel: usize) -> bool {
         self.seen[pixel] && self.image.pixels[pixel][3] > SUBJECT
     }
 
-    /// The photograph in fewer pixels: each is the mean of what it covers, and seen where all of that
-    /// is.
+    /// Shrinks the photograph by area averaging. A pixel is valid if all pixels that it covers are.
     ///
     /// # Panics
-    /// If a side would grow or be 0.
+    /// If a side is 0 or would grow.
     pub fn shrunk(&self, width: u32, height: u32) -> Photo {
         let Image { width: from_width, height: from_height, pixels } = &self.image;
         assert!((1..=*from_width).contains(&width) && (1..=*from_height).contains(&height), "fewer pixels");
@@ -114,23 +111,22 @@ impl Photo {
     }
 }
 
-/// Of each of `to` pixels in a row, the pixels that it covers where there were `from` of them, and
-/// what part of it each makes up.
+/// For each of `to` pixels along an axis, the source pixels that it covers out of `from`, and their weights.
 fn covered(from: u32, to: u32) -> Vec<Vec<(usize, f64)>> {
     let ratio = f64::from(from) / f64::from(to);
     let of = |pixel: u32| {
         let (start, end) = (f64::from(pixel) * ratio, f64::from(pixel + 1) * ratio);
         let part = |i: u32| (f64::from(i + 1).min(end) - f64::from(i).max(start)) / ratio;
-        // Rounding may leave a sliver of a pixel at either end.
+        // Rounding can leave a sliver of a pixel at either end.
         (start as u32..from).map(|i| (i as usize, part(i))).take_while(|(_, part)| *part > 1e-9).collect()
     };
     (0..to).map(of).collect()
 }
 
-/// The image at a point, in pixels from the centre of its first one; `None` beyond its pixels.
+/// Bilinear sample at a point, in pixels from the centre of the first one; `None` outside the image.
 fn sample(image: &Image, [x, y]: [f64; 2]) -> Option<[f64; 4]> {
     let (last_x, last_y) = (image.width - 1, image.height - 1);
-    // Half a pixel more: to the edge of the outermost pixels, which have no neighbour there.
+    // The outer half of the outermost pixels has no neighbours, but is inside the image.
     let near = |at: f64, last: u32| (-0.5..=f64::from(last) + 0.5).contains(&at);
     if !near(x, last_x) || !near(y, last_y) {
         return None;
@@ -153,7 +149,7 @@ mod tests {
         Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 32, 24)
     }
 
-    /// Pixels that say where they are.
+    /// Pixels that encode their coordinates.
     fn ramp() -> Image {
         let mut image = Image::new(32, 24);
         for (i, pixel) in image.pixels.iter_mut().enumerate() {
@@ -170,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_comes_from_where_the_lens_put_it() {
+    fn a_pixel_is_sampled_at_its_distorted_position() {
         let (camera, lens) = (camera(), Lens { k1: -0.1, ..Lens::default() });
         let photo = Photo::undistorted(ramp(), &camera, &lens);
         let (f, cx, cy) = (camera.k[0][0], camera.k[0][2], camera.k[1][2]);
@@ -180,18 +176,21 @@ mod tests {
         assert!(
             (u - (x * shrink * f + cx - 0.5)).abs() < 1e-9 && (v - (y * shrink * f + cy - 0.5)).abs() < 1e-9
         );
-        assert!(photo.seen.iter().all(|seen| *seen) && alpha == 1.0, "a barrel sees more than a pinhole");
+        assert!(
+            photo.seen.iter().all(|seen| *seen) && alpha == 1.0,
+            "barrel distortion shows more than the pinhole"
+        );
     }
 
     #[test]
-    fn what_was_not_photographed_is_not_seen() {
+    fn pixels_outside_the_photograph_are_invalid() {
         let photo = Photo::undistorted(ramp(), &camera(), &Lens { k1: 0.5, ..Lens::default() });
         assert!(!photo.seen[0] && photo.seen[12 * 32 + 16]);
         assert_eq!(photo.image.pixels[0], [0.0; 4]);
     }
 
     #[test]
-    fn a_shrunk_pixel_is_the_mean_of_what_it_covers() {
+    fn a_shrunk_pixel_is_the_mean_of_its_area() {
         let mut photo = Photo { image: ramp(), seen: vec![true; 32 * 24] };
         photo.seen[31] = false;
         let small = photo.shrunk(8, 10);

@@ -1,15 +1,15 @@
-//! [`Split`]: which photographs a field is fitted to, and which it is judged by.
+//! [`Split`]: training and evaluation photographs of a capture.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Capture, CaptureShot};
+use super::{Capture, PhotoId};
 
-/// Which frames are held out.
+/// Held-out frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Holdout {
-    /// Those with odd numbers, from 0: every other one, as the paper has it.
+    /// Frames with odd numbers, counted from 0, as in the paper.
     #[default]
     Odd,
     /// None.
@@ -17,27 +17,40 @@ pub enum Holdout {
 }
 
 impl Holdout {
+    /// Name on command lines and in field files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Holdout::Odd => "odd",
+            Holdout::None => "none",
+        }
+    }
+
+    /// The holdout of this [`Holdout::name`].
+    pub fn named(name: &str) -> Option<Holdout> {
+        [Holdout::Odd, Holdout::None].into_iter().find(|holdout| holdout.name() == name)
+    }
+
     /// Whether `frame` is held out.
     pub fn holds(self, frame: usize) -> bool {
         self == Holdout::Odd && frame % 2 == 1
     }
 }
 
-/// A part of the photographs of a capture. The names are those of the paper's tables.
+/// A subset of the photographs of a capture, named as in the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Split {
-    /// Cameras and frames that are fitted to.
+    /// Training cameras in training frames.
     Train,
-    /// Cameras that are fitted to, in held frames.
+    /// Training cameras in held-out frames.
     InterpB,
-    /// Held cameras in frames that are fitted to.
+    /// Held-out cameras in training frames.
     Recon,
-    /// Held cameras in held frames.
+    /// Held-out cameras in held-out frames.
     InterpA,
 }
 
 impl Split {
-    /// All of them.
+    /// All splits.
     pub const ALL: [Split; 4] = [Split::Train, Split::InterpB, Split::Recon, Split::InterpA];
 
     /// Name in tables and files.
@@ -50,7 +63,7 @@ impl Split {
         }
     }
 
-    /// Whether its frames are held out.
+    /// Whether the frames of the split are held out.
     pub fn holds_frame(self) -> bool {
         matches!(self, Split::InterpA | Split::InterpB)
     }
@@ -64,15 +77,16 @@ impl Split {
         }
     }
 
-    /// The split of each photograph of `capture`, by its cameras' `held` and `holdout`.
+    /// Assigns each photograph of `capture` to a split, by [`CalibratedCamera::held`](super::CalibratedCamera)
+    /// and `holdout`.
     ///
     /// # Errors
-    /// [`SplitError`] if nothing is left to fit to.
-    pub fn assign(capture: &Capture, holdout: Holdout) -> Result<Vec<(CaptureShot, Split)>, SplitError> {
-        let split = |shot: &CaptureShot| {
-            (*shot, Split::of(capture.cameras[shot.camera].held, holdout.holds(shot.frame)))
+    /// [`SplitError`] if no training photograph is left.
+    pub fn assign(capture: &Capture, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, SplitError> {
+        let split = |photo: &PhotoId| {
+            (*photo, Split::of(capture.cameras[photo.camera].held, holdout.holds(photo.frame)))
         };
-        let splits: Vec<_> = capture.shots.iter().map(split).collect();
+        let splits: Vec<_> = capture.photos.iter().map(split).collect();
         match splits.iter().any(|(_, split)| *split == Split::Train) {
             true => Ok(splits),
             false => Err(SplitError),
@@ -80,7 +94,7 @@ impl Split {
     }
 }
 
-/// All photographs are held out.
+/// Error of [`Split::assign`]: all photographs are held out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SplitError;
 
@@ -106,9 +120,9 @@ mod tests {
             lens: Lens::default(),
             held,
         });
-        let shots = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| CaptureShot { camera, frame }));
-        let shots = shots.collect();
-        Capture { cameras: cameras.collect(), times: even_times(3), shots }
+        let photos = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| PhotoId { camera, frame }));
+        let photos = photos.collect();
+        Capture { cameras: cameras.collect(), times: even_times(3), photos }
     }
 
     #[test]
@@ -122,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn something_must_be_left() {
+    fn a_training_photograph_must_remain() {
         assert_eq!(Split::assign(&capture(&[true, true]), Holdout::None), Err(SplitError));
     }
 }

@@ -23,6 +23,8 @@
 
 mod backend;
 mod density;
+#[cfg(test)]
+mod fixtures;
 mod loss;
 mod optimizer;
 mod parameters;

@@ -1,10 +1,10 @@
 //! The density `sigma_t(x) = sum_i o_i(t) G(x; mu_i(t), Sigma_i)` on a voxel grid (the paper's
-//! density equation).
+//! `eq:density`).
 //!
-//! Each Gaussian is put into the grid's units once per instant, as a [`Kernel`]; the densities of
-//! any of its subsets are then sums of kernels. A voxel adds its kernels in the order of their
-//! rows, whatever the number of threads, so that ties between voxels do not depend on it; and since
-//! rounding is monotone, a subset's density is nowhere above that of the whole.
+//! Each Gaussian becomes a [`Kernel`] in units of the grid once per instant; the density of any subset
+//! of rows is a sum of kernels. A voxel adds its kernels in the order of rows on any number of threads,
+//! so ties between voxels are deterministic. Rounding is monotone, so a subset is nowhere denser than
+//! the whole field.
 
 use codec::{ALPHA_MIN, Field};
 use glam::{DMat3, DQuat, DVec3};
@@ -12,23 +12,22 @@ use rayon::prelude::*;
 
 use super::extent::core_box;
 
-/// Least standard deviation of a kernel in voxels. What is thinner would fall between the points
-/// at which the density is sampled.
+/// Least standard deviation of a kernel in voxels: a thinner kernel falls between the sample points.
 const SIGMA_MIN: f64 = 0.5;
 
-/// Most of it: the grid is far smaller than this.
+/// Greatest standard deviation of a kernel in voxels, far above the size of the grid.
 const SIGMA_MAX: f64 = 1e4;
 
-/// Where a kernel ends, in standard deviations.
+/// Support radius of a kernel in standard deviations.
 const SUPPORT: f64 = 3.0;
 
-/// How far the grid reaches beyond the core of the field, in sizes of the core.
+/// Margin of the grid around the core of the field, in sizes of the core.
 const MARGIN: f64 = 0.5;
 
-/// Layers of voxels that one thread fills at a time.
+/// Slices of voxels that one task fills.
 const SLAB: usize = 4;
 
-/// Cubic voxels, the outermost ones always empty. Voxel `x + nx (y + ny z)` has its centre at
+/// A grid of cubic voxels; the outermost ones are always empty. Voxel `x + nx (y + ny z)` has its centre at
 /// `origin + voxel (x, y, z)`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grid {
@@ -39,25 +38,25 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// A grid with `voxels` voxels along its longest axis around `field` as it is at `instants`.
+    /// A grid with `voxels` voxels along its longest axis around `field` at `instants`.
     ///
-    /// Strays far outside would make voxels coarse, so the grid holds the core of the field and
-    /// half as much again on either side, as far as there are Gaussians.
+    /// Outliers would make the voxels coarse, so the grid contains the core of the field and at most half
+    /// the core's size on either side.
     pub(crate) fn around(field: &Field, instants: &[f64], voxels: usize) -> Grid {
         let core = core_box(field, instants).unwrap_or_default();
-        let reach = reach(field, instants).unwrap_or_default();
+        let supports = support_box(field, instants).unwrap_or_default();
         let margin = MARGIN * (core[1] - core[0]).max_element();
-        // A field in one point has no core to speak of; its Gaussians still have a size.
+        // The core of a field in one point has no size; its Gaussians do.
         let margin = if margin > 0.0 { margin } else { f64::INFINITY };
-        let low = reach[0].max(core[0] - margin);
-        let high = reach[1].min(core[1] + margin);
+        let low = supports[0].max(core[0] - margin);
+        let high = supports[1].min(core[1] + margin);
         let longest = (high - low).max_element();
         let inner = voxels.max(3) - 2;
         let voxel = longest / inner as f64;
         let voxel = if voxel.is_normal() { voxel } else { 1.0 };
         let size = ((high - low) / voxel).to_array().map(|x| (x.ceil().max(1.0) as usize).min(inner) + 2);
-        let middle = DVec3::from_array(size.map(|n| 0.5 * (n - 1) as f64));
-        Grid { origin: 0.5 * (low + high) - voxel * middle, voxel, size }
+        let half_size = DVec3::from_array(size.map(|n| 0.5 * (n - 1) as f64));
+        Grid { origin: 0.5 * (low + high) - voxel * half_size, voxel, size }
     }
 
     /// Number of voxels.
@@ -66,13 +65,12 @@ impl Grid {
     }
 
     /// Coordinates of the voxel with the given index.
-    pub(crate) fn place(&self, voxel: usize) -> [usize; 3] {
+    pub(crate) fn coordinates(&self, voxel: usize) -> [usize; 3] {
         let [nx, ny, _] = self.size;
         [voxel % nx, voxel / nx % ny, voxel / (nx * ny)]
     }
 
-    /// The kernels of the rows of `field` that are visible at `t` and reach into the grid, in the
-    /// order of the rows.
+    /// Kernels of the rows of `field` that are alive at `t` and overlap the grid, in the order of rows.
     pub(crate) fn kernels(&self, field: &Field, t: f64) -> Vec<Kernel> {
         (0..field.len()).into_par_iter().filter_map(|row| self.kernel(field, row, t)).collect()
     }
@@ -89,12 +87,12 @@ impl Grid {
             field.log_scales[row].map(|s| (libm::exp(f64::from(s)) / self.voxel).clamp(SIGMA_MIN, SIGMA_MAX));
         let scales = DVec3::from_array(scales);
         let stretched = axes * DMat3::from_diagonal(scales);
-        let reach = SUPPORT * DVec3::from_array([0, 1, 2].map(|axis| stretched.row(axis).length()));
+        let half = SUPPORT * DVec3::from_array([0, 1, 2].map(|axis| stretched.row(axis).length()));
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for axis in 0..3 {
-            // The pad stays empty. Conversions saturate, and NaN becomes 0.
-            low[axis] = (center[axis] - reach[axis]).ceil().max(1.0) as u32;
-            high[axis] = ((center[axis] + reach[axis]).floor() as u32).min(self.size[axis] as u32 - 2);
+            // The border stays empty. Casts saturate, and NaN becomes 0.
+            low[axis] = (center[axis] - half[axis]).ceil().max(1.0) as u32;
+            high[axis] = ((center[axis] + half[axis]).floor() as u32).min(self.size[axis] as u32 - 2);
             if low[axis] > high[axis] || center[axis].is_nan() {
                 return None;
             }
@@ -106,7 +104,7 @@ impl Grid {
         Some(Kernel { row: row as u32, opacity: opacity as f32, center, precision, low, high })
     }
 
-    /// The density of the given kernels at each voxel.
+    /// Density of `kernels` at each voxel.
     pub(crate) fn density<'k>(&self, kernels: impl Iterator<Item = &'k Kernel>) -> Vec<f32> {
         let kernels: Vec<&Kernel> = kernels.collect();
         let [nx, ny, _] = self.size;
@@ -129,24 +127,24 @@ impl Grid {
     }
 }
 
-/// Corners of a box around all 3-sigma supports at `instants`.
-fn reach(field: &Field, instants: &[f64]) -> Option<[DVec3; 2]> {
+/// Corners of the bounding box of all supports at `instants`.
+fn support_box(field: &Field, instants: &[f64]) -> Option<[DVec3; 2]> {
     let mut corners: Option<[DVec3; 2]> = None;
     for &t in instants {
         for row in (0..field.len()).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN) {
             let center = DVec3::from_array(field.position_at(row, t));
             let largest = field.log_scales[row].iter().fold(f32::MIN, |a, &b| a.max(b));
-            let reach = DVec3::splat(SUPPORT * libm::exp(f64::from(largest)).min(f64::from(f32::MAX)));
+            let radius = DVec3::splat(SUPPORT * libm::exp(f64::from(largest)).min(f64::from(f32::MAX)));
             if center.is_finite() {
                 let [low, high] = corners.unwrap_or([center; 2]);
-                corners = Some([low.min(center - reach), high.max(center + reach)]);
+                corners = Some([low.min(center - radius), high.max(center + radius)]);
             }
         }
     }
     corners
 }
 
-/// A Gaussian at an instant, in voxels of a grid.
+/// A Gaussian at an instant, in units of voxels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kernel {
     /// Row of the field.
@@ -155,7 +153,7 @@ pub(crate) struct Kernel {
     center: [f32; 3],
     /// Inverse of the covariance: xx, xy, xz, yy, yz, zz.
     precision: [f32; 6],
-    /// First and last voxel of a box around the support, per axis, within the grid.
+    /// First and last voxel of the support's bounding box, per axis, clipped to the grid.
     low: [u32; 3],
     high: [u32; 3],
 }
@@ -169,14 +167,14 @@ impl Kernel {
         if discriminant <= 0.0 {
             return;
         }
-        let (middle, half) = (cx - b / xx, discriminant.sqrt() / xx);
-        let first = (middle - half).ceil().max(f64::from(self.low[0]));
-        let last = (middle + half).floor().min(f64::from(self.high[0]));
+        let (center, half) = (cx - b / xx, discriminant.sqrt() / xx);
+        let first = (center - half).ceil().max(f64::from(self.low[0]));
+        let last = (center + half).floor().min(f64::from(self.high[0]));
         if first > last {
             return;
         }
-        // From voxel to voxel the exponent is a quadratic, so its exponential changes by a factor
-        // that itself changes by a constant factor.
+        // Along a row the exponent is quadratic, so the ratio of neighbouring values changes by a
+        // constant factor: three multiplications replace an exponential.
         let d = first - cx;
         let mut value = f64::from(self.opacity) * libm::exp(-0.5 * (xx * d * d + 2.0 * b * d + c));
         let mut step = libm::exp(-0.5 * (xx * (2.0 * d + 1.0) + 2.0 * b));
@@ -188,15 +186,15 @@ impl Kernel {
         }
     }
 
-    /// Coefficients of the squared distance in standard deviations along a row of voxels,
-    /// `xx d^2 + 2 b d + c`, `d` being the way from the centre along x.
+    /// Coefficients `(b, c)` of the squared distance in standard deviations along a row of voxels,
+    /// `xx d^2 + 2 b d + c`, where `d` is the offset from the centre along x.
     fn along_row(&self, y: usize, z: usize) -> (f64, f64) {
         let [_, xy, xz, yy, yz, zz] = self.precision.map(f64::from);
         let (dy, dz) = (y as f64 - f64::from(self.center[1]), z as f64 - f64::from(self.center[2]));
         (xy * dy + xz * dz, yy * dy * dy + 2.0 * yz * dy * dz + zz * dz * dz)
     }
 
-    /// What the kernel adds to one voxel.
+    /// Density of the kernel at one voxel.
     pub(crate) fn at(&self, [x, y, z]: [usize; 3]) -> f32 {
         let inside = [x, y, z].into_iter().zip(self.low.iter().zip(&self.high));
         if !inside.into_iter().all(|(i, (&low, &high))| (low as usize..=high as usize).contains(&i)) {
@@ -214,7 +212,7 @@ mod tests {
     use super::*;
     use crate::prune::scenes::{balls, cloud};
 
-    /// The equation, voxel by voxel.
+    /// The density equation, evaluated voxel by voxel.
     fn by_definition(grid: &Grid, field: &Field, t: f64) -> Vec<f64> {
         let [nx, ny, nz] = grid.size;
         let mut values = vec![0.0; grid.len()];
@@ -248,7 +246,7 @@ mod tests {
         let kernels = grid.kernels(&field, t);
         let density = grid.density(kernels.iter());
         let expected = by_definition(&grid, &field, t);
-        // A voxel on the edge of a support may fall on either side of it.
+        // Voxels on the edge of a support may round to either side.
         let off = density.iter().zip(&expected).filter(|(a, b)| (f64::from(**a) - **b).abs() > 1e-4).count();
         assert!(off < 5, "{off} voxels differ");
         assert!(expected.iter().filter(|&&v| v > 0.1).count() > 100);
@@ -261,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_holds_the_field_but_not_its_strays() {
+    fn the_grid_contains_the_field_without_outliers() {
         let mut centers: Vec<[f32; 3]> = (0..300).map(|i| [i as f32 / 299.0, 5.0, -1.0]).collect();
         let near = Grid::around(&balls(&centers, 0.01, 0.9), &[0.0], 64);
         assert_eq!(near.size[0], 64);
@@ -292,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_subset_is_nowhere_denser_and_threads_do_not_show() {
+    fn a_subset_is_nowhere_denser_on_any_number_of_threads() {
         let field = cloud(2, 600);
         let grid = Grid::around(&field, &[0.5], 40);
         let kernels = grid.kernels(&field, 0.5);

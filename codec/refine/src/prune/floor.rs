@@ -1,15 +1,14 @@
-//! The topology floor: prune, verify, restore, verify again (the paper's constraint on what a
-//! budget may cost).
+//! The topology floor: prunes a field and restores the topology that pruning costs (the paper's
+//! constrained budget).
 //!
-//! A pruned field keeps the first Gaussians of a ranking. Where that loses persistent features of
-//! the density, discarded Gaussians that made them up come back, those first that make up most of
-//! what is missing, of equals the highest-ranked: at the maximum of a feature that is gone, along
-//! the neck of one that is cut off. The lowest-ranked of the others leave in their place. The result
-//! counts only if it preserves strictly more than the pruned field.
+//! Pruning keeps the first Gaussians of a ranking. If that loses persistent features of the density, the
+//! floor restores discarded Gaussians: at the maximum of a deleted feature, along the neck of a severed
+//! one. It restores the Gaussian that adds most of the missing density first, on ties the
+//! highest-ranked, and evicts the lowest-ranked others. The result is used only if it preserves strictly
+//! more than the ranking alone.
 //!
-//! Far below the number of Gaussians that a subject needs, whole budgets could go into features and
-//! leave no picture. So the features that take the fewest Gaussians come back first, and only a
-//! small part of a budget is spent on them.
+//! At budgets far below what a subject needs, features could use up the whole budget. Therefore the
+//! cheapest features are restored first, and with a small fraction of the budget only.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -22,33 +21,33 @@ use super::density::{Grid, Kernel};
 use super::persistence::{Connectivity, Feature, MergeTree};
 use super::topology::{Matching, Measure, Topology};
 
-/// Most times that Gaussians are restored and the result verified.
+/// Most rounds of restoring Gaussians and verifying the result.
 pub const ROUNDS: usize = 4;
 
-/// Most of a budget that is restored in spite of its rank.
+/// Greatest fraction of a budget that is restored against the ranking.
 const RESTORED_MOST: f64 = 0.05;
 
 /// Fewest and most voxels along the longest axis of the grid.
 const VOXELS: std::ops::RangeInclusive<usize> = 8..=512;
 
-/// What the floor preserves.
+/// Settings of a [`Floor`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloorSettings {
-    /// Reference instants in clip time.
+    /// Reference instants in clip time, 0 to 1.
     pub instants: Vec<f64>,
     /// Voxels along the longest axis of the grid, 8 to 512.
     pub voxels: usize,
-    /// Least persistence of a feature that matters, as a part of the largest density at any
-    /// reference instant: above 0, below 1.
+    /// Persistence threshold of a feature, as a fraction of the largest density at any reference
+    /// instant: above 0, below 1.
     pub epsilon: f64,
-    /// Which voxels touch each other.
+    /// Which voxels are neighbours.
     pub connectivity: Connectivity,
     /// What counts as losing a feature.
     pub measure: Measure,
 }
 
 impl Default for FloorSettings {
-    /// The start of the clip, 128 voxels, 5 %, 26 neighbours, strict.
+    /// The start of the clip, 128 voxels, a threshold of 5 %, 26 neighbours, the strict measure.
     fn default() -> FloorSettings {
         FloorSettings {
             instants: vec![0.0],
@@ -85,54 +84,54 @@ impl fmt::Display for FloorError {
 
 impl std::error::Error for FloorError {}
 
-/// The topology of a field, for its parts to be held against.
+/// The topology of a field, the reference for its subsets.
 pub struct Floor {
     settings: FloorSettings,
     grid: Grid,
     rows: usize,
-    /// Densities are compared with this: the largest of the whole field.
+    /// Largest density of the whole field, the unit of densities.
     largest: f32,
-    frames: Vec<Frame>,
+    instants: Vec<ReferenceInstant>,
 }
 
 /// The whole field at a reference instant.
-struct Frame {
+struct ReferenceInstant {
     kernels: Vec<Kernel>,
     tree: MergeTree,
 }
 
-/// The Gaussians that a budget keeps.
+/// The rows that a budget retains.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kept {
-    /// Their rows, most important first.
+pub struct Retained {
+    /// Retained rows, most important first.
     pub rows: Vec<usize>,
-    /// What pruning by the ranking alone preserves.
+    /// Topology that the ranking alone preserves.
     pub pruned: Topology,
-    /// What is preserved.
+    /// Topology that `rows` preserve.
     pub topology: Topology,
-    /// How many of the rows are there in spite of their rank.
+    /// Number of rows that were restored against the ranking.
     pub restored: usize,
 }
 
-/// A place where a part of the field is not dense enough.
+/// A voxel at which a subset lacks density.
 struct Demand {
     voxel: [usize; 3],
     missing: f32,
 }
 
-/// What it takes to get one feature back.
+/// The density that one feature lacks, and the rows that can supply it.
 struct Gap {
     demands: Vec<Demand>,
-    /// Discarded Gaussians that make up the density there: their place among the discarded, which
-    /// are given most important first, and what each adds to the demands.
+    /// Discarded rows with density there: the position in the list of discarded rows, which is sorted
+    /// by importance, and the density at each demand.
     candidates: Vec<(usize, Vec<f32>)>,
 }
 
 impl Floor {
-    /// Takes the topology of `field`. The same on any number of threads.
+    /// Computes the topology of `field`. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// If a setting is out of range.
+    /// [`FloorError`] if a setting is out of range.
     pub fn new(field: &Field, settings: FloorSettings) -> Result<Floor, FloorError> {
         if !(settings.epsilon > 0.0 && settings.epsilon < 1.0) {
             return Err(FloorError::Epsilon(settings.epsilon));
@@ -141,82 +140,81 @@ impl Floor {
             return Err(FloorError::Voxels(settings.voxels));
         }
         let grid = Grid::around(field, &settings.instants, settings.voxels);
-        let frame = |&t: &f64| {
+        let instant = |&t: &f64| {
             let kernels = grid.kernels(field, t);
             let tree = MergeTree::new(grid.density(kernels.iter()), grid.size, settings.connectivity);
-            Frame { kernels, tree }
+            ReferenceInstant { kernels, tree }
         };
-        let frames: Vec<Frame> = settings.instants.par_iter().map(frame).collect();
-        let largest = frames.iter().map(|frame| frame.tree.largest()).fold(0.0, f32::max);
-        Ok(Floor { settings, grid, rows: field.len(), largest, frames })
+        let instants: Vec<ReferenceInstant> = settings.instants.par_iter().map(instant).collect();
+        let largest = instants.iter().map(|instant| instant.tree.largest()).fold(0.0, f32::max);
+        Ok(Floor { settings, grid, rows: field.len(), largest, instants })
     }
 
-    /// Number of features to preserve, over all reference instants.
+    /// Number of persistent features, summed over the reference instants.
     pub fn features(&self) -> usize {
-        self.frames.iter().map(|frame| frame.tree.persistent(self.epsilon()).len()).sum()
+        self.instants.iter().map(|instant| instant.tree.persistent(self.epsilon()).len()).sum()
     }
 
-    /// What the given rows of the field preserve of it.
+    /// Topology of the field that `rows` preserve.
     pub fn verify(&self, rows: &[usize]) -> Topology {
         total(&self.compare(&self.flags(rows)))
     }
 
-    /// Keeps the first `budget` rows (or all, if there are fewer) of `order`, whatever that loses.
-    pub fn leave(&self, order: &[usize], budget: usize) -> Kept {
+    /// Retains the first `budget` rows of `order`, or all if there are fewer, without a floor.
+    pub fn leave(&self, order: &[usize], budget: usize) -> Retained {
         let rows = order[..budget.min(order.len())].to_vec();
         let topology = self.verify(&rows);
-        Kept { rows, pruned: topology, topology, restored: 0 }
+        Retained { rows, pruned: topology, topology, restored: 0 }
     }
 
-    /// Keeps `budget` rows (or all, if there are fewer) of `order`, which holds each row of the
-    /// field once, most important first: the first ones, but for those that the floor restores
-    /// and evicts. `on_verified` is called at most `1 + ROUNDS` times.
-    pub fn enforce(&self, order: &[usize], budget: usize, mut on_verified: impl FnMut()) -> Kept {
+    /// Retains `budget` rows of `order`, or all if there are fewer: the first ones, except those that the
+    /// floor swaps. `order` contains each row of the field once, most important first. `on_verified` is
+    /// called at most `1 + ROUNDS` times.
+    pub fn enforce(&self, order: &[usize], budget: usize, mut on_verified: impl FnMut()) -> Retained {
         let budget = budget.min(order.len());
         let (head, tail) = order.split_at(budget);
-        let mut kept = self.flags(head);
+        let mut retained = self.flags(head);
         let mut protected = vec![false; self.rows];
         let mut room = (RESTORED_MOST * budget as f64).ceil() as usize;
-        let mut state = self.compare(&kept);
+        let mut state = self.compare(&retained);
         on_verified();
         let pruned = total(&state);
-        let mut best = Kept { rows: head.to_vec(), pruned, topology: pruned, restored: 0 };
+        let mut best = Retained { rows: head.to_vec(), pruned, topology: pruned, restored: 0 };
         for _ in 0..ROUNDS {
-            let discarded: Vec<usize> = order.iter().copied().filter(|&row| !kept[row]).collect();
+            let discarded: Vec<usize> = order.iter().copied().filter(|&row| !retained[row]).collect();
             let back = self.restorable(&state, &discarded, room);
             if back.is_empty() {
                 break;
             }
             room -= back.len();
-            let evictable = head.iter().rev().copied().filter(|&row| kept[row] && !protected[row]);
+            let evictable = head.iter().rev().copied().filter(|&row| retained[row] && !protected[row]);
             let out: Vec<usize> = evictable.take(back.len()).collect();
             for (&back, &out) in back.iter().zip(&out) {
-                (kept[back], protected[back], kept[out]) = (true, true, false);
+                (retained[back], protected[back], retained[out]) = (true, true, false);
             }
-            state = self.compare(&kept);
+            state = self.compare(&retained);
             on_verified();
             let topology = total(&state);
             let measure = self.settings.measure;
             if topology.preserved(measure) > best.topology.preserved(measure) {
-                best.rows = order.iter().copied().filter(|&row| kept[row]).collect();
-                best.restored = tail.iter().filter(|&&row| kept[row]).count();
+                best.rows = order.iter().copied().filter(|&row| retained[row]).collect();
+                best.restored = tail.iter().filter(|&&row| retained[row]).count();
                 best.topology = topology;
             }
         }
         best
     }
 
-    /// What there is to choose from for a budget: what the ranking alone keeps, and, where that loses
-    /// features of which the floor saves some, what the floor keeps. Arguments as for
-    /// [`Floor::enforce`].
-    pub fn choices(&self, order: &[usize], budget: usize, on_verified: impl FnMut()) -> Vec<Kept> {
+    /// The candidates for a budget: the rows of the ranking alone, and the rows with the floor if it
+    /// preserves more. Arguments as for [`Floor::enforce`].
+    pub fn choices(&self, order: &[usize], budget: usize, on_verified: impl FnMut()) -> Vec<Retained> {
         let floored = self.enforce(order, budget, on_verified);
         if floored.restored == 0 {
             return vec![floored];
         }
         let rows = order[..budget.min(order.len())].to_vec();
         let pruned = floored.pruned;
-        vec![Kept { rows, pruned, topology: pruned, restored: 0 }, floored]
+        vec![Retained { rows, pruned, topology: pruned, restored: 0 }, floored]
     }
 
     fn epsilon(&self) -> f32 {
@@ -229,27 +227,27 @@ impl Floor {
         flags
     }
 
-    /// Each frame's part as kept, and how it matches the whole.
-    fn compare(&self, kept: &[bool]) -> Vec<(MergeTree, Matching)> {
-        let compare = |frame: &Frame| {
-            let kernels = frame.kernels.iter().filter(|kernel| kept[kernel.row as usize]);
+    /// Merge tree of the retained rows at each reference instant, and its matching with the whole.
+    fn compare(&self, retained: &[bool]) -> Vec<(MergeTree, Matching)> {
+        let compare = |instant: &ReferenceInstant| {
+            let kernels = instant.kernels.iter().filter(|kernel| retained[kernel.row as usize]);
             let values = self.grid.density(kernels);
             let part = MergeTree::new(values, self.grid.size, self.settings.connectivity);
-            let matching = Matching::new(&frame.tree, &part, self.epsilon(), self.largest);
+            let matching = Matching::new(&instant.tree, &part, self.epsilon(), self.largest);
             (part, matching)
         };
-        self.frames.par_iter().map(compare).collect()
+        self.instants.par_iter().map(compare).collect()
     }
 
-    /// Which of the `discarded` rows, given most important first, to restore for what `state`
-    /// lacks; at most `room`.
+    /// Selects at most `room` of the `discarded` rows, given most important first, to restore the
+    /// features that `state` lacks.
     fn restorable(&self, state: &[(MergeTree, Matching)], discarded: &[usize], room: usize) -> Vec<usize> {
         let mut place = vec![usize::MAX; self.rows];
         discarded.iter().enumerate().for_each(|(i, &row)| place[row] = i);
         let mut gaps = Vec::new();
-        for (frame, (part, matching)) in self.frames.iter().zip(state) {
-            let demands = self.demands(&frame.tree, part, matching);
-            gaps.par_extend(demands.into_par_iter().map(|demands| Gap::new(demands, frame, &place)));
+        for (instant, (part, matching)) in self.instants.iter().zip(state) {
+            let demands = self.demands(&instant.tree, part, matching);
+            gaps.par_extend(demands.into_par_iter().map(|demands| Gap::new(demands, instant, &place)));
         }
         let mut taken = vec![false; discarded.len()];
         let cost = |gap| Some((Gap::fill(gap, &taken, room)?.len(), gap));
@@ -265,16 +263,15 @@ impl Floor {
         (0..discarded.len()).filter(|&place| taken[place]).map(|place| discarded[place]).collect()
     }
 
-    /// Where a part of the field lacks density for its features to be those of the whole: one set
-    /// of places per feature.
+    /// The demands of each feature that the subset lacks.
     fn demands(&self, whole: &MergeTree, part: &MergeTree, matching: &Matching) -> Vec<Vec<Demand>> {
         let epsilon = self.epsilon();
-        // Half a threshold to spare: what is restored must count, also after others leave.
+        // A margin of half a threshold: the feature must survive the evictions, too.
         let spare = 0.5 * epsilon;
         let at_level = |voxels: &[usize], level: f32| -> Vec<Demand> {
             let demand = |&voxel: &usize| {
                 let missing = level.min(whole.value(voxel)) - part.value(voxel);
-                (missing > 0.0).then(|| Demand { voxel: self.grid.place(voxel), missing })
+                (missing > 0.0).then(|| Demand { voxel: self.grid.coordinates(voxel), missing })
             };
             voxels.iter().filter_map(demand).collect()
         };
@@ -284,10 +281,10 @@ impl Floor {
             demands.push(at_level(&[birth_voxel], death + epsilon + spare));
         }
         if self.settings.measure == Measure::Strict {
-            // A neck must be high enough for what it joins not to stand out more than it did.
+            // The neck must be high enough that the persistence does not exceed that in the whole.
             for &(feature, piece) in &matching.deepened {
-                let stood_out = whole.feature(feature).persistence();
-                let level = part.feature(piece).birth - stood_out - spare;
+                let persistence = whole.feature(feature).persistence();
+                let level = part.feature(piece).birth - persistence - spare;
                 demands.push(at_level(&whole.path_over_saddle(feature), level));
             }
             for &piece in &matching.split {
@@ -303,8 +300,8 @@ impl Floor {
 }
 
 impl Gap {
-    /// `place` tells the place of a discarded row among the discarded.
-    fn new(demands: Vec<Demand>, frame: &Frame, place: &[usize]) -> Gap {
+    /// `place` is the position of each row in the list of discarded rows, `usize::MAX` for others.
+    fn new(demands: Vec<Demand>, instant: &ReferenceInstant, place: &[usize]) -> Gap {
         let candidate = |kernel: &Kernel| {
             let place = place[kernel.row as usize];
             if place == usize::MAX {
@@ -313,13 +310,13 @@ impl Gap {
             let adds: Vec<f32> = demands.iter().map(|demand| kernel.at(demand.voxel)).collect();
             adds.iter().any(|&adds| f64::from(adds) >= ALPHA_MIN).then_some((place, adds))
         };
-        let candidates = frame.kernels.iter().filter_map(candidate).collect();
+        let candidates = instant.kernels.iter().filter_map(candidate).collect();
         Gap { demands, candidates }
     }
 
-    /// The places of those that fill the gap together with those already taken, the one that fills
-    /// most of what is still missing first, of equals the highest-ranked; `None` if it takes more
-    /// than `most`.
+    /// Greedily selects candidates that fill the gap together with those already taken: the one that
+    /// adds most of the missing density first, on ties the highest-ranked. `None` if that takes more than
+    /// `most`.
     fn fill(&self, taken: &[bool], most: usize) -> Option<Vec<usize>> {
         let mut missing: Vec<f32> = self.demands.iter().map(|demand| demand.missing).collect();
         let subtract = |missing: &mut [f32], adds: &[f32]| {
@@ -328,7 +325,7 @@ impl Gap {
         for (_, adds) in self.candidates.iter().filter(|(place, _)| taken[*place]) {
             subtract(&mut missing, adds);
         }
-        // The bits of floats from 0 up rise with the value.
+        // The bits of non-negative floats sort like the floats.
         let filled = |missing: &[f32], adds: &[f32]| -> u32 {
             missing.iter().zip(adds).map(|(missing, adds)| adds.min(missing.max(0.0))).sum::<f32>().to_bits()
         };
@@ -340,7 +337,7 @@ impl Gap {
             if f64::from(f32::from_bits(gain)) < ALPHA_MIN {
                 break;
             }
-            // Others may have filled some of it since: gains only fall.
+            // A stale gain: gains only fall as others fill the gap.
             let adds = &self.candidates[i].1;
             let now = filled(&missing, adds);
             if now < gain {
@@ -385,8 +382,8 @@ mod tests {
         field.sh.extend(&other.sh);
     }
 
-    /// A body of 512 balls with 125 faint ones inside, a thin arm of 30, and a hand of 27 at its
-    /// end. The arm has the least mass.
+    /// A body of 512 balls with 125 transparent ones inside, a thin arm of 30 balls, and a hand of 27 at
+    /// its end. The arm has the least mass.
     fn limb() -> Field {
         let mut field = balls(&[], 0.1, 0.5);
         block(&mut field, [-0.875; 3], 8, 0.25, 0.15, 0.4);
@@ -405,7 +402,7 @@ mod tests {
         Floor::new(field, FloorSettings { epsilon, measure, ..FloorSettings::default() }).unwrap()
     }
 
-    fn is_permutation_of_part(rows: &[usize], len: usize) -> bool {
+    fn are_distinct(rows: &[usize], len: usize) -> bool {
         let mut rows = rows.to_vec();
         rows.sort_unstable();
         rows.dedup();
@@ -413,31 +410,31 @@ mod tests {
     }
 
     #[test]
-    fn a_severed_arm_grows_back_by_the_strict_measure_alone() {
+    fn only_the_strict_measure_restores_a_severed_arm() {
         let field = limb();
         let order = by_mass(&field);
         let budget = field.len() - 30;
         assert!(order[budget..].iter().all(|row| (637..667).contains(row)), "mass discards the arm");
-        let kept = floor_of(&field, 0.4, Measure::Strict).enforce(&order, budget, || ());
-        let (before, after) = (kept.pruned, kept.topology);
-        assert_eq!(before.features, 1, "all of one piece");
+        let retained = floor_of(&field, 0.4, Measure::Strict).enforce(&order, budget, || ());
+        let (before, after) = (retained.pruned, retained.topology);
+        assert_eq!(before.features, 1, "one component");
         assert_eq!(
             (before.recall(), before.precision()),
             (1.0, 0.5),
             "recall does not see the hand come off"
         );
         assert_eq!((after.recall(), after.precision(), after.deepened), (1.0, 1.0, 0));
-        assert!(kept.restored > 5 && kept.restored <= 30, "{} restored", kept.restored);
-        assert!(is_permutation_of_part(&kept.rows, budget));
+        assert!(retained.restored > 5 && retained.restored <= 30, "{} restored", retained.restored);
+        assert!(are_distinct(&retained.rows, budget));
 
         let paper = floor_of(&field, 0.4, Measure::Recall).enforce(&order, budget, || ());
         assert_eq!((paper.rows.as_slice(), paper.restored), (&order[..budget], 0));
     }
 
     #[test]
-    fn a_deleted_hand_grows_back() {
+    fn a_deleted_hand_is_restored() {
         let mut field = limb();
-        // Hand and arm swap ranks with the faint balls in the body: the hand is small and bright.
+        // A small and opaque hand ranks below the transparent balls in the body.
         let hand = 667..694;
         for row in hand.clone() {
             field.log_scales[row] = [0.02f32.ln(); 3];
@@ -447,31 +444,34 @@ mod tests {
         let order = by_mass(&field);
         let budget = field.len() - 30 - 27;
         for measure in [Measure::Strict, Measure::Recall] {
-            let kept = floor_of(&field, 0.05, measure).enforce(&order, budget, || ());
-            assert!(kept.pruned.recall() < 1.0, "{:?}", kept.pruned);
-            assert!(kept.topology.recall() > kept.pruned.recall(), "{:?}", kept.topology);
-            assert!(kept.rows.iter().any(|row| hand.contains(row)));
-            assert_eq!(kept.rows.len(), budget);
+            let retained = floor_of(&field, 0.05, measure).enforce(&order, budget, || ());
+            assert!(retained.pruned.recall() < 1.0, "{:?}", retained.pruned);
+            assert!(retained.topology.recall() > retained.pruned.recall(), "{:?}", retained.topology);
+            assert!(retained.rows.iter().any(|row| hand.contains(row)));
+            assert_eq!(retained.rows.len(), budget);
         }
     }
 
     #[test]
-    fn where_the_ranking_is_safe_the_floor_does_nothing() {
+    fn the_floor_keeps_a_ranking_that_loses_nothing() {
         let field = limb();
-        // The arm first; what is discarded is faint and inside the body.
+        // The arm first; the discarded balls are the transparent ones inside the body.
         let scores: Vec<f64> =
             (0..field.len()).map(|row| if (512..637).contains(&row) { 0.0 } else { 1.0 }).collect();
         let order = by_importance(&scores);
         let floor = floor_of(&field, 0.4, Measure::Strict);
         let mut verified = 0;
-        let kept = floor.enforce(&order, field.len() - 20, || verified += 1);
-        assert_eq!(kept.pruned.preserved(Measure::Strict), 1.0, "{:?}", kept.pruned);
-        assert_eq!(floor.leave(&order, field.len() - 20), kept);
-        assert_eq!((kept.rows.as_slice(), kept.restored, verified), (&order[..field.len() - 20], 0, 1));
+        let retained = floor.enforce(&order, field.len() - 20, || verified += 1);
+        assert_eq!(retained.pruned.preserved(Measure::Strict), 1.0, "{:?}", retained.pruned);
+        assert_eq!(floor.leave(&order, field.len() - 20), retained);
+        assert_eq!(
+            (retained.rows.as_slice(), retained.restored, verified),
+            (&order[..field.len() - 20], 0, 1)
+        );
     }
 
     #[test]
-    fn the_budget_is_exact_and_more_is_preserved() {
+    fn the_budget_is_exact_and_the_floor_preserves_more() {
         let field = cloud(7, 900);
         let instants = vec![0.25, 0.75];
         let floor = Floor::new(&field, FloorSettings { instants, voxels: 48, ..Default::default() }).unwrap();
@@ -479,20 +479,23 @@ mod tests {
         let mut restored = 0;
         for budget in [1, 40, 300, 700, 899] {
             let mut verified = 0;
-            let kept = floor.enforce(&order, budget, || verified += 1);
-            assert!(is_permutation_of_part(&kept.rows, budget));
+            let retained = floor.enforce(&order, budget, || verified += 1);
+            assert!(are_distinct(&retained.rows, budget));
             assert!(verified <= 1 + ROUNDS);
-            assert_eq!(floor.verify(&order[..budget]), kept.pruned);
-            assert_eq!(floor.verify(&kept.rows), kept.topology);
-            let [before, after] = [kept.pruned, kept.topology].map(|t| t.preserved(Measure::Strict));
-            assert!(if kept.restored > 0 { after > before } else { kept.rows == order[..budget] });
+            assert_eq!(floor.verify(&order[..budget]), retained.pruned);
+            assert_eq!(floor.verify(&retained.rows), retained.topology);
+            let [before, after] = [retained.pruned, retained.topology].map(|t| t.preserved(Measure::Strict));
+            assert!(if retained.restored > 0 { after > before } else { retained.rows == order[..budget] });
             let place = |row: &usize| order.iter().position(|other| other == row);
-            assert!(kept.rows.is_sorted_by_key(place), "most important first");
+            assert!(retained.rows.is_sorted_by_key(place), "most important first");
             let choices = floor.choices(&order, budget, || ());
-            let expected = [vec![floor.leave(&order, budget)], vec![kept.clone()]].concat();
-            assert_eq!(choices, if kept.restored > 0 { expected } else { vec![kept.clone()] });
-            assert_eq!(kept.rows.iter().filter(|row| !order[..budget].contains(row)).count(), kept.restored);
-            restored += kept.restored;
+            let expected = [vec![floor.leave(&order, budget)], vec![retained.clone()]].concat();
+            assert_eq!(choices, if retained.restored > 0 { expected } else { vec![retained.clone()] });
+            assert_eq!(
+                retained.rows.iter().filter(|row| !order[..budget].contains(row)).count(),
+                retained.restored
+            );
+            restored += retained.restored;
         }
         assert!(restored > 0);
         let all = floor.enforce(&order, 5000, || ());
@@ -507,16 +510,16 @@ mod tests {
         let floor = Floor::new(&field, FloorSettings { voxels: 40, ..Default::default() }).unwrap();
         let mut highest = f32::INFINITY;
         for count in [300, 200, 100, 20] {
-            let mut kept = vec![false; 300];
-            kept[..count].fill(true);
-            let diagram = floor.compare(&kept)[0].0.diagram();
+            let mut retained = vec![false; 300];
+            retained[..count].fill(true);
+            let diagram = floor.compare(&retained)[0].0.diagram();
             assert!(diagram[0].birth <= highest && diagram[0].birth > 0.0);
             highest = diagram[0].birth;
         }
     }
 
     #[test]
-    fn threads_do_not_show() {
+    fn the_result_does_not_depend_on_threads() {
         let field = cloud(9, 700);
         let order = by_mass(&field);
         let on = |threads| {
@@ -530,7 +533,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_fields_keep_their_budget() {
+    fn degenerate_fields_meet_their_budget() {
         let one_instant = {
             let mut field = cloud(1, 40);
             let temporal = field.temporal.as_mut().unwrap();
@@ -538,7 +541,7 @@ mod tests {
             temporal.s.fill(1e-4);
             field
         };
-        for (what, field) in [
+        for (name, field) in [
             ("all transparent", balls(&[[0.0; 3], [1.0; 3]], 0.1, 0.0)),
             ("all in one point", balls(&[[2.0; 3]; 30], 0.1, 0.8)),
             ("one Gaussian", balls(&[[2.0; 3]], 0.1, 0.8)),
@@ -551,9 +554,9 @@ mod tests {
                 let floor =
                     Floor::new(&field, FloorSettings { instants, voxels: 32, ..Default::default() }).unwrap();
                 for budget in [0, 1, 2, 100] {
-                    let kept = floor.enforce(&order, budget, || ());
-                    assert!(is_permutation_of_part(&kept.rows, budget.min(field.len())), "{what}");
-                    assert!((0.0..=1.0).contains(&kept.topology.recall()), "{what}");
+                    let retained = floor.enforce(&order, budget, || ());
+                    assert!(are_distinct(&retained.rows, budget.min(field.len())), "{name}");
+                    assert!((0.0..=1.0).contains(&retained.topology.recall()), "{name}");
                 }
             }
         }

@@ -1,9 +1,26 @@
-//! Choosing the Gaussians a package keeps.
+//! Pruning: chooses the Gaussians of a field that fit a budget.
 //!
-//! [`Ranking`]s order them by importance. A [`Floor`] keeps a budget's worth without losing what
-//! holds the subject together, seen in the persistence of its density. [`Pictures`] of the whole,
-//! held against what is left, tell [`select()`] which ranking is best. [`recolor()`] lets the colours of
-//! those that stay make up for those that leave.
+//! 1. A [`Ranking`] scores the rows, and [`by_importance`] sorts them.
+//! 2. [`Floor::choices`] keeps a budget of rows, and swaps some to preserve the topology of the density.
+//! 3. [`select()`] compares the rankings by the pictures of their packages, see [`Pictures`].
+//! 4. [`recolor()`] adjusts the colours of the remaining rows to the pictures of the whole field.
+//!
+//! ```
+//! use refine::prune::{Floor, FloorSettings, Ranking, by_importance};
+//! # let field = codec::Field {
+//! #     centers: (0..8).map(|i| [i as f32, 0.0, 0.0]).collect(),
+//! #     rotations: vec![[1.0, 0.0, 0.0, 0.0]; 8],
+//! #     log_scales: vec![[-1.0; 3]; 8],
+//! #     opacities: (1..9).map(|i| i as f32 / 9.0).collect(),
+//! #     sh: vec![[0.0; 3]; 8],
+//! #     ..codec::Field::default()
+//! # };
+//! let order = by_importance(&Ranking::Mass.scores(&field, &[]));
+//! let floor = Floor::new(&field, FloorSettings::default())?;
+//! let retained = floor.enforce(&order, 5, || ());
+//! assert_eq!(retained.rows.len(), 5);
+//! # Ok::<(), refine::prune::FloorError>(())
+//! ```
 
 mod density;
 mod extent;
@@ -18,7 +35,7 @@ pub(crate) mod scenes;
 mod select;
 mod topology;
 
-pub use floor::{Floor, FloorError, FloorSettings, Kept, ROUNDS};
+pub use floor::{Floor, FloorError, FloorSettings, ROUNDS, Retained};
 pub use persistence::{Connectivity, Feature, MergeTree};
 pub use pictures::Pictures;
 pub use posed_views::{PosedView, dome, instants, posed_views, steps_aside};

@@ -1,79 +1,79 @@
 //! Superlevel persistence of connected components (H0) on a voxel grid.
 //!
 //! Lowering a threshold over a grid of values, components appear at local maxima and merge at
-//! saddles; by the elder rule, the one with the lower maximum ends there. [`MergeTree`] records
-//! who ends where in whom. Values at or below 0 are background: what reaches it without merging
-//! ends at 0, also the last component (the essential class), so that every feature has a finite
-//! persistence.
+//! saddles; by the elder rule, the component with the lower maximum ends there. [`MergeTree`] records the
+//! saddle and the parent of each. Values at or below 0 are background: components that never merge, the
+//! essential class included, end at 0, so that every persistence is finite.
 //!
-//! Voxels have one total order, by falling value and then by rising index, so ties decide the same
-//! way every time. Each voxel first follows the steepest ascent to a maximum; two maxima can only
-//! meet where voxels of both touch, so union-find over maxima takes these contacts in order. The
-//! rest are scans of the grid, in parallel.
+//! Voxels are totally ordered by descending value, then by ascending index, so ties are deterministic.
+//! Each voxel is labelled with the maximum that steepest ascent leads to. Two maxima can only meet where
+//! voxels of both labels touch, so union-find over the maxima processes these contacts in order. All
+//! other steps are parallel scans of the grid.
 
 use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-/// Which voxels touch each other.
+/// Which voxels are neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Connectivity {
-    /// Across faces.
+    /// Voxels that share a face.
     Six,
-    /// Across faces, edges and corners: a thin diagonal limb is connected.
+    /// Voxels that share a face, edge or corner: a thin diagonal limb is connected.
     #[default]
     TwentySix,
 }
 
-/// A component on its way from its maximum to where it ends.
+/// A point of the persistence diagram: a component from its maximum to its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feature {
     /// Value of the maximum.
     pub birth: f32,
-    /// Value at which it merges into an older component; 0 where it never does.
+    /// Value at which the component merges into an older one; 0 if it never does.
     pub death: f32,
     /// Index of the voxel of the maximum.
     pub birth_voxel: usize,
-    /// Index of the voxel that joins it to the older component.
+    /// Index of the voxel that joins it to the older component, if it merges.
     pub saddle_voxel: Option<usize>,
 }
 
 impl Feature {
-    /// Difference of the values of birth and death.
+    /// Birth minus death.
     pub fn persistence(&self) -> f32 {
         self.birth - self.death
     }
 }
 
-/// No maximum, no voxel.
+/// The index of no maximum or voxel.
 const NONE: u32 = u32::MAX;
 
-/// A local maximum in the total order, and where its component ends.
+/// A local maximum in the total order, and the end of its component.
 #[derive(Clone, Copy, Debug)]
 struct Maximum {
     voxel: u32,
-    /// The voxel that joins it to an older component, and that component's maximum.
+    /// The voxel that joins it to an older component, and the maximum of that component.
     saddle: u32,
     parent: u32,
 }
 
-/// How the components of a grid's superlevel sets merge.
+/// The merge tree of the superlevel sets of a grid.
 #[derive(Clone, Debug)]
 pub struct MergeTree {
     values: Vec<f32>,
     neighbours: Neighbours,
-    /// Per voxel, the maximum that the steepest ascent from it ends at.
+    /// Per voxel, the maximum at the end of the steepest ascent.
     labels: Vec<u32>,
-    /// From the highest down.
+    /// Sorted from the highest down.
     maxima: Vec<Maximum>,
 }
 
 impl MergeTree {
-    /// The merge tree of `values`, of which `x + nx (y + ny z)` is the one at `x, y, z`, in a grid
-    /// of `[nx, ny, nz]`. Takes 8 bytes per voxel to keep. The same on any number of threads.
+    /// Builds the merge tree of a grid of `size` `[nx, ny, nz]`; the value at `x, y, z` is
+    /// `values[x + nx (y + ny z)]`. The tree occupies 8 bytes per voxel. The result does not depend on the
+    /// number of threads.
     ///
     /// # Panics
-    /// If there are not `nx ny nz` values, or 2^32 and more.
+    /// If there are not `nx ny nz` values, or not less than 2^32 - 1.
     pub fn new(values: Vec<f32>, size: [usize; 3], connectivity: Connectivity) -> MergeTree {
         assert_eq!(values.len(), size.iter().product::<usize>(), "values of a grid of {size:?}");
         assert!(values.len() < NONE as usize, "a grid of less than 2^32 voxels");
@@ -84,7 +84,7 @@ impl MergeTree {
         tree
     }
 
-    /// Finds the maxima, and which of them each voxel belongs to.
+    /// Finds the maxima and labels each voxel with one.
     fn label(&mut self) {
         let tree = &*self;
         let steepest: Vec<u32> = tree.neighbours.scan(|place, voxel, found| {
@@ -96,24 +96,24 @@ impl MergeTree {
         tops.sort_unstable_by_key(|&voxel| self.order(voxel));
         let mut labels = vec![NONE; steepest.len()];
         tops.iter().enumerate().for_each(|(maximum, &voxel)| labels[voxel as usize] = maximum as u32);
-        let mut way = Vec::new();
+        let mut ascent = Vec::new();
         for start in (0..steepest.len()).filter(|&voxel| steepest[voxel] != NONE) {
             let mut voxel = start;
             while labels[voxel] == NONE {
-                way.push(voxel);
+                ascent.push(voxel);
                 voxel = steepest[voxel] as usize;
             }
             let label = labels[voxel];
-            way.drain(..).for_each(|voxel| labels[voxel] = label);
+            ascent.drain(..).for_each(|voxel| labels[voxel] = label);
         }
         self.labels = labels;
         self.maxima = tops.into_iter().map(|voxel| Maximum { voxel, saddle: NONE, parent: NONE }).collect();
     }
 
-    /// Finds where each maximum ends, and in which other one.
+    /// Finds the saddle and parent of each maximum.
     fn merge(&mut self) {
         let tree = &*self;
-        // A voxel and the maxima of those before it that it touches, where they differ from its own.
+        // Pairs of a voxel and the label of an earlier neighbour with another label.
         let mut contacts: Vec<(u32, u32)> = tree.neighbours.scan(|place, voxel, found| {
             let own = tree.labels[voxel];
             if own == NONE {
@@ -150,13 +150,13 @@ impl MergeTree {
         }
     }
 
-    /// The persistence diagram without the diagonal, from the highest birth down.
+    /// The persistence diagram without its diagonal, by descending birth.
     pub fn diagram(&self) -> Vec<Feature> {
         let features = (0..self.maxima.len()).map(|maximum| self.feature(maximum));
         features.filter(|feature| feature.persistence() > 0.0).collect()
     }
 
-    /// Numbers of the maxima with persistence above `epsilon`, rising.
+    /// Numbers of the maxima with persistence above `epsilon`, ascending.
     pub(crate) fn persistent(&self, epsilon: f32) -> Vec<usize> {
         (0..self.maxima.len()).filter(|&maximum| self.feature(maximum).persistence() > epsilon).collect()
     }
@@ -172,7 +172,7 @@ impl MergeTree {
         }
     }
 
-    /// The highest value; 0 where all is background.
+    /// The highest value; 0 if all voxels are background.
     pub(crate) fn largest(&self) -> f32 {
         self.maxima.first().map_or(0.0, |maximum| self.values[maximum.voxel as usize])
     }
@@ -188,24 +188,24 @@ impl MergeTree {
         (parent != NONE).then_some(parent as usize)
     }
 
-    /// The maxima in whose basins `voxel` lies, from the innermost out. The basin of a maximum is
-    /// its component just before it merges into an older one. None for a background voxel.
+    /// The maxima whose basins contain `voxel`, innermost first. The basin of a maximum is its component
+    /// just before it merges into an older one. Empty for a background voxel.
     pub(crate) fn basins_around(&self, voxel: usize) -> impl Iterator<Item = usize> {
         let innermost = self.labels[voxel];
         let innermost = (innermost != NONE).then_some(innermost as usize);
         let outwards = std::iter::successors(innermost, |&maximum| self.parent(maximum));
-        // What merged before the threshold reached the voxel does not hold it.
+        // A basin that ended above the value of the voxel does not contain it.
         outwards.skip_while(move |&maximum| {
             let saddle = self.maxima[maximum].saddle;
             saddle != NONE && !self.precedes(voxel as u32, saddle)
         })
     }
 
-    /// Which of two maxima merges away first.
+    /// Orders maxima by their saddles: the first to end comes first.
     pub(crate) fn by_saddle(&self, a: usize, b: usize) -> std::cmp::Ordering {
         let order = |maximum: usize| {
             let saddle = self.maxima[maximum].saddle;
-            // Those that never merge come last: below every voxel.
+            // Maxima that never merge come last: their saddle is below every voxel.
             let value = if saddle == NONE { 0.0 } else { self.values[saddle as usize] };
             (value, saddle, maximum)
         };
@@ -213,8 +213,8 @@ impl MergeTree {
         b.total_cmp(&a).then(a_saddle.cmp(&b_saddle)).then(a_maximum.cmp(&b_maximum))
     }
 
-    /// Voxels of a path from `voxel` up to `maximum`, in whose basin it lies, that never goes
-    /// lower than it must. In no particular order, both ends included.
+    /// Voxels of a path from `voxel` to `maximum`, whose basin contains it, with the highest possible
+    /// lowest point. Sorted by index, both ends included.
     pub(crate) fn path(&self, voxel: usize, maximum: usize) -> Vec<usize> {
         let mut path = Vec::new();
         let mut crossed = HashSet::new();
@@ -222,8 +222,8 @@ impl MergeTree {
         while let Some((voxel, target)) = legs.pop() {
             let mut reached = self.climb(voxel, &mut path);
             while reached != target {
-                // Over the saddle into the older component: down to it from the maximum reached,
-                // which is a leg of its own walked backwards, and up on the other side.
+                // Cross the saddle into the older component: down from the maximum reached, which is a
+                // leg of its own walked backwards, and up on the other side.
                 let Maximum { saddle, parent, .. } = self.maxima[reached as usize];
                 if crossed.insert(reached) {
                     path.push(saddle as usize);
@@ -238,8 +238,7 @@ impl MergeTree {
         path
     }
 
-    /// Voxels of a path from `maximum` to the maximum it merges into, over the saddle. Only
-    /// `maximum` for one that never merges.
+    /// Voxels of a path from `maximum` over its saddle to its parent. Only `maximum` if it never merges.
     pub(crate) fn path_over_saddle(&self, maximum: usize) -> Vec<usize> {
         let Maximum { voxel, saddle, parent } = self.maxima[maximum];
         if saddle == NONE {
@@ -252,7 +251,7 @@ impl MergeTree {
         path
     }
 
-    /// Follows the steepest ascent from `voxel`, noting the voxels, to a local maximum.
+    /// Follows the steepest ascent from `voxel` to a local maximum and appends the voxels to `path`.
     fn climb(&self, mut voxel: u32, path: &mut Vec<usize>) -> u32 {
         loop {
             path.push(voxel as usize);
@@ -264,7 +263,7 @@ impl MergeTree {
         }
     }
 
-    /// The first in the total order of a voxel and its neighbours.
+    /// The first of a voxel and its neighbours in the total order.
     fn steepest(&self, place: [usize; 3], voxel: usize) -> u32 {
         let mut first = voxel as u32;
         self.neighbours.each_at(place, voxel, |neighbour| {
@@ -275,7 +274,7 @@ impl MergeTree {
         first
     }
 
-    /// A neighbour of `saddle` in the component of `maximum` just before the two sides merge.
+    /// A neighbour of `saddle` in the component of `maximum` just before the merge.
     fn beside(&self, saddle: u32, maximum: u32) -> u32 {
         let mut found = saddle;
         let place = self.neighbours.place(saddle as usize);
@@ -288,8 +287,7 @@ impl MergeTree {
         found
     }
 
-    /// The maximum of the component of `voxel` when the threshold has reached the voxel before
-    /// `until`.
+    /// The maximum of the component of `voxel` when all voxels before `until` are included.
     fn component(&self, voxel: usize, until: u32) -> u32 {
         let mut maximum = self.labels[voxel];
         loop {
@@ -307,13 +305,13 @@ impl MergeTree {
         va > vb || (va == vb && a < b)
     }
 
-    /// A key that rises along the total order: the bits of positive floats rise with the value.
+    /// A sort key for the total order: the bits of positive floats sort like the floats.
     fn order(&self, voxel: u32) -> (u32, u32) {
         (!self.values[voxel as usize].to_bits(), voxel)
     }
 }
 
-/// The eldest component that `maximum` is part of, by path halving.
+/// The root of `maximum` in the union-find forest, by path halving.
 fn find(elders: &mut [u32], mut maximum: u32) -> u32 {
     while elders[maximum as usize] != maximum {
         let elder = elders[maximum as usize];
@@ -327,7 +325,7 @@ fn find(elders: &mut [u32], mut maximum: u32) -> u32 {
 #[derive(Clone, Debug)]
 struct Neighbours {
     size: [usize; 3],
-    /// Steps along the axes, and what they add to the index.
+    /// Steps along the axes, and the change of the index.
     steps: Vec<([isize; 3], isize)>,
 }
 
@@ -354,7 +352,7 @@ impl Neighbours {
         [voxel % nx, voxel / nx % ny, voxel / (nx * ny)]
     }
 
-    /// Visits the neighbours of a voxel, given by its place and its index.
+    /// Visits the neighbours of a voxel, given by its coordinates and index.
     fn each_at(&self, place: [usize; 3], voxel: usize, mut visit: impl FnMut(usize)) {
         if (0..3).all(|axis| place[axis] > 0 && place[axis] + 1 < self.size[axis]) {
             for (_, step) in &self.steps {
@@ -372,7 +370,8 @@ impl Neighbours {
         }
     }
 
-    /// What `visit` finds, given the place and the index of each voxel, in the order of the voxels.
+    /// Calls `visit` with the coordinates and index of each voxel, in parallel, and concatenates the
+    /// results in the order of voxels.
     fn scan<T: Clone + Send>(&self, visit: impl Fn([usize; 3], usize, &mut Vec<T>) + Sync) -> Vec<T> {
         let [nx, ny, nz] = self.size;
         let layer = |z: usize| {
@@ -446,7 +445,7 @@ mod tests {
         assert_eq!(tree.diagram()[0].persistence(), f32::INFINITY);
     }
 
-    /// Components of {values > death} counted by flood fill, at every level.
+    /// Counts the components of the superlevel sets by flood fill, at every level.
     #[test]
     fn betti_numbers_agree_with_flood_fill() {
         let size = [7, 6, 5];
@@ -480,16 +479,16 @@ mod tests {
         }
     }
 
-    /// A path is connected, holds its ends, and its lowest voxel is the highest that any path can
-    /// have: raising the threshold above it separates the ends.
+    /// A path is connected, contains its ends, and its lowest voxel is as high as possible: raising the
+    /// threshold above it separates the ends.
     #[test]
-    fn paths_are_connected_and_as_high_as_can_be() {
+    fn paths_are_connected_and_as_high_as_possible() {
         let size = [9, 8, 7];
         for seed in 0..6 {
             let values = random(seed, size, 60);
             let tree = tree(&values, size);
             let neighbours = Neighbours::new(size, Connectivity::TwentySix);
-            let reaches = |start: usize, end: usize, allowed: &dyn Fn(usize) -> bool| {
+            let connects = |start: usize, end: usize, allowed: &dyn Fn(usize) -> bool| {
                 let (mut seen, mut edge) = (vec![false; values.len()], vec![start]);
                 seen[start] = true;
                 while let Some(voxel) = edge.pop() {
@@ -503,10 +502,13 @@ mod tests {
             };
             let check = |start: usize, end: usize, path: &[usize]| {
                 assert!(path.contains(&start) && path.contains(&end));
-                assert!(reaches(start, end, &|n| path.contains(&n)), "connected");
+                assert!(connects(start, end, &|n| path.contains(&n)), "connected");
                 let lowest = path.iter().map(|&v| values[v]).fold(f32::INFINITY, f32::min);
                 let ends = values[start].min(values[end]);
-                assert!(lowest >= ends || !reaches(start, end, &|n| values[n] > lowest), "as high as can be");
+                assert!(
+                    lowest >= ends || !connects(start, end, &|n| values[n] > lowest),
+                    "as high as possible"
+                );
             };
             for voxel in (0..values.len()).step_by(5).filter(|&v| values[v] > 0.0) {
                 for maximum in tree.basins_around(voxel) {
@@ -521,9 +523,9 @@ mod tests {
         }
     }
 
-    /// The distance between diagrams is at most that between the values.
+    /// Stability theorem: the bottleneck distance is at most the largest change of a value.
     #[test]
-    fn small_changes_of_the_values_move_the_diagram_little() {
+    fn the_diagram_is_stable() {
         let size = [8, 8, 8];
         for seed in 0..5 {
             let values = random(seed, size, 400);
@@ -533,7 +535,7 @@ mod tests {
             let [a, b] = [values, changed].map(|v| tree(&v, size).diagram());
             let distance = bottleneck(&a, &b);
             assert!(distance <= most && distance > 0.0, "{distance}");
-            // The bound is nearly met by a shift of everything.
+            // A uniform shift comes close to the bound.
             let shifted: Vec<f32> = random_shift(seed, size, 400, most);
             let shifted = bottleneck(&a, &tree(&shifted, size).diagram());
             assert!(shifted <= most && shifted > 0.9 * most, "{shifted}");
@@ -544,8 +546,8 @@ mod tests {
         random(seed, size, levels).iter().map(|v| if *v > 0.0 { v + by } else { 0.0 }).collect()
     }
 
-    /// Bottleneck distance: the least `d` at which every point can be matched to one of the other
-    /// diagram, or to the diagonal, no farther than `d`.
+    /// Bottleneck distance: the least `d` for which a matching of both diagrams, diagonal included, exists
+    /// within `d`.
     fn bottleneck(a: &[Feature], b: &[Feature]) -> f32 {
         let cost = |x: &Feature, y: &Feature| (x.birth - y.birth).abs().max((x.death - y.death).abs());
         let mut distances: Vec<f32> = a.iter().chain(b).map(|f| f.persistence() / 2.0).collect();
@@ -556,8 +558,8 @@ mod tests {
         distances[distances.partition_point(|&d| !possible(d))]
     }
 
-    /// Whether the points of `a` too far from the diagonal can all be matched into `b` within `d`.
-    /// Both ways together give a matching of both (Mendelsohn and Dulmage).
+    /// Whether all points of `a` farther than `d` from the diagonal can be matched into `b` within `d`.
+    /// Both directions together give a matching of both (Mendelsohn and Dulmage).
     fn covers(a: &[Feature], b: &[Feature], d: f32, cost: &dyn Fn(&Feature, &Feature) -> f32) -> bool {
         let mut partner = vec![None; b.len()];
         let far = (0..a.len()).filter(|&i| a[i].persistence() / 2.0 > d);
@@ -586,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_grid_of_128_takes_well_under_a_second() {
+    fn a_grid_of_128_cubed_takes_well_under_a_second() {
         let n = 128;
         let mut random = fastrand::Rng::with_seed(1);
         let waves: Vec<[f32; 4]> = (0..12).map(|_| [0.0; 4].map(|_: f32| random.f32() * 0.6 - 0.3)).collect();

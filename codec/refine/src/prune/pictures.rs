@@ -1,33 +1,33 @@
-//! [`Pictures`] of a scene to hold others against: the judge between packages of it.
+//! [`Pictures`]: reference pictures of a scene, which packages of it are compared with.
 
 use super::PosedView;
 use crate::image::{Image, psnr};
 use crate::reference::{Order, RenderScene, render};
 
-/// What a scene looks like from several places at several times.
+/// Pictures of a scene from several cameras at several times.
 #[derive(Clone, Debug)]
 pub struct Pictures {
     pub(crate) taken: Vec<(PosedView, Image)>,
 }
 
 impl Pictures {
-    /// Takes pictures of `scene`. `on_view` is called after each.
-    pub fn take(scene: &RenderScene, shots: Vec<PosedView>, mut on_view: impl FnMut()) -> Pictures {
-        let take = |shot: PosedView| {
-            let image = render(scene, &shot.camera, shot.t, Order::Depth);
+    /// Renders `scene` for each of `views`. `on_view` is called after each.
+    pub fn take(scene: &RenderScene, views: Vec<PosedView>, mut on_view: impl FnMut()) -> Pictures {
+        let take = |view: PosedView| {
+            let image = render(scene, &view.camera, view.t, Order::Depth);
             on_view();
-            (shot, image)
+            (view, image)
         };
-        Pictures { taken: shots.into_iter().map(take).collect() }
+        Pictures { taken: views.into_iter().map(take).collect() }
     }
 
-    /// PSNR in dB between pictures of `scene` and these, over all pixels of all of them; infinite
-    /// where they are the same. `on_view` is called after each.
+    /// PSNR in dB of `scene` against these pictures, over all pixels of all pictures; infinite if they are
+    /// equal. `on_view` is called after each picture.
     pub fn psnr(&self, scene: &RenderScene, mut on_view: impl FnMut()) -> f64 {
         let mut pixels = 0;
         let mut squared_error = 0.0;
-        for (shot, image) in &self.taken {
-            squared_error += image.squared_error(&render(scene, &shot.camera, shot.t, Order::Depth));
+        for (view, image) in &self.taken {
+            squared_error += image.squared_error(&render(scene, &view.camera, view.t, Order::Depth));
             pixels += image.pixels.len();
             on_view();
         }
@@ -54,8 +54,8 @@ mod tests {
         let psnr = pictures.psnr(&RenderScene::from(&part), || calls += 1);
         assert_eq!(calls, 16);
         let mut squares = 0.0;
-        for (shot, image) in &pictures.taken {
-            let other = render(&(&part).into(), &shot.camera, shot.t, Order::Depth);
+        for (view, image) in &pictures.taken {
+            let other = render(&(&part).into(), &view.camera, view.t, Order::Depth);
             for (a, b) in image.pixels.iter().zip(&other.pixels) {
                 squares += (0..3).map(|c| (a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0)).powi(2)).sum::<f64>();
             }

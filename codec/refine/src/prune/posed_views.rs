@@ -1,8 +1,7 @@
-//! [`PosedView`]s: from where and when a field is looked at, to rank its Gaussians and to judge what is
-//! left of it.
+//! [`PosedView`]s to rank and compare fields by.
 //!
-//! Where a source suggests viewpoints, they are used, with steps aside: a head moves. Otherwise
-//! virtual cameras stand on a dome around the subject.
+//! If a source suggests viewpoints, they are used together with cameras slightly aside, since a head
+//! moves. Otherwise virtual cameras are placed on a dome around the subject.
 
 use codec::{Camera, Field, Viewpoint};
 use glam::{DQuat, DVec3};
@@ -24,13 +23,13 @@ const DOME_FOV_Y: f64 = 50.0;
 /// The dome's rings: elevation in degrees, number of cameras.
 const DOME_RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 
-/// Every camera at every instant.
+/// Views of every camera at every instant, in clip time.
 pub fn posed_views(cameras: &[Camera], instants: &[f64]) -> Vec<PosedView> {
-    let shot = |camera: &Camera, t| PosedView { camera: camera.clone(), t };
-    instants.iter().flat_map(|&t| cameras.iter().map(move |camera| shot(camera, t))).collect()
+    let view = |camera: &Camera, t| PosedView { camera: camera.clone(), t };
+    instants.iter().flat_map(|&t| cameras.iter().map(move |camera| view(camera, t))).collect()
 }
 
-/// The middles of `count` equal parts of the clip; the start alone where `field` is static.
+/// The centres of `count` equal intervals of the clip; only the start if `field` is static.
 pub fn instants(field: &Field, count: usize) -> Vec<f64> {
     match field.temporal {
         Some(_) => (0..count).map(|i| (i as f64 + 0.5) / count as f64).collect(),
@@ -38,8 +37,8 @@ pub fn instants(field: &Field, count: usize) -> Vec<f64> {
     }
 }
 
-/// The camera of `viewpoint`, and four more that keep looking at its target from positions
-/// `angle` radians to the left, to the right, above and below.
+/// Five cameras of `size` pixels that look at the target of `viewpoint`: one at its position, the others
+/// turned around the target by `angle` radians to the left, right, top and bottom.
 pub fn steps_aside(viewpoint: &Viewpoint, up: [f32; 3], angle: f64, size: (u32, u32)) -> Vec<Camera> {
     let target = DVec3::from_array(viewpoint.target.map(f64::from));
     let arm = DVec3::from_array(viewpoint.position.map(f64::from)) - target;
@@ -56,14 +55,14 @@ pub fn steps_aside(viewpoint: &Viewpoint, up: [f32; 3], angle: f64, size: (u32, 
     turns.map(camera).to_vec()
 }
 
-/// Eight cameras on two rings around `field` as it is at `instants`, each seeing all of it but
-/// strays; the rings are turned by `turn` of the angle from camera to camera.
+/// Eight cameras of `size` pixels on two rings around `field` at `instants`; each sees the whole field
+/// except outliers. `turn` rotates the rings, in units of the angle between neighbouring cameras.
 pub fn dome(field: &Field, instants: &[f64], up: [f32; 3], turn: f64, size: (u32, u32)) -> Vec<Camera> {
     let [low, high] = core_box(field, instants).unwrap_or_default();
     let center = 0.5 * (low + high);
     let radius = 0.5 * (high - low).length();
     let half_fov = 0.5 * DOME_FOV_Y.to_radians();
-    // A point is looked at from one unit away.
+    // A field in a single point is seen from a distance of 1.
     let distance = if radius > 0.0 { radius / libm::sin(half_fov) } else { 1.0 };
     let up = DVec3::from_array(up.map(f64::from)).normalize_or(DVec3::Y);
     let (right, forward) = up.any_orthonormal_pair();
@@ -88,7 +87,7 @@ mod tests {
     use crate::prune::scenes::balls;
 
     #[test]
-    fn every_camera_of_the_dome_sees_the_field_but_no_stray() {
+    fn every_camera_of_the_dome_sees_the_field_without_outliers() {
         let mut centers = Vec::new();
         for i in 0..200 {
             let a = f64::from(i) * 0.7;
@@ -104,7 +103,7 @@ mod tests {
         assert_eq!(cameras.len(), 8);
         for camera in &cameras {
             camera.check().unwrap();
-            assert!(camera.position()[2] > 0.1, "above the middle of the field");
+            assert!(camera.position()[2] > 0.1, "above the center of the field");
             let m = &camera.camera_from_world;
             for center in &centers[..200] {
                 let [x, y, z] = [0, 1, 2]
@@ -130,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_aside_keep_their_distance_and_their_target() {
+    fn steps_aside_preserve_distance_and_target() {
         let viewpoint =
             Viewpoint { name: "v".into(), position: [1.0, 2.0, 5.0], target: [1.0, 1.0, 0.0], fov_y: 0.8 };
         let up = [0.0, 1.0, 0.0];

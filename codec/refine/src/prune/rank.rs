@@ -1,7 +1,7 @@
-//! Rankings: how much each Gaussian matters, and the order that follows from it.
+//! Rankings: importance scores of Gaussians.
 //!
-//! None is best everywhere, so there are several. [`Mass`](Ranking::Mass) and its temporal form,
-//! and opacity, read the field alone; the others look at pictures of it.
+//! No ranking is best for all fields. [`Mass`](Ranking::Mass), its temporal form and opacity use the
+//! field alone; the others use its pictures.
 
 use codec::Field;
 use rayon::prelude::*;
@@ -9,37 +9,37 @@ use rayon::prelude::*;
 use super::PosedView;
 use crate::reference::{Contribution, Order, contributions};
 
-/// A measure of how much a Gaussian matters.
+/// An importance score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Ranking {
-    /// Visibility mass `o mean(scale)` (the paper's mass equation): the peak opacity times the
-    /// arithmetic mean of the standard deviations.
+    /// Visibility mass `o mean(scale)` (the paper's `eq:mass`): peak opacity times the arithmetic mean of
+    /// the standard deviations.
     Mass,
-    /// Mass times the part of the clip in which the Gaussian is alive.
+    /// Mass times the fraction of the clip in which the Gaussian is alive.
     TemporalMass,
     /// Peak opacity.
     Opacity,
-    /// LightGaussian's global significance (Fan et al. 2024), `(V / V_ref)^0.1` times the sum of
-    /// `o T` over the pixels that the Gaussian reaches, with its opacity at the instant.
+    /// LightGaussian's global significance (Fan et al. 2024): `(V / V_ref)^0.1` times the sum of `o T`
+    /// over the pixels that the Gaussian covers, `o` being its opacity at the instant.
     ///
-    /// As in the published code, `V` is the product of the standard deviations, `V_ref` the volume
-    /// at 90 % of the falling order, and the ratio is not cut to 1. Unlike there, all pixels count:
+    /// As in the published code, `V` is the product of the standard deviations, `V_ref` the volume at
+    /// 90 % of the descending order, and the ratio is not clamped to 1. Unlike there, all pixels count:
     /// the published kernel loses concurrent additions.
     LightGaussian,
-    /// RadSplat's importance (Niemeyer et al. 2024): the largest `alpha T` in a pixel.
+    /// RadSplat's importance (Niemeyer et al. 2024): the largest blending weight `alpha T` in any pixel.
     BlendMax,
-    /// The accumulated blending contribution: the sum of `alpha T` over all pixels.
+    /// Accumulated blending weight: the sum of `alpha T` over all pixels.
     BlendSum,
 }
 
 /// Exponent of the volume ratio in [`Ranking::LightGaussian`].
 const VOLUME_POWER: f64 = 0.1;
 
-/// Place of the reference volume in the falling order of volumes, as a part of their number.
+/// Position of the reference volume in the descending order of volumes, as a fraction of their number.
 const VOLUME_REFERENCE: f64 = 0.9;
 
 impl Ranking {
-    /// All rankings, in the order in which they are tried; of equals the first is taken.
+    /// All rankings, in the order in which they are tried; on ties the first wins.
     pub const ALL: [Ranking; 6] = [
         Ranking::Mass,
         Ranking::TemporalMass,
@@ -61,17 +61,16 @@ impl Ranking {
         }
     }
 
-    /// Whether [`Ranking::scores`] reads contributions.
+    /// Whether [`Ranking::scores`] uses contributions to pictures.
     pub fn looks_at_pictures(self) -> bool {
         matches!(self, Ranking::LightGaussian | Ranking::BlendMax | Ranking::BlendSum)
     }
 
-    /// One score per row of `field`, the most important highest. `seen` holds what each row
-    /// contributes to pictures, as [`contributions_to`] finds it; a ranking that does not look at
-    /// pictures ignores it.
+    /// Scores of the rows of `field`, higher for more important rows. `seen` are the rows' contributions
+    /// to pictures, from [`contributions_to`]; rankings without pictures ignore it.
     ///
     /// # Panics
-    /// If the ranking looks at pictures and `seen` is shorter than the field.
+    /// If the ranking uses pictures and `seen` is shorter than the field.
     pub fn scores(self, field: &Field, seen: &[Contribution]) -> Vec<f64> {
         let rows = 0..field.len();
         let opacity = |row: usize| f64::from(field.opacities[row]);
@@ -85,7 +84,7 @@ impl Ranking {
                 .collect(),
             Ranking::Opacity => rows.map(opacity).collect(),
             Ranking::LightGaussian => {
-                // Logarithms of volumes: a product of scales can underflow.
+                // Log-volumes: a product of scales can underflow.
                 let volume = |row: usize| field.log_scales[row].iter().map(|&s| f64::from(s)).sum::<f64>();
                 let mut falling: Vec<f64> = rows.clone().map(volume).collect();
                 falling.sort_by(|a, b| b.total_cmp(a));
@@ -104,10 +103,10 @@ fn mass(field: &Field, row: usize) -> f64 {
     f64::from(field.opacities[row]) * scales.sum::<f64>() / 3.0
 }
 
-/// What each row of `field` contributes to all `shots` together. `on_view` is called after each.
-pub fn contributions_to(shots: &[PosedView], field: &Field, mut on_view: impl FnMut()) -> Vec<Contribution> {
+/// Contributions of the rows of `field`, summed over `views`. `on_view` is called after each view.
+pub fn contributions_to(views: &[PosedView], field: &Field, mut on_view: impl FnMut()) -> Vec<Contribution> {
     let mut total = vec![Contribution::default(); field.len()];
-    for PosedView { camera, t } in shots {
+    for PosedView { camera, t } in views {
         let one = contributions(field, camera, *t, Order::Depth);
         total.par_iter_mut().zip(&one).for_each(|(total, one)| total.merge(one));
         on_view();
@@ -115,8 +114,7 @@ pub fn contributions_to(shots: &[PosedView], field: &Field, mut on_view: impl Fn
     total
 }
 
-/// The rows in falling order of `scores`; equal scores keep the order of their rows, NaN comes
-/// last.
+/// Row indices in descending order of `scores`. Equal scores stay in row order; NaN comes last.
 pub fn by_importance(scores: &[f64]) -> Vec<usize> {
     // Adding 0 makes -0 equal to 0 for `total_cmp`.
     let key = |row: usize| if scores[row].is_nan() { f64::NEG_INFINITY } else { scores[row] + 0.0 };
@@ -156,8 +154,8 @@ mod tests {
         let mut field = two();
         let temporal = Temporal { tau: vec![0.0, 0.5], s: vec![0.1, f32::INFINITY], ..Temporal::default() };
         field.temporal = Some(temporal);
-        let reach = f64::from(0.1f32) * (2.0 * (0.5f64 * 255.0).ln()).sqrt();
-        assert_close(&Ranking::TemporalMass.scores(&field, &[]), &[reach, (-1f64).exp()]);
+        let end = f64::from(0.1f32) * (2.0 * (0.5f64 * 255.0).ln()).sqrt();
+        assert_close(&Ranking::TemporalMass.scores(&field, &[]), &[end, (-1f64).exp()]);
     }
 
     #[test]
@@ -168,22 +166,22 @@ mod tests {
         }
         let seen: Vec<_> =
             (0..10).map(|row| Contribution { hits: 1.0 + row as f64, ..Contribution::default() }).collect();
-        // Nine of ten volumes exceed that of row 0.
+        // Nine of ten volumes exceed the volume of row 0.
         let expected: Vec<f64> = (0..10).map(|row| (0.1 * row as f64).exp() * (1.0 + row as f64)).collect();
         assert_close(&Ranking::LightGaussian.scores(&field, &seen), &expected);
         assert!(Ranking::LightGaussian.scores(&balls(&[], 1.0, 0.5), &[]).is_empty());
     }
 
     #[test]
-    fn blending_is_summed_and_maximised_over_shots() {
+    fn blending_is_summed_and_maximised_over_views() {
         let field = cloud(1, 60);
         let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (48, 36));
-        let shots = posed_views(&cameras, &[0.25, 0.75]);
+        let views = posed_views(&cameras, &[0.25, 0.75]);
         let mut calls = 0;
-        let seen = contributions_to(&shots, &field, || calls += 1);
+        let seen = contributions_to(&views, &field, || calls += 1);
         assert_eq!(calls, 16);
-        let single = |shot: &PosedView| contributions(&field, &shot.camera, shot.t, Order::Depth);
-        let all: Vec<_> = shots.iter().map(single).collect();
+        let single = |view: &PosedView| contributions(&field, &view.camera, view.t, Order::Depth);
+        let all: Vec<_> = views.iter().map(single).collect();
         for (ranking, expected) in [
             (Ranking::BlendSum, (0..60).map(|i| all.iter().map(|s| s[i].weight).sum()).collect()),
             (
@@ -207,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn importance_falls_ties_keep_rows_and_nan_is_last() {
+    fn order_is_descending_and_stable_with_nan_last() {
         let scores = [0.0, f64::NAN, 2.0, -0.0, f64::INFINITY, 2.0, f64::NEG_INFINITY];
         assert_eq!(by_importance(&scores), [4, 2, 5, 0, 3, 6, 1]);
     }

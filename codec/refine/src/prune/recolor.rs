@@ -1,10 +1,9 @@
-//! [`recolor`]: the colours of a pruned field, fitted to pictures of the whole.
+//! [`recolor`]: fits the colours of a pruned field to pictures of the whole field.
 //!
-//! With geometry and opacity fixed, a picture is linear in the colours (but for their cut at 0,
-//! which is taken as it is at the start), so the best change of colours is a linear least-squares
-//! problem. It is solved by preconditioned conjugate gradients, first for the constant terms, then,
-//! where there is more, for all spherical harmonics. Nothing about the whole field is needed but
-//! its pictures.
+//! With geometry and opacity fixed, a picture is linear in the colours, apart from the clamp at 0, whose
+//! active set is taken from the start. The best colours are therefore a linear least-squares problem,
+//! solved by preconditioned conjugate gradients: first for the constant terms, then for all spherical
+//! harmonics. Only the pictures of the whole field are needed, not the field.
 
 use codec::{Field, sh_coefficients};
 
@@ -12,20 +11,19 @@ use super::Pictures;
 use crate::image::Image;
 use crate::reference::{Colors, Order, RenderScene, render};
 
-/// Steps of conjugate gradients per stage.
+/// Conjugate-gradient steps per stage.
 const STEPS: usize = 12;
 
-/// Times that [`recolor`] walks over each picture, for each of its stages: two to set up, and one per
-/// step.
+/// Passes of [`recolor`] over each picture in each of its stages: two to set up, and one per step.
 pub const PASSES: usize = 2 + STEPS;
 
-/// Weight that holds colours where they were, as a part of the mean of the diagonal: what is
-/// hardly seen should not take a colour that only suits the few pixels that show it.
-const HOLD: f64 = 1e-2;
+/// Damping towards the present colours, as a fraction of the mean of the diagonal: it prevents barely
+/// visible Gaussians from fitting the few pixels that show them.
+const DAMPING: f64 = 1e-2;
 
-/// `field` with the colours that reproduce `pictures` best, drawn over `plate` if there is one.
-/// `on_pass` is called [`PASSES`] times per picture, and as often again if the degree of the
-/// spherical harmonics is above 0. The same on any number of threads.
+/// Returns `field` with the colours that best reproduce `pictures` when drawn over `plate`. `on_pass` is
+/// called [`PASSES`] times per picture, twice as often if the degree of the spherical harmonics is above
+/// 0. The result does not depend on the number of threads.
 pub fn recolor(
     field: &Field,
     plate: Option<&Field>,
@@ -41,7 +39,7 @@ pub fn recolor(
     field
 }
 
-/// Fits the first `free` coefficients of every Gaussian.
+/// Fits the first `free` coefficients of each Gaussian.
 fn stage(
     field: &mut Field,
     plate: Option<&Field>,
@@ -54,12 +52,12 @@ fn stage(
     let len = field.sh.len();
     let mut residual = vec![[0.0; 3]; len];
     let mut diagonal = vec![[0.0; 3]; len];
-    for (shot, target) in &pictures.taken {
-        let colors = Colors::new(field, &shot.camera, shot.t);
+    for (view, target) in &pictures.taken {
+        let colors = Colors::new(field, &view.camera, view.t);
         let scene = RenderScene::from(&*field);
         let scene = plate.map_or(scene.clone(), |plate| scene.with_plate(plate));
-        let missing = difference(target, &render(&scene, &shot.camera, shot.t, Order::Depth));
-        colors.add_transposed(&missing, &mut residual);
+        let difference_image = difference(target, &render(&scene, &view.camera, view.t, Order::Depth));
+        colors.add_transposed(&difference_image, &mut residual);
         on_pass();
         colors.add_diagonal(&mut diagonal);
         on_pass();
@@ -68,14 +66,14 @@ fn stage(
     if seen.is_empty() {
         return;
     }
-    let hold = HOLD * seen.iter().sum::<f64>() / seen.len() as f64;
+    let damping = DAMPING * seen.iter().sum::<f64>() / seen.len() as f64;
     for (index, residual) in residual.iter_mut().enumerate() {
         if !free(index) {
             *residual = [0.0; 3];
         }
     }
     let precondition = |r: &[[f64; 3]]| -> Vec<[f64; 3]> {
-        r.iter().zip(&diagonal).map(|(r, d)| [0, 1, 2].map(|c| r[c] / (d[c] + hold))).collect()
+        r.iter().zip(&diagonal).map(|(r, d)| [0, 1, 2].map(|c| r[c] / (d[c] + damping))).collect()
     };
 
     let mut change = vec![[0.0; 3]; len];
@@ -84,13 +82,13 @@ fn stage(
     let mut size = dot(&residual, &scaled);
     for _ in 0..STEPS {
         let mut image = vec![[0.0; 3]; len];
-        for (shot, _) in &pictures.taken {
-            Colors::new(field, &shot.camera, shot.t).add_normal(&direction, &mut image);
+        for (view, _) in &pictures.taken {
+            Colors::new(field, &view.camera, view.t).add_normal(&direction, &mut image);
             on_pass();
         }
         for (index, (image, direction)) in image.iter_mut().zip(&direction).enumerate() {
-            let held = [0, 1, 2].map(|c| image[c] + hold * direction[c]);
-            *image = if free(index) { held } else { [0.0; 3] };
+            let damped = [0, 1, 2].map(|c| image[c] + damping * direction[c]);
+            *image = if free(index) { damped } else { [0.0; 3] };
         }
         let curvature = dot(&direction, &image);
         if curvature > 0.0 {
@@ -138,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn spoiled_colors_come_back() {
+    fn perturbed_colors_are_recovered() {
         for degree in [0, 1u8] {
             let mut field = cloud(3, 50);
             if degree == 0 {
@@ -159,10 +157,10 @@ mod tests {
     }
 
     #[test]
-    fn those_that_stay_make_up_for_those_that_leave_also_where_nobody_looked() {
+    fn recoloring_a_pruned_field_improves_unseen_views() {
         let field = cloud(4, 400);
-        let kept: Vec<usize> = by_importance(&Ranking::Mass.scores(&field, &[]))[..200].to_vec();
-        let part = field.select(&kept);
+        let retained: Vec<usize> = by_importance(&Ranking::Mass.scores(&field, &[]))[..200].to_vec();
+        let part = field.select(&retained);
         let recolored = recolor(&part, None, &pictures_of(&field, 0.0, &[0.1, 0.3, 0.5, 0.7, 0.9]), || ());
         let unseen = pictures_of(&field, 0.5, &[0.2, 0.4, 0.6, 0.8]);
         let [before, after] = [&part, &recolored].map(|field| unseen.psnr(&field.into(), || ()));
@@ -171,12 +169,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_right_or_not_seen_does_not_change() {
+    fn correct_and_invisible_colors_do_not_change() {
         let mut field = balls(&[[0.0; 3], [0.3, 0.0, 0.0], [0.0, 0.0, 90.0]], 0.2, 0.8);
         field.sh[1] = [0.5, -0.2, 0.1];
         let camera = codec::Camera::look_at([0.0, 0.0, -3.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 32, 32);
-        let shot = PosedView { camera, t: 0.0 };
-        let pictures = Pictures::take(&(&field.select(&[0, 1])).into(), vec![shot], || ());
+        let view = PosedView { camera, t: 0.0 };
+        let pictures = Pictures::take(&(&field.select(&[0, 1])).into(), vec![view], || ());
         let mut hidden = field.clone();
         hidden.opacities[2] = 0.0;
         assert_eq!(recolor(&hidden, None, &pictures, || ()), hidden);

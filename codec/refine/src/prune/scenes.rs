@@ -2,7 +2,7 @@
 
 use codec::{Field, Temporal};
 
-/// Static grey balls of one standard deviation and opacity.
+/// Static grey balls with equal standard deviation and opacity.
 pub(crate) fn balls(centers: &[[f32; 3]], sigma: f32, opacity: f32) -> Field {
     Field {
         centers: centers.to_vec(),
@@ -14,7 +14,7 @@ pub(crate) fn balls(centers: &[[f32; 3]], sigma: f32, opacity: f32) -> Field {
     }
 }
 
-/// Turned, elongated Gaussians of all sizes, moving and fading, in a box of side 2.
+/// Rotated, elongated Gaussians of all sizes that move and fade in a box of side 2.
 pub(crate) fn cloud(seed: u64, len: usize) -> Field {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut signed = |scale: f32| (random.f32() * 2.0 - 1.0) * scale;

@@ -1,58 +1,54 @@
-//! [`select`]: of several ways to meet a budget, the one whose package looks most like the whole
-//! field.
+//! [`select`]: chooses the ranking whose package looks most like the whole field.
 //!
-//! A ranking is a guess at what matters; pictures tell. The whole field is there to compare with,
-//! so no ground truth is needed. What a ranking alone keeps and what the topology floor makes of it
-//! compete, so the floor costs nothing where a subject does not hang on it. Where pictures cannot
-//! tell packages apart, the topology decides: a thin limb is few pixels, and whoever walks around
-//! the subject sees it come off.
+//! The whole field is the reference, so no ground truth is needed. Candidates with and without the
+//! topology floor compete, so the floor costs nothing if a subject does not need it. Where pictures
+//! cannot tell candidates apart, the topology decides: a thin limb covers few pixels, but viewers notice
+//! a severed one.
 
-use super::{Kept, Measure, Ranking};
+use super::{Measure, Ranking, Retained};
 
-/// Differences in PSNR up to this, in dB, do not tell packages apart. By so much the gain or loss
-/// of the floor varies from one set of pictures to another (measured on real fields, at budgets
-/// from 5,000 to 40,000).
+/// PSNR differences up to this, in dB, are not significant: the effect of the floor varies by as much
+/// from one set of pictures to another (measured on real fields at budgets of 5,000 to 40,000).
 pub const RESOLUTION_DB: f64 = 0.1;
 
-/// A way to meet the budget that was tried.
+/// A candidate for the budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// The ranking.
     pub ranking: Ranking,
-    /// What is kept, by the ranking alone or with the floor, and what that preserves.
-    pub kept: Kept,
+    /// The retained rows, with or without the floor, and their topology.
+    pub retained: Retained,
     /// PSNR in dB of the finished package against the whole field.
     pub psnr_db: f64,
 }
 
-/// What [`select`] found.
+/// Result of [`select`].
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// Everything that was tried, in the order given.
+    /// All candidates, in the order in which they were tried.
     pub candidates: Vec<Candidate>,
     /// Index of the best candidate.
     pub best: usize,
-    /// Index of the one of the highest PSNR, the first of equals. It is the best unless another
-    /// preserves more of the topology and is within [`RESOLUTION_DB`] of it.
+    /// Index of the candidate with the highest PSNR, on ties the first. It is the best, unless another
+    /// one within [`RESOLUTION_DB`] preserves more of the topology.
     pub most_faithful: usize,
 }
 
-/// Tries each ranking: `prune` says what may be kept by it, one or several ways; `judge` makes a
-/// package of rows and tells its PSNR in dB against the whole field, as a player would show it.
-/// `None` if there is nothing to try.
+/// Tries each ranking. `prune` returns the candidates of a ranking; `judge` packages rows and returns the
+/// PSNR in dB of the decoded package against the whole field. `None` if there are no candidates.
 ///
 /// # Errors
-/// The first that `judge` returns.
+/// The first error of `judge`.
 pub fn select<E>(
     rankings: &[Ranking],
-    mut prune: impl FnMut(Ranking) -> Vec<Kept>,
+    mut prune: impl FnMut(Ranking) -> Vec<Retained>,
     mut judge: impl FnMut(&[usize]) -> Result<f64, E>,
 ) -> Result<Option<Selection>, E> {
     let mut candidates: Vec<Candidate> = Vec::new();
     for &ranking in rankings {
-        for kept in prune(ranking) {
-            let psnr_db = judge(&kept.rows)?;
-            candidates.push(Candidate { ranking, kept, psnr_db });
+        for retained in prune(ranking) {
+            let psnr_db = judge(&retained.rows)?;
+            candidates.push(Candidate { ranking, retained, psnr_db });
         }
     }
     if candidates.is_empty() {
@@ -68,7 +64,7 @@ pub fn select<E>(
     let most_faithful = first_highest(&psnr);
     let least = psnr(&candidates[most_faithful]) - RESOLUTION_DB;
     let preserved = |candidate: &Candidate| match psnr(candidate) >= least {
-        true => candidate.kept.topology.preserved(Measure::Strict),
+        true => candidate.retained.topology.preserved(Measure::Strict),
         false => -1.0,
     };
     let most_preserved = preserved(&candidates[first_highest(&preserved)]);
@@ -83,42 +79,42 @@ mod tests {
     use super::*;
     use crate::prune::Topology;
 
-    /// Rows that name a candidate, of ten features so many preserved.
-    fn kept(name: usize, matched: usize) -> Kept {
+    /// A candidate whose single row is `name`, with `matched` of ten features.
+    fn retained(name: usize, matched: usize) -> Retained {
         let topology = Topology { features: 10, found: matched, matched, ..Topology::default() };
-        Kept { rows: vec![name], pruned: Topology::default(), topology, restored: 0 }
+        Retained { rows: vec![name], pruned: Topology::default(), topology, restored: 0 }
     }
 
-    /// Selects among candidates given by their PSNR and the features preserved, two per ranking.
+    /// Selects among candidates given by PSNR and matched features, two per ranking.
     fn of(candidates: &[(f64, usize)]) -> (usize, usize) {
         let rankings = &Ranking::ALL[..candidates.len().div_ceil(2)];
         let prune = |ranking| {
             let place = Ranking::ALL.iter().position(|other| *other == ranking).unwrap();
-            (2 * place..candidates.len().min(2 * place + 2)).map(|i| kept(i, candidates[i].1)).collect()
+            (2 * place..candidates.len().min(2 * place + 2)).map(|i| retained(i, candidates[i].1)).collect()
         };
         let selection = select(rankings, prune, |rows| Ok::<_, ()>(candidates[rows[0]].0)).unwrap().unwrap();
         assert_eq!(selection.candidates.len(), candidates.len());
         for (i, candidate) in selection.candidates.iter().enumerate() {
-            assert_eq!((&candidate.kept.rows[..], candidate.ranking), (&[i][..], Ranking::ALL[i / 2]));
+            assert_eq!((&candidate.retained.rows[..], candidate.ranking), (&[i][..], Ranking::ALL[i / 2]));
         }
         (selection.best, selection.most_faithful)
     }
 
     #[test]
-    fn the_most_faithful_wins_however_little_it_preserves() {
+    fn the_highest_psnr_wins_regardless_of_topology() {
         assert_eq!(of(&[(30.0, 10), (31.0, 0), (30.8, 9), (29.0, 10)]), (1, 1));
         assert_eq!(of(&[(30.0, 5)]), (0, 0));
     }
 
     #[test]
-    fn where_pictures_cannot_tell_the_topology_decides() {
+    fn topology_decides_within_the_resolution() {
         assert_eq!(of(&[(30.0, 4), (29.95, 8), (29.85, 10)]), (1, 0));
-        assert_eq!(of(&[(29.95, 8), (30.0, 4), (29.97, 8)]), (2, 1), "of those the more faithful");
-        assert_eq!(of(&[(30.0, 4), (30.0, 4)]), (0, 0), "of equals the first");
+        assert_eq!(of(&[(29.95, 8), (30.0, 4), (29.97, 8)]), (2, 1), "then the higher PSNR");
+        assert_eq!(of(&[(30.0, 4), (30.0, 4)]), (0, 0), "on ties the first");
     }
 
     #[test]
-    fn numbers_that_do_not_compare() {
+    fn nan_and_infinite_psnr() {
         assert_eq!(of(&[(f64::NAN, 10), (20.0, 1)]), (1, 1));
         assert_eq!(of(&[(f64::INFINITY, 3), (60.0, 10), (f64::INFINITY, 4)]), (2, 0));
         assert_eq!(of(&[(f64::NAN, 3), (f64::NAN, 4)]).1, 0);
@@ -128,6 +124,6 @@ mod tests {
     fn no_rankings_and_errors() {
         assert!(select(&[], |_| Vec::new(), |_| Ok::<_, ()>(0.0)).unwrap().is_none());
         let refuse = |_: &[usize]| Err::<f64, _>("no");
-        assert_eq!(select(&Ranking::ALL, |_| vec![kept(0, 1)], refuse).err(), Some("no"));
+        assert_eq!(select(&Ranking::ALL, |_| vec![retained(0, 1)], refuse).err(), Some("no"));
     }
 }

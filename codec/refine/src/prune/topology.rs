@@ -1,65 +1,65 @@
-//! How much of a field's topology a part of it preserves: the diagrams of both, compared.
+//! Compares the persistence diagrams of a field and a subset of it.
 //!
-//! A feature of the whole is preserved if one of the part's is born in its basin. Matched by place
-//! a hand cannot stand in for a foot. Basins nest, so taking the innermost first gives as many
-//! matches as there can be.
+//! A feature of the whole field is preserved if a feature of the subset is born in its basin. Matching by
+//! position prevents a hand from standing in for a foot. Basins nest, so matching the innermost first
+//! yields a maximum matching.
 //!
-//! Thinning lowers saddles as well as peaks. A limb cut off is not missing: its bar gets longer,
-//! or there is one more bar than before. Recall alone, the paper's measure, does not see that.
+//! Pruning lowers saddles as well as peaks. A severed limb is therefore not missing from the diagram: its
+//! bar gets longer, or an additional bar appears. Recall, the paper's measure, does not detect this.
 
 use super::persistence::MergeTree;
 
-/// What counts as losing a feature.
+/// What counts as the loss of a feature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
-    /// A feature that is gone, and one that is cut off from what it was joined to.
+    /// Features that are deleted, and features that are severed from their neighbours.
     #[default]
     Strict,
-    /// A feature that is gone (the paper's topology preservation rate).
+    /// Features that are deleted (the paper's topology preservation rate).
     Recall,
 }
 
-/// Counts of features, over all reference instants together.
+/// Counts of features, summed over the reference instants.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Topology {
     /// Persistent features of the whole field.
     pub features: usize,
-    /// Persistent features of the part.
+    /// Persistent features of the subset.
     pub found: usize,
-    /// Features of the whole with a match in the part.
+    /// Features of the whole field with a match in the subset.
     pub matched: usize,
-    /// Matched features cut off more deeply than before: persistence grew by more than the
-    /// threshold.
+    /// Matched features that are severed: their persistence grew by more than the threshold.
     pub deepened: usize,
-    /// Sum over the matched features of `|death - death'|`, in units of the largest density of the
-    /// whole.
+    /// Sum of `|death - death'|` over the matched features, in units of the largest density of the whole
+    /// field.
     pub drift_sum: f64,
 }
 
 impl Topology {
-    /// Part of the features that is preserved, in `[0, 1]`: the paper's rate. 1 where there are none.
+    /// Fraction of the features that have a match, 0 to 1: the paper's preservation rate. 1 if there are no
+    /// features.
     pub fn recall(&self) -> f64 {
         ratio(self.matched, self.features)
     }
 
-    /// Part of what is found that is a feature of the whole, in `[0, 1]`; the rest are pieces cut
-    /// off. 1 where nothing is found.
+    /// Fraction of the subset's features that match a feature of the whole field, 0 to 1; the others are
+    /// severed pieces. 1 if the subset has none.
     pub fn precision(&self) -> f64 {
         ratio(self.matched, self.found)
     }
 
-    /// Harmonic mean of recall and precision.
+    /// Harmonic mean of recall and precision, 0 to 1.
     pub fn f1(&self) -> f64 {
         ratio(2 * self.matched, self.features + self.found)
     }
 
-    /// Mean change of the death of a matched feature, in units of the largest density.
+    /// Mean `|death - death'|` of the matched features, in units of the largest density.
     pub fn saddle_drift(&self) -> f64 {
         if self.matched == 0 { 0.0 } else { self.drift_sum / self.matched as f64 }
     }
 
-    /// Part of the features preserved by the given measure, in `[0, 1]`. By the strict one, a piece
-    /// cut off counts as a further feature, lost.
+    /// Fraction of the features preserved by `measure`, 0 to 1. Under the strict measure, a severed piece
+    /// counts as an additional feature that is lost.
     pub fn preserved(&self, measure: Measure) -> f64 {
         match measure {
             Measure::Recall => self.recall(),
@@ -80,25 +80,25 @@ fn ratio(part: usize, whole: usize) -> f64 {
     if whole == 0 { 1.0 } else { part as f64 / whole as f64 }
 }
 
-/// How the persistent features of a part of a field correspond to those of the whole, at one
-/// instant. Features go by the numbers of their maxima.
+/// Correspondence between the persistent features of a field and of a subset at one instant. Features are
+/// identified by the numbers of their maxima.
 pub(crate) struct Matching {
-    /// Of the whole: without a match.
+    /// Features of the whole field without a match.
     pub(crate) deleted: Vec<usize>,
-    /// Of the whole and of the part: matched, but cut off more deeply.
+    /// Matched but severed features: the one of the whole field, and the one of the subset.
     pub(crate) deepened: Vec<(usize, usize)>,
-    /// Of the part: pieces of what hung together.
+    /// Features of the subset without a match: severed pieces.
     pub(crate) split: Vec<usize>,
     /// The counts.
     pub(crate) topology: Topology,
 }
 
 impl Matching {
-    /// Compares the features of persistence above `epsilon`, of the whole and of a part.
+    /// Matches the features with persistence above `epsilon`. `largest` is the unit of densities.
     pub(crate) fn new(whole: &MergeTree, part: &MergeTree, epsilon: f32, largest: f32) -> Matching {
         let mut features = whole.persistent(epsilon);
         features.sort_by(|&a, &b| whole.by_saddle(a, b));
-        // From the most persistent: of several in one basin, that one is taken.
+        // Of several features in one basin, the most persistent is matched.
         let mut found = part.persistent(epsilon);
         let persistence = |&maximum: &usize| part.feature(maximum).persistence();
         found.sort_by(|a, b| persistence(b).total_cmp(&persistence(a)).then(a.cmp(b)));
@@ -152,7 +152,7 @@ mod tests {
     const BODY: [f32; 9] = [0.0, 8.0, 10.0, 8.0, 2.0, 4.0, 6.0, 5.0, 0.0];
 
     #[test]
-    fn the_whole_preserves_everything_and_nothing_preserves_nothing() {
+    fn the_whole_field_preserves_all_and_the_empty_subset_none() {
         let all = compare(&BODY, &BODY);
         assert_eq!((all.features, all.found, all.matched, all.deepened), (2, 2, 2, 0));
         assert_eq!((all.recall(), all.precision(), all.f1(), all.saddle_drift()), (1.0, 1.0, 1.0, 0.0));
@@ -187,9 +187,9 @@ mod tests {
         assert_eq!((t.preserved(Measure::Strict), t.preserved(Measure::Recall)), (0.5, 1.0));
     }
 
-    /// The peak of the hand, left standing, is now the highest; the body must not take its match.
+    /// The hand's peak is now the highest; the body must not take its match.
     #[test]
-    fn the_innermost_basin_is_served_first() {
+    fn the_innermost_basin_is_matched_first() {
         let t = compare(&BODY, &[0.0, 4.0, 5.0, 4.0, 1.0, 4.0, 6.0, 5.0, 0.0]);
         assert_eq!((t.matched, t.recall(), t.precision()), (2, 1.0, 1.0));
     }

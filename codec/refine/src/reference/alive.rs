@@ -1,10 +1,10 @@
-//! Stage `alive`: which Gaussians can be seen at an instant.
+//! Stage `alive`: selects the Gaussians that are alive at an instant.
 //!
-//! A player asks the time index first; the reference tests every row.
+//! Players query the time index first; the reference tests every row.
 
 use codec::{ALPHA_MIN, Field};
 
-/// A visible row and its opacity at the instant.
+/// An alive row and its opacity at the instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alive {
     pub(crate) row: usize,

@@ -1,8 +1,8 @@
 //! [`Colors`]: a picture as a linear function of the Gaussians' colours.
 //!
-//! Where Gaussians are, how they overlap and how opaque they are does not depend on their colours.
-//! So the picture is `A x`, `x` being the coefficients of the colours and `A` the weights `alpha T`
-//! times the spherical harmonics. `A` is too large to keep and quick to walk over.
+//! Blending weights do not depend on colours. A picture is therefore `A x`, where `x` are the colour
+//! coefficients and `A` the weights `alpha T` times the spherical harmonics. `A` is too large to store,
+//! so its products are computed by walking over the picture.
 
 use codec::{Camera, Field, sh_coefficients};
 use glam::DVec3;
@@ -11,22 +11,22 @@ use super::evaluate::Splat;
 use super::sh::basis;
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{FieldPrefix, evaluate_parts};
+use super::{FieldPrefix, evaluate_all};
 use crate::image::Image;
 
-/// The linear function of one picture.
+/// The matrix `A` of one picture.
 pub(crate) struct Colors {
     splats: Vec<Splat>,
-    /// Per splat, the values of the spherical harmonics towards the eye.
+    /// Per splat, the spherical harmonics towards the eye.
     bases: Vec<[f64; 16]>,
     walk: Walk,
     coefficients: usize,
 }
 
 impl Colors {
-    /// That of the picture of `field` from `camera` at `t`.
+    /// The matrix of the picture of `field` from `camera` at clip time `t`.
     pub(crate) fn new(field: &Field, camera: &Camera, t: f64) -> Colors {
-        let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, t);
+        let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, t);
         sort::sort(&mut splats, Order::Depth);
         let eye = DVec3::from_array(camera.position());
         let direction = |row| (DVec3::from_array(field.position_at(row, t)) - eye).normalize_or_zero();
@@ -35,7 +35,7 @@ impl Colors {
         Colors { splats, bases, walk, coefficients: sh_coefficients(field.sh_degree) }
     }
 
-    /// Adds `A^T r` to `sum`, `r` being a picture.
+    /// Adds `A^T picture` to `sum`.
     pub(crate) fn add_transposed(&self, picture: &Image, sum: &mut [[f64; 3]]) {
         self.add_gathered(sum, |pixel, _| {
             let [r, g, b, _] = picture.pixels[pixel];
@@ -50,9 +50,9 @@ impl Colors {
             .iter()
             .zip(&self.bases)
             .map(|(splat, basis)| {
-                let of_row = &x[splat.row * self.coefficients..][..self.coefficients];
+                let row_coefficients = &x[splat.row * self.coefficients..][..self.coefficients];
                 let mut color = [0.0; 3];
-                for (y, c) in basis.iter().zip(of_row) {
+                for (y, c) in basis.iter().zip(row_coefficients) {
                     (0..3).for_each(|channel| color[channel] += y * c[channel]);
                 }
                 masked(color, splat)
@@ -75,15 +75,15 @@ impl Colors {
         };
         let squares = self.walk.sum_per_splat(add, |a, b| *a += b);
         for ((splat, basis), square) in self.splats.iter().zip(&self.bases).zip(&squares) {
-            let of_row = &mut sum[splat.row * self.coefficients..][..self.coefficients];
-            for (y, c) in basis.iter().zip(of_row) {
+            let row_coefficients = &mut sum[splat.row * self.coefficients..][..self.coefficients];
+            for (y, c) in basis.iter().zip(row_coefficients) {
                 let add = masked([y * y * square; 3], splat);
                 (0..3).for_each(|channel| c[channel] += add[channel]);
             }
         }
     }
 
-    /// Adds `A^T r` to `sum`, `r` being made pixel by pixel from its fragments.
+    /// Adds `A^T r` to `sum`; `r` computes a pixel from its index and fragments.
     fn add_gathered(&self, sum: &mut [[f64; 3]], r: impl Fn(usize, &[Fragment]) -> [f64; 3] + Sync) {
         let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &[Fragment]| {
             let r = r(pixel, fragments);
@@ -96,15 +96,15 @@ impl Colors {
         let per_splat = self.walk.sum_per_splat(add, merge);
         for ((splat, basis), gathered) in self.splats.iter().zip(&self.bases).zip(per_splat) {
             let gathered = masked(gathered, splat);
-            let of_row = &mut sum[splat.row * self.coefficients..][..self.coefficients];
-            for (y, c) in basis.iter().zip(of_row) {
+            let row_coefficients = &mut sum[splat.row * self.coefficients..][..self.coefficients];
+            for (y, c) in basis.iter().zip(row_coefficients) {
                 (0..3).for_each(|channel| c[channel] += y * gathered[channel]);
             }
         }
     }
 }
 
-/// A channel cut off at 0 does not follow its coefficients.
+/// Zeroes the channels that are clamped at 0: they do not depend on the coefficients.
 fn masked(color: [f64; 3], splat: &Splat) -> [f64; 3] {
     [0, 1, 2].map(|channel| if splat.color[channel] > 0.0 { color[channel] } else { 0.0 })
 }

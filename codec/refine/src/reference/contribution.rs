@@ -1,33 +1,31 @@
-//! [`contributions`]: how much of a picture is due to each Gaussian.
+//! [`contributions`]: the blending weights of each Gaussian in a picture.
 //!
-//! A pixel is a sum of colours with the weights `alpha T`, `T` being the transmittance in front of
-//! the fragment. These weights, summed over the pixels, tell what a picture loses with a Gaussian
-//! and how finely it has to be coded.
+//! A pixel is a sum of colours with weights `alpha T`, where `T` is the transmittance in front of the
+//! fragment. Sums of these weights rank Gaussians.
 
 use codec::{Camera, Field};
 
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{FieldPrefix, evaluate_parts};
+use super::{FieldPrefix, evaluate_all};
 
-/// What one Gaussian contributes to one picture, or to several.
+/// Contribution of one Gaussian to one or several pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contribution {
-    /// Sum of `alpha T` over the pixels: the derivative of the sum of all pixels by the Gaussian's
-    /// colour.
+    /// Sum of `alpha T` over the pixels: the derivative of the sum of all pixels with respect to the
+    /// Gaussian's colour.
     pub weight: f64,
-    /// Sum of `(alpha T)^2` over the pixels: squared error of the picture per squared error of the
-    /// colour.
+    /// Sum of `(alpha T)^2` over the pixels: squared error of the picture per squared error of the colour.
     pub weight_squared: f64,
-    /// Largest `alpha T` of a pixel, in `[0, 1]`.
+    /// Largest `alpha T` of a pixel, 0 to 1.
     pub weight_max: f64,
-    /// Sum of `o T` over the pixels that the Gaussian reaches, `o` being its opacity at the
-    /// instant: LightGaussian's count of hits.
+    /// Sum of `o T` over the pixels that the Gaussian covers, where `o` is its opacity at the instant:
+    /// LightGaussian's hit count.
     pub hits: f64,
 }
 
 impl Contribution {
-    /// Adds what the Gaussian contributes to other pixels.
+    /// Adds the contribution to other pixels.
     pub fn merge(&mut self, other: &Contribution) {
         self.weight += other.weight;
         self.weight_squared += other.weight_squared;
@@ -36,12 +34,12 @@ impl Contribution {
     }
 }
 
-/// What each row of `field` contributes to its picture from `camera` at clip time `t`.
+/// Contribution of each row of `field` to its picture from `camera` at clip time `t`. `camera` must satisfy
+/// [`Camera::check`].
 ///
-/// The numbers do not depend on the number of threads: sums run over the rows of tiles from top
-/// to bottom. `camera` must satisfy [`Camera::check`].
+/// The result does not depend on the number of threads: rows of tiles are summed from top to bottom.
 pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Vec<Contribution> {
-    let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, t);
+    let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, t);
     sort::sort(&mut splats, order);
     let walk = Walk::new(&splats, camera.width, camera.height);
     let add = |sums: &mut [Contribution], _, fragments: &[Fragment]| {

@@ -1,8 +1,8 @@
-//! Stage `evaluate`: moves a Gaussian to the instant and projects it into the image.
+//! Stage `evaluate`: evaluates a Gaussian at the instant and projects it into the image.
 //!
 //! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form
-//! of gsplat: the Jacobian of the projection is taken at the centre, which is first brought to
-//! within 30 % of the half field of view outside the image.
+//! of gsplat: the Jacobian of the projection is taken at the centre, clamped to at most 30 % of the half
+//! field of view outside the image.
 
 use codec::{ALPHA_MIN, Camera, Field};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -11,19 +11,19 @@ use rayon::prelude::*;
 use super::alive::Alive;
 use super::sh;
 
-/// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
+/// Added to the variances of every footprint, in px^2, so that no splat falls between pixels.
 pub(crate) const BLUR: f64 = 0.3;
 
-/// Distance in front of the camera, in units of the field, from which Gaussians are drawn.
+/// Near plane, in units of the field.
 const NEAR: f64 = 0.01;
 
-/// How far outside the image the Jacobian may be taken, as a part of tan(fov / 2).
+/// Margin around the image within which the Jacobian is taken, as a fraction of tan(fov / 2).
 const MARGIN: f64 = 0.3;
 
-/// A Gaussian as one camera sees it at one instant.
+/// A Gaussian projected into one camera at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Splat {
-    /// Row of the field it comes from.
+    /// Row of the field.
     pub(crate) row: usize,
     /// Centre in pixels, from the image's top left corner.
     pub(crate) center: DVec2,
@@ -47,14 +47,14 @@ impl Splat {
     }
 }
 
-/// Projects the `alive` rows of `field`, in their order. Left out: what is nearer than
-/// 0.01 units, and what has no finite footprint.
+/// Projects the `alive` rows of `field` in order. Skips rows in front of the near plane and rows without a
+/// finite footprint.
 pub(crate) fn evaluate(field: &Field, alive: &[Alive], camera: &Camera, t: f64) -> Vec<Splat> {
     let projection = Projection::new(camera);
     alive.par_iter().filter_map(|&alive| projection.splat(field, alive, t)).collect()
 }
 
-/// The camera in the form the projection needs.
+/// The camera as the projection uses it.
 struct Projection {
     focal: DVec2,
     principal: DVec2,
@@ -111,12 +111,12 @@ impl Projection {
         drawable.then_some(splat)
     }
 
-    /// Covariance in the image, without blur, of a Gaussian at `view` whose axes times standard
-    /// deviations are the columns of `axes`.
+    /// Image covariance, without blur, of a Gaussian at `view`; the columns of `axes` are its axes times
+    /// its standard deviations.
     fn footprint(&self, view: DVec3, axes: DMat3) -> [f64; 3] {
         let slope = (view.truncate() / view.z).max(self.limits[0]).min(self.limits[1]);
         let f = self.focal / view.z;
-        // Rows of the Jacobian times the axes: the image of each axis.
+        // Rows of the Jacobian times the axes.
         let x = f.x * (axes.row(0) - slope.x * axes.row(2));
         let y = f.y * (axes.row(1) - slope.y * axes.row(2));
         [x.dot(x), x.dot(y), y.dot(y)]

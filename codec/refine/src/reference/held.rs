@@ -1,4 +1,4 @@
-//! [`render_held`]: what a player shows that does not sort in every frame.
+//! [`render_held`]: the picture of a player that does not sort in every frame.
 
 use codec::Camera;
 
@@ -7,8 +7,8 @@ use super::sort::{Order, nearer};
 use super::{FieldPrefix, RenderScene, alive, splat};
 use crate::image::Image;
 
-/// Renders `scene` from `camera` at clip time `t` over black, but in the order, and only of those
-/// Gaussians, that were found from the camera and at the clip time of `made`.
+/// Renders `scene` from `camera` at clip time `t` over black, with the visible Gaussians and their order
+/// of an earlier frame: the camera and clip time `sorted_at`.
 ///
 /// Both cameras must satisfy [`Camera::check`].
 pub fn render_held(
@@ -16,35 +16,35 @@ pub fn render_held(
     camera: &Camera,
     t: f64,
     order: Order,
-    made: (&Camera, f64),
+    sorted_at: (&Camera, f64),
 ) -> Image {
-    let mut splats = held(&scene.parts, camera, t, order, made);
+    let mut splats = in_held_order(&scene.prefixes, camera, t, order, sorted_at);
     if let Some(plate) = scene.plate {
         let plate = [FieldPrefix { field: plate, rows: plate.len() }];
-        splats.append(&mut held(&plate, camera, t, order, made));
+        splats.append(&mut in_held_order(&plate, camera, t, order, sorted_at));
     }
     splat::splat(&splats, camera.width, camera.height)
 }
 
-/// The splats of now, in the order of then.
-fn held(
-    parts: &[FieldPrefix],
+/// The splats at `t`, in the order of the earlier frame.
+fn in_held_order(
+    prefixes: &[FieldPrefix],
     camera: &Camera,
     t: f64,
     order: Order,
-    (made_by, made_at): (&Camera, f64),
+    (earlier_camera, earlier_t): (&Camera, f64),
 ) -> Vec<Splat> {
-    let seen = |part: &FieldPrefix, camera: &Camera, t: f64| {
-        evaluate(part.field, &alive::alive(part.field, part.rows, t), camera, t)
+    let visible = |prefix: &FieldPrefix, camera: &Camera, t: f64| {
+        evaluate(prefix.field, &alive::alive(prefix.field, prefix.rows, t), camera, t)
     };
-    let mut then: Vec<(usize, Splat)> = Vec::new();
+    let mut earlier: Vec<(usize, Splat)> = Vec::new();
     let mut now: Vec<Vec<Option<Splat>>> = Vec::new();
-    for (i, part) in parts.iter().enumerate() {
-        then.extend(seen(part, made_by, made_at).into_iter().map(|splat| (i, splat)));
-        let mut by_row = vec![None; part.rows];
-        seen(part, camera, t).into_iter().for_each(|splat| by_row[splat.row] = Some(splat));
+    for (i, prefix) in prefixes.iter().enumerate() {
+        earlier.extend(visible(prefix, earlier_camera, earlier_t).into_iter().map(|splat| (i, splat)));
+        let mut by_row = vec![None; prefix.rows];
+        visible(prefix, camera, t).into_iter().for_each(|splat| by_row[splat.row] = Some(splat));
         now.push(by_row);
     }
-    then.sort_by(|(_, a), (_, b)| nearer(a, b, order));
-    then.into_iter().filter_map(|(part, splat)| now[part][splat.row]).collect()
+    earlier.sort_by(|(_, a), (_, b)| nearer(a, b, order));
+    earlier.into_iter().filter_map(|(prefix, splat)| now[prefix][splat.row]).collect()
 }

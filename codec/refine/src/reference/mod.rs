@@ -1,16 +1,16 @@
-//! The reference renderer: what a clip looks like, by definition.
+//! The reference renderer, on the CPU in f64: it defines what a clip looks like.
 //!
-//! In f64 and written to be read. One file per stage, with the names of the GPU's stages:
-//! `alive` picks the Gaussians that are visible at the instant, `evaluate` moves and projects
-//! them, `sort` orders them by depth, `splat` composites them. It is the oracle for the GPU and
-//! the judge of pruning, and draws where there is no GPU.
+//! It has one file per stage, named like the stages on the GPU: `alive` selects the Gaussians that are
+//! alive at the instant, `evaluate` projects them, `sort` orders them by depth, and `splat` composites
+//! them. Tests compare the GPU with it, pruning compares candidates by it, and tools draw with it where
+//! there is no GPU.
 //!
-//! The conventions are those of gsplat and so of nearly every fitted field: covariances grow by
-//! 0.3 px^2, a fragment's alpha is at most 0.999 and skipped below 1/255, a pixel is finished
-//! once its transmittance would fall to 1e-4.
+//! Conventions are those of gsplat, and so of nearly all fitted fields: 0.3 px^2 are added to variances,
+//! alpha is limited to 0.999 and skipped below 1/255, and a pixel is finished before its transmittance
+//! falls to 1e-4.
 //!
-//! Its pictures decide what a package holds, so exponentials and logarithms are those of `libm`, which
-//! are the same on every machine; the system's are not.
+//! Its pictures decide the content of packages, so exponentials and logarithms come from `libm`, which
+//! gives the same bits on all machines.
 
 mod alive;
 mod colors;
@@ -35,10 +35,10 @@ pub use sort::Order;
 use crate::image::Image;
 use evaluate::Splat;
 
-/// What to draw: Gaussians that are sorted together, and possibly a plate behind them.
+/// A scene to render: Gaussians that are sorted together, and an optional plate behind them.
 #[derive(Clone, Debug)]
 pub struct RenderScene<'a> {
-    parts: Vec<FieldPrefix<'a>>,
+    prefixes: Vec<FieldPrefix<'a>>,
     plate: Option<&'a Field>,
 }
 
@@ -50,21 +50,20 @@ struct FieldPrefix<'a> {
 }
 
 impl<'a> RenderScene<'a> {
-    /// The first `layers` decoded layers of a clip (all of them if there are fewer; at least one),
-    /// and its plate.
+    /// The first `layers` decoded layers of a clip, clamped to 1 and the number of layers, and its plate.
     pub fn from_layers(clip: &'a Clip, layers: usize) -> RenderScene<'a> {
         let end = match clip.layers.get(layers.saturating_sub(1)).or(clip.layers.last()) {
             Some(end) => *end,
-            None => return RenderScene { parts: Vec::new(), plate: clip.plate.as_ref() },
+            None => return RenderScene { prefixes: Vec::new(), plate: clip.plate.as_ref() },
         };
-        let parts = vec![
+        let prefixes = vec![
             FieldPrefix { field: &clip.static_field, rows: end.static_count },
             FieldPrefix { field: &clip.dynamic_field, rows: end.dynamic_count },
         ];
-        RenderScene { parts, plate: clip.plate.as_ref() }
+        RenderScene { prefixes, plate: clip.plate.as_ref() }
     }
 
-    /// The same Gaussians with `plate` behind them.
+    /// The same Gaussians in front of `plate`.
     pub fn with_plate(self, plate: &'a Field) -> RenderScene<'a> {
         RenderScene { plate: Some(plate), ..self }
     }
@@ -72,7 +71,7 @@ impl<'a> RenderScene<'a> {
 
 impl<'a> From<&'a Field> for RenderScene<'a> {
     fn from(field: &'a Field) -> RenderScene<'a> {
-        RenderScene { parts: vec![FieldPrefix { field, rows: field.len() }], plate: None }
+        RenderScene { prefixes: vec![FieldPrefix { field, rows: field.len() }], plate: None }
     }
 }
 
@@ -82,26 +81,26 @@ impl<'a> From<&'a Clip> for RenderScene<'a> {
     }
 }
 
-/// Renders `scene` from `camera` at clip time `t`, over black.
+/// Renders `scene` from `camera` at clip time `t` over black. `camera` must satisfy [`Camera::check`].
 ///
-/// The picture does not depend on the number of threads. `camera` must satisfy
-/// [`Camera::check`]; whatever the numbers of the scene and `t`, no pixel is NaN.
+/// The picture does not depend on the number of threads. No pixel is NaN, even if numbers of the scene or
+/// `t` are not finite.
 pub fn render(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> Image {
-    let mut splats = evaluate_parts(&scene.parts, camera, t);
+    let mut splats = evaluate_all(&scene.prefixes, camera, t);
     sort::sort(&mut splats, order);
     if let Some(plate) = scene.plate {
-        let mut behind = evaluate_parts(&[FieldPrefix { field: plate, rows: plate.len() }], camera, t);
+        let mut behind = evaluate_all(&[FieldPrefix { field: plate, rows: plate.len() }], camera, t);
         sort::sort(&mut behind, order);
         splats.append(&mut behind);
     }
     splat::splat(&splats, camera.width, camera.height)
 }
 
-fn evaluate_parts(parts: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {
+fn evaluate_all(prefixes: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {
     let mut splats = Vec::new();
-    for part in parts {
-        let alive = alive::alive(part.field, part.rows, t);
-        splats.extend(evaluate::evaluate(part.field, &alive, camera, t));
+    for prefix in prefixes {
+        let alive = alive::alive(prefix.field, prefix.rows, t);
+        splats.extend(evaluate::evaluate(prefix.field, &alive, camera, t));
     }
     splats
 }

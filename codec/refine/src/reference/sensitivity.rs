@@ -1,23 +1,23 @@
-//! [`sensitivities`]: how visible an error in each Gaussian is, so that the coder can be exact
-//! where it shows and nowhere else.
+//! [`sensitivities`]: the visibility of coding errors of each Gaussian, so that the coder spends its bits
+//! where errors are visible.
 //!
-//! A pixel is a sum of colours with the weights `alpha T`. An error in a colour counts with the
-//! weight; one in a place, a size or an opacity changes alpha, and through it the pixel by the
-//! difference between the Gaussian's colour and what is behind it.
+//! A pixel is a sum of colours with weights `alpha T`. An error of a colour is scaled by the weight. An
+//! error of position, size or opacity changes alpha, and so the pixel by the difference between the
+//! Gaussian's colour and the colour behind it.
 
 use codec::{Field, Sensitivity};
 
 use super::evaluate::BLUR;
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
-use super::{FieldPrefix, evaluate_parts};
+use super::{FieldPrefix, evaluate_all};
 use crate::prune::PosedView;
 
-/// What a Gaussian that is not seen in any picture counts as: a weight of 1 in one pixel of all
-/// pictures, and a tenth of the contrast. It may be seen from elsewhere.
+/// Sums of a Gaussian that no picture shows: a weight of 1 in one pixel of all pictures, and a tenth of
+/// the colour difference. Other viewpoints may show it.
 const UNSEEN: Sums = Sums { color: 1.0, geometry: 0.01 };
 
-/// Squares summed over pixels, of what errors of a Gaussian count with.
+/// Sums over pixels of the squared factors that scale errors of a Gaussian.
 #[derive(Clone, Copy, Default, PartialEq)]
 struct Sums {
     color: f64,
@@ -31,25 +31,25 @@ impl Sums {
     }
 }
 
-/// Sensitivities of the rows of `field`, with `plate` behind it, over all `shots` together, and the
-/// standard deviation, in units of the field, of the blur of a pixel where it is looked at; `None`
-/// where nothing is seen. `on_view` is called after each shot.
+/// Computes the sensitivities of the rows of `field` in front of `plate`, over all `views` together, and
+/// the footprint: the mean standard deviation of a pixel's blur at the subject, in units of the field.
+/// `None` if no Gaussian is visible. `on_view` is called after each view.
 ///
-/// The numbers do not depend on the number of threads.
+/// The result does not depend on the number of threads.
 pub fn sensitivities(
     field: &Field,
     plate: Option<&Field>,
-    shots: &[PosedView],
+    views: &[PosedView],
     mut on_view: impl FnMut(),
 ) -> Option<(Vec<Sensitivity>, f32)> {
     let mut rows = vec![Sums::default(); field.len()];
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
-    for PosedView { camera, t } in shots {
-        let mut splats = evaluate_parts(&[FieldPrefix { field, rows: field.len() }], camera, *t);
+    for PosedView { camera, t } in views {
+        let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, *t);
         sort::sort(&mut splats, Order::Depth);
         let subjects = splats.len();
         if let Some(plate) = plate {
-            let mut behind = evaluate_parts(&[FieldPrefix { field: plate, rows: plate.len() }], camera, *t);
+            let mut behind = evaluate_all(&[FieldPrefix { field: plate, rows: plate.len() }], camera, *t);
             sort::sort(&mut behind, Order::Depth);
             splats.append(&mut behind);
         }
@@ -59,11 +59,11 @@ pub fn sensitivities(
             for fragment in fragments.iter().rev() {
                 let splat = &splats[fragment.index];
                 let square = fragment.weight() * fragment.weight();
-                let contrast =
+                let difference =
                     (0..3).map(|c| (splat.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
                 // Squared distance in standard deviations.
                 let distance = 2.0 * libm::log(splat.opacity / fragment.alpha).max(0.0);
-                sums[fragment.index].add(&Sums { color: square, geometry: square * contrast * distance });
+                sums[fragment.index].add(&Sums { color: square, geometry: square * difference * distance });
                 for (behind, color) in behind.iter_mut().zip(splat.color) {
                     *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
                 }
@@ -93,28 +93,28 @@ mod tests {
     use crate::reference::{RenderScene, render};
     use codec::Camera;
 
-    /// What a change of one number does to the picture must be what the sensitivity says.
+    /// Compares the predicted error of a perturbed colour with the error of the picture.
     #[test]
     fn sensitivities_predict_the_error_of_a_picture() {
         let field = cloud(3, 40);
         let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (96, 72));
-        let shots = posed_views(&cameras, &[0.5]);
-        let (rows, _) = sensitivities(&field, None, &shots, || ()).unwrap();
+        let views = posed_views(&cameras, &[0.5]);
+        let (rows, _) = sensitivities(&field, None, &views, || ()).unwrap();
         let error_of = |changed: &Field| {
-            let squares = |shot: &PosedView| {
+            let squares = |view: &PosedView| {
                 let [a, b] = [&field, changed]
-                    .map(|f| render(&RenderScene::from(f), &shot.camera, shot.t, Order::Depth));
+                    .map(|f| render(&RenderScene::from(f), &view.camera, view.t, Order::Depth));
                 a.pixels.iter().zip(&b.pixels).map(|(a, b)| (a[0] - b[0]).powi(2)).sum::<f64>()
             };
-            (shots.iter().map(squares).sum::<f64>() / (shots.len() * 96 * 72) as f64).sqrt()
+            (views.iter().map(squares).sum::<f64>() / (views.len() * 96 * 72) as f64).sqrt()
         };
         let mut checked = 0;
         for (i, row) in rows.iter().enumerate() {
             let mut changed = field.clone();
             // 0.01 in every channel.
             changed.sh[4 * i] = changed.sh[4 * i].map(|c| c + 0.01 / 0.282_094_79);
-            // What an unseen one counts as is no error of the picture.
-            let unseen = UNSEEN.color / (shots.len() * 96 * 72) as f64;
+            // The floor for unseen Gaussians is no error of the picture.
+            let unseen = UNSEEN.color / (views.len() * 96 * 72) as f64;
             let predicted = 0.01 * (f64::from(row.color).powi(2) - unseen).sqrt();
             let error = error_of(&changed);
             if error > 3e-5 {
@@ -126,22 +126,22 @@ mod tests {
     }
 
     #[test]
-    fn a_gaussian_before_its_own_colour_has_no_contrast() {
+    fn a_gaussian_in_front_of_its_own_colour_has_low_sensitivity() {
         let mut field = balls(&[[0.0; 3], [0.0, 0.0, 4.0], [6.0, 0.0, 4.0]], 1.0, 0.9);
         field.log_scales[1] = [3.0, 3.0, -1.0];
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
-        let shot = PosedView { camera, t: 0.0 };
-        let of_first =
-            |field: &Field| sensitivities(field, None, std::slice::from_ref(&shot), || ()).unwrap().0[0];
-        let plain = of_first(&field);
+        let view = PosedView { camera, t: 0.0 };
+        let first_sensitivity =
+            |field: &Field| sensitivities(field, None, std::slice::from_ref(&view), || ()).unwrap().0[0];
+        let plain = first_sensitivity(&field);
         field.sh[0] = field.sh[0].map(|c| c - 1.0);
-        let contrasting = of_first(&field);
+        let contrasting = first_sensitivity(&field);
         assert!(contrasting.geometry > 3.0 * plain.geometry, "{plain:?} {contrasting:?}");
         assert_eq!(contrasting.color, plain.color);
     }
 
     #[test]
-    fn the_blur_is_that_of_a_pixel_at_the_subject() {
+    fn the_footprint_is_the_blur_of_a_pixel_at_the_subject() {
         let field = balls(&[[0.0; 3]], 0.2, 0.9);
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
         let (_, blur) =

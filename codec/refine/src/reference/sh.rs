@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// Colour seen along the unit vector `direction`, from the eye to the Gaussian:
+/// Colour seen along the unit vector `direction` from the eye to the Gaussian:
 /// `max(0, 0.5 + sum(Y_k c_k))` per channel. `coefficients` holds 1, 4, 9 or 16 entries.
 pub(crate) fn color(coefficients: &[[f32; 3]], direction: DVec3) -> [f64; 3] {
     let basis = basis(direction);
@@ -15,8 +15,8 @@ pub(crate) fn color(coefficients: &[[f32; 3]], direction: DVec3) -> [f64; 3] {
     color.map(|c| c.max(0.0))
 }
 
-/// The real spherical harmonics to degree 3, with the Condon-Shortley phase: degree by degree,
-/// orders rising from `-degree` to `degree`.
+/// The real spherical harmonics up to degree 3 with the Condon-Shortley phase, by degree, then by order
+/// from `-degree` to `degree`.
 pub(crate) fn basis(d: DVec3) -> [f64; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -61,8 +61,8 @@ mod tests {
         (1..=n).map(f64::from).product()
     }
 
-    /// Associated Legendre function with the Condon-Shortley phase, from the Rodrigues formula's
-    /// explicit sum.
+    /// Associated Legendre function with the Condon-Shortley phase, by the explicit sum of Rodrigues'
+    /// formula.
     fn legendre(l: u32, m: u32, x: f64) -> f64 {
         let sum: f64 = (m..=l)
             .filter(|k| (l + k).is_multiple_of(2))
@@ -104,8 +104,8 @@ mod tests {
 
     #[test]
     fn basis_is_orthonormal() {
-        // Products have degree 6 at most: the midpoint rule in phi is exact, Gauss-Legendre with
-        // four points in z too.
+        // Products have degree 6 or less, for which the midpoint rule in phi and Gauss-Legendre with four
+        // points in z are exact.
         let nodes = [
             (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
             (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),

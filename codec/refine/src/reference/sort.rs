@@ -1,25 +1,25 @@
-//! Stage `sort`: front to back.
+//! Stage `sort`: orders splats front to back.
 
 use std::cmp::Ordering;
 
 use super::evaluate::Splat;
 
-/// What "in front of" means.
+/// Sort key of Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// By the distance of the centre along the camera's axis, as fitted fields expect.
+    /// Distance of the centre along the optical axis, as in fitting.
     #[default]
     Depth,
-    /// By the distance of the centre from the eye: does not change when the head turns.
+    /// Distance of the centre from the eye: invariant to head rotation.
     Radial,
 }
 
-/// Sorts front to back; splats at one depth keep their order.
+/// Sorts front to back; the sort is stable.
 pub(crate) fn sort(splats: &mut [Splat], order: Order) {
     splats.sort_by(|a, b| nearer(a, b, order));
 }
 
-/// Whether `a` is in front of `b`: then it is less.
+/// Compares two splats: `a` is less if it is in front of `b`.
 pub(crate) fn nearer(a: &Splat, b: &Splat, order: Order) -> Ordering {
     match order {
         Order::Depth => a.depth.total_cmp(&b.depth),

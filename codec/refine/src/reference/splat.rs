@@ -1,9 +1,8 @@
-//! Stage `splat`: composites sorted splats into pixels, the paper's rendering equation.
+//! Stage `splat`: composites sorted splats into pixels (the paper's `eq:render`).
 //!
-//! An image is walked in bands of square tiles, in parallel. In a tile each splat, front to back, is
-//! added to the pixels that its ellipse holds; then the pixels are visited, each with what it met.
-//! Neither the tiles nor the threads show in the result. [`Walk`] is that walk; [`splat`] draws with
-//! it, others measure with it.
+//! [`Walk`] traverses an image in bands of square tiles, in parallel. In a tile, each splat is added front
+//! to back to the pixels of its ellipse; then each pixel is visited with its fragments. The result does
+//! not depend on tiles or threads. [`splat`] draws by this traversal, and other modules measure by it.
 
 use std::ops::Range;
 
@@ -17,7 +16,7 @@ use crate::image::Image;
 /// Side of a tile in pixels.
 const TILE: usize = 16;
 
-/// No fragment is fully opaque.
+/// Upper limit of a fragment's alpha.
 const ALPHA_MAX: f64 = 0.999;
 
 /// A pixel is finished before the fragment that would bring its transmittance down to this.
@@ -47,30 +46,30 @@ fn composite(splats: &[Splat], fragments: &[Fragment]) -> [f64; 4] {
     [color[0], color[1], color[2], 1.0 - transmittance]
 }
 
-/// What a splat adds to a pixel.
+/// A splat's contribution to a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fragment {
-    /// Index of the splat among those that are walked over.
+    /// Index of the splat in the walk.
     pub(crate) index: usize,
     /// Opacity at the pixel, in `[ALPHA_MIN, 0.999]`.
     pub(crate) alpha: f64,
-    /// Fraction of the light from here that passes everything in front.
+    /// Transmittance in front of the fragment.
     pub(crate) transmittance: f64,
 }
 
 impl Fragment {
-    /// Fraction of the splat's colour that reaches the eye.
+    /// Blending weight `alpha T`.
     pub(crate) fn weight(&self) -> f64 {
         self.alpha * self.transmittance
     }
 
-    /// Fraction of the light from behind that passes this and everything in front.
+    /// Transmittance behind the fragment.
     fn transmittance_behind(&self) -> f64 {
         self.transmittance * (1.0 - self.alpha)
     }
 }
 
-/// A walk over the pixels of an image and the splats that each one meets.
+/// A traversal of the pixels of an image with their fragments.
 pub(crate) struct Walk {
     stamps: Vec<Stamp>,
     width: usize,
@@ -78,23 +77,23 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    /// Prepares the walk over `splats`, which are sorted front to back.
+    /// Prepares the traversal of `splats`, which are sorted front to back.
     pub(crate) fn new(splats: &[Splat], width: u32, height: u32) -> Walk {
         let stamps = splats.par_iter().enumerate().map(|(index, splat)| Stamp::new(index, splat)).collect();
         Walk { stamps, width: width as usize, height: height as usize }
     }
 
-    /// Visits each pixel of a band, which is [`TILE`] rows high, always in the same order: its index
-    /// from the band's top left corner, row by row, and its fragments, front to back.
+    /// Visits each pixel of a band of [`TILE`] rows in a fixed order. `visit` gets the pixel's index from the
+    /// band's top left corner, row by row, and its fragments, front to back.
     fn band(&self, band: usize, mut visit: impl FnMut(usize, &[Fragment])) {
         let rows = band * TILE..(band * TILE + TILE).min(self.height);
-        let reach = |stamp: &&Stamp| stamp.reaches_rows(&rows);
-        let in_band: Vec<&Stamp> = self.stamps.iter().filter(reach).collect();
+        let overlaps = |stamp: &&Stamp| stamp.overlaps_rows(&rows);
+        let in_band: Vec<&Stamp> = self.stamps.iter().filter(overlaps).collect();
         let mut tile = Tile::default();
         for left in (0..self.width).step_by(TILE) {
             let columns = left..(left + TILE).min(self.width);
             tile.reset(rows.clone(), columns.clone());
-            for stamp in in_band.iter().filter(|stamp| stamp.reaches_columns(&columns)) {
+            for stamp in in_band.iter().filter(|stamp| stamp.overlaps_columns(&columns)) {
                 tile.add(stamp);
                 if tile.open == 0 {
                     break;
@@ -107,10 +106,10 @@ impl Walk {
         }
     }
 
-    /// Sums something up per splat, over all pixels: `visit` is given the sums so far in the band,
-    /// one per splat, and one pixel of it: its index in the image and its fragments, front to back.
-    /// `merge` adds the sum of one band to another. Bands merge from top to bottom, so the result
-    /// does not depend on the number of threads.
+    /// Accumulates a sum per splat over all pixels. `visit` adds one pixel, given by its index in the image
+    /// and its fragments front to back, to the sums of a band, one per splat. `merge` adds the sum of a
+    /// band to the total. Bands are merged from top to bottom, so the result does not depend on the
+    /// number of threads.
     pub(crate) fn sum_per_splat<T: Clone + Default + PartialEq + Send>(
         &self,
         visit: impl Fn(&mut [T], usize, &[Fragment]) + Sync,
@@ -120,7 +119,7 @@ impl Walk {
             let mut sums = vec![T::default(); self.stamps.len()];
             let first = band * TILE * self.width;
             self.band(band, |pixel, fragments| visit(&mut sums, first + pixel, fragments));
-            // Few splats reach a band.
+            // Most splats do not overlap the band.
             let met = sums.into_iter().enumerate().filter(|(_, sum)| *sum != T::default());
             met.collect::<Vec<(usize, T)>>()
         };
@@ -131,12 +130,12 @@ impl Walk {
     }
 }
 
-/// The pixels of a tile and what they have met so far.
+/// The pixels of a tile and their fragments so far.
 #[derive(Default)]
 struct Tile {
     rows: Range<usize>,
     columns: Range<usize>,
-    /// Row by row; there may be more of them than the tile has, left from a larger one.
+    /// Row by row; may be longer than the tile, left over from a larger one.
     pixels: Vec<Pixel>,
     /// Number of pixels that are not finished.
     open: usize,
@@ -146,12 +145,12 @@ struct Tile {
 struct Pixel {
     /// Front to back.
     fragments: Vec<Fragment>,
-    /// Fraction of the light from behind that passes all of them; 0 where the pixel is finished.
+    /// Transmittance behind all fragments; 0 once the pixel is finished.
     transmittance: f64,
 }
 
 impl Tile {
-    /// Makes a tile that has met nothing. Keeps the memory.
+    /// Starts a new tile without fragments. Reuses the memory.
     fn reset(&mut self, rows: Range<usize>, columns: Range<usize>) {
         self.open = rows.len() * columns.len();
         (self.rows, self.columns) = (rows, columns);
@@ -163,7 +162,7 @@ impl Tile {
         }
     }
 
-    /// Adds a splat behind those that were met.
+    /// Adds a splat behind all splats so far.
     fn add(&mut self, stamp: &Stamp) {
         let width = self.columns.len();
         for y in stamp.rows(&self.rows) {
@@ -193,20 +192,20 @@ impl Tile {
     }
 }
 
-/// A splat in the form that pixels need. With `d` from its centre to a pixel's, the squared distance
-/// in standard deviations is `(d.y / sigma_y)^2 + ((d.x - lean d.y) / sigma_x)^2`: what `y` has, and
-/// what `x` has once `y` is known. Sums of squares stay exact for needles.
+/// A splat prepared for the evaluation of pixels. With `d` from its centre to the pixel's, the squared
+/// distance in standard deviations is `(d.y / sigma_y)^2 + ((d.x - lean d.y) / sigma_x)^2`, the marginal
+/// distribution of `y` times the conditional one of `x`. A sum of squares stays accurate for needles.
 struct Stamp {
     /// Index of the splat.
     index: usize,
     center: DVec2,
-    /// Half the size of the box outside which alpha is below [`ALPHA_MIN`].
-    reach: DVec2,
+    /// Half the size of the bounding box outside which alpha is below [`ALPHA_MIN`].
+    half_size: DVec2,
     lean: f64,
     /// `1 / sigma_x` and `1 / sigma_y`, squared.
     precision: DVec2,
     opacity: f64,
-    /// Squared distance in standard deviations from which alpha is certainly below [`ALPHA_MIN`].
+    /// Squared distance in standard deviations beyond which alpha is below [`ALPHA_MIN`].
     far: f64,
 }
 
@@ -217,40 +216,40 @@ impl Stamp {
         Stamp {
             index,
             center: splat.center,
-            reach: radius * dvec2(xx.sqrt(), yy.sqrt()),
+            half_size: radius * dvec2(xx.sqrt(), yy.sqrt()),
             lean: xy / yy,
             precision: dvec2(yy / (xx * yy - xy * xy), 1.0 / yy),
             opacity: splat.opacity,
-            // The margin is far above the rounding of the exponential.
+            // The margin exceeds the rounding error of the exponential.
             far: radius * radius + 1e-9,
         }
     }
 
-    /// Whether pixels of `rows` can lie in the box.
-    fn reaches_rows(&self, rows: &Range<usize>) -> bool {
-        self.center.y + self.reach.y >= rows.start as f64 && self.center.y - self.reach.y <= rows.end as f64
+    /// Whether the box overlaps `rows`.
+    fn overlaps_rows(&self, rows: &Range<usize>) -> bool {
+        self.center.y + self.half_size.y >= rows.start as f64
+            && self.center.y - self.half_size.y <= rows.end as f64
     }
 
-    /// Whether pixels of `columns` can lie in the box.
-    fn reaches_columns(&self, columns: &Range<usize>) -> bool {
-        self.center.x + self.reach.x >= columns.start as f64
-            && self.center.x - self.reach.x <= columns.end as f64
+    /// Whether the box overlaps `columns`.
+    fn overlaps_columns(&self, columns: &Range<usize>) -> bool {
+        self.center.x + self.half_size.x >= columns.start as f64
+            && self.center.x - self.half_size.x <= columns.end as f64
     }
 
-    /// The `rows` whose pixel centres lie in the box.
+    /// The `rows` with pixel centres in the box.
     fn rows(&self, rows: &Range<usize>) -> Range<usize> {
-        pixels_between(self.center.y - self.reach.y, self.center.y + self.reach.y, rows)
+        pixels_between(self.center.y - self.half_size.y, self.center.y + self.half_size.y, rows)
     }
 
-    /// The `columns` whose pixel centres lie in the ellipse where alpha reaches [`ALPHA_MIN`], in
-    /// the row at `dy`, or few more.
+    /// A slight superset of the `columns` with alpha of [`ALPHA_MIN`] or more in the row at `dy`.
     fn columns(&self, dy: f64, columns: &Range<usize>) -> Range<usize> {
         let half = ((self.far - self.precision.y * dy * dy) / self.precision.x).max(0.0).sqrt();
-        let middle = self.center.x + self.lean * dy;
-        pixels_between(middle - half, middle + half, columns)
+        let center = self.center.x + self.lean * dy;
+        pixels_between(center - half, center + half, columns)
     }
 
-    /// `min(0.999, o exp(-q / 2))`, `q` being the squared distance in standard deviations.
+    /// `min(0.999, o exp(-q / 2))` with the squared distance `q` in standard deviations.
     fn alpha(&self, dx: f64, dy: f64) -> f64 {
         let across = dx - self.lean * dy;
         let q = self.precision.y * dy * dy + self.precision.x * across * across;
@@ -258,9 +257,9 @@ impl Stamp {
     }
 }
 
-/// Those of `pixels`, along one axis, whose centres lie in `[start, end]`.
+/// The `pixels`, along one axis, with centres in `[start, end]`.
 fn pixels_between(start: f64, end: f64, pixels: &Range<usize>) -> Range<usize> {
-    // Conversions saturate, whatever the numbers.
+    // Casts saturate.
     let first = ((start - 0.5).ceil() as usize).clamp(pixels.start, pixels.end);
     let last = ((end + 0.5).floor() as usize).clamp(first, pixels.end);
     first..last

@@ -1,4 +1,4 @@
-//! Tests of the renderer as a whole, each against a closed form or an independent computation.
+//! Tests of the renderer as a whole against closed forms and independent computations.
 
 use std::f64::consts::PI;
 
@@ -26,7 +26,7 @@ fn camera() -> Camera {
     }
 }
 
-/// One round Gaussian for the tests to put together.
+/// A round Gaussian.
 #[derive(Clone, Copy)]
 struct Ball {
     center: [f32; 3],
@@ -45,7 +45,7 @@ const RED: [f32; 3] = [1.0, 0.0, 0.0];
 const BLUE: [f32; 3] = [0.0, 0.0, 1.0];
 const WHITE: [f32; 3] = [1.0, 1.0, 1.0];
 
-/// The constant spherical-harmonic coefficient of a colour.
+/// The degree 0 coefficient of a colour.
 fn constant(color: [f32; 3]) -> [f32; 3] {
     color.map(|c| ((f64::from(c) - 0.5) * 2.0 * PI.sqrt()) as f32)
 }
@@ -62,7 +62,7 @@ fn field(balls: &[Ball]) -> Field {
 }
 
 /// Gives every row of `field` the window `tau`, `s` and the motion `v`.
-fn moving(mut field: Field, tau: f32, s: f32, v: &[[f32; 3]]) -> Field {
+fn dynamic_field(mut field: Field, tau: f32, s: f32, v: &[[f32; 3]]) -> Field {
     field.temporal = Some(Temporal {
         tau: vec![tau; field.len()],
         s: vec![s; field.len()],
@@ -73,7 +73,7 @@ fn moving(mut field: Field, tau: f32, s: f32, v: &[[f32; 3]]) -> Field {
     field
 }
 
-/// Elongated, turned, overlapping, partly outside the image.
+/// Elongated, rotated, overlapping Gaussians, partly outside the image.
 fn cloud(seed: u64, n: usize) -> Field {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut signed = |scale: f64| ((random.f64() * 2.0 - 1.0) * scale) as f32;
@@ -102,7 +102,7 @@ fn assert_close(actual: [f64; 4], expected: [f64; 4], tolerance: f64, what: &str
     assert!(close, "{what}: {actual:?}, {expected:?} expected");
 }
 
-/// The pixel right of and below the point that `[x, y, depth]` projects to.
+/// The pixel that contains the projection of `[x, y, depth]`.
 fn pixel_of(x: f64, y: f64, depth: f64) -> (u32, u32) {
     let column = FOCAL * x / depth + f64::from(WIDTH) / 2.0;
     let row = FOCAL * y / depth + f64::from(HEIGHT) / 2.0;
@@ -128,7 +128,7 @@ fn one_gaussian_is_its_closed_form() {
     assert!(drawn > 200 && drawn < 500, "{drawn} pixels drawn");
 }
 
-/// The covariance against derivatives of the projection taken by differences.
+/// Compares the covariance with finite differences of the projection.
 #[test]
 fn footprint_is_the_projected_covariance() {
     let field = cloud(1, 50);
@@ -169,22 +169,22 @@ fn footprint_is_the_projected_covariance() {
 }
 
 #[test]
-fn jacobian_stops_outside_the_image() {
+fn the_jacobian_is_clamped_outside_the_image() {
     let mut camera = camera();
     camera.k[0][2] = 20.0;
     let alive = [alive::Alive { row: 0, opacity: 1.0 }];
-    // The image ends at x/z = 0.44 on the right and -0.2 on the left; both by 0.3 * 0.32 more.
+    // The image ends at x/z = 0.44 and -0.2; the margin on both sides is 0.3 * 0.32.
     for (x, slope) in [(0.5, 0.5), (30.0, 0.536), (-30.0, -0.296)] {
         let field = field(&[Ball::at([x, 0.0, 1.0], WHITE)]);
         let splat = evaluate::evaluate(&field, &alive, &camera, 0.0)[0];
-        assert!((splat.center.x - (100.0 * f64::from(x) + 20.0)).abs() < 1e-9, "centres are not moved");
+        assert!((splat.center.x - (100.0 * f64::from(x) + 20.0)).abs() < 1e-9, "centres are not clamped");
         let expected = (FOCAL * 0.1).powi(2) * (1.0 + slope * slope) + 0.3;
         assert!((splat.covariance[0] - expected).abs() < 1e-4, "{} for {expected}", splat.covariance[0]);
     }
 }
 
 #[test]
-fn nearer_is_in_front_and_ties_keep_rows() {
+fn nearer_is_in_front_and_ties_stay_in_row_order() {
     let (near, far) = (Ball::at([0.0, 0.0, 3.0], RED), Ball::at([0.0, 0.0, 4.0], BLUE));
     let image = |balls: &[Ball]| render(&(&field(balls)).into(), &camera(), 0.0, Order::Depth);
     let a = image(&[near]).pixel(32, 24)[3];
@@ -199,10 +199,10 @@ fn nearer_is_in_front_and_ties_keep_rows() {
 
 #[test]
 fn radial_order_differs_from_depth() {
-    // Beside the axis and nearer along it, but farther from the eye.
+    // Off axis: nearer along the axis, but farther from the eye.
     let side = Ball::at([0.9, 0.0, 3.0], RED);
-    let middle = Ball { sigma: 0.5, ..Ball::at([0.1, 0.0, 3.05], BLUE) };
-    let field = field(&[side, middle]);
+    let center = Ball { sigma: 0.5, ..Ball::at([0.1, 0.0, 3.05], BLUE) };
+    let field = field(&[side, center]);
     let (x, y) = pixel_of(0.9, 0.0, 3.0);
     let [depth, radial] = [Order::Depth, Order::Radial]
         .map(|order| render(&(&field).into(), &camera(), 0.0, order).pixel(x, y));
@@ -213,20 +213,20 @@ fn radial_order_differs_from_depth() {
 #[test]
 fn a_pixel_stops_before_the_fragment_that_would_finish_it() {
     let wall = |depth| Ball { sigma: 50.0, opacity: 1.0, ..Ball::at([0.0, 0.0, depth], RED) };
-    let faint = Ball { sigma: 50.0, opacity: 0.1, ..Ball::at([0.0, 0.0, 4.0], BLUE) };
+    let translucent = Ball { sigma: 50.0, opacity: 0.1, ..Ball::at([0.0, 0.0, 4.0], BLUE) };
     let image = |balls: &[Ball]| render(&(&field(balls)).into(), &camera(), 0.0, Order::Depth);
-    // Alpha is capped at 0.999; the second wall would leave 1e-6, and nothing comes after it.
-    let stopped = image(&[wall(2.0), wall(3.0), faint]).pixel(32, 24);
+    // Alpha is capped at 0.999. The second wall would leave 1e-6, so the pixel stops before it.
+    let stopped = image(&[wall(2.0), wall(3.0), translucent]).pixel(32, 24);
     assert_close(stopped, [0.999, 0.0, 0.0, 0.999], 1e-7, "two walls");
-    // A faint fragment after one wall leaves 9e-4 and is drawn.
-    let drawn = image(&[wall(2.0), faint]).pixel(32, 24);
+    // A translucent fragment after one wall leaves 9e-4 and is drawn.
+    let drawn = image(&[wall(2.0), translucent]).pixel(32, 24);
     assert_close(drawn, [0.999, 0.0, 1e-4, 0.9991], 1e-6, "one wall");
 }
 
 #[test]
 fn opacity_follows_the_window() {
-    let still = field(&[Ball { opacity: 0.9, ..Ball::at([0.005, 0.005, 1.0], WHITE) }]);
-    let field = moving(still, 0.4, 0.1, &[]);
+    let static_part = field(&[Ball { opacity: 0.9, ..Ball::at([0.005, 0.005, 1.0], WHITE) }]);
+    let field = dynamic_field(static_part, 0.4, 0.1, &[]);
     let peak = |t| render(&(&field).into(), &camera(), t, Order::Depth).pixel(32, 24)[3];
     for t in [0.1, 0.35, 0.4, 0.55, 0.7] {
         let expected = 0.9 * (-0.5 * ((t - 0.4) / 0.1f64).powi(2)).exp();
@@ -241,8 +241,12 @@ fn opacity_follows_the_window() {
 #[test]
 fn centres_follow_the_cubic() {
     let ball = Ball { sigma: 0.004, ..Ball::at([-0.093, 0.047, 2.0], WHITE) };
-    let field =
-        moving(field(&[ball]), 0.25, f32::INFINITY, &[[0.4, 0.1, 0.0], [0.0, -0.6, 1.0], [0.3, 0.2, -0.5]]);
+    let field = dynamic_field(
+        field(&[ball]),
+        0.25,
+        f32::INFINITY,
+        &[[0.4, 0.1, 0.0], [0.0, -0.6, 1.0], [0.3, 0.2, -0.5]],
+    );
     for t in [0.0, 0.25, 0.6, 1.0] {
         let d: f64 = t - 0.25;
         let x = -0.093 + 0.4 * d + 0.3 * d.powi(3);
@@ -258,7 +262,7 @@ fn centres_follow_the_cubic() {
 
 #[test]
 fn rotation_rates_turn_the_footprint() {
-    let mut turning = moving(field(&[Ball::at([0.0, 0.0, 2.0], WHITE)]), 0.2, f32::INFINITY, &[]);
+    let mut turning = dynamic_field(field(&[Ball::at([0.0, 0.0, 2.0], WHITE)]), 0.2, f32::INFINITY, &[]);
     turning.log_scales[0] = [-1.5, -4.0, -4.0];
     turning.temporal.as_mut().unwrap().rotation_rates = Some(vec![[-0.2, 0.1, 0.3, 0.8]]);
     let t = 0.7;
@@ -289,7 +293,7 @@ fn color_depends_on_the_direction() {
 }
 
 #[test]
-fn the_plate_is_behind_whatever_its_depth() {
+fn the_plate_is_behind_at_any_depth() {
     let front = field(&[Ball::at([0.0, 0.0, 4.0], RED)]);
     let plate = field(&[Ball { sigma: 1.0, opacity: 0.5, ..Ball::at([0.0, 0.0, 1.0], BLUE) }]);
     let alone = |field: &Field| render(&field.into(), &camera(), 0.0, Order::Depth).pixel(32, 24);
@@ -301,7 +305,7 @@ fn the_plate_is_behind_whatever_its_depth() {
 }
 
 #[test]
-fn what_is_behind_the_near_plane_is_not_drawn() {
+fn gaussians_before_the_near_plane_are_not_drawn() {
     for (depth, drawn) in [(-1.0, false), (0.009, false), (0.011, true)] {
         let field = field(&[Ball::at([0.0, 0.0, depth], WHITE)]);
         let image = render(&(&field).into(), &camera(), 0.0, Order::Depth);
@@ -311,9 +315,13 @@ fn what_is_behind_the_near_plane_is_not_drawn() {
 
 #[test]
 fn layers_of_a_clip_are_prefixes_drawn_together() {
-    let still = field(&[Ball::at([0.0, 0.0, 4.0], RED), Ball::at([0.1, 0.0, 4.0], BLUE)]);
-    let moving_part =
-        moving(field(&[Ball::at([0.0, 0.1, 3.0], WHITE), Ball::at([0.0, 0.0, 5.0], BLUE)]), 0.5, 1.0, &[]);
+    let static_part = field(&[Ball::at([0.0, 0.0, 4.0], RED), Ball::at([0.1, 0.0, 4.0], BLUE)]);
+    let dynamic_part = dynamic_field(
+        field(&[Ball::at([0.0, 0.1, 3.0], WHITE), Ball::at([0.0, 0.0, 5.0], BLUE)]),
+        0.5,
+        1.0,
+        &[],
+    );
     let clip = Clip {
         info: ClipInfo {
             duration_s: 1.0,
@@ -323,8 +331,8 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
             viewpoints: Vec::new(),
         },
         bounds: [[-1.0; 3], [5.0; 3]],
-        static_field: still.clone(),
-        dynamic_field: moving_part.clone(),
+        static_field: static_part.clone(),
+        dynamic_field: dynamic_part.clone(),
         layers: vec![
             LayerEnd { static_count: 1, dynamic_count: 1 },
             LayerEnd { static_count: 2, dynamic_count: 2 },
@@ -334,9 +342,9 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         plate: None,
     };
     let draw = |scene: RenderScene| render(&scene, &camera(), 0.5, Order::Depth);
-    let coarse = (still.select(&[0]), moving_part.select(&[0]));
+    let coarse = (static_part.select(&[0]), dynamic_part.select(&[0]));
     let expected = RenderScene {
-        parts: vec![FieldPrefix { field: &coarse.0, rows: 1 }, FieldPrefix { field: &coarse.1, rows: 1 }],
+        prefixes: vec![FieldPrefix { field: &coarse.0, rows: 1 }, FieldPrefix { field: &coarse.1, rows: 1 }],
         plate: None,
     };
     assert_eq!(draw(RenderScene::from_layers(&clip, 1)), draw(expected));
@@ -345,7 +353,7 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
     assert_ne!(draw(RenderScene::from(&clip)), draw(RenderScene::from_layers(&clip, 1)));
     // The moving ball at depth 3 covers the still ones at 4, the one at 5 does not.
     let mut joined = field(&[]);
-    for (part, row) in [(&still, 0), (&still, 1), (&moving_part, 0), (&moving_part, 1)] {
+    for (part, row) in [(&static_part, 0), (&static_part, 1), (&dynamic_part, 0), (&dynamic_part, 1)] {
         joined.centers.push(part.centers[row]);
         joined.rotations.push(part.rotations[row]);
         joined.log_scales.push(part.log_scales[row]);
@@ -356,7 +364,7 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn the_picture_does_not_depend_on_threads() {
     let field = cloud(2, 800);
     let draw = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -368,7 +376,7 @@ fn threads_do_not_show() {
 }
 
 #[test]
-fn extreme_numbers_never_make_nan() {
+fn extreme_numbers_never_give_nan() {
     let mut field = cloud(3, 12);
     field.centers[0] = [3e38, -3e38, 3e38];
     field.centers[1] = [3e38, 0.0, 0.02];
@@ -379,7 +387,7 @@ fn extreme_numbers_never_make_nan() {
     field.sh[6 * 4] = [3e38; 3];
     field.opacities[7] = 1.0;
     field.rotations[8] = [0.0; 4];
-    let mut field = moving(field, 0.5, 1e-38, &[[3e38; 3]; 3]);
+    let mut field = dynamic_field(field, 0.5, 1e-38, &[[3e38; 3]; 3]);
     let temporal = field.temporal.as_mut().unwrap();
     temporal.rotation_rates = Some(vec![[-3e38, 3e38, 0.0, 0.0]; 12]);
     for row in 0..11 {
@@ -395,9 +403,9 @@ fn extreme_numbers_never_make_nan() {
     }
 }
 
-/// Each rectangle tested pixel by pixel, its axes from the eigenvalue equation.
+/// Tests each quad pixel by pixel, with axes from the eigenvalue equation.
 #[test]
-fn coverage_counts_the_pixel_centres_in_the_rectangles() {
+fn coverage_counts_the_pixel_centres_in_the_quads() {
     let field = cloud(4, 60);
     let rows: Vec<_> = (0..60).map(|row| alive::Alive { row, opacity: field.opacity_at(row, 0.0) }).collect();
     let mut visible = 0;
@@ -420,12 +428,12 @@ fn coverage_counts_the_pixel_centres_in_the_rectangles() {
             for y in 0..HEIGHT {
                 for x in 0..WIDTH {
                     let d = dvec2(f64::from(x) + 0.5, f64::from(y) + 0.5) - splat.center;
-                    let in_rectangle =
+                    let in_quad =
                         axis.dot(d).abs() <= r * long.sqrt() && axis.perp().dot(d).abs() <= r * short.sqrt();
-                    inside += u64::from(in_rectangle);
+                    inside += u64::from(in_quad);
                     let q = (yy * d.x * d.x - 2.0 * xy * d.x * d.y + xx * d.y * d.y) / (long * short);
                     let seen = splat.opacity * (-0.5 * q).exp() >= ALPHA_MIN;
-                    assert!(in_rectangle || !seen || radius != Radius::Exact, "a visible pixel is cut off");
+                    assert!(in_quad || !seen || radius != Radius::Exact, "a visible pixel is cut off");
                     visible += u64::from(seen && radius == Radius::Exact);
                 }
             }
@@ -436,21 +444,18 @@ fn coverage_counts_the_pixel_centres_in_the_rectangles() {
         assert!(expected.drawn > 20 && expected.fragments > 2000);
         if radius == Radius::Exact {
             let ratio = expected.fragments as f64 / visible as f64;
-            assert!(
-                (1.0..1.5).contains(&ratio),
-                "a rectangle has 4/pi times the area of its ellipse: {ratio}"
-            );
+            assert!((1.0..1.5).contains(&ratio), "a quad has 4/pi times the area of its ellipse: {ratio}");
         }
     }
 }
 
-/// Against pictures of one white Gaussian at a time, the others being black.
+/// Compares with pictures in which one Gaussian is white and all others are black.
 #[test]
-fn contributions_are_the_weights_of_the_picture() {
+fn contributions_are_the_blending_weights() {
     let mut field = cloud(5, 40);
     field.sh_degree = 0;
     field.sh = vec![constant([0.0; 3]); 40];
-    let field = moving(field, 0.4, 0.5, &[[0.2, 0.1, 0.0]]);
+    let field = dynamic_field(field, 0.4, 0.5, &[[0.2, 0.1, 0.0]]);
     let t = 0.7;
     let actual = contributions(&field, &camera(), t, Order::Depth);
     assert_eq!(actual.len(), 40);
@@ -464,7 +469,7 @@ fn contributions_are_the_weights_of_the_picture() {
         close(actual.weight, weights.iter().sum());
         close(actual.weight_squared, weights.iter().map(|w| w * w).sum());
         close(actual.weight_max, weights.iter().copied().fold(0.0, f64::max));
-        // Alone, nothing is in front: opacity times the number of pixels.
+        // A Gaussian alone has hits of opacity times its number of pixels.
         let image = render(&(&field.select(&[row])).into(), &camera(), t, Order::Depth);
         let pixels = image.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as f64;
         let alone = contributions(&field.select(&[row]), &camera(), t, Order::Depth)[0];
@@ -486,13 +491,13 @@ fn contributions_do_not_depend_on_threads() {
 }
 
 #[test]
-fn what_is_held_is_the_order_and_nothing_else() {
+fn only_the_order_is_held() {
     let scene = cloud(5, 40);
     let scene = RenderScene::from(&scene);
     let here = camera();
     let picture = render(&scene, &here, 0.5, Order::Depth);
     assert_eq!(render_held(&scene, &here, 0.5, Order::Depth, (&here, 0.5)), picture);
-    // From here, red is in front of blue; from behind both it is not.
+    // Red is in front of blue from here, and behind it from the other side.
     let pair = field(&[Ball::at([0.0, 0.0, 2.0], RED), Ball::at([0.0, 0.0, 3.0], BLUE)]);
     let pair = RenderScene::from(&pair);
     let behind = Camera::look_at([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], [0.0, -1.0, 0.0], 0.5, WIDTH, HEIGHT);
@@ -501,8 +506,8 @@ fn what_is_held_is_the_order_and_nothing_else() {
     assert!(red > blue);
     let [red, _, blue, _] = color(render_held(&pair, &here, 0.0, Order::Depth, (&behind, 0.0)));
     assert!(red < blue);
-    // What was not alive when the order was made is missing.
-    let late = moving(field(&[Ball::at([0.0, 0.0, 2.0], RED)]), 0.9, 0.05, &[]);
+    // Gaussians that were not alive in the earlier frame are missing.
+    let late = dynamic_field(field(&[Ball::at([0.0, 0.0, 2.0], RED)]), 0.9, 0.05, &[]);
     let missing = render_held(&(&late).into(), &here, 0.9, Order::Depth, (&here, 0.1));
     assert_eq!(missing, Image::new(WIDTH, HEIGHT));
 }

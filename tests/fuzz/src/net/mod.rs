@@ -1,9 +1,9 @@
 //! Dialogues between the player's downloader and a server that any bytes make up: the downloader's
 //! own files, and in the place of HTTP a [`request::Server`] that keeps to it or does not.
 
-#[path = "../../../../client/src/net/arrived.rs"]
+#[path = "../../../../client/src/net/partial_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod arrived;
+mod partial_file;
 #[path = "../../../../client/src/net/fetch.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod fetch;
@@ -17,23 +17,26 @@ pub(crate) mod request;
 #[path = "../../../../client/src/net/transfer.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod transfer;
-#[path = "../../../../client/src/net/trouble.rs"]
+#[path = "../../../../client/src/net/request_error.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod trouble;
+mod request_error;
+#[path = "../../../../client/src/net/retry.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
+mod retry;
 
 use std::time::Duration;
 
 use codec::Limits;
 
-use arrived::Arrived;
-use fetch::{End, Fetch};
+use partial_file::PartialFile;
+use fetch::{Fetch, Outcome};
 use request::{Script, versions};
-use transfer::Patience;
+use retry::RetryPolicy;
 
 /// Breaks are not waited after: what is fuzzed decides, not the clock.
-const PATIENCE: Patience = Patience {
-    answer: Duration::ZERO,
-    silence: Duration::ZERO,
+const RETRY: RetryPolicy = RetryPolicy {
+    response_timeout: Duration::ZERO,
+    read_timeout: Duration::ZERO,
     retries: 5,
     first_retries: 5,
     first_wait: Duration::ZERO,
@@ -56,17 +59,17 @@ pub fn check_dialogue(bytes: &[u8]) {
     let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
     let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };
     script.stage();
-    let fetch = Fetch::start("", PATIENCE, limits.max_bytes, Arrived::new(limits), known.clone())
+    let fetch = Fetch::start("", RETRY, limits.max_bytes, PartialFile::package(limits), known.clone())
         .expect("a thread can be started");
-    let mut state = fetch.wait(LONGEST, |state| state.end.is_some());
-    let kept = state.arrived.take();
+    let mut state = fetch.wait(LONGEST, |state| state.outcome.is_some());
+    let kept = state.file.take();
     assert!(kept.len() <= limits.max_bytes + READ_BYTES, "{} bytes kept", kept.len());
-    match state.end.take().expect("every dialogue ends") {
-        End::Complete { .. } => {
+    match state.outcome.take().expect("every dialogue ends") {
+        Outcome::Complete { .. } => {
             assert!(!honest || versions().contains(&kept), "{} bytes of no version", kept.len());
         }
-        End::Unchanged => assert!(known.is_some(), "unchanged from nothing"),
-        End::Failed { fault, .. } => {
+        Outcome::Unchanged => assert!(known.is_some(), "unchanged from nothing"),
+        Outcome::Failed { fault, .. } => {
             let text = fault.to_string();
             assert!(!text.is_empty() && !text.contains('\n'), "one line: {text}");
         }

@@ -8,8 +8,9 @@ use std::sync::{Mutex, OnceLock};
 use codec::{EncodeOptions, Source, encode};
 
 use super::head::Head;
-use super::transfer::{Ask, Patience};
-use super::trouble::Trouble;
+use super::request_error::RequestError;
+use super::retry::RetryPolicy;
+use super::transfer::FileRequest;
 use crate::seeds;
 
 /// Headers and the nonsense that may stand in them; a wait longer than none would be waited for.
@@ -125,20 +126,20 @@ pub(super) struct Server {
 }
 
 impl Server {
-    pub(super) fn new(_url: &str, _patience: Patience) -> Result<Server, Trouble> {
+    pub(super) fn new(_url: &str, _retry: RetryPolicy) -> Result<Server, RequestError> {
         let script = STAGED.lock().expect("nobody panics with it").clone();
         Ok(Server { state: Mutex::new((script, 0)) })
     }
 
-    pub(super) fn get(&self, ask: &Ask) -> Result<(Head, Bytes), Trouble> {
+    pub(super) fn get(&self, request: &FileRequest) -> Result<(Head, ResponseBody), RequestError> {
         let (script, requests) = &mut *self.state.lock().expect("nobody panics with it");
         *requests += 1;
         assert!(*requests <= REQUESTS_MAX, "{requests} requests");
         let flags = script.u8();
         let version = usize::from(flags & 1);
         match flags >> 4 {
-            0 => return Err(Trouble::Passing("the connection was lost".into())),
-            1 if flags & 2 != 0 => return Err(Trouble::Unresolved("the server's name is not known".into())),
+            0 => return Err(RequestError::Transient("the connection was lost".into())),
+            1 if flags & 2 != 0 => return Err(RequestError::UnknownHost("the server's name is not known".into())),
             _ => {}
         }
         let breaks = Breaks {
@@ -147,7 +148,7 @@ impl Server {
         };
         let piece = 1 + usize::from(script.u8()) * 16;
         let (status, headers, body) = if script.is_honest() {
-            honest(script, ask, version, flags & 8 != 0)
+            honest(script, request, version, flags & 8 != 0)
         } else {
             lying(script, version)
         };
@@ -156,7 +157,7 @@ impl Server {
         let cut = body.len().min(breaks.after);
         // An end before the announced length does not pass for the end.
         let ends = cut == body.len() || breaks.silently && header("content-length").is_none();
-        Ok((Head::read(status, header), Bytes { body: body[..cut].to_vec(), at: 0, piece, ends }))
+        Ok((Head::parse(status, header), ResponseBody { body: body[..cut].to_vec(), at: 0, piece, ends }))
     }
 }
 
@@ -168,17 +169,17 @@ struct Breaks {
 
 type Answer = (u16, Vec<(&'static str, String)>, Vec<u8>);
 
-fn honest(script: &Script, ask: &Ask, version: usize, tells_length: bool) -> Answer {
+fn honest(script: &Script, request: &FileRequest, version: usize, tells_length: bool) -> Answer {
     let whole = &versions()[version];
     let tag = tag(script.tags(), version);
     let mut headers: Vec<(&'static str, String)> = tag.iter().map(|tag| ("etag", tag.clone())).collect();
-    if ask.if_none_match.is_some() && ask.if_none_match == tag {
+    if request.if_none_match.is_some() && request.if_none_match == tag {
         return (304, headers, Vec::new());
     }
-    let first = usize::try_from(ask.first).unwrap_or(usize::MAX);
+    let first = usize::try_from(request.offset).unwrap_or(usize::MAX);
     // Weak tags never match for parts.
-    let same = script.tags() == Tags::Strong && ask.if_range == tag;
-    if first == 0 || !script.sends_parts() || ask.if_range.is_some() && !same {
+    let same = script.tags() == Tags::Strong && request.if_range == tag;
+    if first == 0 || !script.sends_parts() || request.if_range.is_some() && !same {
         if tells_length {
             headers.push(("content-length", whole.len().to_string()));
         }
@@ -213,7 +214,7 @@ fn lying(script: &mut Script, version: usize) -> Answer {
     }
     let mut body = versions()[version].clone();
     body.drain(..script.u16().min(body.len()));
-    // Bytes of its own, and more of them than anybody asked for.
+    // Bytes of its own, and more than were requested.
     let length = usize::from(script.u8());
     let own: Vec<u8> = (0..length).map(|_| script.u8()).collect();
     let more = usize::from(script.u8()) * 64;
@@ -223,7 +224,7 @@ fn lying(script: &mut Script, version: usize) -> Answer {
 }
 
 /// The bytes of an answer.
-pub(super) struct Bytes {
+pub(super) struct ResponseBody {
     body: Vec<u8>,
     at: usize,
     /// Most that come at a time.
@@ -232,11 +233,11 @@ pub(super) struct Bytes {
     ends: bool,
 }
 
-impl Bytes {
-    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Trouble> {
+impl ResponseBody {
+    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, RequestError> {
         let count = (self.body.len() - self.at).min(self.piece).min(buffer.len());
         if count == 0 && !self.ends {
-            return Err(Trouble::Passing("the connection was lost".into()));
+            return Err(RequestError::Transient("the connection was lost".into()));
         }
         buffer[..count].copy_from_slice(&self.body[self.at..self.at + count]);
         self.at += count;

@@ -11,7 +11,7 @@ use half::f16;
 use image::DynamicImage;
 use program::Fault;
 use refine::anchor::DepthMap;
-use refine::capture::{CalibratedCamera, CaptureShot, Lens};
+use refine::capture::{CalibratedCamera, Lens, PhotoId};
 
 use super::{Footage, bad, read};
 
@@ -31,7 +31,7 @@ impl Footage {
     ///
     /// # Panics
     /// If `shot` is not of this capture.
-    pub fn depth(&self, folder: &Path, shot: CaptureShot) -> Result<Option<DepthMap>, Fault> {
+    pub fn depth(&self, folder: &Path, shot: PhotoId) -> Result<Option<DepthMap>, Fault> {
         let CalibratedCamera { camera, lens, .. } = &self.capture.cameras[shot.camera];
         for (ending, read) in [("png", png as fn(&Path) -> _), ("pfm", pfm), ("npy", npy)] {
             let path = folder.join(format!("{}.{ending}", self.name(shot)));

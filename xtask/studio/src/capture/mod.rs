@@ -15,7 +15,7 @@ use anyhow::bail;
 use codec::Camera;
 use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use program::Fault;
-use refine::capture::{CalibratedCamera, Capture, CaptureShot, Lens, Photo};
+use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
 use refine::image::Image;
 
 #[cfg(feature = "onnx")]
@@ -34,7 +34,7 @@ pub struct Footage {
     pub capture: Capture,
     /// The cameras in the pixels of the files.
     taken_by: Vec<Camera>,
-    files: BTreeMap<CaptureShot, Files>,
+    files: BTreeMap<PhotoId, Files>,
 }
 
 /// The files of one photograph.
@@ -84,10 +84,10 @@ impl Footage {
     /// Number of photographs that some cameras lack in frames that others have. None where each
     /// photograph has a camera of its own.
     pub fn missing(&self) -> usize {
-        let Capture { cameras, times, shots } = &self.capture;
-        match shots.len() == cameras.len() && times.len() > 1 {
+        let Capture { cameras, times, photos } = &self.capture;
+        match photos.len() == cameras.len() && times.len() > 1 {
             true => 0,
-            false => cameras.len() * times.len() - shots.len(),
+            false => cameras.len() * times.len() - photos.len(),
         }
     }
 
@@ -110,7 +110,7 @@ impl Footage {
     ///
     /// # Panics
     /// If `shot` is not of this capture.
-    pub fn name(&self, shot: CaptureShot) -> &str {
+    pub fn name(&self, shot: PhotoId) -> &str {
         &self.files[&shot].name
     }
 
@@ -123,7 +123,7 @@ impl Footage {
     /// # Panics
     /// If `shot` is not of this capture.
     #[cfg(feature = "onnx")]
-    pub fn as_taken(&self, shot: CaptureShot) -> Result<image::RgbImage, Fault> {
+    pub fn as_taken(&self, shot: PhotoId) -> Result<image::RgbImage, Fault> {
         let path = &self.files[&shot].image;
         let taken = read(path)?.into_rgba8();
         check_size(path, taken.dimensions(), &self.taken_by[shot.camera])?;
@@ -142,7 +142,7 @@ impl Footage {
     ///
     /// # Panics
     /// If `shot` is not of this capture.
-    pub fn photo(&self, shot: CaptureShot) -> Result<Photo, Fault> {
+    pub fn photo(&self, shot: PhotoId) -> Result<Photo, Fault> {
         let Files { image, mask, .. } = &self.files[&shot];
         let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[shot.camera];
         let camera = &self.taken_by[shot.camera];
@@ -247,7 +247,7 @@ fn read_text(path: &Path) -> Result<String, Fault> {
 #[derive(Default)]
 struct Builder {
     cameras: Vec<CalibratedCamera>,
-    files: BTreeMap<CaptureShot, Files>,
+    files: BTreeMap<PhotoId, Files>,
 }
 
 impl Builder {
@@ -258,13 +258,13 @@ impl Builder {
     }
 
     fn shot(&mut self, camera: usize, frame: usize, files: Files) {
-        self.files.insert(CaptureShot { frame, camera }, files);
+        self.files.insert(PhotoId { frame, camera }, files);
     }
 
     fn footage(self, times: Vec<f64>) -> Footage {
-        let shots = self.files.keys().copied().collect();
+        let photos = self.files.keys().copied().collect();
         let taken_by = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
-        let capture = Capture { cameras: self.cameras, times, shots };
+        let capture = Capture { cameras: self.cameras, times, photos };
         Footage { capture, taken_by, files: self.files }
     }
 }

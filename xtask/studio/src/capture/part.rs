@@ -29,7 +29,7 @@ impl Footage {
                 (shot, files)
             })
             .collect();
-        self.capture.shots = self.files.keys().copied().collect();
+        self.capture.photos = self.files.keys().copied().collect();
         Ok(())
     }
 
@@ -52,7 +52,7 @@ impl Footage {
                 (shot, files)
             })
             .collect();
-        capture.shots = self.files.keys().copied().collect();
+        capture.photos = self.files.keys().copied().collect();
         let times = capture.times[frames].to_vec();
         let (first, last) = (times[0], times[times.len() - 1]);
         // One frame lasts: it is the whole of its clip.
@@ -60,7 +60,7 @@ impl Footage {
         capture.times = times.iter().map(|t| (t - first) / duration).collect();
         // Of some captures every camera took one photograph.
         let used: Vec<String> = (0..capture.cameras.len())
-            .filter(|camera| capture.shots.iter().any(|shot| shot.camera == *camera))
+            .filter(|camera| capture.photos.iter().any(|shot| shot.camera == *camera))
             .map(|camera| capture.cameras[camera].name.clone())
             .collect();
         self.keep_cameras(&used)
@@ -95,7 +95,7 @@ fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
 
 #[cfg(test)]
 mod tests {
-    use refine::capture::{Capture, CaptureShot, Lens};
+    use refine::capture::{Capture, Lens, PhotoId};
 
     use super::super::{Builder, Files};
     use super::*;
@@ -118,10 +118,10 @@ mod tests {
     fn frames_are_cut_out_and_fill_the_clip() {
         let mut footage = footage();
         footage.keep_frames(1..4).unwrap();
-        let Capture { times, shots, .. } = &footage.capture;
+        let Capture { times, photos, .. } = &footage.capture;
         assert_eq!(times, &[0.0, 0.5, 1.0]);
-        assert_eq!(shots.len(), 6);
-        assert_eq!(footage.name(CaptureShot { frame: 2, camera: 1 }), "b/3");
+        assert_eq!(photos.len(), 6);
+        assert_eq!(footage.name(PhotoId { frame: 2, camera: 1 }), "b/3");
         footage.keep_frames(1..2).unwrap();
         assert_eq!(footage.capture.times, [0.0]);
         for wrong in [0..2, 1..1] {
@@ -134,8 +134,8 @@ mod tests {
         let mut footage = footage();
         footage.keep_cameras(&["b".into()]).unwrap();
         assert_eq!(footage.capture.cameras.len(), 1);
-        assert_eq!(footage.name(CaptureShot { frame: 4, camera: 0 }), "b/4");
-        assert_eq!(footage.capture.shots.len(), 5);
+        assert_eq!(footage.name(PhotoId { frame: 4, camera: 0 }), "b/4");
+        assert_eq!(footage.capture.photos.len(), 5);
         assert!(matches!(footage.keep_cameras(&["a".into()]), Err(Fault::Usage(_))));
     }
 

@@ -1,28 +1,27 @@
-//! What commands that look at a capture are told of it.
+//! Options of the commands that read a capture.
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Once;
 
 use crate::capture::Footage;
 use crate::fit::Shots;
+use crate::scene::DEFAULT_FPS;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
-use refine::capture;
+use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 
-/// Which part of a capture, and what of it is held out from fitting.
+/// The cameras, frames and pixels of a capture that a command reads.
 #[derive(clap::Args, Clone, Debug)]
-pub(crate) struct Cut {
+pub(crate) struct FrameSelection {
     /// Frames to look at: from A, without B; all by default
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
     /// Pixels to shrink the photographs to; as they are by default
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
-    /// Frames that are held out from fitting
-    #[arg(long, value_enum, default_value = "odd")]
-    holdout: Holdout,
     /// Cameras that are held out from fitting, by name, besides those that the capture says
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     held_cameras: Vec<String>,
@@ -31,16 +30,26 @@ pub(crate) struct Cut {
     cameras: Vec<String>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Holdout {
-    /// Every other frame, from the second
-    Odd,
-    /// None
+/// Frames held out from fitting, on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HeldFrames {
+    /// No frame: a product fits all
     None,
+    /// Every other frame, from the second, for evaluation
+    Odd,
 }
 
-impl Cut {
-    /// Opens a capture and cuts the part out.
+impl From<HeldFrames> for Holdout {
+    fn from(held: HeldFrames) -> Holdout {
+        match held {
+            HeldFrames::None => Holdout::None,
+            HeldFrames::Odd => Holdout::Odd,
+        }
+    }
+}
+
+impl FrameSelection {
+    /// Opens a capture and selects from it.
     pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<Footage> {
         let mut footage = Footage::open(folder)?;
         if !self.cameras.is_empty() {
@@ -60,50 +69,33 @@ impl Cut {
         Ok(footage)
     }
 
-    /// Whether it is all of a capture, held out as usual.
-    pub(crate) fn is_usual(&self) -> bool {
+    /// Whether it selects a whole capture.
+    pub(crate) fn is_default(&self) -> bool {
         self.frames.is_none()
             && self.size.is_none()
-            && self.holdout() == capture::Holdout::default()
             && self.held_cameras.is_empty()
             && self.cameras.is_empty()
     }
-
-    /// The frames that are held out.
-    pub(crate) fn holdout(&self) -> capture::Holdout {
-        match self.holdout {
-            Holdout::Odd => capture::Holdout::Odd,
-            Holdout::None => capture::Holdout::None,
-        }
-    }
-
-    /// Their name on the command line.
-    pub(crate) fn holdout_name(&self) -> &'static str {
-        match self.holdout {
-            Holdout::Odd => "odd",
-            Holdout::None => "none",
-        }
-    }
 }
 
-/// Cameras, frames and photographs of each split, in one line.
-pub(crate) fn describe(footage: &Footage, holdout: capture::Holdout) -> Result<String, Fault> {
+/// The number of cameras and frames, and of photographs in each split, in one line.
+pub(crate) fn describe(footage: &Footage, holdout: Holdout) -> Result<String, Fault> {
     let cameras = &footage.capture.cameras;
-    let splits =
-        capture::Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
+    let splits = Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
     let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
-    let [train, interp_b, recon, interp_a] = capture::Split::ALL.map(count);
+    let [train, interp_b, recon, interp_a] = Split::ALL.map(count);
     Ok(format!(
-        "{} cameras, {} of them held; {} frames; {train} photographs to fit to; held: {interp_b} of other \
-         frames, {recon} of other cameras, {interp_a} of both",
+        "{} cameras, {} of them held; {} frames; {train} photographs to fit to, {} held out: {interp_b} of \
+         held frames, {recon} of held cameras, {interp_a} of both",
         cameras.len(),
         cameras.iter().filter(|camera| camera.held).count(),
         footage.capture.times.len(),
+        interp_b + recon + interp_a,
     ))
 }
 
 /// Reads the photographs that a fit looks at.
-pub(crate) fn load_shots(footage: &Footage, holdout: capture::Holdout) -> anyhow::Result<Shots> {
+pub(crate) fn load_shots(footage: &Footage, holdout: Holdout) -> anyhow::Result<Shots> {
     let style = ProgressStyle::with_template("{spinner} {pos} photographs")?;
     let bar = ProgressBar::new_spinner().with_style(style);
     let shots = Shots::load(footage, holdout, || bar.inc(1))?;
@@ -117,6 +109,18 @@ pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, F
     let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
     let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
     Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+}
+
+/// The frame rate of a capture that does not state one, in frames per second. The first call reports the
+/// assumption on standard error.
+pub(crate) fn frame_rate(option: Option<f32>) -> f32 {
+    static REPORT: Once = Once::new();
+    option.unwrap_or_else(|| {
+        REPORT.call_once(|| {
+            eprintln!("note: --fps is not given: the frames are taken as {DEFAULT_FPS} a second")
+        });
+        DEFAULT_FPS
+    })
 }
 
 fn frames(text: &str) -> Result<Range<usize>, String> {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::capture::Cut;
+use super::capture::{FrameSelection, HeldFrames};
 
 /// Make depth maps of a capture's photographs by a network, for `fit --depths`.
 ///
@@ -19,7 +19,10 @@ pub struct Args {
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that are held out from fitting, and get no depth maps
+    #[arg(long, value_enum, default_value_t = HeldFrames::None)]
+    holdout: HeldFrames,
 }
 
 #[cfg(not(feature = "onnx"))]
@@ -38,13 +41,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use anyhow::bail;
     use indicatif::{ProgressBar, ProgressStyle};
     use program::{Fault, output};
-    use refine::capture::{CaptureShot, Split};
+    use refine::capture::{PhotoId, Split};
 
-    let footage = args.cut.open(&args.capture)?;
-    let splits = Split::assign(&footage.capture, args.cut.holdout())
+    let footage = args.selection.open(&args.capture)?;
+    let splits = Split::assign(&footage.capture, args.holdout.into())
         .map_err(|error| Fault::Data(error.to_string()))?;
     let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
-    let mut shots: Vec<CaptureShot> = train.map(|(shot, _)| shot).collect();
+    let mut shots: Vec<PhotoId> = train.map(|(shot, _)| shot).collect();
     shots.sort();
     let mut backbone = Backbone::open(&args.backbone)?;
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left")?;

@@ -11,11 +11,12 @@ use crate::input::Input;
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
+use refine::capture::Holdout;
 use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{Cut, describe, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, describe, load_lpips};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -30,7 +31,11 @@ pub struct Args {
     #[arg(long = "capture", required = true, value_name = "CAPTURE")]
     captures: Vec<PathBuf>,
     #[command(flatten)]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that were held out from fitting; by default what the field file records, and odd frames
+    /// where SUBJECT has no record
+    #[arg(long, value_enum)]
+    holdout: Option<HeldFrames>,
     /// Measure held frames, too, as the nearest frame that is fitted to shows them, and a blend of the
     /// two around them; SUBJECT is a field or package
     #[arg(long)]
@@ -122,9 +127,9 @@ struct Evaluated {
 impl Scene<'_> {
     fn evaluate(self) -> anyhow::Result<Evaluated> {
         let Scene { subject: path, capture, out, args, lpips } = self;
-        let footage = args.cut.open(capture)?;
+        let footage = args.selection.open(capture)?;
         let subject = Subject::load(path, &footage)?;
-        let holdout = args.cut.holdout();
+        let (holdout, note) = held_frames(path, &subject, args.holdout.map(Holdout::from));
         let about = describe(&footage, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
@@ -143,7 +148,7 @@ impl Scene<'_> {
         }
         let style =
             ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
-        let progress = ProgressBar::new(footage.capture.shots.len() as u64).with_style(style);
+        let progress = ProgressBar::new(footage.capture.photos.len() as u64).with_style(style);
         let mut strips = Strips::new(&subject, &footage, holdout)?;
         let judged = judge(&subject, &footage, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {
@@ -152,17 +157,20 @@ impl Scene<'_> {
             progress.inc(1);
         })?;
         progress.finish_and_clear();
+        if let Some(note) = note {
+            eprintln!("note: {note}");
+        }
 
-        let missing = footage.capture.shots.len() - judged.len();
+        let missing = footage.capture.photos.len() - judged.len();
         if missing > 0 {
-            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.shots.len());
+            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.photos.len());
         }
         let means = means(&judged);
         let held = footage.capture.cameras.iter().filter(|camera| camera.held);
         let held: Vec<&str> = held.map(|camera| camera.name.as_str()).collect();
         let mut json = json!({
             "subject": path, "capture": capture, "held_cameras": held,
-            "holdout": args.cut.holdout_name(),
+            "holdout": holdout.name(),
             "splits": by_split(&means)?,
         });
         let mut table = table(&means);
@@ -181,7 +189,7 @@ impl Scene<'_> {
             json["baselines"] = baselines.into();
         }
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
-            && let Some(ladder) = more_pictures(out, input, path, args, &footage)?
+            && let Some(ladder) = more_pictures(out, input, path, holdout, &footage)?
         {
             table += &ladder.table();
             json["ladder"] = serde_json::to_value(&ladder)?;
@@ -199,6 +207,26 @@ impl Scene<'_> {
     }
 }
 
+/// The frames that were held out from fitting `subject`: `named` on the command line, or recorded in its
+/// file, or odd frames. With a note where the file has no record, or another.
+fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> (Holdout, Option<String>) {
+    let recorded = match subject {
+        Subject::Drawn(input) => input.holdout(),
+        Subject::Pictures(_) => None,
+    };
+    let path = path.display();
+    match (named, recorded) {
+        (Some(named), Some(recorded)) if named != recorded => {
+            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
+        }
+        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
+        (None, None) => {
+            let note = format!("{path} does not record the held frames: --holdout odd is assumed");
+            (Holdout::Odd, Some(note))
+        }
+    }
+}
+
 /// The rows by the names of their splits.
 fn by_split(means: &[SplitMeasures]) -> anyhow::Result<Map<String, Value>> {
     means.iter().map(|row| Ok((row.split.to_owned(), serde_json::to_value(row)?))).collect()
@@ -209,10 +237,9 @@ fn more_pictures(
     out: &Path,
     input: &Input,
     path: &Path,
-    args: &Args,
+    holdout: Holdout,
     footage: &Footage,
 ) -> anyhow::Result<Option<Ladder>> {
-    let holdout = args.cut.holdout();
     let interval = swiftest(footage, holdout)?;
     if let Some(interval) = &interval {
         write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, footage, interval)?)?;

@@ -5,20 +5,20 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::capture::Footage;
-use crate::export::field_file;
+use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
 use crate::input::Input;
-use crate::scene::DEFAULT_FPS;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
 use refine::anchor::Mirror;
+use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{Cut, describe, load_lpips, load_shots};
+use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_shots};
 use super::takes::{self, Job, Many};
 
 /// Fit a field to the photographs of a capture.
@@ -38,7 +38,10 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     #[command(flatten)]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that are held out from fitting; the field file records it, and `eval` measures them apart
+    #[arg(long, value_enum, default_value_t = HeldFrames::None)]
+    holdout: HeldFrames,
     /// Where the first Gaussians come from
     #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
     anchor: Anchor,
@@ -81,9 +84,9 @@ pub struct Args {
     /// What draws
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
-    /// Captured frames per second
-    #[arg(long, default_value_t = DEFAULT_FPS, value_parser = positive)]
-    fps: f32,
+    /// Captured frames per second; 30 by default
+    #[arg(long, value_parser = positive)]
+    fps: Option<f32>,
     /// Seconds between checkpoints
     #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f32(),
           value_parser = positive)]
@@ -156,7 +159,7 @@ pub(super) fn by_default(
 ) -> anyhow::Result<()> {
     let runtime =
         Runtime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_to(out, settings, footage, shots, runtime, DEFAULT_FPS).map(drop)
+    fit_to(out, settings, footage, shots, runtime, None).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -215,8 +218,8 @@ fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
     }
-    let footage = args.cut.open(args.capture())?;
-    let holdout = args.cut.holdout();
+    let footage = args.selection.open(args.capture())?;
+    let holdout = Holdout::from(args.holdout);
     let splits = describe(&footage, holdout)?;
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
     let settings = settings(args, &footage)?;
@@ -246,14 +249,15 @@ fn fit_to(
     footage: &Footage,
     shots: &Shots,
     runtime: Runtime,
-    fps: f32,
+    fps: Option<f32>,
 ) -> anyhow::Result<Fitted> {
     let bar = ProgressBar::new(settings.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
     bar.println(describe(footage, settings.holdout)?);
     let fitted = fit::fit(settings, footage, shots, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    output::write(out, &field_file(&fitted.field, &fit::info(footage, fps)))?;
+    let info = fit::info(footage, frame_rate(fps));
+    output::write(out, &fitted_field_file(&fitted.field, &info, settings.holdout))?;
     fit::forget_checkpoint(out)?;
     Ok(fitted)
 }
@@ -284,7 +288,7 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
 }
 
 fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
-    let usual = Settings::usual(footage, args.cut.holdout())?;
+    let usual = Settings::usual(footage, args.holdout.into())?;
     let gaussians = args.gaussians.map_or(usual.gaussians, |n| n as usize);
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => Start::Depths(

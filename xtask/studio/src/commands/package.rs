@@ -6,26 +6,30 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::capture::Footage;
-use crate::fit::{self, FineTuned, FineTuning, Settings, Shots};
-use crate::package::{self, Coding, Counts, Part, QUALITY_DB, Report, Rung, ladder, package_showing};
+use crate::fit::{self, Refinement, RefinementReport, Settings, Shots};
+use crate::package::{
+    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
+    prefix_quality,
+};
 use crate::playlist;
+use crate::progress::StagedProgress;
 use crate::scene::Scene;
 use crate::takes::{List, Record, Standing, Take, key};
 use anyhow::bail;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
+use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{Cut, load_shots};
+use super::capture::{FrameSelection, HeldFrames, load_shots};
 use super::takes::{self, Job, Many};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
-const LADDER_LOSS_DB: f64 = 0.5;
+const PREFIX_LOSS_DB: f64 = 0.5;
 
-/// Fidelity below which fitting colours anew is worth a hint, in dB: what is left out shows.
-const REFIT_BELOW_DB: f64 = 40.0;
+/// Fidelity in dB below which the report suggests `--recolor`.
+const RECOLOR_BELOW_DB: f64 = 40.0;
 
 /// What `--help` says of scenes, at its end.
 const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key optional, in the axes and units of the field:
@@ -58,12 +62,12 @@ pub struct Args {
     /// Let the ranking alone decide, though limbs break off
     #[arg(long)]
     no_floor: bool,
-    /// Fit the colours of what a budget keeps to pictures of the whole field
+    /// Fit the colours of the kept Gaussians to pictures of the whole field
     #[arg(long, requires = "budget")]
-    refit: bool,
+    recolor: bool,
     /// Move what is kept, for N steps, until it looks like the photographs of the capture that the
     /// field was fitted to
-    #[arg(long, value_name = "N", conflicts_with_all = ["refit", "ladder"],
+    #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "ladder"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Folder of that capture; SCENE itself by default
@@ -77,7 +81,7 @@ pub struct Args {
     quality: f64,
     /// Remove a part; may be given several times
     #[arg(long, value_enum, value_name = "PART")]
-    drop: Vec<Part>,
+    drop: Vec<DropPart>,
     /// Refuse a field of which a row needs a repair or has to be left out
     #[arg(long)]
     strict: bool,
@@ -88,7 +92,11 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
-    cut: Cut,
+    selection: FrameSelection,
+    /// Frames that are held out from fitting and refining; by default none, and with --refine what the
+    /// field file records
+    #[arg(long, value_enum, help_heading = "Of the capture, where one is looked at")]
+    holdout: Option<HeldFrames>,
 }
 
 /// A ranking, or none in particular.
@@ -132,10 +140,10 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     } else {
         println!("{}", made.scene);
         print_report(&made.report);
-        print_ladder(made.rungs.as_deref().unwrap_or_default());
+        print_prefixes(made.prefix_steps.as_deref().unwrap_or_default());
         println!("{}, written in {:.1} s", made.out.display(), start.elapsed().as_secs_f64());
     }
-    made.check_ladder()
+    made.check_prefixes()
 }
 
 /// Makes a package of each take of a list, and a playlist of all.
@@ -155,7 +163,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     output::write(&folder.join(playlist::FILE), &playlist)?;
     takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
         let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
-        made.check_ladder()?;
+        made.check_prefixes()?;
         made.to_json()
     })
 }
@@ -165,28 +173,28 @@ struct Made {
     /// The scene and its format.
     scene: String,
     out: PathBuf,
-    report: Report,
-    rungs: Option<Vec<Rung>>,
+    report: PackageReport,
+    prefix_steps: Option<Vec<PrefixStep>>,
 }
 
 impl Made {
     fn to_json(&self) -> anyhow::Result<Value> {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
-        if let Some(rungs) = &self.rungs {
-            object["ladder"] = json!(rungs);
+        if let Some(prefix_steps) = &self.prefix_steps {
+            object["ladder"] = json!(prefix_steps);
         }
         Ok(object)
     }
 
     /// Whether all first parts are as good as they should be.
-    fn check_ladder(&self) -> anyhow::Result<()> {
-        let mut failed = self.rungs.iter().flatten().filter(|rung| rung.loss_db > LADDER_LOSS_DB);
+    fn check_prefixes(&self) -> anyhow::Result<()> {
+        let mut failed = self.prefix_steps.iter().flatten().filter(|step| step.loss_db > PREFIX_LOSS_DB);
         match failed.next() {
             None => Ok(()),
-            Some(Rung { gaussians, loss_db, .. }) => bail!(
+            Some(PrefixStep { gaussians, loss_db, .. }) => bail!(
                 "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
-                 {LADDER_LOSS_DB} dB are allowed"
+                 {PREFIX_LOSS_DB} dB are allowed"
             ),
         }
     }
@@ -195,6 +203,11 @@ impl Made {
 impl Args {
     fn scene(&self) -> &Path {
         self.scene.as_deref().expect("there is a scene where there is no list")
+    }
+
+    /// The holdout of a fit to a capture.
+    fn holdout_of_fit(&self) -> Holdout {
+        self.holdout.unwrap_or(HeldFrames::None).into()
     }
 
     /// What decides what becomes of any scene.
@@ -215,11 +228,11 @@ fn make(args: &Args) -> anyhow::Result<Made> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
-    let settings = package::Settings {
+    let settings = PackageSettings {
         budget: args.budget.map(NonZeroUsize::get),
         rank: args.rank.0,
         no_floor: args.no_floor,
-        refit: args.refit,
+        recolor: args.recolor,
         coding: match args.coder {
             Coder::Context => Coding::Context { quality_db: args.quality },
             Coder::Fixed => Coding::Fixed,
@@ -227,26 +240,23 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         drop: args.drop.clone(),
         strict: args.strict,
     };
-    // Drawn on a terminal's standard error only.
-    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}{msg}")?;
-    let progress = ProgressBar::new(1).with_style(style);
+    let progress = StagedProgress::visible();
     let shots = match (&captured, args.refine) {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
-    let fine_tuning = shots.as_ref().zip(args.refine).map(|(shots, steps)| FineTuning { shots, steps });
-    let package = package_showing(&scene, &settings, fine_tuning.as_ref(), &progress)?;
-    progress.finish_and_clear();
+    let refinement = shots.as_ref().zip(args.refine).map(|(shots, steps)| Refinement { shots, steps });
+    let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
     output::write(&out, &package.bytes)?;
-    let rungs = match args.ladder {
-        true => Some(ladder(&scene, &settings, &package, &progress)?),
+    let prefix_steps = match args.ladder {
+        true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
         false => None,
     };
     Ok(Made {
         scene: format!("{}: {}", scene.name, scene.subject.format),
         out,
         report: package.report,
-        rungs,
+        prefix_steps,
     })
 }
 
@@ -271,21 +281,21 @@ impl Captured {
                     .into()
             )),
             (None, None) if !is_scene => {
-                if !args.cut.is_usual() {
+                if !(args.selection.is_default() && args.holdout.is_none()) {
                     bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
                 }
                 return Ok(None);
             }
             (None, _) => args.scene(),
         };
-        let footage = args.cut.open(folder)?;
+        let footage = args.selection.open(folder)?;
         // Of a list, records say what may be gone on with and what may be replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
             if field.exists() {
                 bail!(is_there(&field));
             }
-            fit::check_checkpoint(&Settings::usual(&footage, args.cut.holdout())?, &field)?;
+            fit::check_checkpoint(&Settings::usual(&footage, args.holdout_of_fit())?, &field)?;
         }
         Ok(Some(Captured { footage, is_scene }))
     }
@@ -293,9 +303,9 @@ impl Captured {
     /// Fits it, to a field file beside the package; of a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
-        let settings = Settings::usual(&self.footage, args.cut.holdout())?;
+        let settings = Settings::usual(&self.footage, args.holdout_of_fit())?;
         if args.many.list.is_none() {
-            self.fit_to(&out, &settings, args)?;
+            self.fit_to(&out, &settings)?;
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{settings:?}"), &[args.scene()])?;
@@ -307,20 +317,22 @@ impl Captured {
             Standing::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
-        self.fit_to(&out, &settings, args)?;
+        self.fit_to(&out, &settings)?;
         Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
     }
 
-    fn fit_to(&self, out: &Path, settings: &Settings, args: &Args) -> anyhow::Result<()> {
-        let shots = load_shots(&self.footage, args.cut.holdout())?;
+    fn fit_to(&self, out: &Path, settings: &Settings) -> anyhow::Result<()> {
+        let shots = load_shots(&self.footage, settings.holdout)?;
         super::fit::by_default(&self.footage, &shots, settings, out)
     }
 
     /// The photographs that `scene` is to look like.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
-        let shots = load_shots(&self.footage, args.cut.holdout())?;
+        let recorded = scene.subject.hints.holdout;
+        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(Holdout::None);
+        let shots = load_shots(&self.footage, holdout)?;
         if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| shot.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
@@ -344,7 +356,7 @@ fn is_there(field: &Path) -> Fault {
     Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
 }
 
-fn print_report(report: &Report) {
+fn print_report(report: &PackageReport) {
     print_counts("Gaussians", &report.subject);
     if let Some(plate) = &report.plate {
         print_counts("plate", plate);
@@ -370,25 +382,25 @@ fn print_report(report: &Report) {
 }
 
 /// How good the first layers are beside packages of their size.
-fn print_ladder(rungs: &[Rung]) {
-    if !rungs.is_empty() {
+fn print_prefixes(prefix_steps: &[PrefixStep]) {
+    if !prefix_steps.is_empty() {
         println!("{:16} {:>9} {:>8} {:>13} {:>8} {:>8}", "ladder", "bytes", "dB", "own bytes", "dB", "loss");
     }
-    for rung in rungs {
+    for step in prefix_steps {
         println!(
             "{:16} {:>9} {:>8.2} {:>13} {:>8.2} {:>8.2}",
-            format!("  {}", rung.gaussians),
-            rung.prefix_bytes,
-            rung.prefix_psnr_db,
-            rung.own_bytes,
-            rung.own_psnr_db,
-            rung.loss_db
+            format!("  {}", step.gaussians),
+            step.prefix_bytes,
+            step.prefix_psnr_db,
+            step.own_bytes,
+            step.own_psnr_db,
+            step.loss_db
         );
     }
 }
 
 /// What was tried for the budget, and what it cost.
-fn print_choice(report: &Report) {
+fn print_choice(report: &PackageReport) {
     let Some(psnr) = report.whole_psnr_db else { return };
     println!(
         "{:22} {:>8} {:>7} {:>10} {:>7} {:>9}",
@@ -410,12 +422,12 @@ fn print_choice(report: &Report) {
     if let Some(why) = &report.why {
         println!("{:16} {why}", "chosen");
     }
-    match report.refit_gain_db {
+    match report.recolor_gain_db {
         Some(gain) => {
-            println!("{:16} {gain:+.2} dB{}", "colour refit", if gain > 0.0 { "" } else { ", not used" });
+            println!("{:16} {gain:+.2} dB{}", "recolored", if gain > 0.0 { "" } else { ", not used" });
         }
-        None if psnr < REFIT_BELOW_DB && report.refined.is_none() => {
-            println!("{:16} not asked for; --refit helps where so much is left out", "colour refit");
+        None if psnr < RECOLOR_BELOW_DB && report.refined.is_none() => {
+            println!("{:16} not asked for; --recolor helps at this fidelity", "recolored");
         }
         None => {}
     }
@@ -424,8 +436,9 @@ fn print_choice(report: &Report) {
 }
 
 /// What moving towards the photographs did.
-fn print_refined(report: &Report) {
-    let Some(FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }) = report.refined
+fn print_refined(report: &PackageReport) {
+    let Some(RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite }) =
+        report.refined
     else {
         return;
     };

@@ -6,10 +6,10 @@ mod page;
 #[cfg(feature = "measure")]
 mod stability;
 
+use crate::progress::StagedProgress;
 use crate::report::{ReportFile, Subject, rd};
 use ::program::{Fault, output};
 use anyhow::bail;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -131,14 +131,13 @@ impl Report {
     }
 
     fn add_rd(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
-        let bar = bar("")?;
-        bar.set_length(subjects.iter().map(rd::work).sum());
+        let progress = StagedProgress::visible();
         let mut measured = Vec::new();
         for subject in subjects {
-            bar.set_prefix(subject.scene.name.clone());
-            measured.push(rd::measure(subject, &bar)?);
+            progress.set_prefix(format!("{}: ", subject.scene.name));
+            measured.push(rd::measure(subject, &progress)?);
         }
-        bar.finish_and_clear();
+        progress.finish();
         let files = rd::files(&measured)?;
         self.text += &files[0].text;
         self.files.extend(files);
@@ -157,12 +156,6 @@ impl Report {
         }
         Ok(())
     }
-}
-
-/// Progress, drawn on a terminal's standard error only.
-fn bar(prefix: &'static str) -> anyhow::Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta} left  {prefix}: {msg}")?;
-    Ok(ProgressBar::new(1).with_style(style).with_prefix(prefix))
 }
 
 /// Checks, before any work is done, that the folder is there or can be made.

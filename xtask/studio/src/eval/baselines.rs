@@ -9,7 +9,7 @@ use program::Fault;
 use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 use refine::image::Image;
-use refine::metrics::Measures;
+use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
 use super::{Judged, photo_for, splits};
@@ -61,7 +61,7 @@ pub fn judge_baselines(
         let camera = &footage.capture.cameras[shot.camera].camera;
         let guesses = guesses(input, camera, &around(&times, footage.capture.times[shot.frame]));
         for (judged, guess) in judged.iter_mut().zip(guesses) {
-            judged.push(Judged { shot, split, measures: Measures::of(&guess, &photo, lpips) });
+            judged.push(Judged { shot, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
         }
         on_shot();
     }

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use codec::{Clip, Limits};
 use program::Fault;
-use refine::capture::{CaptureShot, Holdout, Split};
+use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
-use refine::metrics::Measures;
+use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order, RenderScene};
 use serde::Serialize;
 
@@ -71,7 +71,7 @@ pub fn ladder(
     let contents = codec::contents(&read_package(path)?, &Limits::default())
         .map_err(|error| Fault::Data(format!("{}: {error}", path.display())))?;
     let splits = splits(footage, holdout)?;
-    let of = |wanted: Split| -> Vec<CaptureShot> {
+    let of = |wanted: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == wanted).map(|(shot, _)| *shot).collect()
     };
     let (split, shots) = SPLITS
@@ -81,8 +81,7 @@ pub fn ladder(
         .expect("there is something to fit to");
     let count = shots.len().min(PHOTOS_MAX);
     // In the middles of equal parts: not all of the first camera.
-    let shots: Vec<CaptureShot> =
-        (0..count).map(|i| shots[(2 * i + 1) * shots.len() / (2 * count)]).collect();
+    let shots: Vec<PhotoId> = (0..count).map(|i| shots[(2 * i + 1) * shots.len() / (2 * count)]).collect();
     let mut measures = vec![Vec::new(); layers];
     let mut row = Vec::new();
     for (i, shot) in shots.iter().enumerate() {
@@ -93,7 +92,7 @@ pub fn ladder(
         };
         let pictures: Vec<Image> = (0..layers).map(draw).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
-            measures.push(Measures::of(picture, &photo, None));
+            measures.push(ImageMetrics::of(picture, &photo, None));
         }
         if i == count / 2 {
             let crop = Crop::around(&[&photo]);
@@ -103,7 +102,7 @@ pub fn ladder(
                 .collect();
         }
     }
-    let rung = |(layer, measures): (usize, &Vec<Measures>)| {
+    let rung = |(layer, measures): (usize, &Vec<ImageMetrics>)| {
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         Rung {
             gaussians: clip.layers[layer].total(),

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use refine::capture::Split;
-use refine::metrics::Measures;
+use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
 use super::{Baseline, Judged};
@@ -33,7 +33,7 @@ pub struct SplitMeasures {
 /// Means of each split that has images.
 pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
     let of = |split: Split| {
-        let measures: Vec<Measures> =
+        let measures: Vec<ImageMetrics> =
             judged.iter().filter(|one| one.split == split).map(|one| one.measures).collect();
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
@@ -98,7 +98,7 @@ pub fn csv(judged: &[Judged], footage: &Footage) -> String {
         let camera = &footage.capture.cameras[shot.camera].name;
         let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
         let (name, frame, split) = (footage.name(*shot), shot.frame, split.name());
-        let Measures { psnr_full, ssim, .. } = measures;
+        let ImageMetrics { psnr_full, ssim, .. } = measures;
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6},{lpips}")
             .expect("text grows");
@@ -109,13 +109,13 @@ pub fn csv(judged: &[Judged], footage: &Footage) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use refine::capture::CaptureShot;
+    use refine::capture::PhotoId;
 
     fn judged(psnr_fg: &[Option<f64>]) -> Vec<Judged> {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
-            shot: CaptureShot { frame, camera: 0 },
+            shot: PhotoId { frame, camera: 0 },
             split: Split::Train,
-            measures: Measures { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5, lpips: None },
+            measures: ImageMetrics { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5, lpips: None },
         };
         psnr_fg.iter().enumerate().map(one).collect()
     }

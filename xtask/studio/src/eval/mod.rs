@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use program::Fault;
-use refine::capture::{CaptureShot, Holdout, Photo, Split};
+use refine::capture::{Holdout, Photo, PhotoId, Split};
 use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
-use refine::metrics::Measures;
+use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
 use crate::capture::{Footage, find_image, read_picture};
@@ -50,15 +50,15 @@ impl Subject {
     /// # Errors
     /// [`Fault::Data`] that says what is there instead.
     pub fn load(path: &Path, footage: &Footage) -> anyhow::Result<Subject> {
-        let has_picture = |shot: &CaptureShot| find_image(&path.join(footage.name(*shot))).is_some();
-        match path.is_dir() && footage.capture.shots.iter().any(has_picture) {
+        let has_picture = |shot: &PhotoId| find_image(&path.join(footage.name(*shot))).is_some();
+        match path.is_dir() && footage.capture.photos.iter().any(has_picture) {
             true => Ok(Subject::Pictures(path.to_owned())),
             false => Ok(Subject::Drawn(Box::new(Input::load(path)?))),
         }
     }
 
     /// Whether it has a picture of a shot.
-    fn shows(&self, footage: &Footage, shot: CaptureShot) -> bool {
+    fn shows(&self, footage: &Footage, shot: PhotoId) -> bool {
         match self {
             Subject::Drawn(_) => true,
             Subject::Pictures(folder) => find_image(&folder.join(footage.name(shot))).is_some(),
@@ -66,7 +66,7 @@ impl Subject {
     }
 
     /// Its picture of a shot; `None` if there is none.
-    fn picture(&self, footage: &Footage, shot: CaptureShot) -> Result<Option<Image>, Fault> {
+    fn picture(&self, footage: &Footage, shot: PhotoId) -> Result<Option<Image>, Fault> {
         let camera = &footage.capture.cameras[shot.camera].camera;
         match self {
             Subject::Drawn(input) => {
@@ -85,11 +85,11 @@ impl Subject {
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// Camera and frame.
-    pub shot: CaptureShot,
+    pub shot: PhotoId,
     /// What the photograph is to a fit.
     pub split: Split,
     /// How alike both are.
-    pub measures: Measures,
+    pub measures: ImageMetrics,
 }
 
 /// A picture that was just judged.
@@ -104,12 +104,12 @@ pub struct Look<'a> {
 }
 
 /// The split of each photograph of `footage`.
-fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(CaptureShot, Split)>, Fault> {
+fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
     Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
 /// A photograph, of which `lpips` can be measured.
-fn photo_for(footage: &Footage, shot: CaptureShot, lpips: Option<&Lpips<f32>>) -> Result<Photo, Fault> {
+fn photo_for(footage: &Footage, shot: PhotoId, lpips: Option<&Lpips<f32>>) -> Result<Photo, Fault> {
     let photo = footage.photo(shot)?;
     if let Some(lpips) = lpips {
         let Image { width, height, .. } = photo.image;
@@ -141,7 +141,7 @@ pub fn judge(
         // First the photograph: it must have the size that the picture is drawn in.
         let photo = photo_for(footage, shot, lpips)?;
         if let Some(picture) = subject.picture(footage, shot)? {
-            let one = Judged { shot, split, measures: Measures::of(&picture, &photo, lpips) };
+            let one = Judged { shot, split, measures: ImageMetrics::of(&picture, &photo, lpips) };
             on_shot(Some(Look { judged: &one, picture: &picture, photo: &photo }));
             judged.push(one);
         }

@@ -2,7 +2,7 @@
 //! appendix "Rendering Between Captured Frames").
 
 use program::Fault;
-use refine::capture::{CaptureShot, Holdout, Photo, Split};
+use refine::capture::{Holdout, Photo, PhotoId, Split};
 use refine::image::Image;
 use refine::reference::{self, Order};
 
@@ -38,12 +38,11 @@ impl Interval {
 /// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
 pub fn swiftest(footage: &Footage, holdout: Holdout) -> Result<Option<Interval>, Fault> {
     let splits = splits(footage, holdout)?;
-    let mut train: Vec<CaptureShot> =
+    let mut train: Vec<PhotoId> =
         splits.iter().filter(|(_, split)| *split == Split::Train).map(|(shot, _)| *shot).collect();
     train.sort_by_key(|shot| (shot.camera, shot.frame));
-    let near = |pair: &[CaptureShot]| {
-        pair[0].camera == pair[1].camera && pair[1].frame - pair[0].frame <= FRAMES_MAX
-    };
+    let near =
+        |pair: &[PhotoId]| pair[0].camera == pair[1].camera && pair[1].frame - pair[0].frame <= FRAMES_MAX;
     let Some(camera) = train.windows(2).find(|pair| near(pair)).map(|pair| pair[0].camera) else {
         return Ok(None);
     };
@@ -76,8 +75,8 @@ pub fn quarter_frames(input: &Input, footage: &Footage, interval: &Interval) -> 
     let camera = &capture.cameras[number].camera;
     let mut photos = Vec::new();
     for frame in start..=end {
-        let shot = CaptureShot { camera: number, frame };
-        photos.push(match capture.shots.contains(&shot) {
+        let shot = PhotoId { camera: number, frame };
+        photos.push(match capture.photos.contains(&shot) {
             true => Some(footage.photo(shot)?),
             false => None,
         });

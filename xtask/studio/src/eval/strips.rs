@@ -1,7 +1,7 @@
 //! [`Strips`]: photographs, pictures and their differences side by side.
 
 use program::Fault;
-use refine::capture::{CaptureShot, Holdout, Split};
+use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 
 use super::sheet::sheet;
@@ -15,7 +15,7 @@ const DIFFERENCE_GAIN: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub struct Strip {
     /// Camera and frame.
-    pub shot: CaptureShot,
+    pub shot: PhotoId,
     /// What the photograph is to a fit.
     pub split: Split,
     /// The three in a row.
@@ -26,7 +26,7 @@ pub struct Strip {
 /// the picture in the middle, which is the same for every field, and the one with the lowest PSNR.
 #[derive(Clone, Debug)]
 pub struct Strips {
-    middles: Vec<CaptureShot>,
+    middles: Vec<PhotoId>,
     kept: Vec<Strip>,
     /// Of each split, the lowest PSNR so far.
     worst: Vec<(f64, Strip)>,
@@ -41,7 +41,7 @@ impl Strips {
         let mut shots = splits(footage, holdout)?;
         shots.retain(|(shot, _)| subject.shows(footage, *shot));
         let middle = |split: Split| {
-            let of: Vec<CaptureShot> =
+            let of: Vec<PhotoId> =
                 shots.iter().filter(|(_, of)| *of == split).map(|(shot, _)| *shot).collect();
             of.get(of.len() / 2).copied()
         };

@@ -1,12 +1,24 @@
 //! This project's own field file, as `xtask/FIELD.md` specifies it and [`crate::import`] reads it.
 
 use codec::{ClipInfo, Field};
+use refine::capture::Holdout;
 
 use super::ply::{binary_ply, push_static, static_names};
 use crate::import::field_file::{MARK, VERSION};
 
-/// A field and what is known about its clip, without loss.
+/// A field and the metadata of its clip, without loss.
 pub fn field_file(field: &Field, info: &ClipInfo) -> Vec<u8> {
+    with_comments(field, metadata(info))
+}
+
+/// A fitted field, as [`field_file`] writes it, with a record of the frames held out from fitting.
+pub fn fitted_field_file(field: &Field, info: &ClipInfo, holdout: Holdout) -> Vec<u8> {
+    let mut comments = metadata(info);
+    comments.push(format!("{MARK} holdout {}", holdout.name()));
+    with_comments(field, comments)
+}
+
+fn with_comments(field: &Field, comments: Vec<String>) -> Vec<u8> {
     let mut names = static_names(field.sh_degree);
     names.push("aarc_opacity".into());
     if let Some(temporal) = &field.temporal {
@@ -19,7 +31,7 @@ pub fn field_file(field: &Field, info: &ClipInfo) -> Vec<u8> {
             names.extend((0..4).map(|k| format!("rot_rate_{k}")));
         }
     }
-    binary_ply(&metadata(info), &names, field.len(), |i, row| {
+    binary_ply(&comments, &names, field.len(), |i, row| {
         push_static(field, i, row);
         row.push(field.opacities[i]);
         if let Some(temporal) = &field.temporal {

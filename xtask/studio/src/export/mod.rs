@@ -9,7 +9,7 @@ mod spz;
 
 use codec::{ALPHA_MIN, Field};
 
-pub use field_file::field_file;
+pub use field_file::{field_file, fitted_field_file};
 pub use ply::static_ply;
 pub use splatv::splatv;
 pub use spz::spz;

@@ -8,8 +8,8 @@
 //! from which it goes on where it was.
 
 mod checkpoint;
-mod fine_tune;
 pub mod log;
+mod refinement;
 mod shots;
 mod start;
 
@@ -27,8 +27,8 @@ use serde::{Deserialize, Serialize};
 use crate::capture::Footage;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
-pub use fine_tune::{FineTuned, FineTuning};
 use log::Entry;
+pub use refinement::{Refinement, RefinementReport};
 pub use shots::Shots;
 use shots::train_frames;
 pub use start::{DepthScale, Start};
@@ -409,14 +409,14 @@ fn fingerprint(footage: &Footage) -> String {
         crc.update(format!("{camera:?}").as_bytes());
     }
     crc.update(format!("{:?}", capture.times).as_bytes());
-    for shot in &capture.shots {
+    for shot in &capture.photos {
         crc.update(footage.name(*shot).as_bytes());
     }
     format!(
         "{} cameras, {} frames, {} photographs, {:08x}",
         capture.cameras.len(),
         capture.times.len(),
-        capture.shots.len(),
+        capture.photos.len(),
         crc.sum()
     )
 }

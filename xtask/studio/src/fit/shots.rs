@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use codec::Camera;
 use program::Fault;
 use rayon::prelude::*;
-use refine::capture::{CaptureShot, Holdout, Split};
+use refine::capture::{Holdout, PhotoId, Split};
 use refine::fit::{Photograph, Timeline, TrainingView};
 
 use crate::capture::Footage;
@@ -23,7 +23,7 @@ const BYTES_PER_PIXEL: usize = 8 + 8 + 32 + 32;
 #[derive(Debug)]
 pub struct Shots {
     /// What the fit sees.
-    pub train: Vec<(CaptureShot, TrainingView)>,
+    pub train: Vec<(PhotoId, TrainingView)>,
     /// What it is measured by as it goes, from all splits that are held; empty where nothing is.
     pub held: Vec<TrainingView>,
     /// Number of frames.
@@ -38,20 +38,20 @@ impl Shots {
     pub fn load(footage: &Footage, holdout: Holdout, on_photo: impl Fn() + Sync) -> Result<Shots, Fault> {
         let timeline = Timeline { frames: footage.capture.times.len() };
         let splits = splits(footage, holdout)?;
-        let load = |shot: &CaptureShot| {
+        let load = |shot: &PhotoId| {
             let photograph = Photograph::from(&footage.photo(*shot)?);
             on_photo();
             Ok((*shot, shot_of(footage, *shot, timeline, photograph)))
         };
         let at_once = (DECODING_BYTES / (BYTES_PER_PIXEL * footage.most_pixels())).max(1);
-        let load_all = |shots: &[CaptureShot]| -> Result<Vec<(CaptureShot, TrainingView)>, Fault> {
+        let load_all = |shots: &[PhotoId]| -> Result<Vec<(PhotoId, TrainingView)>, Fault> {
             let mut loaded = Vec::with_capacity(shots.len());
             for shots in shots.chunks(at_once) {
                 loaded.extend(shots.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
             }
             Ok(loaded)
         };
-        let named = |wanted: &dyn Fn(Split) -> bool| -> Vec<CaptureShot> {
+        let named = |wanted: &dyn Fn(Split) -> bool| -> Vec<PhotoId> {
             splits.iter().filter(|(_, split)| wanted(*split)).map(|(shot, _)| *shot).collect()
         };
         let held = load_all(&evenly(&named(&|split| split != Split::Train), CHECKED))?;
@@ -60,7 +60,7 @@ impl Shots {
     }
 }
 
-fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(CaptureShot, Split)>, Fault> {
+fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
     Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
@@ -73,7 +73,7 @@ pub(super) fn train_frames(footage: &Footage, holdout: Holdout) -> Result<BTreeS
     Ok(train.map(|(shot, _)| shot.frame).collect())
 }
 
-fn shot_of(footage: &Footage, shot: CaptureShot, timeline: Timeline, photograph: Photograph) -> TrainingView {
+fn shot_of(footage: &Footage, shot: PhotoId, timeline: Timeline, photograph: Photograph) -> TrainingView {
     let camera: Camera = footage.capture.cameras[shot.camera].camera.clone();
     TrainingView { camera, frame: footage.capture.times[shot.frame] * timeline.frames_per_clip(), photograph }
 }

@@ -5,8 +5,10 @@ use std::path::Path;
 
 use anyhow::bail;
 use program::Fault;
-use refine::anchor::{Alignment, Anchor, AnchorError, AnchorFrame, AnchorView, Source, anchor, scatter};
-use refine::capture::CaptureShot;
+use refine::anchor::{
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
+};
+use refine::capture::PhotoId;
 use refine::fit::{Fit, Parameters, Photograph, TrainingView};
 use serde::{Deserialize, Serialize};
 
@@ -71,19 +73,23 @@ fn has_hull(shots: &Shots) -> bool {
 /// # Errors
 /// [`Fault::Data`] where there is nothing to start from, or a file cannot be read.
 pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> anyhow::Result<Fit> {
-    let wanted = Anchor {
+    let wanted = AnchorSettings {
         views: grounding(settings, footage)?,
         gaussians: settings.gaussians,
         mirror: settings.mirror,
         sh_degree: settings.sh_degree,
-        ..Anchor::default()
+        ..AnchorSettings::default()
     };
     let parameters = match &settings.start {
-        Start::Hull => anchored(Anchor { source: Source::Hull, ..wanted }, footage, shots, None)?,
-        Start::Sweep => anchored(Anchor { source: Source::HullAndSweep, ..wanted }, footage, shots, None)?,
+        Start::Hull => {
+            anchored(AnchorSettings { source: DepthSource::Hull, ..wanted }, footage, shots, None)?
+        }
+        Start::Sweep => {
+            anchored(AnchorSettings { source: DepthSource::HullAndSweep, ..wanted }, footage, shots, None)?
+        }
         Start::Depths(folder, scale) => {
-            let source = Source::Given(scale.alignment(shots));
-            anchored(Anchor { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
+            let source = DepthSource::Given(scale.alignment(shots));
+            anchored(AnchorSettings { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
         }
         Start::Scatter => {
             let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
@@ -127,16 +133,16 @@ impl From<AnchorError> for Stop {
 }
 
 fn anchored(
-    wanted: Anchor,
+    wanted: AnchorSettings,
     footage: &Footage,
     shots: &Shots,
     depths: Option<&Path>,
 ) -> Result<Parameters<f32>, Fault> {
-    let mut frames: BTreeMap<usize, Vec<&(CaptureShot, TrainingView)>> = BTreeMap::new();
+    let mut frames: BTreeMap<usize, Vec<&(PhotoId, TrainingView)>> = BTreeMap::new();
     for shot in &shots.train {
         frames.entry(shot.0.frame).or_default().push(shot);
     }
-    let view = |(taken, shot): &(CaptureShot, TrainingView)| {
+    let view = |(taken, shot): &(PhotoId, TrainingView)| {
         let depths = match depths {
             Some(folder) => footage.depth(folder, *taken).map_err(Stop::Fault)?,
             None => None,
@@ -168,7 +174,7 @@ mod tests {
     use super::*;
 
     /// A photograph of a frame whose alpha is this, from left to right.
-    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (CaptureShot, TrainingView) {
+    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (PhotoId, TrainingView) {
         let photograph = Photograph {
             width: 2,
             height: 1,
@@ -176,7 +182,7 @@ mod tests {
             valid: Vec::new(),
         };
         let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
-        (CaptureShot { camera, frame }, TrainingView { camera: camera_of, frame: frame as f64, photograph })
+        (PhotoId { camera, frame }, TrainingView { camera: camera_of, frame: frame as f64, photograph })
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
 
 use codec::{MOTION_ORDER_MAX, Temporal, Viewpoint};
+use refine::capture::Holdout;
 
 use super::ply::{Ply, Table};
 use super::{Hints, Imported, Repairs, inria};
@@ -77,6 +78,7 @@ fn read_hints(ply: &Ply) -> Result<Hints, String> {
             "fps" => hints.fps = Some(positive()?),
             "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
             "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
+            "holdout" => hints.holdout = Some(Holdout::named(value).ok_or_else(wrong)?),
             "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
             // Later versions may say more about the clip.
             _ => {}

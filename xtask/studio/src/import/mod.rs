@@ -22,6 +22,7 @@ use std::path::Path;
 
 use codec::{Field, SH_C0, Viewpoint};
 use program::Fault;
+use refine::capture::Holdout;
 
 pub use field_file::VERSION as FIELD_FILE_VERSION;
 
@@ -58,6 +59,8 @@ pub struct Hints {
     pub fps: Option<f32>,
     /// Suggested viewpoints, the one to start from first.
     pub viewpoints: Vec<Viewpoint>,
+    /// Frames that were held out from fitting.
+    pub holdout: Option<Holdout>,
 }
 
 /// Rows changed or left out on import, counted by reason.

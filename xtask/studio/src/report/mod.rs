@@ -2,6 +2,7 @@
 //! cost and keep, and with the feature `measure` what playing, packaging and fitting a clip costs and
 //! keeps, and how stable the renderer is.
 
+mod file;
 #[cfg(feature = "measure")]
 pub mod fitting;
 #[cfg(feature = "measure")]
@@ -14,15 +15,7 @@ pub mod rd;
 pub mod stability;
 mod subject;
 
+pub use file::ReportFile;
 #[cfg(feature = "measure")]
 pub use page::Findings;
 pub use subject::Subject;
-
-/// A file of a report.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ReportFile {
-    /// Name in the report's folder.
-    pub name: String,
-    /// Contents.
-    pub text: String,
-}

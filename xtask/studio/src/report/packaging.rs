@@ -8,16 +8,16 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Sensitivity, Source};
-use indicatif::ProgressBar;
 use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Candidate, PASSES, Pictures, Ranking, Selection, by_importance, recolor};
+use refine::prune::{Candidate, Pictures, Ranking, Selection, by_importance, recolor};
 use refine::reference::{self, sensitivities};
 
-use super::Subject;
-use super::rd::{SEEN_WORK, coded_shots, refused, seen_shots};
-use crate::package::Settings;
-use crate::package::coding::{LAYERS, QUALITY_DB};
-use crate::package::whole::{CODE_WORK, PICTURE_WORK, Whole, ranking_shots, scene_of};
+use super::rd::{coded_views, seen_views};
+use super::subject::Subject;
+use crate::package::{
+    FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, ranking_views, refused, render_scene,
+};
+use crate::progress::StagedProgress;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
 /// PSNRs to code to, in dB, from the finest to the coarsest.
@@ -29,30 +29,12 @@ const CODED: usize = 40_000;
 /// How often each package is decoded for its time.
 const DECODINGS: usize = 5;
 
-/// How far the progress advances in [`measure`].
-pub fn work(subject: &Subject) -> u64 {
-    let Subject { scene, field, .. } = subject;
-    let coded = SEEN_WORK * seen_shots(subject).len() as u64
-        + PICTURE_WORK * coded_shots(subject).len() as u64
-        + trial_work(subject) * (1 + TARGETS_DB.len() * TRIALS) as u64;
-    let settings = Settings::default();
-    let chosen = match budget(field) {
-        Some(_) => {
-            Whole::look_work(scene, field, &settings)
-                + Whole::select_work(scene, field, &settings)
-                + refit_work(subject)
-        }
-        None => 0,
-    };
-    coded + chosen
-}
-
-/// Measures the parameters. `progress` advances by [`work`].
+/// Measures the parameters.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
 /// defect of this program.
-pub fn measure(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Vec<Parameter>> {
+pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Vec<Parameter>> {
     let mut parameters = vec![precision(subject, progress)?];
     if let Some(budget) = budget(&subject.field) {
         parameters.extend(choosing(subject, budget, progress)?);
@@ -65,30 +47,18 @@ fn budget(field: &Field) -> Option<usize> {
     LAYERS.into_iter().rev().find(|&budget| budget < field.len())
 }
 
-/// Work of one coding, decoding and comparing.
-fn trial_work(subject: &Subject) -> u64 {
-    CODE_WORK + PICTURE_WORK * coded_shots(subject).len() as u64
-}
-
-fn refit_work(subject: &Subject) -> u64 {
-    let stages = if subject.field.sh_degree > 0 { 2 } else { 1 };
-    let pictures = (1 + stages * PASSES) * ranking_shots(&subject.scene, &subject.field).len();
-    PICTURE_WORK * pictures as u64
-}
-
 /// What the precision of the coder costs and keeps.
-fn precision(subject: &Subject, progress: &ProgressBar) -> anyhow::Result<Parameter> {
-    progress.set_message("coding");
+fn precision(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
+    progress.stage("coding", (1 + TARGETS_DB.len() * TRIALS) + seen_views(subject).len());
     let Subject { scene, field, plate } = subject;
     let mut rows = by_importance(&Ranking::Mass.scores(field, &[]));
     rows.truncate(CODED);
     let part = field.select(&rows);
     let plate = plate.as_ref();
     let source = Source { info: &scene.info, field: &part, plate };
-    let visible = sensitivities(&part, plate, &seen_shots(subject), || progress.inc(SEEN_WORK));
-    let pictured = || progress.inc(PICTURE_WORK);
-    let judge = Pictures::take(&scene_of(&part, plate), coded_shots(subject), pictured);
-    let tried = || progress.inc(trial_work(subject));
+    let visible = sensitivities(&part, plate, &seen_views(subject), || progress.step());
+    let judge = Pictures::take(&render_scene(&part, plate), coded_views(subject), || ());
+    let tried = || progress.step();
 
     let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
         code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, tried)
@@ -162,22 +132,22 @@ fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
 }
 
 /// What chooses the Gaussians of a budget, and whether their colours are fitted anew.
-fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow::Result<[Parameter; 2]> {
+fn choosing(subject: &Subject, budget: usize, progress: &StagedProgress) -> anyhow::Result<[Parameter; 2]> {
     let Subject { scene, field, plate } = subject;
-    let settings = Settings::default();
-    let whole = Whole::look(scene, field, plate.as_ref(), &settings, progress)?;
+    let settings = PackageSettings::default();
+    let whole = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
     let Selection { candidates, best, .. } = whole.select(budget)?;
     let chosen = &candidates[best];
     let ranked = |(i, candidate): (usize, &Candidate)| {
-        let floor = if candidate.kept.restored > 0 { " with floor" } else { "" };
-        let recall = candidate.kept.topology.recall();
+        let floor = if candidate.retained.restored > 0 { " with floor" } else { "" };
+        let recall = candidate.retained.topology.recall();
         let label = format!("{}{floor}", candidate.ranking.name());
         ParameterValue {
             cost: Quartiles::exactly(1.0 - recall),
             counts: counts([
-                ("gaussians", candidate.kept.rows.len() as f64),
+                ("gaussians", candidate.retained.rows.len() as f64),
                 ("features_preserved", recall),
-                ("restored", candidate.kept.restored as f64),
+                ("restored", candidate.retained.restored as f64),
             ]),
             ..point(&label, i == best, candidate.psnr_db)
         }
@@ -194,22 +164,21 @@ fn choosing(subject: &Subject, budget: usize, progress: &ProgressBar) -> anyhow:
         points: candidates.iter().enumerate().map(ranked).collect(),
     };
 
-    progress.set_message("colours");
-    let pictured = || progress.inc(PICTURE_WORK);
+    progress.stage("colours", 1);
     let start = Instant::now();
-    let pictures = Pictures::take(&scene_of(field, plate.as_ref()), ranking_shots(scene, field), pictured);
-    let refitted = recolor(&field.select(&chosen.kept.rows), plate.as_ref(), &pictures, pictured);
+    let pictures = Pictures::take(&render_scene(field, plate.as_ref()), ranking_views(scene, field), || ());
+    let recolored = recolor(&field.select(&chosen.retained.rows), plate.as_ref(), &pictures, || ());
     let seconds = start.elapsed().as_secs_f64();
     let anew = ParameterValue {
         cost: Quartiles::exactly(seconds),
-        ..point("fitted anew", false, whole.draft_psnr(&refitted)?)
+        ..point("recolored", false, whole.draft_psnr(&recolored)?)
     };
     let colours = Parameter {
         stage: FlowStage::Packaging,
-        name: "colour refit".into(),
+        name: "recolor".into(),
         about: format!(
             "Whether the colours of the {budget} Gaussians are fitted to pictures of the whole field \
-             (`--refit`)."
+             (`--recolor`)."
         ),
         cost: "s of packaging".into(),
         points: vec![point("as they were", true, chosen.psnr_db), anew],

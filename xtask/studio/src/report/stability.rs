@@ -8,7 +8,7 @@ use std::fmt::Write;
 use measure::stability::CaseResult;
 use serde::Serialize;
 
-use super::ReportFile;
+use super::file::ReportFile;
 
 /// A run of the suite.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -7,8 +7,7 @@ use codec::Field;
 use refine::reference;
 
 use crate::input::Input;
-use crate::package::visible;
-use crate::package::whole::scene_of;
+use crate::package::{render_scene, visible};
 use crate::scene::Scene;
 use program::Fault;
 
@@ -50,7 +49,7 @@ impl Subject {
 
     /// What the reference renderer draws of it.
     pub fn to_reference(&self) -> reference::RenderScene<'_> {
-        scene_of(&self.field, self.plate.as_ref())
+        render_scene(&self.field, self.plate.as_ref())
     }
 
     /// Rate of a stream that brings so many bytes while the clip plays once.

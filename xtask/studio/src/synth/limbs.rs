@@ -107,10 +107,10 @@ fn push(field: &mut Field, center: DVec3, sigma: f64, opacity: f32, color: [f64;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use refine::prune::{Floor, FloorSettings, Kept, Measure, Ranking, by_importance};
+    use refine::prune::{Floor, FloorSettings, Measure, Ranking, Retained, by_importance};
 
     /// What visibility mass with the floor keeps of the figure.
-    fn floored(measure: Measure) -> Kept {
+    fn floored(measure: Measure) -> Retained {
         let (field, _) = figure();
         field.check().unwrap();
         let floor = Floor::new(&field, FloorSettings { measure, ..FloorSettings::default() }).unwrap();

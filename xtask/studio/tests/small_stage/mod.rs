@@ -18,7 +18,8 @@ pub(crate) fn stage() -> TempDir {
 
 /// Fits it to `field.ply`.
 pub(crate) fn fit(folder: &Path, more: &[&str]) -> Value {
-    let args = [&["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--json"], more].concat();
+    let args = [&["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--holdout", "odd", "--json"], more]
+        .concat();
     aarc_studio(folder, &args).json()
 }
 

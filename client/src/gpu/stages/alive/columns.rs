@@ -1,7 +1,7 @@
-//! [`RowColumns`]: the columns that the stage reads, and what they are at an instant, batch by batch.
+//! [`RowColumns`]: the columns that the stage reads, and their evaluation at an instant in batches.
 //!
-//! A column is a slice of plain numbers, and a batch goes through one operation after the other
-//! without a branch: so the compiler makes vectors of it, four Gaussians wide and more.
+//! Columns are plain slices, and the operations on a batch have no branches, so the compiler vectorises
+//! them to four Gaussians or more.
 
 use std::ops::Range;
 
@@ -10,51 +10,52 @@ use glam::{DVec3, Vec2};
 
 use crate::gpu::pack::moment::Moment;
 
-/// Gaussians that are looked at together: few enough to stay in the nearest cache.
+/// Gaussians per batch: few enough for the first-level cache.
 pub(super) const BATCH: usize = 64;
 
-/// Centres of a batch from the origin of the clip, in units of the field, axis by axis.
+/// Centres of a batch relative to the clip's origin, in units of the field, by axis.
 pub(super) type Places = [[f32; BATCH]; 3];
 
-/// The static or the dynamic Gaussians of a clip, the latter as the [`Moment`]s that the shaders have.
+/// The columns of the static or the dynamic Gaussians of a clip, the latter as the [`Moment`]s of the
+/// shaders.
 pub(super) struct RowColumns {
-    /// Clip times from and to which opacity reaches 1/255, outwards by a rounding; for one that never
-    /// does, none between.
+    /// Clip times between which the opacity is at least 1/255, rounded outwards; an empty interval for rows
+    /// that are never alive.
     starts: Vec<f32>,
     ends: Vec<f32>,
-    /// Instants, in clip time, that records are about; of static rows, 0.
+    /// Instants of the records in clip time; 0 for static rows.
     instants: Vec<f32>,
-    /// Units of time of the motion in a clip.
+    /// Units of motion time per clip.
     units: Vec<f32>,
-    /// Centres at their instants, from the origin of the clip, in units of the field, axis by axis.
+    /// Centres at the instants, relative to the clip's origin, in units of the field, by axis.
     centers: [Vec<f32>; 3],
-    /// Motion coefficients, in units of the field: power by power, axis by axis.
+    /// Motion coefficients in units of the field, by power and axis.
     motion: Vec<[Vec<f32>; 3]>,
-    /// Distance from the centre, in units of the field, beyond which alpha stays below 1/255.
+    /// Distance from the centre, in units of the field, beyond which alpha is below 1/255.
     pub(super) support_radius: Vec<f32>,
     pub(super) contribution: Vec<ContributionBound>,
 }
 
-/// What it takes to tell how much a Gaussian can add to an image.
+/// Parameters of the upper bound of a Gaussian's contribution.
 #[derive(Clone, Copy)]
 pub(super) struct ContributionBound {
     /// Peak opacity.
     opacity: f32,
     /// Widths of the window from its centre to the instant of the record.
     z: f32,
-    /// Widths of the window in a clip; of static rows, 0.
+    /// Widths of the window per clip; 0 for static rows.
     widths: f32,
     /// Standard deviations along the two longest axes, the longest first, in units of the field.
     pub(super) sigmas: Vec2,
 }
 
-/// A batch at an instant. Of a batch that is not full, the rest means nothing.
+/// A batch at an instant; entries beyond its rows are unspecified.
 pub(super) struct Batch {
-    /// 1 for those that are alive.
+    /// 1 for alive rows, else 0.
     pub(super) alive: [u32; BATCH],
     /// Clip time since the instants of the records.
     pub(super) since: [f32; BATCH],
-    /// Where the shaders put them.
+    /// Centres as the shaders compute them.
     pub(super) places: Places,
 }
 
@@ -64,7 +65,7 @@ impl Batch {
 }
 
 impl RowColumns {
-    /// `origin`: of the clip, in the world of the field.
+    /// Prepares the columns of `field`; `origin` is that of the clip, in the world of the field.
     pub(super) fn new(field: &Field, origin: DVec3) -> RowColumns {
         let rows = 0..field.len();
         let moment = |row: usize| match &field.temporal {
@@ -75,7 +76,7 @@ impl RowColumns {
         let alive = |row: usize| match field.alive_interval(row) {
             None => [f32::INFINITY, f32::NEG_INFINITY],
             Some((start, end)) => {
-                // The instant of the frame is rounded too.
+                // The instant of the frame is rounded, too.
                 let rounding = f64::from(f32::EPSILON);
                 [((start - rounding) as f32).next_down(), ((end + rounding) as f32).next_up()]
             }
@@ -116,7 +117,7 @@ impl RowColumns {
         self.support_radius.len()
     }
 
-    /// Works out `rows`, at most [`BATCH`] of them, at clip time `t`.
+    /// Evaluates `rows`, at most [`BATCH`], at clip time `t`.
     pub(super) fn evaluate(&self, rows: Range<usize>, t: f64, batch: &mut Batch) {
         let time = t as f32;
         let rest = (t - f64::from(time)) as f32;

@@ -1,18 +1,17 @@
-//! [`Eye`]: what an eye can see of a batch of Gaussians.
+//! [`Eye`]: frustum culling and contribution bounds for one eye.
 
 use glam::{Affine3A, DMat4, DVec3, Vec2, Vec3A};
 
 use super::columns::{BATCH, ContributionBound, Places};
 use crate::view::View;
 
-/// A view in the form that a quick test needs: no divisions, and pixels counted from the principal
-/// point.
+/// A view prepared for culling: without divisions, in pixels from the principal point.
 #[derive(Clone, Copy)]
 pub(super) struct Eye {
-    /// From the axes of the world with the origin of the clip as their origin.
+    /// From world axes with the clip's origin as their origin.
     view_from_clip: Affine3A,
     focal: Vec2,
-    /// Pixels that a unit of length at distance 1 covers at most.
+    /// Upper bound of the pixels that a unit of length covers at distance 1.
     magnification: Vec2,
     /// The image and a margin around it, in pixels.
     low: Vec2,
@@ -28,7 +27,7 @@ impl Eye {
         high: Vec2::ZERO,
     };
 
-    /// `origin`: of the clip, in the world.
+    /// Prepares `view`; `origin` is that of the clip, in the world.
     pub(super) fn new(view: &View, origin: DVec3) -> Eye {
         // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
@@ -45,20 +44,22 @@ impl Eye {
         }
     }
 
-    /// Marks those of `places` that can leave a trace in the image. Never wrong when it leaves one
-    /// out. `reach`: how far from its centre each is drawn at most.
-    pub(super) fn cull(&self, places: &Places, support_radius: &[f32], seen: &mut [u32; BATCH]) {
+    /// Frustum culling: sets `visible` for each of `places` that may overlap the image. Conservative: culled
+    /// Gaussians never overlap it.
+    pub(super) fn cull(&self, places: &Places, support_radius: &[f32], visible: &mut [u32; BATCH]) {
         let Affine3A { matrix3, translation } = self.view_from_clip;
         let ([a, b, c], o) = ([matrix3.x_axis, matrix3.y_axis, matrix3.z_axis], translation);
         let [xs, ys, zs] = places;
-        for ((((x, y), z), support_radius), seen) in xs.iter().zip(ys).zip(zs).zip(support_radius).zip(seen) {
-            // Everything times the depth. The footprint's deviation is sqrt(a^2 + b^2) of its own and
-            // the blur's: at most a + b, where b is in the margin.
+        for ((((x, y), z), support_radius), visible) in
+            xs.iter().zip(ys).zip(zs).zip(support_radius).zip(visible)
+        {
+            // All terms are multiplied by the depth. The footprint's standard deviation is
+            // sqrt(a^2 + b^2) with the blur b: at most a + b, and the margin includes b.
             let depth = a.z * x + b.z * y + c.z * z + o.z;
             let right = self.focal.x * (a.x * x + b.x * y + c.x * z + o.x);
             let down = self.focal.y * (a.y * x + b.y * y + c.y * z + o.y);
             let (wide, high) = (self.magnification.x * support_radius, self.magnification.y * support_radius);
-            *seen |= u32::from(depth >= shaders::NEAR)
+            *visible |= u32::from(depth >= shaders::NEAR)
                 & u32::from(right + wide >= self.low.x * depth)
                 & u32::from(right - wide <= self.high.x * depth)
                 & u32::from(down + high >= self.low.y * depth)
@@ -66,9 +67,8 @@ impl Eye {
         }
     }
 
-    /// The most that a Gaussian can add to the image at `d` after the instant of its record, the sum
-    /// of its alpha over all pixels, if it is turned to show its two longest axes, and as if it were
-    /// in the middle.
+    /// Upper bound of a Gaussian's sum of alpha over all pixels at `d` after the instant of its record: as if
+    /// it showed its two longest axes at the centre of the image.
     pub(super) fn weight_px(&self, place: Vec3A, d: f32, contribution: &ContributionBound) -> f32 {
         let distance = self.view_from_clip.transform_point3a(place).length();
         let footprint = contribution.sigmas * (self.focal.max_element() / distance);
@@ -77,8 +77,8 @@ impl Eye {
     }
 }
 
-/// Range of x/z and y/z within which footprints are computed: the image and, on every side, 30 %
-/// of half the field of view.
+/// Range of x/z and y/z within which footprints are computed: the image, extended on every side by 30 % of
+/// half the field of view.
 pub(in crate::gpu) fn slope_limits(view: &View) -> (Vec2, Vec2) {
     let size = view.size.as_vec2();
     let margin = 0.3 * 0.5 * size / view.focal;

@@ -1,10 +1,9 @@
-//! Stage `alive`: which Gaussians can be seen at an instant, and how far away they are.
+//! Stage `alive`: finds the visible Gaussians at an instant and their sort keys.
 //!
-//! The time index gives the candidates; those whose temporal opacity reaches 1/255 are alive; of
-//! these, those that can reach into an image, and are not too faint to matter, are handed to the
-//! stage `sort`. It runs for every Gaussian in every frame, so what does not change from frame to
-//! frame is worked out once, the ends of a window instead of its exponential for one, and the rest
-//! batch by batch.
+//! The time index gives candidates. A candidate is alive if its temporal opacity is at least 1/255. Alive
+//! Gaussians are culled against the view frusta and by contribution; the others go to the stage `sort`.
+//! The stage runs for all candidates in every frame, so it precomputes what does not change (the ends of a
+//! window replace its exponential) and processes rows in batches.
 
 mod columns;
 mod eye;
@@ -18,7 +17,7 @@ use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
 use crate::gpu::settings::{RenderSettings, SortOrder};
-use crate::view::{MiddleEye, View};
+use crate::view::{CyclopeanEye, View};
 use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
@@ -26,7 +25,7 @@ pub(in crate::gpu) use eye::slope_limits;
 /// Most eyes that one frame has.
 pub(in crate::gpu) const EYES_MAX: usize = 2;
 
-/// What the CPU keeps of a clip: the columns of the two equations, and their support radii.
+/// The columns of a clip in CPU memory that culling and sorting read.
 pub(in crate::gpu) struct Rows {
     static_field: RowColumns,
     dynamic_field: RowColumns,
@@ -35,17 +34,17 @@ pub(in crate::gpu) struct Rows {
     origin: DVec3,
 }
 
-/// What of a part of a clip can be seen.
+/// Counts of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gpu) struct CullCounts {
     /// Rows that are alive.
     pub(in crate::gpu) alive: u32,
-    /// Those of them that are in sight and were left out all the same, see [`RenderSettings::min_contribution_px`].
+    /// Alive rows inside a frustum that were culled by [`RenderSettings::min_contribution_px`].
     pub(in crate::gpu) culled: u32,
 }
 
 impl Rows {
-    /// `origin`: of the clip, in the world of the fields.
+    /// Prepares the rows; `origin` is that of the clip, in the world of the fields.
     pub(in crate::gpu) fn new(
         [static_field, dynamic_field]: [&Field; 2],
         origin: DVec3,
@@ -61,13 +60,13 @@ impl Rows {
         self.static_field.len() + self.dynamic_field.len()
     }
 
-    /// Gaussians in the first layer, the first two, and so on.
+    /// Number of Gaussians in the first k layers, for k from 1.
     pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = usize> {
         self.layers.iter().map(|end| end.total())
     }
 
-    /// Replaces `items` by the rows that, by `settings`, are to be drawn at clip time `t` in one of
-    /// `views`, static rows first, rows rising within a region's ranges.
+    /// Replaces `items` by the rows to draw at clip time `t` in `views` under `settings`: static rows first,
+    /// then the candidates of the time index in order.
     pub(in crate::gpu) fn alive(
         &self,
         t: f64,
@@ -92,16 +91,16 @@ impl Rows {
             items,
             seen: CullCounts::default(),
         };
-        culler.pass(&self.static_field, 0..end.static_count, 0);
+        culler.cull(&self.static_field, 0..end.static_count, 0);
         let first = self.static_field.len();
         for rows in self.time_index.candidates(t, layers) {
-            culler.pass(&self.dynamic_field, rows, first);
+            culler.cull(&self.dynamic_field, rows, first);
         }
         culler.seen
     }
 }
 
-/// Lets through what can be seen.
+/// Culls rows and collects the others in `items`.
 struct Culler<'a> {
     t: f64,
     eyes: &'a [Eye],
@@ -112,28 +111,28 @@ struct Culler<'a> {
 }
 
 impl Culler<'_> {
-    /// Passes `rows` of a region whose first row counts as `first`.
-    fn pass(&mut self, region: &RowColumns, rows: Range<usize>, first: usize) {
+    /// Culls `rows` of `columns`; the row numbers in `items` are offset by `first`.
+    fn cull(&mut self, columns: &RowColumns, rows: Range<usize>, first: usize) {
         let mut batch = Batch::EMPTY;
         for begin in rows.clone().step_by(BATCH) {
             let rows = begin..rows.end.min(begin + BATCH);
-            region.evaluate(rows.clone(), self.t, &mut batch);
-            let mut in_sight = [0; BATCH];
+            columns.evaluate(rows.clone(), self.t, &mut batch);
+            let mut visible = [0; BATCH];
             for eye in self.eyes {
-                eye.cull(&batch.places, &region.support_radius[rows.clone()], &mut in_sight);
+                eye.cull(&batch.places, &columns.support_radius[rows.clone()], &mut visible);
             }
             let depths = self.depth.of(&batch.places);
             for (i, row) in rows.enumerate() {
                 self.seen.alive += batch.alive[i];
-                if batch.alive[i] & in_sight[i] == 0 {
+                if batch.alive[i] & visible[i] == 0 {
                     continue;
                 }
                 if self.min_contribution_px > 0.0 {
                     let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
-                    let (d, contribution) = (batch.since[i], &region.contribution[row]);
-                    let is_faint =
+                    let (d, contribution) = (batch.since[i], &columns.contribution[row]);
+                    let is_negligible =
                         |eye: &Eye| eye.weight_px(place, d, contribution) < self.min_contribution_px;
-                    if self.eyes.iter().all(is_faint) {
+                    if self.eyes.iter().all(is_negligible) {
                         self.seen.culled += 1;
                         continue;
                     }
@@ -144,18 +143,18 @@ impl Culler<'_> {
     }
 }
 
-/// How far away Gaussians are, as far as their order goes.
+/// Computes the sort keys: distances of Gaussians.
 struct DepthKeys {
     order: SortOrder,
-    /// Between the eyes, from the origin of the clip, in units of the field.
+    /// Midpoint of the eyes relative to the clip's origin, in units of the field.
     from: Vec3A,
-    /// Where both eyes together look, of length 1.
+    /// Unit vector of the mean viewing direction.
     forward: Vec3A,
 }
 
 impl DepthKeys {
     fn new(views: &[View], origin: DVec3, order: SortOrder) -> DepthKeys {
-        let eye = MiddleEye::of(views);
+        let eye = CyclopeanEye::new(views);
         DepthKeys { order, from: (eye.position - origin).as_vec3a(), forward: eye.forward.as_vec3a() }
     }
 

@@ -1,4 +1,4 @@
-//! The stage against testing every row by hand.
+//! Compares the stage with a test of every row.
 
 use codec::{ALPHA_MIN, Camera, Temporal};
 
@@ -53,7 +53,7 @@ fn order_of(mut items: Vec<Item>) -> Vec<u32> {
 }
 
 #[test]
-fn counts_what_is_alive() {
+fn counts_alive_rows() {
     let field = dynamic_field();
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
@@ -61,7 +61,7 @@ fn counts_what_is_alive() {
         let expected = (0..ROWS).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN).count();
         let seen = rows(&field).alive(t, &view, &RenderSettings::default(), &mut items);
         assert_eq!(seen.alive as usize, expected, "t = {t}");
-        assert!(expected > 100 && expected < ROWS * 2 / 3, "a case in which many are not alive: {expected}");
+        assert!(expected > 100 && expected < ROWS * 2 / 3, "many rows are not alive: {expected}");
     }
 }
 
@@ -76,7 +76,7 @@ fn in_view(camera: &Camera, p: [f64; 3]) -> [f64; 3] {
 }
 
 #[test]
-fn sorted_from_the_farthest_position_at_the_instant() {
+fn rows_are_sorted_back_to_front_at_the_instant() {
     let (field, camera) = (dynamic_field(), camera());
     let view = [View::from_camera(&camera)];
     for sort in [SortOrder::Depth, SortOrder::Radial] {
@@ -96,24 +96,20 @@ fn sorted_from_the_farthest_position_at_the_instant() {
 }
 
 #[test]
-fn what_is_left_out_cannot_be_seen() {
+fn culled_rows_are_outside_the_image() {
     let (field, camera) = (dynamic_field(), camera());
     let view = View::from_camera(&camera);
     let mut items = Vec::new();
     let CullCounts { alive, culled } =
         rows(&field).alive(0.4, &[view], &RenderSettings::default(), &mut items);
     assert_eq!(culled, 0);
-    let kept = order_of(items);
-    assert!(
-        kept.len() < alive as usize * 3 / 4,
-        "a case in which much is outside: {} of {alive}",
-        kept.len()
-    );
+    let drawn = order_of(items);
+    assert!(drawn.len() < alive as usize * 3 / 4, "many rows are outside: {} of {alive}", drawn.len());
     for row in (0..ROWS).filter(|&row| field.opacity_at(row, 0.4) >= ALPHA_MIN) {
-        if kept.contains(&(row as u32)) {
+        if drawn.contains(&(row as u32)) {
             continue;
         }
-        // Samples of the ellipsoid at which alpha falls to 1/255 all project outside the image.
+        // All samples of the surface at which alpha falls to 1/255 project outside the image.
         let p = in_view(&camera, field.position_at(row, 0.4));
         let sigma = f64::from(field.log_scales[row].into_iter().fold(f32::MIN, f32::max).exp());
         let radius = sigma * (2.0 * (field.opacity_at(row, 0.4) / ALPHA_MIN).ln()).sqrt();
@@ -132,7 +128,7 @@ fn what_is_left_out_cannot_be_seen() {
 }
 
 #[test]
-fn a_second_eye_adds_what_only_it_sees() {
+fn two_eyes_see_the_union() {
     let field = dynamic_field();
     let [left, right] = View::from_camera(&camera()).stereo_pair(1.0);
     let seen = |views: &[View]| {
@@ -169,7 +165,7 @@ fn layers_are_prefixes() {
     assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
 }
 
-/// The alpha that a row adds to the image, summed over a fine grid of its footprint, blur left out.
+/// Integral of a row's alpha over the image plane, without blur.
 fn alpha_sum(field: &Field, row: usize, camera: &Camera, t: f64) -> f64 {
     let p = in_view(camera, field.position_at(row, t));
     let along = field.log_scales[row].map(|log| f64::from(log.exp()));
@@ -189,11 +185,11 @@ fn alpha_sum(field: &Field, row: usize, camera: &Camera, t: f64) -> f64 {
 }
 
 #[test]
-fn what_is_too_faint_adds_less_than_the_bound_and_is_counted() {
+fn culled_contributions_are_below_the_minimum_and_counted() {
     let (field, camera) = (dynamic_field(), camera());
     let view = [View::from_camera(&camera)];
     let rows = rows(&field);
-    let kept = |min_contribution_px: f32| {
+    let cull_at = |min_contribution_px: f32| {
         let mut items = Vec::new();
         let seen = rows.alive(
             0.4,
@@ -203,16 +199,16 @@ fn what_is_too_faint_adds_less_than_the_bound_and_is_counted() {
         );
         (seen, order_of(items))
     };
-    let (all, every) = kept(0.0);
+    let (all, every) = cull_at(0.0);
     let mut before = 0;
     for min_contribution_px in [0.5, 5.0, 50.0] {
-        let (seen, order) = kept(min_contribution_px);
+        let (seen, order) = cull_at(min_contribution_px);
         assert_eq!((seen.alive, seen.culled as usize), (all.alive, every.len() - order.len()));
-        assert!(seen.culled > before, "more is left out at {min_contribution_px}");
+        assert!(seen.culled > before, "more rows are culled at {min_contribution_px}");
         before = seen.culled;
         for &row in every.iter().filter(|row| !order.contains(row)) {
             let p = in_view(&camera, field.position_at(row as usize, 0.4));
-            // Towards the edge of the image the same solid angle is more pixels.
+            // Towards the edge of the image, a solid angle covers more pixels.
             let stretch = ((p[0] * p[0] + p[1] * p[1]) / (p[2] * p[2]) + 1.0).powf(1.5);
             let added = alpha_sum(&field, row as usize, &camera, 0.4) / stretch;
             assert!(added < f64::from(min_contribution_px), "row {row} adds {added} px");

@@ -1,4 +1,4 @@
-//! [`Backend`]: the interface of whatever computes the steps of a fit.
+//! [`Backend`]: the interface of the back ends, with their state, input and output.
 
 use super::DeviceError;
 use crate::fit::density::ScreenGradients;

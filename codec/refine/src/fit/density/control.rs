@@ -16,8 +16,8 @@ use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
 use crate::fit::precision::Real;
 
-/// Warm-up: the first control comes after this many intervals or a tenth of the steps, whichever is
-/// earlier.
+/// Warm-up: the first control comes after this many intervals or a tenth of the steps, the earlier of the
+/// two.
 const WARM_UP: usize = 5;
 
 /// Percentage of the steps at which densification ends: `LONG`, or `SHORT` if the number of Gaussians

@@ -150,7 +150,7 @@ mod tests {
         run(&mut all, &mut moments, &[1], &gradient);
         let two = -0.1 + 0.036_610_352_703_584_27;
         assert!((all.logits[1] - 0.5 * two).abs() < 1e-12, "{}", all.logits[1]);
-        // Of the other coefficients the rate is a four hundredth of that.
+        // The rate of the other coefficients is 1/400 of that.
         assert!((all.sh[5][1] - two * 1.25e-3).abs() < 1e-13, "{}", all.sh[5][1]);
         assert_eq!((moments.visits.clone(), all.logits[0], all.sh[4]), (vec![0, 2, 0], 0.0, [0.0; 3]));
         assert!((moments.first.logits[1] + 0.055).abs() < 1e-15);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_visit_is_a_whole_step_whenever_it_comes() {
+    fn the_first_gradient_of_a_row_makes_a_full_step() {
         let mut all = parameters::<f32>(2);
         let mut moments = Moments::new(&all);
         let mut gradient = all.zeros(1);
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_that_are_no_numbers_are_contained_and_counted() {
+    fn non_finite_gradients_are_skipped_and_counted() {
         let mut all = parameters::<f32>(4);
         let mut moments = Moments::new(&all);
         let mut gradient = all.zeros(4);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_end_within_the_bounds() {
+    fn rows_are_projected_into_the_bounds() {
         let mut all = parameters::<f64>(2);
         all.log_widths = vec![0.002, 0.002];
         let mut moments = Moments::new(&all);
@@ -201,9 +201,8 @@ mod tests {
         assert_eq!(all.log_widths, [0.002, 0.0]);
     }
 
-    /// Chunks, and threads, change nothing.
     #[test]
-    fn many_rows_move_as_each_would() {
+    fn a_row_moves_the_same_alone_and_among_others() {
         let rows: Vec<u32> = (0..5000).filter(|i| i % 3 != 1).collect();
         let mut all = parameters::<f32>(5000);
         let mut moments = Moments::new(&all);

@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn always_on_and_fully_opaque_stay_finite() {
+    fn infinite_windows_and_extreme_opacities_stay_finite() {
         let mut always = field();
         always.temporal.as_mut().unwrap().s[0] = f32::INFINITY;
         always.opacities = vec![0.0, 1.0];

@@ -8,10 +8,10 @@ use glam::UVec2;
 use measure::device::{Passes, device};
 use measure::playing;
 
-use super::bar;
 use crate::input::{is_package, read_package};
 use crate::machine::machine;
-use crate::package::{self, LAYERS, package_showing};
+use crate::package::{LAYERS, PackageSettings, package_with};
+use crate::progress::StagedProgress;
 use crate::report::fitting;
 use crate::report::{Findings, Subject, packaging};
 
@@ -20,28 +20,26 @@ use crate::report::{Findings, Subject, packaging};
 pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::Result<Findings> {
     let subject = Subject::load(path)?;
     let fits = fitting::load_all(path, logs)?;
+    let progress = StagedProgress::visible();
     let bytes = if is_package(path) {
         read_package(path)?
     } else {
-        let bar = bar("packaging")?;
-        let package = package_showing(&subject.scene, &package::Settings::default(), None, &bar)?;
-        bar.finish_and_clear();
-        package.bytes
+        package_with(&subject.scene, &PackageSettings::default(), None, &progress)?.bytes
     };
     let clip = codec::decode(&bytes, &Limits::default()).with_context(|| path.display().to_string())?;
-    let bar_of_playing = bar("playing")?;
-    let mut on_step = |name: &str, steps: u64| {
-        bar_of_playing.set_length(steps);
-        bar_of_playing.inc(1);
-        bar_of_playing.set_message(name.to_owned());
-    };
     let gpu = device(Passes::Shared)?;
+    let mut is_begun = false;
+    let mut on_step = |name: &str, steps: u64| {
+        if !is_begun {
+            progress.stage("playing", steps as usize);
+            is_begun = true;
+        }
+        progress.set_message(format!("playing: {name}"));
+        progress.step();
+    };
     let whole = subject.to_reference();
     let playing = playing::measure(gpu, &clip, &whole, UVec2::from(size), &LAYERS, &mut on_step)?;
-    bar_of_playing.finish_and_clear();
-    let bar = bar("packaging")?;
-    bar.set_length(packaging::work(&subject));
-    let packaging = packaging::measure(&subject, &bar)?;
-    bar.finish_and_clear();
+    let packaging = packaging::measure(&subject, &progress)?;
+    progress.finish();
     Ok(Findings { name: subject.scene.name, machine: machine(), playing, packaging, fits })
 }

@@ -12,7 +12,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use measure::playing::Playing;
 use refine::prune::RESOLUTION_DB;
 
-use super::ReportFile;
+use super::file::ReportFile;
 use super::fitting::{self, FitLog};
 use super::plot::{self as lines, Line, Panel};
 use crate::fit::log::Entry;

@@ -2,16 +2,15 @@
 //! Gaussians, coded to several PSNRs against the field before coding.
 
 use codec::{AttributeSize, Limits, Sensitivity, Source};
-use indicatif::ProgressBar;
 use refine::code::{TRIALS, code_knowing};
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use super::{SEEN_WORK, refused, seen_shots};
-use crate::package::coding::LAYERS;
-use crate::package::whole::{compared_shots, scene_of};
-use crate::report::Subject;
+use super::views::seen_views;
+use crate::package::{LAYERS, compared_views, refused, render_scene};
+use crate::progress::StagedProgress;
+use crate::report::subject::Subject;
 
 /// PSNRs to code to, in dB.
 const TARGETS_DB: [f64; 4] = [40.0, 45.0, 50.0, 55.0];
@@ -52,25 +51,19 @@ pub struct Simpler {
     pub alike: f64,
 }
 
-/// How far the progress advances in [`measure`].
-pub(super) fn work(subject: &Subject) -> u64 {
-    let compared = compared_shots(&subject.scene, &subject.field).len();
-    SEEN_WORK * (compared + seen_shots(subject).len() + 2 * TRIALS * TARGETS_DB.len()) as u64
-}
-
 /// Codes the first rows of `order`.
 pub(super) fn measure(
     subject: &Subject,
     order: &[usize],
-    progress: &ProgressBar,
+    progress: &StagedProgress,
 ) -> anyhow::Result<Vec<Rate>> {
-    progress.set_message("rates");
-    let step = || progress.inc(SEEN_WORK);
+    progress.stage("rates", 2 * TRIALS * TARGETS_DB.len());
+    let step = || progress.step();
     let Subject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-    let judge = Pictures::take(&scene_of(&part, plate.as_ref()), compared_shots(scene, &part), step);
-    let visible = sensitivities(&part, plate.as_ref(), &seen_shots(subject), step);
+    let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared_views(scene, &part), || ());
+    let visible = sensitivities(&part, plate.as_ref(), &seen_views(subject), || ());
     let unseeing = visible.as_ref().map(|(rows, footprint)| (vec![mean(rows); rows.len()], *footprint));
     let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
         code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, step)

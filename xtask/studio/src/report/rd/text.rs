@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use super::{FieldRd, INSTANTS, Point, Rate, Row, SIZE, Simpler};
-use crate::package::coding::QUALITY_DB;
-use crate::package::whole::FLOOR_INSTANTS;
-use crate::report::ReportFile;
+use super::rates::{Rate, Simpler};
+use super::result::{FieldRd, RatePoint, Selector};
+use super::views::{INSTANTS, SIZE};
+use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
+use crate::report::file::ReportFile;
 use crate::report::plot::{Line, Panel, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
@@ -42,7 +43,7 @@ pub fn files(fields: &[FieldRd]) -> anyhow::Result<Vec<ReportFile>> {
 struct Curve {
     name: String,
     /// With the number of fields that a mean is taken of.
-    points: Vec<(Point, usize)>,
+    points: Vec<(RatePoint, usize)>,
 }
 
 impl Curve {
@@ -59,16 +60,16 @@ impl Curve {
         let budgets: BTreeSet<usize> = points().map(|point| point.budget).collect();
         let mut means = Vec::new();
         for budget in budgets.into_iter().rev() {
-            for row in Row::ALL {
-                let same: Vec<&Point> =
+            for row in Selector::ALL {
+                let same: Vec<&RatePoint> =
                     points().filter(|point| point.budget == budget && point.row == row).collect();
-                let mean = |of: fn(&Point) -> f64| {
+                let mean = |of: fn(&RatePoint) -> f64| {
                     same.iter().map(|point| of(point)).sum::<f64>() / same.len() as f64
                 };
-                let point = Point {
+                let point = RatePoint {
                     budget,
                     row,
-                    ranking: if row == Row::Ours { "" } else { same[0].ranking },
+                    ranking: if row == Selector::Ours { "" } else { same[0].ranking },
                     restored: mean(|p| p.restored as f64).round() as usize,
                     psnr_db: mean(|p| p.psnr_db),
                     recall: mean(|p| p.recall),
@@ -87,13 +88,13 @@ impl Curve {
 }
 
 fn plot(curve: &Curve) -> anyhow::Result<String> {
-    let line = |row: Row, y: fn(&Point) -> f64| {
+    let line = |row: Selector, y: fn(&RatePoint) -> f64| {
         let points = curve.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
         Line { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
     };
-    let panel = |title: &str, y: fn(&Point) -> f64| Panel {
+    let panel = |title: &str, y: fn(&RatePoint) -> f64| Panel {
         title: title.into(),
-        lines: Row::ALL.map(|row| line(row, y)).to_vec(),
+        lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
     };
     let title = format!("{}: PSNR after decoding (dB)", curve.name);
     svg("Mbps", &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)])
@@ -215,15 +216,15 @@ fn compact(text: &mut String, curve: &Curve) {
         _ => String::new(),
     };
     for (title, value) in [
-        ("PSNR (dB)", (|p: &Point| format!("{:.2}", p.psnr_db)) as fn(&Point) -> String),
-        ("Topology", |p: &Point| format!("{:.3}", p.recall)),
+        ("PSNR (dB)", (|p: &RatePoint| format!("{:.2}", p.psnr_db)) as fn(&RatePoint) -> String),
+        ("Topology", |p: &RatePoint| format!("{:.3}", p.recall)),
     ] {
         let _ = write!(text, "| {title} |");
         budgets.iter().rev().for_each(|&budget| {
             let _ = write!(text, " {budget}{} |", of_fields(budget));
         });
         let _ = writeln!(text, "\n|---|{}", "---|".repeat(budgets.len()));
-        for row in Row::ALL {
+        for row in Selector::ALL {
             let _ = write!(text, "| {} |", row.name());
             for (point, _) in curve.points.iter().filter(|(point, _)| point.row == row) {
                 let _ = write!(text, " {} |", value(point));
@@ -265,7 +266,7 @@ mod tests {
     use super::*;
 
     fn field(name: &str, budgets: &[usize]) -> FieldRd {
-        let point = |budget: usize, (i, row): (usize, Row)| Point {
+        let point = |budget: usize, (i, row): (usize, Selector)| RatePoint {
             budget,
             row,
             ranking: "mass",
@@ -281,7 +282,7 @@ mod tests {
         };
         let points = budgets
             .iter()
-            .flat_map(|&budget| Row::ALL.into_iter().enumerate().map(move |r| point(budget, r)));
+            .flat_map(|&budget| Selector::ALL.into_iter().enumerate().map(move |r| point(budget, r)));
         FieldRd {
             field: name.into(),
             gaussians: 1 + budgets.first().copied().unwrap_or(0),

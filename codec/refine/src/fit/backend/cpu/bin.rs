@@ -1,7 +1,7 @@
-//! Stage `bin`: which splats reach which tile.
+//! Stage `bin`: lists the splats of each tile.
 //!
-//! Tiles are tested against the ellipse in which a splat can be seen, not against its box: for each
-//! row of tiles, how far the ellipse reaches to either side within that row.
+//! A splat belongs to the tiles that overlap the ellipse in which it is visible, not its bounding box: per
+//! row of tiles, the span of the ellipse within that row.
 
 use std::ops::Range;
 
@@ -13,25 +13,25 @@ use crate::fit::precision::Real;
 /// Side of a tile in pixels.
 pub(super) const TILE: usize = 16;
 
-/// The tiles of a picture, row by row.
+/// The tiles of an image, row by row.
 #[derive(Clone, Debug)]
 pub(super) struct Tiles {
     /// Tiles per row.
     across: usize,
-    /// Per row of tiles, its splats.
     rows: Vec<TileRow>,
 }
 
+/// The splats of a row of tiles.
 #[derive(Clone, Debug)]
 struct TileRow {
-    /// Where the splats of each tile begin in `splats`, and where the last ones end.
+    /// Index of the first splat of each tile in `splats`, and the end of the last tile.
     starts: Vec<u32>,
-    /// Tile by tile.
+    /// Tile by tile, front to back.
     splats: Vec<u32>,
 }
 
 impl Tiles {
-    /// Of splats sorted front to back.
+    /// Bins `splats`, which are sorted front to back.
     pub(super) fn new<T: Real>(splats: &[Splat<T>], width: u32, height: u32) -> Tiles {
         let (width, height) = (width as usize, height as usize);
         let rows = (0..height.div_ceil(TILE)).into_par_iter();
@@ -49,7 +49,7 @@ impl Tiles {
         [tile % self.across * TILE, tile / self.across * TILE]
     }
 
-    /// Indices of a tile's splats, front to back and so rising.
+    /// Indices of a tile's splats, front to back and so ascending.
     pub(super) fn splats(&self, tile: usize) -> &[u32] {
         let row = &self.rows[tile / self.across];
         let column = tile % self.across;
@@ -58,7 +58,7 @@ impl Tiles {
 }
 
 impl TileRow {
-    /// Of the row of tiles with the given rows of pixels.
+    /// The tiles that cover the rows `pixels`.
     fn new<T: Real>(splats: &[Splat<T>], pixels: Range<usize>, width: usize) -> TileRow {
         let across = width.div_ceil(TILE);
         let half = T::from_f64(0.5);
@@ -66,7 +66,7 @@ impl TileRow {
         let mut spans = Vec::new();
         let mut starts = vec![0; across + 1];
         for (index, splat) in splats.iter().enumerate() {
-            let Some([left, right]) = splat.extent(first, last) else { continue };
+            let Some([left, right]) = splat.span(first, last) else { continue };
             let columns = pixels_between(left, right, width);
             if !columns.is_empty() {
                 let span = columns.start / TILE..columns.end.div_ceil(TILE);
@@ -78,41 +78,41 @@ impl TileRow {
             starts[column + 1] += starts[column];
         }
         let mut ends = starts.clone();
-        let mut of_tiles = vec![0; starts[across] as usize];
+        let mut by_tile = vec![0; starts[across] as usize];
         for (index, span) in spans {
             for end in &mut ends[span] {
-                of_tiles[*end as usize] = index;
+                by_tile[*end as usize] = index;
                 *end += 1;
             }
         }
-        TileRow { starts, splats: of_tiles }
+        TileRow { starts, splats: by_tile }
     }
 }
 
 impl<T: Real> Splat<T> {
-    /// From where to where in x the ellipse reaches between two values of y.
-    fn extent(&self, top: T, bottom: T) -> Option<[T; 2]> {
+    /// Lowest and highest x of the ellipse between two values of y.
+    fn span(&self, top: T, bottom: T) -> Option<[T; 2]> {
         let larger = |a: T, b: T| if a > b { a } else { b };
         let smaller = |a: T, b: T| if a < b { a } else { b };
-        let top = larger(top - self.center[1], -self.reach[1]);
-        let bottom = smaller(bottom - self.center[1], self.reach[1]);
+        let top = larger(top - self.center[1], -self.half_extent[1]);
+        let bottom = smaller(bottom - self.center[1], self.half_extent[1]);
         if top > bottom {
             return None;
         }
-        // Either side of an ellipse is curved to one side: farthest as near to where it touches its
-        // box as can be.
+        // Either side of the ellipse is convex: its extreme within the row is at the height closest to
+        // where it touches the bounding box.
         let side = |dy: T, sign: T| {
-            let left_over = larger(self.far - self.precision[1] * dy * dy, T::zero());
-            self.center[0] + self.lean * dy + sign * (left_over / self.precision[0]).sqrt()
+            let rest = larger(self.q_max - self.inverse_variance[1] * dy * dy, T::zero());
+            self.center[0] + self.shear * dy + sign * (rest / self.inverse_variance[0]).sqrt()
         };
         let within = |dy: T| smaller(larger(dy, top), bottom);
-        Some([side(within(-self.touch), -T::one()), side(within(self.touch), T::one())])
+        Some([side(within(-self.tangent_y), -T::one()), side(within(self.tangent_y), T::one())])
     }
 }
 
-/// Those of `size` pixels along one axis whose centres lie in `[start, end]`, or one more.
+/// The pixels, of `size` along an axis, with their centre in `[start, end]`; possibly one more.
 pub(super) fn pixels_between<T: Real>(start: T, end: T, size: usize) -> Range<usize> {
-    // Conversions cut off what is behind the point, and saturate: at 0, and there also for NaN.
-    let before = |x: T| ((x + T::from_f64(0.5)).to_double() as usize).min(size);
-    before(start)..before(end)
+    // Casts truncate and saturate: to 0 below 0 and for NaN.
+    let below = |x: T| ((x + T::from_f64(0.5)).to_double() as usize).min(size);
+    below(start)..below(end)
 }

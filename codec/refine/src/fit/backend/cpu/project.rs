@@ -1,8 +1,7 @@
-//! Stage `project`: moves Gaussians to the instant and projects them into the image.
+//! Stage `project`: evaluates Gaussians at the frame and projects them into the image.
 //!
-//! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form of
-//! gsplat, as in the reference. It is kept as what `y` has and what `x` has once `y` is known, so that
-//! needles lose no digits.
+//! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form of gsplat,
+//! as in the reference. It is kept as the variances of y and of x given y, so that needles lose no digits.
 
 use codec::{ALPHA_MIN, sh_coefficients};
 use rayon::prelude::*;
@@ -12,83 +11,91 @@ use crate::fit::parameters::{NORM_MIN, Parameters};
 use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
 
-/// Added to the variances of every footprint, in px^2: a splat never falls between pixels.
+/// Added to the variances of every footprint, in px^2: no splat falls between pixels.
 pub(in crate::fit) const BLUR: f64 = 0.3;
 
-/// Distance in front of the camera, in units of the capture, from which Gaussians are drawn.
+/// Distance in front of the camera below which Gaussians are culled, in units of the capture.
 pub(in crate::fit) const NEAR: f64 = 0.01;
 
-/// A Gaussian as the rasteriser sees it. With `d` from its centre to a pixel's, the squared distance in
-/// standard deviations is `q = precision[0] (d.x - lean d.y)^2 + precision[1] d.y^2`.
+/// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
+/// Mahalanobis distance is `q = inverse_variance[0] (d.x - shear d.y)^2 + inverse_variance[1] d.y^2`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Splat<T> {
     /// Row of the parameters.
     pub(super) row: u32,
     /// Centre in pixels, from the image's top left corner.
     pub(super) center: [T; 2],
-    /// How far the ellipse's middle moves in x per step in y.
-    pub(super) lean: T,
-    /// Inverse variances in px^-2: of x where y is known, and of y.
-    pub(super) precision: [T; 2],
-    /// Opacity at the instant, in `[ALPHA_MIN, 1]`.
+    /// Mean of `d.x` per unit of `d.y`.
+    pub(super) shear: T,
+    /// In px^-2: of x given y, and of y.
+    pub(super) inverse_variance: [T; 2],
+    /// Opacity at the frame, in `[ALPHA_MIN, 1]`.
     pub(super) opacity: T,
-    /// Red, green, blue towards the eye, from 0 up.
+    /// Red, green, blue towards the camera, at least 0.
     pub(super) color: [T; 3],
     /// Distance of the centre along the camera's axis.
     pub(super) depth: T,
-    /// `q` from which alpha is certainly below [`ALPHA_MIN`].
-    pub(super) far: T,
-    /// Half the size of the box around the ellipse `q = far`.
-    pub(super) reach: [T; 2],
-    /// `d.y` where the ellipse touches its box on the right; the negative of it on the left.
-    pub(super) touch: T,
+    /// `q` above which alpha is certainly below [`ALPHA_MIN`].
+    pub(super) q_max: T,
+    /// Half the size of the bounding box of the ellipse `q = q_max`.
+    pub(super) half_extent: [T; 2],
+    /// `d.y` at which the ellipse touches its bounding box on the right; on the left it is `-tangent_y`.
+    pub(super) tangent_y: T,
 }
 
-/// A Gaussian at the instant, with what its derivatives need.
+/// A projected Gaussian with the intermediate results that its gradient needs.
 pub(super) struct Projected<T> {
     pub(super) splat: Splat<T>,
     pub(super) window: Window<T>,
-    /// Unit vector from the eye to the centre (0 where they are one), and the distance.
+    /// Unit vector from the camera to the centre (0 if they coincide), and the distance.
     pub(super) direction: [T; 3],
     pub(super) distance: T,
-    /// Unit quaternion, and the length it had; the length is 0 where the quaternion was too short to
-    /// have a direction.
+    /// Unit quaternion, and its length before normalisation; 0 if that is too short.
     pub(super) rotation: [T; 4],
     pub(super) length: T,
     pub(super) scales: [T; 3],
-    /// Centre in the camera's axes.
+    /// Centre in camera space.
     pub(super) view: [T; 3],
-    /// x/z and y/z at which the Jacobian is taken, and whether that is at the centre.
-    pub(super) slope: [T; 2],
-    pub(super) is_inside: [bool; 2],
-    /// Columns are the Gaussian's axes times their standard deviations, in the camera's axes.
+    /// Columns are the Gaussian's axes times their standard deviations, in camera space.
     pub(super) axes: [[T; 3]; 3],
-    /// Rows are the images of these axes in x and in y, in pixels.
-    pub(super) images: [[T; 3]; 2],
-    /// Variance of y, blur included.
-    pub(super) variance_y: T,
+    pub(super) footprint: Footprint<T>,
 }
 
-/// The window of a Gaussian at the instant.
+/// The temporal window of a Gaussian at the frame.
 #[derive(Clone, Copy)]
 pub(super) struct Window<T> {
-    /// Opacity at the instant, and how much the peak opacity lacks to 1.
+    /// Opacity at the frame.
     pub(super) opacity: T,
+    /// 1 minus the peak opacity.
     pub(super) clearness: T,
-    /// Frames since `tau`, also in widths of the window; 0 without time.
+    /// Time since `tau` in frames; 0 without time.
     pub(super) since: T,
+    /// The same in window widths.
     pub(super) since_in_widths: T,
     /// Width in frames; 1 without time.
     pub(super) width: T,
 }
 
-/// A view in the form the projection needs.
+/// The affine approximation of a Gaussian in the image.
+pub(super) struct Footprint<T> {
+    /// x/z and y/z at which the Jacobian is evaluated, and whether those are the centre's.
+    pub(super) slope: [T; 2],
+    pub(super) is_inside: [bool; 2],
+    /// Rows are the images of the scaled axes in x and in y, in pixels.
+    pub(super) images: [[T; 3]; 2],
+    /// Variances of x and y in px^2, blur included.
+    pub(super) variance: [T; 2],
+    covariance: T,
+    determinant: T,
+}
+
+/// A view in the precision of the projection.
 pub(super) struct Projection<T> {
     frame: T,
     pub(super) size: [T; 2],
     pub(super) focal: [T; 2],
     principal: [T; 2],
-    /// Lowest and highest x/z and y/z at which the Jacobian is taken.
+    /// Lowest and highest x/z and y/z at which the Jacobian is evaluated.
     limits: [[T; 2]; 2],
     pub(super) view_from_world: [[T; 3]; 3],
     translation: [T; 3],
@@ -98,15 +105,12 @@ pub(super) struct Projection<T> {
 impl<T: Real> Projection<T> {
     pub(super) fn new(view: &FrameView) -> Projection<T> {
         let camera = view.camera;
-        let focal = [camera.k[0][0], camera.k[1][1]];
-        let principal = [camera.k[0][2], camera.k[1][2]];
-        let size = [f64::from(camera.width), f64::from(camera.height)];
         let m = &camera.camera_from_world;
         Projection {
             frame: T::from_f64(view.frame),
-            size: size.map(T::from_f64),
-            focal: focal.map(T::from_f64),
-            principal: principal.map(T::from_f64),
+            size: [camera.width, camera.height].map(|side| T::from_f64(f64::from(side))),
+            focal: [camera.k[0][0], camera.k[1][1]].map(T::from_f64),
+            principal: [camera.k[0][2], camera.k[1][2]].map(T::from_f64),
             limits: view.slope_limits().map(|limits| limits.map(T::from_f64)),
             view_from_world: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(m[r][c]))),
             translation: [0, 1, 2].map(|r| T::from_f64(m[r][3])),
@@ -114,14 +118,13 @@ impl<T: Real> Projection<T> {
         }
     }
 
-    /// The splats that can reach a pixel, in the order of their rows. Left out: what is not there at
-    /// the instant, what is nearer than 0.01 units, and what has no finite footprint.
+    /// The splats that reach a pixel, in the order of their rows.
     pub(super) fn splats(&self, parameters: &Parameters<T>) -> Vec<Splat<T>> {
         let splat = |row| Some(self.project(parameters, row, self.window(parameters, row)?)?.splat);
         (0..parameters.len()).into_par_iter().with_min_len(256).filter_map(splat).collect()
     }
 
-    /// The window of a Gaussian that is visible at the instant.
+    /// The window of a Gaussian; `None` if it is invisible at the frame.
     pub(super) fn window(&self, parameters: &Parameters<T>, row: usize) -> Option<Window<T>> {
         let one = T::one();
         let (since, width) = match parameters.tau.get(row) {
@@ -137,7 +140,8 @@ impl<T: Real> Projection<T> {
         is_visible.then_some(Window { opacity, clearness, since, since_in_widths, width })
     }
 
-    /// A visible Gaussian in the image, if it can reach a pixel there.
+    /// Projects a visible Gaussian; `None` if it reaches no pixel: it is nearer than [`NEAR`], outside the
+    /// image, or not finite.
     pub(super) fn project(
         &self,
         parameters: &Parameters<T>,
@@ -146,68 +150,26 @@ impl<T: Real> Projection<T> {
     ) -> Option<Projected<T>> {
         let world = position(parameters, row, window.since);
         let view = add(times(&self.view_from_world, world), self.translation);
-        let [x, y, z] = view;
-        // Also where it is NaN.
-        if !(z >= T::from_f64(NEAR) && z.is_finite()) {
+        // NaN fails this test, too.
+        if !(view[2] >= T::from_f64(NEAR) && view[2].is_finite()) {
             return None;
         }
-        let f = self.focal.map(|f| f / z);
-        let center = [f[0] * x + self.principal[0], f[1] * y + self.principal[1]];
-
         let (rotation, length) = rotation(parameters, row, window.since)?;
         let scales = parameters.log_scales[row].map(T::exp);
-        let turned = matrix(rotation);
-        let in_world = turned.map(|row| [row[0] * scales[0], row[1] * scales[1], row[2] * scales[2]]);
+        let in_world =
+            matrix(rotation).map(|row| [row[0] * scales[0], row[1] * scales[1], row[2] * scales[2]]);
         let axes = [0, 1, 2].map(|r| transposed_times(&in_world, self.view_from_world[r]));
-        let [low, high] = self.limits;
-        let at_center = [x / z, y / z];
-        let slope = [0, 1].map(|axis| at_center[axis].max(low[axis]).min(high[axis]));
-        let is_inside = [0, 1].map(|axis| at_center[axis] == slope[axis]);
-        // Rows of the Jacobian times the axes.
-        let images = [0, 1].map(|axis| scaled(add(axes[axis], scaled(axes[2], -slope[axis])), f[axis]));
-        let blur = T::from_f64(BLUR);
-        let [x_image, y_image] = images;
-        let (xx, xy, yy) = (dot(x_image, x_image), dot(x_image, y_image), dot(y_image, y_image));
-        // |a|^2 |b|^2 - (a . b)^2 is |a x b|^2, which does not cancel.
-        let area = cross(x_image, y_image);
-        let determinant = dot(area, area) + blur * (xx + yy) + blur * blur;
-        let (xx, yy) = (xx + blur, yy + blur);
+        let footprint = self.footprint(view, &axes);
 
         let gaze = add(world, scaled(self.eye, -T::one()));
         let distance = dot(gaze, gaze).sqrt();
         let direction = if distance > T::zero() { gaze.map(|x| x / distance) } else { [T::zero(); 3] };
         let color = color(parameters, row, direction);
-
-        let is_finite = center.iter().chain(&color).all(|x| x.is_finite())
-            && distance.is_finite()
-            && determinant.is_finite();
-        if !is_finite {
+        if !(color.iter().all(|x| x.is_finite()) && distance.is_finite()) {
             return None;
         }
-        // A margin above the rounding of the exponential.
-        let radius_squared =
-            T::from_f64(2.0 * libm::log(window.opacity.to_double() / ALPHA_MIN)).max(T::zero());
-        let far = radius_squared + T::from_f64(256.0) * T::epsilon();
-        let reach = [(far * xx).sqrt(), (far * yy).sqrt()];
-        let is_valid = [0, 1].map(|axis| {
-            center[axis] + reach[axis] > T::zero() && center[axis] - reach[axis] < self.size[axis]
-        });
-        if is_valid != [true, true] {
-            return None;
-        }
-        let splat = Splat {
-            row: row as u32,
-            center,
-            lean: xy / yy,
-            precision: [yy / determinant, T::one() / yy],
-            opacity: window.opacity,
-            color: color.map(|c| c.max(T::zero())),
-            depth: z,
-            far,
-            reach,
-            touch: reach[0] * (xy / xx),
-        };
-        let variance_y = yy;
+        let color = color.map(|c| c.max(T::zero()));
+        let splat = self.splat(row as u32, view, &footprint, window.opacity, color)?;
         Some(Projected {
             splat,
             window,
@@ -217,16 +179,73 @@ impl<T: Real> Projection<T> {
             length,
             scales,
             view,
-            slope,
-            is_inside,
             axes,
+            footprint,
+        })
+    }
+
+    /// The footprint of scaled axes at `view`.
+    fn footprint(&self, view: [T; 3], axes: &[[T; 3]; 3]) -> Footprint<T> {
+        let [x, y, z] = view;
+        let [low, high] = self.limits;
+        let at_center = [x / z, y / z];
+        let slope = [0, 1].map(|axis| at_center[axis].max(low[axis]).min(high[axis]));
+        // Rows of the Jacobian times the axes.
+        let images =
+            [0, 1].map(|axis| scaled(add(axes[axis], scaled(axes[2], -slope[axis])), self.focal[axis] / z));
+        let blur = T::from_f64(BLUR);
+        let [x_image, y_image] = images;
+        let (xx, yy) = (dot(x_image, x_image), dot(y_image, y_image));
+        // |a|^2 |b|^2 - (a . b)^2 is |a x b|^2, which does not cancel.
+        let area = cross(x_image, y_image);
+        Footprint {
+            slope,
+            is_inside: [0, 1].map(|axis| at_center[axis] == slope[axis]),
             images,
-            variance_y,
+            variance: [xx + blur, yy + blur],
+            covariance: dot(x_image, y_image),
+            determinant: dot(area, area) + blur * (xx + yy) + blur * blur,
+        }
+    }
+
+    /// The splat of a footprint; `None` if it is not finite or outside the image.
+    fn splat(
+        &self,
+        row: u32,
+        view: [T; 3],
+        footprint: &Footprint<T>,
+        opacity: T,
+        color: [T; 3],
+    ) -> Option<Splat<T>> {
+        let z = view[2];
+        let center = [0, 1].map(|axis| self.focal[axis] / z * view[axis] + self.principal[axis]);
+        let &Footprint { variance: [xx, yy], covariance: xy, determinant, .. } = footprint;
+        if !(center.iter().all(|x| x.is_finite()) && determinant.is_finite()) {
+            return None;
+        }
+        let visible = T::from_f64(2.0 * libm::log(opacity.to_double() / ALPHA_MIN)).max(T::zero());
+        // The margin exceeds the rounding error of the exponential.
+        let q_max = visible + T::from_f64(256.0) * T::epsilon();
+        let half_extent = [(q_max * xx).sqrt(), (q_max * yy).sqrt()];
+        let is_in_image = [0, 1].map(|axis| {
+            center[axis] + half_extent[axis] > T::zero() && center[axis] - half_extent[axis] < self.size[axis]
+        });
+        (is_in_image == [true, true]).then(|| Splat {
+            row,
+            center,
+            shear: xy / yy,
+            inverse_variance: [yy / determinant, T::one() / yy],
+            opacity,
+            color,
+            depth: z,
+            q_max,
+            half_extent,
+            tangent_y: half_extent[0] * (xy / xx),
         })
     }
 }
 
-/// `mu + c1 d + c2 d^2 + c3 d^3`, the paper's trajectory.
+/// The paper's trajectory: `mu + c1 d + c2 d^2 + c3 d^3`.
 fn position<T: Real>(parameters: &Parameters<T>, row: usize, d: T) -> [T; 3] {
     let order = usize::from(parameters.motion_order);
     let mut offset = [T::zero(); 3];
@@ -236,8 +255,8 @@ fn position<T: Real>(parameters: &Parameters<T>, row: usize, d: T) -> [T; 3] {
     add(parameters.centers[row], offset)
 }
 
-/// The unit quaternion at the instant and the length it had before; 1, 0, 0, 0 and length 0 where a
-/// quaternion is too short. `None` where it is not finite.
+/// Unit quaternion `d` frames after `tau`, and its length before normalisation; the identity and 0 if it
+/// is too short. `None` if it is not finite.
 fn rotation<T: Real>(parameters: &Parameters<T>, row: usize, d: T) -> Option<([T; 4], T)> {
     let mut q = parameters.rotations[row];
     if let Some(rate) = parameters.rotation_rates.get(row) {
@@ -251,7 +270,7 @@ fn rotation<T: Real>(parameters: &Parameters<T>, row: usize, d: T) -> Option<([T
     (!length.is_nan()).then_some(([T::one(), zero, zero, zero], zero))
 }
 
-/// The rotation matrix, row by row, of a unit quaternion w, x, y, z.
+/// Rotation matrix, row by row, of a unit quaternion w, x, y, z.
 pub(super) fn matrix<T: Real>([w, x, y, z]: [T; 4]) -> [[T; 3]; 3] {
     let (one, two) = (T::one(), T::from_f64(2.0));
     [
@@ -261,7 +280,7 @@ pub(super) fn matrix<T: Real>([w, x, y, z]: [T; 4]) -> [[T; 3]; 3] {
     ]
 }
 
-/// `0.5 + sum(Y_k c_k)` per channel; a splat's colour is that where it is positive.
+/// `0.5 + sum(Y_k c_k)` per channel; a splat has the positive part.
 fn color<T: Real>(parameters: &Parameters<T>, row: usize, direction: [T; 3]) -> [T; 3] {
     let count = sh_coefficients(parameters.sh_degree);
     let basis = sh::basis(direction, count);
@@ -288,12 +307,12 @@ fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// `m v`.
+/// Matrix times vector, `m v`.
 pub(super) fn times<T: Real>(m: &[[T; 3]; 3], v: [T; 3]) -> [T; 3] {
     [dot(m[0], v), dot(m[1], v), dot(m[2], v)]
 }
 
-/// `m^T v`.
+/// Transposed matrix times vector, `m^T v`.
 pub(super) fn transposed_times<T: Real>(m: &[[T; 3]; 3], v: [T; 3]) -> [T; 3] {
     add(add(scaled(m[0], v[0]), scaled(m[1], v[1])), scaled(m[2], v[2]))
 }

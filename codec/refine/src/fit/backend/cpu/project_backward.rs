@@ -1,22 +1,22 @@
-//! Stage `project_backward`: from the gradient by splats to that by parameters.
+//! Stage `project_backward`: backpropagates the gradient from splats to parameters.
 //!
-//! Each Gaussian is projected once more and followed back, by itself.
+//! Each Gaussian is projected again, for its intermediate results.
 
 use codec::sh_coefficients;
 use rayon::prelude::*;
 
-use super::project::{Projected, Projection, Splat, add, dot, matrix, scaled, transposed_times};
+use super::project::{Projected, Projection, Splat, Window, add, dot, matrix, scaled, transposed_times};
 use super::rasterize_backward::SplatGradient;
 use super::sh;
 use crate::fit::backend::Gradient;
-use crate::fit::parameters::Parameters;
+use crate::fit::parameters::{COLUMNS, Parameters};
 use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
 
-/// Gaussians that one thread follows in one go.
+/// Gaussians per parallel task.
 const CHUNK: usize = 256;
 
-/// The gradient by the parameters of what was drawn.
+/// The gradient with respect to the parameters of the rendered Gaussians.
 pub(super) fn project_backward<T: Real>(
     splats: &[Splat<T>],
     d_splats: &[SplatGradient<T>],
@@ -33,12 +33,12 @@ pub(super) fn project_backward<T: Real>(
         let mut non_finite = 0;
         for (place, (row, index)) in chunk.iter().enumerate() {
             let d_splat = &d_splats[*index as usize];
-            let by_gaussian = gaussian(&projection, parameters, *row as usize, d_splat, detach_tau);
+            let gradient = gaussian(&projection, parameters, *row as usize, d_splat, detach_tau);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::from_f64(0.5));
-            let length = (x * x + y * y).sqrt();
-            if by_gaussian.is_finite() && length.is_finite() {
-                rows.write(place, &by_gaussian);
-                rows.screen[place] = length;
+            let norm = (x * x + y * y).sqrt();
+            if gradient.is_finite() && norm.is_finite() {
+                rows.write(place, &gradient);
+                rows.screen[place] = norm;
             } else {
                 non_finite += 1;
             }
@@ -50,106 +50,79 @@ pub(super) fn project_backward<T: Real>(
     Gradient { rows: by_row.into_iter().map(|(row, _)| row).collect(), values, screen, non_finite }
 }
 
-/// A part of the rows of a gradient, to be written to.
+/// Mutable access to some rows of a gradient.
 struct Rows<'a, T> {
-    centers: &'a mut [[T; 3]],
-    rotations: &'a mut [[T; 4]],
-    log_scales: &'a mut [[T; 3]],
-    logits: &'a mut [T],
-    sh: &'a mut [[T; 3]],
-    tau: &'a mut [T],
-    log_widths: &'a mut [T],
-    motion: &'a mut [[T; 3]],
-    rotation_rates: &'a mut [[T; 4]],
+    /// As [`Parameters::columns_mut`].
+    columns: [&'a mut [T]; COLUMNS],
+    /// Numbers per row in each column.
+    per_row: [usize; COLUMNS],
     screen: &'a mut [T],
-    coefficients: usize,
-    motion_order: usize,
 }
 
 impl<'a, T: Real> Rows<'a, T> {
-    /// [`CHUNK`] rows each, in their order.
+    /// Splits a gradient into chunks of [`CHUNK`] rows.
     fn chunks(values: &'a mut Parameters<T>, screen: &'a mut [T]) -> Vec<Rows<'a, T>> {
-        let count = values.len().div_ceil(CHUNK);
-        let coefficients = sh_coefficients(values.sh_degree);
-        let motion_order = usize::from(values.motion_order);
-        let mut centers = values.centers.chunks_mut(CHUNK);
-        let mut rotations = values.rotations.chunks_mut(CHUNK);
-        let mut log_scales = values.log_scales.chunks_mut(CHUNK);
-        let mut logits = values.logits.chunks_mut(CHUNK);
-        let mut sh = values.sh.chunks_mut(CHUNK * coefficients);
-        let mut tau = values.tau.chunks_mut(CHUNK);
-        let mut log_widths = values.log_widths.chunks_mut(CHUNK);
-        let mut motion = values.motion.chunks_mut(CHUNK * motion_order.max(1));
-        let mut rotation_rates = values.rotation_rates.chunks_mut(CHUNK);
-        let mut screen = screen.chunks_mut(CHUNK);
-        // Empty columns have no chunks.
-        let chunk = |_| Rows {
-            centers: centers.next().unwrap_or_default(),
-            rotations: rotations.next().unwrap_or_default(),
-            log_scales: log_scales.next().unwrap_or_default(),
-            logits: logits.next().unwrap_or_default(),
-            sh: sh.next().unwrap_or_default(),
-            tau: tau.next().unwrap_or_default(),
-            log_widths: log_widths.next().unwrap_or_default(),
-            motion: motion.next().unwrap_or_default(),
-            rotation_rates: rotation_rates.next().unwrap_or_default(),
-            screen: screen.next().unwrap_or_default(),
-            coefficients,
-            motion_order,
-        };
-        (0..count).map(chunk).collect()
+        let count = values.len();
+        let columns = values.columns_mut();
+        let per_row = columns.each_ref().map(|column| column.len() / count.max(1));
+        let mut rest = columns;
+        screen
+            .chunks_mut(CHUNK)
+            .map(|screen| {
+                let rows = screen.len();
+                let columns = std::array::from_fn(|i| {
+                    rest[i].split_off_mut(..rows * per_row[i]).expect("columns have all rows")
+                });
+                Rows { columns, per_row, screen }
+            })
+            .collect()
     }
 
     fn write(&mut self, row: usize, gradient: &GaussianGradient<T>) {
-        fn put<X: Copy>(column: &mut [X], row: usize, entries: &[X]) {
-            if !column.is_empty() {
-                column[row * entries.len()..][..entries.len()].copy_from_slice(entries);
-            }
+        for ((column, per_row), values) in self.columns.iter_mut().zip(self.per_row).zip(gradient.columns()) {
+            column[row * per_row..][..per_row].copy_from_slice(&values[..per_row]);
         }
-        put(self.centers, row, &[gradient.center]);
-        put(self.rotations, row, &[gradient.rotation]);
-        put(self.log_scales, row, &[gradient.log_scale]);
-        put(self.logits, row, &[gradient.logit]);
-        put(self.sh, row, &gradient.sh[..self.coefficients]);
-        put(self.tau, row, &[gradient.tau]);
-        put(self.log_widths, row, &[gradient.log_width]);
-        put(self.motion, row, &gradient.motion[..self.motion_order]);
-        put(self.rotation_rates, row, &[gradient.rotation_rate]);
     }
 }
 
-/// The gradient by the parameters of one Gaussian; 0 in columns that are not there.
+/// The gradient with respect to the parameters of one Gaussian; 0 in absent columns.
 #[derive(Default)]
 struct GaussianGradient<T> {
     center: [T; 3],
     rotation: [T; 4],
     log_scale: [T; 3],
-    logit: T,
+    logit: [T; 1],
     sh: [[T; 3]; 16],
-    tau: T,
-    log_width: T,
+    tau: [T; 1],
+    log_width: [T; 1],
     motion: [[T; 3]; 3],
     rotation_rate: [T; 4],
 }
 
 impl<T: Real> GaussianGradient<T> {
-    fn is_finite(&self) -> bool {
-        let quaternions = [self.rotation, self.rotation_rate];
-        let columns = [
-            self.sh.as_flattened(),
-            self.motion.as_flattened(),
-            quaternions.as_flattened(),
+    /// In the order of [`Parameters::columns`].
+    fn columns(&self) -> [&[T]; COLUMNS] {
+        [
             &self.center,
+            &self.rotation,
             &self.log_scale,
-            &[self.logit, self.tau, self.log_width],
-        ];
-        // 0 times a number is 0 where the number is finite, and NaN elsewhere.
+            &self.logit,
+            self.sh.as_flattened(),
+            &self.tau,
+            &self.log_width,
+            self.motion.as_flattened(),
+            &self.rotation_rate,
+        ]
+    }
+
+    fn is_finite(&self) -> bool {
+        // 0 times x is 0 for a finite x, else NaN: a sum without branches.
         let sum = |column: &[T]| column.iter().fold(T::zero(), |sum, x| sum + *x * T::zero());
-        columns.into_iter().all(|column| sum(column) == T::zero())
+        self.columns().into_iter().all(|column| sum(column) == T::zero())
     }
 }
 
-/// Goes back through one Gaussian, which was drawn.
+/// Backpropagates through one rendered Gaussian.
 fn gaussian<T: Real>(
     projection: &Projection<T>,
     parameters: &Parameters<T>,
@@ -162,73 +135,38 @@ fn gaussian<T: Real>(
     let Some(projected) = window.and_then(|window| projection.project(parameters, row, window)) else {
         return out;
     };
-    let (window, scales) = (projected.window, projected.scales);
-
     let (d_view, d_axes) = view_and_axes(projection, &projected, d_splat);
     let mut d_world = transposed_times(&projection.view_from_world, d_view);
-
     let count = sh_coefficients(parameters.sh_degree);
     let coefficients = &parameters.sh[row * count..(row + 1) * count];
     d_world = add(d_world, color(&projected, coefficients, d_splat.color, &mut out.sh[..count]));
-
-    // In the world, the axes times the deviations are R S.
-    let turned = matrix(projected.rotation);
-    let m = &projection.view_from_world;
-    let d_turned = [0, 1, 2].map(|r| {
-        let by_world = [0, 1, 2]
-            .map(|axis| m[0][r] * d_axes[0][axis] + m[1][r] * d_axes[1][axis] + m[2][r] * d_axes[2][axis]);
-        [0, 1, 2].map(|axis| by_world[axis] * scales[axis])
-    });
-    out.log_scale =
-        [0, 1, 2].map(|axis| (0..3).fold(T::zero(), |sum, r| sum + d_turned[r][axis] * turned[r][axis]));
-    let d_rotation = quaternion(&projected, &d_turned);
-    out.rotation = d_rotation;
-
-    let d = window.since;
+    orientation(projection, &projected, &d_axes, &mut out);
     out.center = d_world;
-    let order = usize::from(parameters.motion_order);
-    let (mut power, mut d_since) = (T::one(), T::zero());
-    for (k, c) in parameters.motion[row * order..(row + 1) * order].iter().enumerate() {
-        d_since += T::from_f64((k + 1) as f64) * power * dot(d_world, *c);
-        power = power * d;
-        out.motion[k] = scaled(d_world, power);
-    }
-    if let Some(rate) = parameters.rotation_rates.get(row) {
-        out.rotation_rate = d_rotation.map(|x| x * d);
-        (0..4).for_each(|k| d_since += d_rotation[k] * rate[k]);
-    }
-
-    // o = sigmoid(a) exp(-z^2 / 2), z = d / s.
-    let by_log = d_splat.opacity * window.opacity;
-    out.logit = by_log * window.clearness;
-    if !parameters.tau.is_empty() {
-        let z = window.since_in_widths;
-        out.log_width = by_log * z * z;
-        out.tau = by_log * z / window.width;
-        if !detach_tau {
-            out.tau -= d_since;
-        }
-    }
+    let d_since = motion(parameters, row, projected.window.since, &mut out);
+    let by_since = if detach_tau { T::zero() } else { d_since };
+    temporal(&projected.window, d_splat.opacity, by_since, !parameters.tau.is_empty(), &mut out);
     out
 }
 
-/// From centre and footprint to the centre in the camera's axes, and to the Gaussian's axes times their
-/// deviations there.
+/// From centre and footprint to the centre and the scaled axes in camera space.
 fn view_and_axes<T: Real>(
     projection: &Projection<T>,
     projected: &Projected<T>,
     d_splat: &SplatGradient<T>,
 ) -> ([T; 3], [[T; 3]; 3]) {
     let two = T::from_f64(2.0);
-    let Splat { lean, precision, .. } = projected.splat;
-    // The variance of x where y is known is xx - xy^2 / yy, and lean is xy / yy.
-    let d_variance = -precision[0] * precision[0] * d_splat.precision[0];
-    let d_lean = d_splat.lean / projected.variance_y;
+    let Splat { shear, inverse_variance, .. } = projected.splat;
+    let footprint = &projected.footprint;
+    // The variance of x given y is xx - xy^2 / yy, and shear is xy / yy.
+    let d_variance = -inverse_variance[0] * inverse_variance[0] * d_splat.inverse_variance[0];
+    let d_shear = d_splat.shear / footprint.variance[1];
     let d_xx = d_variance;
-    let d_xy = d_lean - two * lean * d_variance;
-    let d_yy = lean * lean * d_variance - lean * d_lean - precision[1] * precision[1] * d_splat.precision[1];
+    let d_xy = d_shear - two * shear * d_variance;
+    let d_yy = shear * shear * d_variance
+        - shear * d_shear
+        - inverse_variance[1] * inverse_variance[1] * d_splat.inverse_variance[1];
 
-    let [x_image, y_image] = projected.images;
+    let [x_image, y_image] = footprint.images;
     let d_images = [
         add(scaled(x_image, two * d_xx), scaled(y_image, d_xy)),
         add(scaled(y_image, two * d_yy), scaled(x_image, d_xy)),
@@ -239,13 +177,12 @@ fn view_and_axes<T: Real>(
     let mut d_axes = [[T::zero(); 3]; 3];
     for axis in 0..2 {
         let f = projection.focal[axis] / z;
-        let slope = projected.slope[axis];
         d_axes[axis] = scaled(d_images[axis], f);
-        d_axes[2] = add(d_axes[2], scaled(d_images[axis], -f * slope));
+        d_axes[2] = add(d_axes[2], scaled(d_images[axis], -f * footprint.slope[axis]));
         // The image is proportional to f.
-        d_view[2] -= dot(d_images[axis], projected.images[axis]) / z;
+        d_view[2] -= dot(d_images[axis], footprint.images[axis]) / z;
         let mut d_slope = d_splat.center[axis] * projection.focal[axis];
-        if projected.is_inside[axis] {
+        if footprint.is_inside[axis] {
             d_slope -= f * dot(d_images[axis], projected.axes[2]);
         }
         d_view[axis] = d_slope / z;
@@ -254,14 +191,14 @@ fn view_and_axes<T: Real>(
     (d_view, d_axes)
 }
 
-/// From a colour to its coefficients and, which is returned, to the position.
+/// From a colour to its coefficients. Returns the gradient with respect to the position.
 fn color<T: Real>(
     projected: &Projected<T>,
     coefficients: &[[T; 3]],
     d_color: [T; 3],
     out: &mut [[T; 3]],
 ) -> [T; 3] {
-    // A channel cut off at 0 does not follow its coefficients.
+    // A channel clamped to 0 has no gradient.
     let d_color = [0, 1, 2]
         .map(|channel| if projected.splat.color[channel] > T::zero() { d_color[channel] } else { T::zero() });
     let direction = projected.direction;
@@ -281,7 +218,26 @@ fn color<T: Real>(
     add(d_direction, scaled(direction, -along)).map(|x| x / projected.distance)
 }
 
-/// From the rotation matrix to the quaternion before it is brought to length 1.
+/// From the scaled axes, R S in the world, to scales and rotation.
+fn orientation<T: Real>(
+    projection: &Projection<T>,
+    projected: &Projected<T>,
+    d_axes: &[[T; 3]; 3],
+    out: &mut GaussianGradient<T>,
+) {
+    let rotated = matrix(projected.rotation);
+    let m = &projection.view_from_world;
+    let d_rotated = [0, 1, 2].map(|r| {
+        let d_world = [0, 1, 2]
+            .map(|axis| m[0][r] * d_axes[0][axis] + m[1][r] * d_axes[1][axis] + m[2][r] * d_axes[2][axis]);
+        [0, 1, 2].map(|axis| d_world[axis] * projected.scales[axis])
+    });
+    out.log_scale =
+        [0, 1, 2].map(|axis| (0..3).fold(T::zero(), |sum, r| sum + d_rotated[r][axis] * rotated[r][axis]));
+    out.rotation = quaternion(projected, &d_rotated);
+}
+
+/// From the rotation matrix to the quaternion before its normalisation.
 fn quaternion<T: Real>(projected: &Projected<T>, g: &[[T; 3]; 3]) -> [T; 4] {
     let q @ [w, x, y, z] = projected.rotation;
     let length = projected.length;
@@ -289,15 +245,50 @@ fn quaternion<T: Real>(projected: &Projected<T>, g: &[[T; 3]; 3]) -> [T; 4] {
         return [T::zero(); 4];
     }
     let (two, four) = (T::from_f64(2.0), T::from_f64(4.0));
-    // Off the diagonal, what the matrix and its transpose have in common, and what not.
+    // The symmetric and the antisymmetric part off the diagonal.
     let (xy, xz, yz) = (g[0][1] + g[1][0], g[0][2] + g[2][0], g[1][2] + g[2][1]);
-    let turn = [g[2][1] - g[1][2], g[0][2] - g[2][0], g[1][0] - g[0][1]];
+    let skew = [g[2][1] - g[1][2], g[0][2] - g[2][0], g[1][0] - g[0][1]];
     let by_unit = [
-        two * (x * turn[0] + y * turn[1] + z * turn[2]),
-        two * (y * xy + z * xz + w * turn[0]) - four * x * (g[1][1] + g[2][2]),
-        two * (x * xy + z * yz + w * turn[1]) - four * y * (g[0][0] + g[2][2]),
-        two * (x * xz + y * yz + w * turn[2]) - four * z * (g[0][0] + g[1][1]),
+        two * (x * skew[0] + y * skew[1] + z * skew[2]),
+        two * (y * xy + z * xz + w * skew[0]) - four * x * (g[1][1] + g[2][2]),
+        two * (x * xy + z * yz + w * skew[1]) - four * y * (g[0][0] + g[2][2]),
+        two * (x * xz + y * yz + w * skew[2]) - four * z * (g[0][0] + g[1][1]),
     ];
     let along = (0..4).fold(T::zero(), |sum, k| sum + by_unit[k] * q[k]);
     [0, 1, 2, 3].map(|k| (by_unit[k] - along * q[k]) / length)
+}
+
+/// From position and rotation at the frame, `d` frames after `tau`, to motion and rotation rate. Returns
+/// the derivative with respect to `d`.
+fn motion<T: Real>(parameters: &Parameters<T>, row: usize, d: T, out: &mut GaussianGradient<T>) -> T {
+    let order = usize::from(parameters.motion_order);
+    let (mut power, mut d_since) = (T::one(), T::zero());
+    for (k, c) in parameters.motion[row * order..(row + 1) * order].iter().enumerate() {
+        d_since += T::from_f64((k + 1) as f64) * power * dot(out.center, *c);
+        power = power * d;
+        out.motion[k] = scaled(out.center, power);
+    }
+    if let Some(rate) = parameters.rotation_rates.get(row) {
+        out.rotation_rate = out.rotation.map(|x| x * d);
+        (0..4).for_each(|k| d_since += out.rotation[k] * rate[k]);
+    }
+    d_since
+}
+
+/// From the opacity at the frame, `o = sigmoid(a) exp(-z^2 / 2)` with `z = d / s`, and from `d` to logit,
+/// width and `tau`.
+fn temporal<T: Real>(
+    window: &Window<T>,
+    d_opacity: T,
+    d_since: T,
+    is_timed: bool,
+    out: &mut GaussianGradient<T>,
+) {
+    let d_log_opacity = d_opacity * window.opacity;
+    out.logit = [d_log_opacity * window.clearness];
+    if is_timed {
+        let z = window.since_in_widths;
+        out.log_width = [d_log_opacity * z * z];
+        out.tau = [d_log_opacity * z / window.width - d_since];
+    }
 }

@@ -36,7 +36,7 @@ impl<T: Real> Norms<T> {
     }
 }
 
-/// The values of the first `count` harmonics (1, 4, 9 or 16) towards a unit vector; 0 for the others.
+/// Values of the first `count` harmonics (1, 4, 9 or 16) at a unit vector; 0 for the others.
 pub(super) fn basis<T: Real>([x, y, z]: [T; 3], count: usize) -> [T; 16] {
     let n = Norms::<T>::new();
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -67,8 +67,8 @@ pub(super) fn basis<T: Real>([x, y, z]: [T; 3], count: usize) -> [T; 16] {
     values
 }
 
-/// The gradient by the direction of `sum(w_k Y_k)`, each harmonic taken as the polynomial that
-/// [`basis`] evaluates. `w` holds 1, 4, 9 or 16 entries.
+/// Gradient of `sum(w_k Y_k)` with respect to the direction, for the polynomials of [`basis`]. `w` has 1,
+/// 4, 9 or 16 entries.
 pub(super) fn basis_backward<T: Real>([x, y, z]: [T; 3], w: &[T]) -> [T; 3] {
     let n = Norms::<T>::new();
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -104,9 +104,8 @@ pub(super) fn basis_backward<T: Real>([x, y, z]: [T; 3], w: &[T]) -> [T; 3] {
 mod tests {
     use super::*;
 
-    /// Each harmonic by itself, against central differences.
     #[test]
-    fn derivatives_are_those_of_the_polynomials() {
+    fn derivatives_match_finite_differences() {
         let (direction, step) = ([0.36, -0.48, 0.8], 1e-5);
         for k in 0..16 {
             let mut w = [0.0; 16];

@@ -1,29 +1,29 @@
-//! [`Gpu`]: a graphics device as a back end.
+//! [`Gpu`]: the back end that runs on a graphics device.
 
-use shaders::fit::layout::{Memory, State};
+use shaders::fit::layout::{Statistics, Totals};
 
-use super::buffers::{Fixed, Pairs, PerGaussian, PerPixel, Scanned};
+use super::buffers::{Buffers, Fixed, Pairs, PerGaussian, PerPixel, Scanned};
 use super::device::Device;
 use super::kernels::{Dispatch, Kernels};
-use super::plan::{Buffers, Plan};
+use super::plan::Plan;
 use super::transfer;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
 use crate::fit::loss::{LAMBDA, lpips_loss};
 use crate::fit::parameters::Parameters;
 use crate::fit::views::{FrameView, RenderedImage, TrainingView};
 
-/// Pairs of a splat and a tile for which there is room at first.
+/// Initial capacity for splat-tile pairs.
 const FIRST_PAIRS: u32 = 1 << 14;
 
-/// A graphics device that fits.
+/// A graphics device.
 pub struct Gpu {
     device: Device,
     loaded: Option<Loaded>,
 }
 
-/// Gaussians on the device, with all that it takes to fit them.
+/// A training state on the device, with all that a step needs.
 struct Loaded {
-    /// A row of zeros with their columns.
+    /// A row of zeros with the columns of the parameters.
     shape: Parameters<f32>,
     kernels: Kernels,
     buffers: Buffers,
@@ -31,58 +31,54 @@ struct Loaded {
 }
 
 impl Gpu {
-    /// The fastest device of the machine.
+    /// Opens the fastest device of the machine.
     ///
     /// # Errors
-    /// [`DeviceError::Missing`] without one that is capable enough.
+    /// [`DeviceError::Missing`] if there is none, or none that is capable enough.
     pub fn open() -> Result<Gpu, DeviceError> {
         Ok(Gpu { device: Device::open()?, loaded: None })
     }
 
-    /// The gradient of a loss of what was loaded, given its gradient by the pixels of what `view` shows.
-    /// `detach_tau`: see [`ForwardPass::backward`](crate::fit::cpu::ForwardPass::backward).
+    /// Renders the loaded Gaussians and backpropagates `d_image`, the gradient of a loss with respect to
+    /// the pixels. For `detach_tau` see [`FitSettings`](crate::fit::FitSettings::detach_tau).
     ///
     /// # Errors
     /// A [`DeviceError`].
     ///
     /// # Panics
-    /// If nothing was loaded, or there are not as many pixels in `d_picture` as in the image.
+    /// If nothing is loaded, or if `d_image` and the image differ in length.
     pub fn gradient(
         &mut self,
         view: &FrameView,
-        d_picture: &[[f32; 4]],
+        d_image: &[[f32; 4]],
         detach_tau: bool,
     ) -> Result<Gradient<f32>, DeviceError> {
         let (device, loaded) = self.loaded();
         let size = [view.camera.width, view.camera.height];
-        assert_eq!(
-            d_picture.len() as u64,
-            u64::from(size[0]) * u64::from(size[1]),
-            "a gradient for each pixel"
-        );
-        loaded.make_room(device, size)?;
-        let before: Vec<Memory> = device.read(&loaded.buffers.gaussians.memory, loaded.count())?;
-        let state = loaded.repeat(device, view, detach_tau, |device, loaded| {
-            device.write(&loaded.buffers.pixels.d_picture, 0, d_picture);
+        assert_eq!(d_image.len() as u64, pixels(size), "a gradient for each pixel");
+        loaded.resize(device, size)?;
+        let before: Vec<Statistics> = device.read(&loaded.buffers.gaussians.statistics, loaded.count())?;
+        let totals = loaded.run(device, view, detach_tau, |device, loaded| {
+            device.write(&loaded.buffers.pixels.d_image, 0, d_image);
             let stages = [&loaded.plan.forward[..], &loaded.plan.backward];
-            loaded.carry_out(device, size, &stages, device.encoder())
+            loaded.submit(device, size, &stages, device.encoder())
         })?;
         let Buffers { gaussians, .. } = &loaded.buffers;
-        let drawn = state.drawn as usize;
+        let drawn = totals.drawn as usize;
         let values =
             transfer::rows_of(device, &gaussians.d_parameters, &loaded.shape, drawn, loaded.count())?;
         let order: Vec<u32> = device.read(loaded.buffers.order(), drawn)?;
-        let after: Vec<Memory> = device.read(&gaussians.memory, loaded.count())?;
-        device.write(&gaussians.memory, 0, &before);
+        let after: Vec<Statistics> = device.read(&gaussians.statistics, loaded.count())?;
+        device.write(&gaussians.statistics, 0, &before);
         let mut places: Vec<usize> = (0..drawn).collect();
         places.sort_unstable_by_key(|place| order[*place]);
         let rows: Vec<u32> = places.iter().map(|place| order[*place]).collect();
-        let pull = |row: &u32| after[*row as usize].pull - before[*row as usize].pull;
+        let screen = |row: &u32| after[*row as usize].screen_gradient - before[*row as usize].screen_gradient;
         Ok(Gradient {
             values: values.select(&places),
-            screen: rows.iter().map(pull).collect(),
+            screen: rows.iter().map(screen).collect(),
             rows,
-            non_finite: state.non_finite as usize,
+            non_finite: totals.non_finite as usize,
         })
     }
 
@@ -96,11 +92,11 @@ impl Backend for Gpu {
         format!("gpu, {}", self.device.name)
     }
 
-    fn load(&mut self, gaussians: TrainingState) -> Result<(), DeviceError> {
-        let columns = transfer::columns_of(&gaussians.parameters);
+    fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
+        let columns = transfer::columns_of(&state.parameters);
         let device = &self.device;
-        let count = u32::try_from(gaussians.parameters.len()).unwrap_or(u32::MAX);
-        // Nothing else of what was loaded outlives this.
+        let count = u32::try_from(state.parameters.len()).unwrap_or(u32::MAX);
+        // Reuses kernels and buffers of the previous state; the rest is freed first.
         let (kernels, buffers) = match self.loaded.take() {
             Some(Loaded { kernels, buffers, .. }) if kernels.columns == columns => (kernels, Some(buffers)),
             _ => (Kernels::new(device, columns), None),
@@ -108,7 +104,6 @@ impl Backend for Gpu {
         let buffers = match buffers {
             Some(buffers) if buffers.gaussians.count == count => buffers,
             Some(Buffers { fixed, pixels, pairs, gaussians, scanned }) => {
-                // One after the other, not both at once.
                 drop((gaussians, scanned));
                 Buffers {
                     fixed,
@@ -126,20 +121,20 @@ impl Backend for Gpu {
                 pairs: Pairs::new(device, FIRST_PAIRS)?,
             },
         };
-        transfer::upload(device, &buffers.gaussians, &gaussians);
+        transfer::upload(device, &buffers.gaussians, &state);
         let plan = Plan::new(device, &kernels, &buffers)?;
-        self.loaded = Some(Loaded { shape: gaussians.parameters.zeros(1), kernels, buffers, plan });
+        self.loaded = Some(Loaded { shape: state.parameters.zeros(1), kernels, buffers, plan });
         Ok(())
     }
 
     fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError> {
         let (device, loaded) = self.loaded();
         let (width, height) = (view.camera.width, view.camera.height);
-        loaded.make_room(device, [width, height])?;
-        loaded.repeat(device, view, true, |device, loaded| {
-            loaded.carry_out(device, [width, height], &[&loaded.plan.forward], device.encoder())
+        loaded.resize(device, [width, height])?;
+        loaded.run(device, view, true, |device, loaded| {
+            loaded.submit(device, [width, height], &[&loaded.plan.forward], device.encoder())
         })?;
-        let pixels = loaded.picture(device, [width, height])?;
+        let pixels = loaded.image(device, [width, height])?;
         Ok(RenderedImage { width, height, pixels })
     }
 
@@ -147,40 +142,36 @@ impl Backend for Gpu {
         let (device, loaded) = self.loaded();
         let (view, photograph) = (training.view(), &training.photograph);
         let size = [view.camera.width, view.camera.height];
-        let pixels = photograph.pixels.len();
-        assert_eq!(
-            pixels as u64,
-            u64::from(size[0]) * u64::from(size[1]),
-            "a photograph of the camera's size"
-        );
-        loaded.make_room(device, size)?;
+        assert_eq!(photograph.pixels.len() as u64, pixels(size), "a photograph of the camera's size");
+        loaded.resize(device, size)?;
         device.write(&loaded.buffers.pixels.photograph, 0, &transfer::photograph(photograph));
-        device.write(&loaded.buffers.fixed.pace, 0, &[transfer::adam_uniforms(config)]);
+        device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
         let mut perceptual = 0.0;
-        let state = loaded.repeat(device, &view, config.detach_tau, |device, loaded| {
+        let totals = loaded.run(device, &view, config.detach_tau, |device, loaded| {
             let Plan { forward, loss, backward, adam } = &loaded.plan;
             let after = [&loss[..], backward, std::slice::from_ref(adam)];
             let mut encoder = device.encoder();
             let Some(lpips) = config.lpips else {
-                encoder.clear_buffer(&loaded.buffers.pixels.d_picture.raw, 0, None);
+                encoder.clear_buffer(&loaded.buffers.pixels.d_image.raw, 0, None);
                 let stages = [&forward[..], after[0], after[1], after[2]];
-                return loaded.carry_out(device, size, &stages, encoder);
+                return loaded.submit(device, size, &stages, encoder);
             };
-            let state = loaded.carry_out(device, size, &[forward], encoder)?;
-            if !loaded.has_room_for(&state) {
-                return Ok(state);
+            let totals = loaded.submit(device, size, &[forward], encoder)?;
+            if !loaded.pairs_fit(&totals) {
+                return Ok(totals);
             }
-            let part = lpips_loss(&loaded.picture(device, size)?, photograph, lpips);
-            perceptual = part.value;
-            device.write(&loaded.buffers.pixels.d_picture, 0, &part.gradient);
-            loaded.carry_out(device, size, &after, device.encoder())
+            let term = lpips_loss(&loaded.image(device, size)?, photograph, lpips);
+            perceptual = term.value;
+            device.write(&loaded.buffers.pixels.d_image, 0, &term.gradient);
+            loaded.submit(device, size, &after, device.encoder())
         })?;
-        let channels = (3 * pixels).max(1) as f64;
-        let [absolute, similarity] = [state.absolute, state.similarity].map(|sum| f64::from(sum) / channels);
+        let channels = (3 * photograph.pixels.len()).max(1) as f64;
+        let [absolute, similarity] =
+            [totals.absolute, totals.similarity].map(|sum| f64::from(sum) / channels);
         Ok(StepReport {
             loss: (1.0 - LAMBDA) * absolute + LAMBDA * (1.0 - similarity) + perceptual,
-            drawn: state.drawn as usize,
-            non_finite: state.non_finite as usize,
+            drawn: totals.drawn as usize,
+            non_finite: totals.non_finite as usize,
         })
     }
 
@@ -199,69 +190,74 @@ impl Loaded {
         self.buffers.gaussians.count as usize
     }
 
-    /// Makes room for images of `size`.
-    fn make_room(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
-        if !self.buffers.pixels.has_room(size) {
+    /// Grows the buffers for images of `size`.
+    fn resize(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
+        if !self.buffers.pixels.fits(size) {
             self.buffers.pixels = PerPixel::new(device, size, Some(&self.buffers.pixels))?;
             self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
         }
         Ok(())
     }
 
-    fn has_room_for(&self, state: &State) -> bool {
-        // A sum that is too large stays at the largest number.
-        state.pairs <= self.buffers.pairs.capacity && state.pairs != u32::MAX
+    /// Whether the buffers held all pairs. A count that overflowed is saturated.
+    fn pairs_fit(&self, totals: &Totals) -> bool {
+        totals.pairs <= self.buffers.pairs.capacity && totals.pairs != u32::MAX
     }
 
-    /// Does what `attempt` does until there is room for all pairs of splats and tiles.
-    fn repeat(
+    /// Runs `attempt`, again with larger buffers until all pairs fit.
+    fn run(
         &mut self,
         device: &Device,
         view: &FrameView,
         detach_tau: bool,
-        mut attempt: impl FnMut(&Device, &Loaded) -> Result<State, DeviceError>,
-    ) -> Result<State, DeviceError> {
+        mut attempt: impl FnMut(&Device, &Loaded) -> Result<Totals, DeviceError>,
+    ) -> Result<Totals, DeviceError> {
         loop {
             let capacity = self.buffers.pairs.capacity;
             let count = self.buffers.gaussians.count;
-            device.write(&self.buffers.fixed.step, 0, &[transfer::step(view, count, capacity, detach_tau)]);
-            device.write(&self.buffers.fixed.state, 0, &[State { gaussians: count, ..State::default() }]);
-            let state = attempt(device, self)?;
-            if self.has_room_for(&state) {
-                return Ok(state);
+            let uniforms = transfer::step_uniforms(view, count, capacity, detach_tau);
+            device.write(&self.buffers.fixed.uniforms, 0, &[uniforms]);
+            device.write(&self.buffers.fixed.totals, 0, &[Totals { gaussians: count, ..Totals::default() }]);
+            let totals = attempt(device, self)?;
+            if self.pairs_fit(&totals) {
+                return Ok(totals);
             }
-            // A quarter more than there are now, if there can be so many.
+            // A quarter more than needed now, up to the limit of the device.
             let most = (device.max_bytes / Pairs::LARGEST).min(u64::from(u32::MAX - 1)) as u32;
-            if state.pairs > most {
-                return Err(device.too_large(Pairs::WHAT, Pairs::LARGEST * u64::from(state.pairs)));
+            if totals.pairs > most {
+                return Err(device.too_large(Pairs::WHAT, Pairs::LARGEST * u64::from(totals.pairs)));
             }
-            let wanted = state.pairs.saturating_add(state.pairs / 4).min(most);
-            self.buffers.pairs = Pairs::new(device, wanted)?;
-            self.buffers.scanned = Scanned::new(device, wanted.max(count))?;
+            let capacity = totals.pairs.saturating_add(totals.pairs / 4).min(most);
+            self.buffers.pairs = Pairs::new(device, capacity)?;
+            self.buffers.scanned = Scanned::new(device, capacity.max(count))?;
             self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
         }
     }
 
-    /// Carries stages out, and brings back what they tell.
-    fn carry_out(
+    /// Runs stages and reads the totals back.
+    fn submit(
         &self,
         device: &Device,
         size: [u32; 2],
         stages: &[&[Dispatch]],
         mut encoder: wgpu::CommandEncoder,
-    ) -> Result<State, DeviceError> {
+    ) -> Result<Totals, DeviceError> {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         for dispatch in stages.iter().copied().flatten() {
             dispatch.record(&mut pass, size);
         }
         drop(pass);
-        let Fixed { state, landing, .. } = &self.buffers.fixed;
-        Ok(device.submit_and_read(encoder, state, landing, 1)?[0])
+        let Fixed { totals, staging, .. } = &self.buffers.fixed;
+        Ok(device.submit_and_read(encoder, totals, staging, 1)?[0])
     }
 
-    fn picture(&self, device: &Device, size: [u32; 2]) -> Result<Vec<[f32; 4]>, DeviceError> {
-        device.read(&self.buffers.pixels.picture, size[0] as usize * size[1] as usize)
+    fn image(&self, device: &Device, size: [u32; 2]) -> Result<Vec<[f32; 4]>, DeviceError> {
+        device.read(&self.buffers.pixels.image, size[0] as usize * size[1] as usize)
     }
+}
+
+fn pixels(size: [u32; 2]) -> u64 {
+    u64::from(size[0]) * u64::from(size[1])
 }
 
 #[cfg(test)]
@@ -271,9 +267,8 @@ mod tests {
     use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
     use crate::fit::parameters::NORM_MIN;
 
-    /// What the shaders are told is what the CPU computes with.
     #[test]
-    fn constants_are_those_of_the_cpu() {
+    fn shaders_have_the_constants_of_the_cpu() {
         assert_eq!(shaders::fit::ADAM, [BETA1, BETA2, EPSILON].map(|x| x as f32));
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];

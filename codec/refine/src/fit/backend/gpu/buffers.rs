@@ -1,28 +1,47 @@
-//! What a fit keeps in the memory of a device: by Gaussian, by pixel, by pair of a splat and a tile.
+//! The buffers of a fit: per Gaussian, per pixel, per splat-tile pair.
 
 use bytemuck::Pod;
-use shaders::fit::layout::{AdamUniforms, Memory, State, StepUniforms};
-use shaders::fit::{BLOCK, CHUNK, Columns, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE};
+use shaders::fit::layout::{AdamUniforms, Statistics, StepUniforms, Totals};
+use shaders::fit::{BLOCK, CHUNK, Columns, DIGIT_BITS, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE};
 
 use super::device::{Buffer, Device};
 use crate::fit::backend::DeviceError;
 
-/// Bytes of a number.
+/// Bytes per number.
 const WORD: u64 = 4;
 
-/// Two buffers between which a sort goes back and forth.
-pub(super) type Pair = [Buffer; 2];
+/// Significant bits of a depth: those of a positive float.
+pub(super) const DEPTH_BITS: u32 = 31;
 
-/// What does not depend on a size.
-pub(super) struct Fixed {
-    pub(super) step: Buffer,
-    pub(super) pace: Buffer,
-    pub(super) state: Buffer,
-    /// Where the state lands.
-    pub(super) landing: Buffer,
+/// The buffers that a sort alternates between.
+pub(super) type PingPong = [Buffer; 2];
+
+/// All buffers. The names of the fields are those of [`shaders::fit::binding`].
+pub(super) struct Buffers {
+    pub(super) fixed: Fixed,
+    pub(super) gaussians: PerGaussian,
+    pub(super) pixels: PerPixel,
+    pub(super) pairs: Pairs,
+    pub(super) scanned: Scanned,
 }
 
-/// A number, or several, for each Gaussian. The names are those of [`shaders::fit::binding`].
+impl Buffers {
+    /// Rows of the drawn splats, front to back, after the sort by depth.
+    pub(super) fn order(&self) -> &Buffer {
+        &self.gaussians.rows[passes(DEPTH_BITS) % 2]
+    }
+}
+
+/// Buffers of fixed size.
+pub(super) struct Fixed {
+    pub(super) uniforms: Buffer,
+    pub(super) adam_uniforms: Buffer,
+    pub(super) totals: Buffer,
+    /// For reading the totals back.
+    pub(super) staging: Buffer,
+}
+
+/// Buffers per Gaussian.
 pub(super) struct PerGaussian {
     /// Number of Gaussians.
     pub(super) count: u32,
@@ -31,37 +50,37 @@ pub(super) struct PerGaussian {
     pub(super) first_moments: Buffer,
     pub(super) second_moments: Buffer,
     pub(super) d_parameters: Buffer,
-    pub(super) memory: Buffer,
+    pub(super) statistics: Buffer,
     pub(super) splats: Buffer,
-    pub(super) keys: Pair,
-    pub(super) rows: Pair,
+    pub(super) keys: PingPong,
+    pub(super) rows: PingPong,
 }
 
-/// A number, or several, for each pixel of the largest image so far.
+/// Buffers per pixel, for the largest image so far.
 pub(super) struct PerPixel {
-    /// Pixels and tiles for which there is room.
+    /// Capacity in pixels and in tiles.
     pub(super) pixels: u64,
     pub(super) tiles: u32,
-    pub(super) picture: Buffer,
+    pub(super) image: Buffer,
     pub(super) photograph: Buffer,
     pub(super) blurred: Buffer,
     pub(super) derivatives: Buffer,
     pub(super) differences: Buffer,
-    pub(super) d_picture: Buffer,
+    pub(super) d_image: Buffer,
     pub(super) tile_starts: Buffer,
 }
 
-/// The pairs of a splat and a tile that it reaches.
+/// Buffers per pair of a splat and a tile that it overlaps.
 pub(super) struct Pairs {
-    /// Pairs for which there is room.
+    /// Capacity in pairs.
     pub(super) capacity: u32,
-    pub(super) tiles: Pair,
-    pub(super) numbers: Pair,
+    pub(super) tiles: PingPong,
+    pub(super) indices: PingPong,
     pub(super) rows: Buffer,
     pub(super) d_pairs: Buffer,
 }
 
-/// What is scanned.
+/// Buffers of scans and sorts.
 pub(super) struct Scanned {
     pub(super) counts: Buffer,
     pub(super) block_sums: Buffer,
@@ -70,10 +89,10 @@ pub(super) struct Scanned {
 impl Fixed {
     pub(super) fn new(device: &Device) -> Result<Fixed, DeviceError> {
         Ok(Fixed {
-            step: device.uniform::<StepUniforms>()?,
-            pace: device.uniform::<AdamUniforms>()?,
-            state: device.room("the state", bytes::<State>(1))?,
-            landing: device.landing(bytes::<State>(1))?,
+            uniforms: device.uniform::<StepUniforms>()?,
+            adam_uniforms: device.uniform::<AdamUniforms>()?,
+            totals: device.storage("the totals", bytes::<Totals>(1))?,
+            staging: device.staging(bytes::<Totals>(1))?,
         })
     }
 }
@@ -85,20 +104,20 @@ impl PerGaussian {
         Ok(PerGaussian {
             count,
             columns,
-            parameters: device.room("the Gaussians", all)?,
-            first_moments: device.room("the moments", all)?,
-            second_moments: device.room("the moments", all)?,
-            d_parameters: device.room("the gradient", all)?,
-            memory: device.room("the statistics of the Gaussians", bytes::<Memory>(n))?,
-            splats: device.room("the splats", n * SPLAT_BYTES)?,
-            keys: pair(device, "the depths", n)?,
-            rows: pair(device, "the order of the splats", n)?,
+            parameters: device.storage("the Gaussians", all)?,
+            first_moments: device.storage("the moments", all)?,
+            second_moments: device.storage("the moments", all)?,
+            d_parameters: device.storage("the gradient", all)?,
+            statistics: device.storage("the statistics of the Gaussians", bytes::<Statistics>(n))?,
+            splats: device.storage("the splats", n * SPLAT_BYTES)?,
+            keys: ping_pong(device, "the depths", n)?,
+            rows: ping_pong(device, "the order of the splats", n)?,
         })
     }
 }
 
 impl PerPixel {
-    /// Room for images of `size`, and for what there was room for `before`.
+    /// Buffers for images of `size` and of all sizes that fit `before`.
     pub(super) fn new(
         device: &Device,
         size: [u32; 2],
@@ -110,61 +129,66 @@ impl PerPixel {
         Ok(PerPixel {
             pixels,
             tiles,
-            picture: device.room("the picture", pixels * 4 * WORD)?,
-            photograph: device.room("the photograph", pixels * WORD)?,
-            blurred: device.room("the blurred picture", pixels * 15 * WORD)?,
-            derivatives: device.room("the derivatives of the loss", pixels * 9 * WORD)?,
-            differences: device.room("the differences of the pixels", pixels * 2 * WORD)?,
-            d_picture: device.room("the gradient by the picture", pixels * 4 * WORD)?,
-            tile_starts: device.room("the tiles", (u64::from(tiles) + 1) * WORD)?,
+            image: device.storage("the image", pixels * 4 * WORD)?,
+            photograph: device.storage("the photograph", pixels * WORD)?,
+            blurred: device.storage("the blurred image", pixels * 15 * WORD)?,
+            derivatives: device.storage("the derivatives of the loss", pixels * 9 * WORD)?,
+            differences: device.storage("the differences of the pixels", pixels * 2 * WORD)?,
+            d_image: device.storage("the gradient of the image", pixels * 4 * WORD)?,
+            tile_starts: device.storage("the tiles", (u64::from(tiles) + 1) * WORD)?,
         })
     }
 
-    pub(super) fn has_room(&self, size: [u32; 2]) -> bool {
+    pub(super) fn fits(&self, size: [u32; 2]) -> bool {
         let [x, y] = tiles(size);
         u64::from(size[0]) * u64::from(size[1]) <= self.pixels && x * y <= self.tiles
     }
 }
 
 impl Pairs {
-    /// What they are called in errors.
+    /// Name in errors.
     pub(super) const WHAT: &'static str = "the pairs of Gaussians and tiles";
 
-    /// Bytes of a pair in the largest buffer.
+    /// Bytes per pair in the largest buffer.
     pub(super) const LARGEST: u64 = SPLAT_NUMBERS as u64 * WORD;
 
     pub(super) fn new(device: &Device, capacity: u32) -> Result<Pairs, DeviceError> {
         let n = u64::from(capacity);
         Ok(Pairs {
             capacity,
-            tiles: pair(device, Pairs::WHAT, n)?,
-            numbers: pair(device, Pairs::WHAT, n)?,
-            rows: device.room(Pairs::WHAT, n * WORD)?,
-            d_pairs: device.room(Pairs::WHAT, n * Pairs::LARGEST)?,
+            tiles: ping_pong(device, Pairs::WHAT, n)?,
+            indices: ping_pong(device, Pairs::WHAT, n)?,
+            rows: device.storage(Pairs::WHAT, n * WORD)?,
+            d_pairs: device.storage(Pairs::WHAT, n * Pairs::LARGEST)?,
         })
     }
 }
 
 impl Scanned {
-    /// Room to sort `longest` numbers, and to scan as many.
+    /// Buffers to sort or scan up to `longest` numbers.
     pub(super) fn new(device: &Device, longest: u32) -> Result<Scanned, DeviceError> {
         let digits = u64::from(DIGITS) * u64::from(longest.div_ceil(CHUNK));
         let counts = digits.max(longest.into());
         let blocks = counts.div_ceil(u64::from(BLOCK));
         Ok(Scanned {
-            counts: device.room("the counts of a sort", counts * WORD)?,
-            block_sums: device.room("the sums of a sort", blocks * WORD)?,
+            counts: device.storage("the counts of a sort", counts * WORD)?,
+            block_sums: device.storage("the sums of a sort", blocks * WORD)?,
         })
     }
 }
 
-/// Tiles of an image along either side.
+/// Digits of numbers of `bits` bits, that is passes of a sort.
+pub(super) fn passes(bits: u32) -> usize {
+    bits.div_ceil(DIGIT_BITS) as usize
+}
+
+/// Tiles of an image along either axis.
 pub(super) fn tiles(size: [u32; 2]) -> [u32; 2] {
     size.map(|side| side.div_ceil(TILE))
 }
 
-fn pair(device: &Device, what: &'static str, numbers: u64) -> Result<Pair, DeviceError> {
-    Ok([device.room(what, numbers * WORD)?, device.room(what, numbers * WORD)?])
+fn ping_pong(device: &Device, what: &'static str, numbers: u64) -> Result<PingPong, DeviceError> {
+    Ok([device.storage(what, numbers * WORD)?, device.storage(what, numbers * WORD)?])
 }
 
 fn bytes<T: Pod>(count: u64) -> u64 {

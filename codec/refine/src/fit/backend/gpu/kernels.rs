@@ -1,4 +1,4 @@
-//! [`Kernels`]: the compiled stages, and [`Dispatch`], one of them with what it works on.
+//! [`Kernels`]: the compiled stages, and [`Dispatch`], a kernel with its buffers.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use shaders::fit::{Columns, GROUP, Stage, compose};
 use super::buffers::tiles;
 use super::device::{Buffer, Device};
 
-/// Groups that a dispatch may have along one axis.
+/// Largest number of groups of a dispatch along an axis.
 const GROUPS_MAX: u64 = 65_535;
 
 /// The kernels for the columns of a scene, by name.
@@ -16,30 +16,30 @@ pub(super) struct Kernels {
     pipelines: HashMap<&'static str, wgpu::ComputePipeline>,
 }
 
-/// A kernel with what it works on.
+/// A kernel with its buffers and its number of threads.
 pub(super) struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
     threads: Threads,
 }
 
-/// How many threads a kernel has.
+/// The number of threads of a kernel.
 #[derive(Clone, Copy)]
 pub(super) enum Threads {
-    /// So many, or a few more.
+    /// At least this many.
     Count(u64),
-    /// One for each pixel of the image.
+    /// One per pixel of the image.
     Pixels,
-    /// A group for each tile of the image.
+    /// One group per tile of the image.
     Tiles,
-    /// One for each tile of the image, and one more.
+    /// One per tile of the image, and one more.
     TileStarts,
     /// A single group.
     Group,
 }
 
 impl Kernels {
-    /// Compiles them.
+    /// Compiles all stages.
     pub(super) fn new(device: &Device, columns: Columns) -> Kernels {
         let mut pipelines = HashMap::new();
         for stage in Stage::ALL {
@@ -54,7 +54,7 @@ impl Kernels {
                     layout: None,
                     module: &module,
                     entry_point: Some(kernel),
-                    // Every thread writes what it reads first.
+                    // Kernels write workgroup memory before they read it.
                     compilation_options: wgpu::PipelineCompilationOptions {
                         zero_initialize_workgroup_memory: false,
                         ..Default::default()
@@ -67,7 +67,7 @@ impl Kernels {
         Kernels { columns, pipelines }
     }
 
-    /// A kernel with the buffers at its bindings.
+    /// Binds the buffers of a kernel.
     pub(super) fn dispatch(
         &self,
         device: &Device,
@@ -93,7 +93,7 @@ impl Kernels {
 }
 
 impl Dispatch {
-    /// Records it for an image of `size`.
+    /// Records the dispatch for an image of `size`.
     pub(super) fn record(&self, pass: &mut wgpu::ComputePass, size: [u32; 2]) {
         let [across, down] = tiles(size);
         let [x, y] = match self.threads {
@@ -109,7 +109,7 @@ impl Dispatch {
     }
 }
 
-/// Groups along either axis for at least so many threads.
+/// Groups along either axis for at least this many threads.
 fn groups(threads: u64) -> [u32; 2] {
     let groups = threads.div_ceil(u64::from(GROUP));
     let down = groups.div_ceil(GROUPS_MAX).max(1);
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_are_enough_groups_and_none_too_many() {
+    fn groups_cover_the_threads_within_the_limit() {
         assert_eq!((groups(0), groups(1), groups(65)), ([0, 1], [1, 1], [2, 1]));
         let most = GROUPS_MAX * u64::from(GROUP);
         assert_eq!(groups(most), [65_535, 1]);

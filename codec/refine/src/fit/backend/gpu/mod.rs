@@ -1,21 +1,20 @@
-//! The back end for graphics devices: the stages of the CPU's, in compute shaders.
+//! The back end for graphics devices: the stages of the CPU's, as compute shaders.
 //!
-//! What is fitted, Adam's moments and what the control of density asks for stay on the device between
-//! [`load`](super::Backend::load) and [`store`](super::Backend::store). A step hands over a photograph
-//! and gets back a few numbers:
+//! Parameters, Adam's moments and the statistics for capacity control stay on the device between
+//! [`load`](super::Backend::load) and [`store`](super::Backend::store). A step uploads a photograph and
+//! reads a few numbers back:
 //!
 //! ```text
-//! project -> sort by depth -> bin: count, sum, list, sort by tile -> rasterize -> loss
+//! project -> sort by depth -> bin: count, scan, list, sort by tile -> rasterize -> loss
 //!   -> rasterize_backward -> project_backward -> adam
 //! ```
 //!
-//! It follows the CPU's conventions to the letter, but adds up in another order, so results differ in
-//! their last digits. On one device they are the same each time: nothing is added atomically but counts.
-//! LPIPS is computed by the CPU: for that the picture
-//! comes to it, and the gradient goes back.
+//! It follows the conventions of the CPU but sums in another order, so results differ in their last
+//! digits. On one device they are reproducible, because only counts are added atomically. The CPU computes
+//! LPIPS: the image is read back and its gradient uploaded.
 //!
-//! How many tiles the splats of a picture reach is known on the device alone. Where there is no room for
-//! all, nothing is moved, room is made, and the step is taken again.
+//! Only the device knows the number of splat-tile pairs of an image. If they exceed the buffers, the step
+//! changes nothing and runs again with larger ones.
 
 mod backend;
 mod buffers;

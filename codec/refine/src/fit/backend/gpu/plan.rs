@@ -1,249 +1,249 @@
-//! [`Plan`]: the kernels of a step, one after the other, for the buffers that there are.
+//! [`Plan`]: the kernels of a step in order, bound to the current buffers.
 
 use shaders::fit::binding::{
-    BLOCK_SUMS, BLURRED, COUNTS, D_PAIRS, D_PARAMETERS, D_PICTURE, DERIVATIVES, DIFFERENCES, FIRST_MOMENTS,
-    KEYS, MEMORY, ORDER, PACE, PAIR_ROWS, PAIR_TILES, PARAMETERS, PHOTOGRAPH, PICTURE, ROWS, SECOND_MOMENTS,
-    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATE, STEP, TILE_PAIRS, TILE_STARTS,
+    ADAM_UNIFORMS, BLOCK_SUMS, BLURRED, COUNTS, D_IMAGE, D_PAIRS, D_PARAMETERS, DERIVATIVES, DIFFERENCES,
+    FIRST_MOMENTS, IMAGE, KEYS, ORDER, PAIR_ROWS, PAIR_TILES, PARAMETERS, PHOTOGRAPH, ROWS, SECOND_MOMENTS,
+    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATISTICS, TILE_PAIRS, TILE_STARTS, TOTALS, UNIFORMS,
 };
-use shaders::fit::layout::{Series, State};
+use shaders::fit::layout::{Series, Totals};
 use shaders::fit::{BLOCK, CHUNK, DIGIT_BITS, DIGITS, NO_DIGITS};
 
-use super::buffers::{Fixed, Pair, Pairs, PerGaussian, PerPixel, Scanned};
+use super::buffers::{Buffers, DEPTH_BITS, PingPong, passes};
 use super::device::{Buffer, Device};
 use super::kernels::{Dispatch, Kernels, Threads};
 use crate::fit::backend::DeviceError;
 
-/// Bits of a positive float, by which depths are sorted.
-const DEPTH_BITS: u32 = 31;
-
-/// The buffers of a fit.
-pub(super) struct Buffers {
-    pub(super) fixed: Fixed,
-    pub(super) gaussians: PerGaussian,
-    pub(super) pixels: PerPixel,
-    pub(super) pairs: Pairs,
-    pub(super) scanned: Scanned,
-}
-
 /// The kernels of a step.
 pub(super) struct Plan {
-    /// To the picture.
+    /// From parameters to the image.
     pub(super) forward: Vec<Dispatch>,
-    /// From there to the gradient by the picture.
+    /// From the image to its gradient.
     pub(super) loss: Vec<Dispatch>,
-    /// From there to the gradient by the parameters.
+    /// From there to the gradient of the parameters.
     pub(super) backward: Vec<Dispatch>,
-    /// The step along it.
+    /// The step along that gradient.
     pub(super) adam: Dispatch,
-}
-
-impl Buffers {
-    /// Rows of the splats that are drawn, front to back, once they are sorted.
-    pub(super) fn order(&self) -> &Buffer {
-        &self.gaussians.rows[passes(DEPTH_BITS) % 2]
-    }
 }
 
 impl Plan {
     pub(super) fn new(device: &Device, kernels: &Kernels, buffers: &Buffers) -> Result<Plan, DeviceError> {
-        let mut maker = Maker { device, kernels, buffers, series: Vec::new() };
-        let forward = maker.forward()?;
-        let (loss, backward, adam) = (maker.loss(), maker.backward(), maker.adam());
-        Ok(Plan { forward, loss, backward, adam })
+        let builder = Builder { device, kernels, buffers };
+        Ok(Plan {
+            forward: builder.forward()?,
+            loss: builder.loss(),
+            backward: builder.backward(),
+            adam: builder.adam(),
+        })
     }
 }
 
-/// Digits of numbers of so many bits.
-fn passes(bits: u32) -> usize {
-    bits.div_ceil(DIGIT_BITS) as usize
+/// A sort of keys with their values.
+#[derive(Clone, Copy)]
+struct Sort {
+    /// Significant bits of the keys.
+    bits: u32,
+    /// Largest number of keys.
+    capacity: u32,
+    /// Indices in the totals of the number of keys: for the first pass, for the others.
+    lengths: [u32; 2],
+    /// Index in the totals that receives the number of keys left after a pass.
+    total: u32,
 }
 
-struct Maker<'a> {
+struct Builder<'a> {
     device: &'a Device,
     kernels: &'a Kernels,
     buffers: &'a Buffers,
-    /// What the kernels that scan and sort are told. Who binds a buffer keeps it.
-    series: Vec<Buffer>,
 }
 
-impl Maker<'_> {
+impl Builder<'_> {
     fn kernel(&self, name: &'static str, buffers: &[(u32, &Buffer)], threads: Threads) -> Dispatch {
         self.kernels.dispatch(self.device, name, buffers, threads)
     }
 
-    fn series(&mut self, series: Series) -> Result<usize, DeviceError> {
+    /// A buffer with `series`. The bind groups keep it alive.
+    fn series(&self, series: Series) -> Result<Buffer, DeviceError> {
         let buffer = self.device.uniform::<Series>()?;
         self.device.write(&buffer, 0, &[series]);
-        self.series.push(buffer);
-        Ok(self.series.len() - 1)
+        Ok(buffer)
     }
 
-    fn forward(&mut self) -> Result<Vec<Dispatch>, DeviceError> {
-        let Buffers { fixed, gaussians, pixels, pairs, scanned } = self.buffers;
-        let (step, state, order) = (&fixed.step, &fixed.state, self.buffers.order());
-        let per_gaussian = Threads::Count(gaussians.count.into());
+    fn forward(&self) -> Result<Vec<Dispatch>, DeviceError> {
+        let mut plan = self.project_and_sort()?;
+        self.bin(&mut plan)?;
+        let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
+        let rasterize = [
+            (UNIFORMS, &fixed.uniforms),
+            (SPLATS, &gaussians.splats),
+            (PAIR_ROWS, &pairs.rows),
+            (TILE_PAIRS, self.sorted_pairs().1),
+            (TILE_STARTS, &pixels.tile_starts),
+            (IMAGE, &pixels.image),
+        ];
+        plan.push(self.kernel("rasterize", &rasterize, Threads::Tiles));
+        Ok(plan)
+    }
+
+    fn project_and_sort(&self) -> Result<Vec<Dispatch>, DeviceError> {
+        let Buffers { fixed, gaussians, .. } = self.buffers;
         let project = [
-            (STEP, step),
+            (UNIFORMS, &fixed.uniforms),
             (PARAMETERS, &gaussians.parameters),
             (SPLATS, &gaussians.splats),
             (KEYS, &gaussians.keys[0]),
             (ROWS, &gaussians.rows[0]),
         ];
-        let mut all = vec![self.kernel("project", &project, per_gaussian)];
-        let by_depth = Sorted {
+        let mut plan = vec![self.kernel("project", &project, Threads::Count(gaussians.count.into()))];
+        let by_depth = Sort {
             bits: DEPTH_BITS,
             capacity: gaussians.count,
-            // The first pass leaves out what is not drawn, and tells how many are left.
-            lengths: [State::GAUSSIANS, State::DRAWN],
-            total: State::DRAWN,
+            // The first pass drops what is not drawn and counts the rest.
+            lengths: [Totals::GAUSSIANS, Totals::DRAWN],
+            total: Totals::DRAWN,
         };
-        self.sort(&mut all, &gaussians.keys, &gaussians.rows, by_depth)?;
+        self.sort(&mut plan, &gaussians.keys, &gaussians.rows, by_depth)?;
+        Ok(plan)
+    }
 
-        let (splats, starts) = (&gaussians.splats, &pixels.tile_starts);
-        let count = [(STATE, state), (SPLATS, splats), (COUNTS, &scanned.counts), (ORDER, order)];
-        all.push(self.kernel("count_tiles", &count, per_gaussian));
+    fn bin(&self, plan: &mut Vec<Dispatch>) -> Result<(), DeviceError> {
+        let Buffers { fixed, gaussians, pixels, pairs, scanned } = self.buffers;
+        let (uniforms, totals) = ((UNIFORMS, &fixed.uniforms), (TOTALS, &fixed.totals));
+        let splats = (SPLATS, &gaussians.splats);
+        let (counts, order) = ((COUNTS, &scanned.counts), (ORDER, self.buffers.order()));
+        let per_gaussian = Threads::Count(gaussians.count.into());
+        plan.push(self.kernel("count_tiles", &[totals, splats, counts, order], per_gaussian));
         let of_pairs = self.series(Series {
-            length_at: State::DRAWN,
+            length_at: Totals::DRAWN,
             capacity: u32::MAX,
-            total_at: State::PAIRS,
+            total_at: Totals::PAIRS,
             shift: NO_DIGITS,
         })?;
-        self.scan(&mut all, of_pairs, gaussians.count.into());
+        self.scan(plan, &of_pairs, gaussians.count.into());
         let list = [
-            (STEP, step),
-            (STATE, state),
-            (SPLATS, splats),
-            (COUNTS, &scanned.counts),
+            uniforms,
+            totals,
+            splats,
+            counts,
             (BLOCK_SUMS, &scanned.block_sums),
-            (ORDER, order),
+            order,
             (PAIR_TILES, &pairs.tiles[0]),
             (PAIR_ROWS, &pairs.rows),
-            (TILE_PAIRS, &pairs.numbers[0]),
+            (TILE_PAIRS, &pairs.indices[0]),
         ];
-        all.push(self.kernel("list_pairs", &list, per_gaussian));
-        let by_tile = Sorted {
-            // One number more than there are tiles.
-            bits: u32::BITS - pixels.tiles.leading_zeros(),
+        plan.push(self.kernel("list_pairs", &list, per_gaussian));
+        let by_tile = Sort {
+            bits: self.tile_bits(),
             capacity: pairs.capacity,
-            lengths: [State::PAIRS; 2],
-            total: State::SPARE,
+            lengths: [Totals::PAIRS; 2],
+            total: Totals::SPARE,
         };
-        self.sort(&mut all, &pairs.tiles, &pairs.numbers, by_tile)?;
-        let (tiles, numbers) = self.sorted_pairs();
-        let find = [(STEP, step), (STATE, state), (PAIR_TILES, tiles), (TILE_STARTS, starts)];
-        all.push(self.kernel("find_tiles", &find, Threads::TileStarts));
-        let rasterize = [
-            (STEP, step),
-            (SPLATS, splats),
-            (PAIR_ROWS, &pairs.rows),
-            (TILE_PAIRS, numbers),
-            (TILE_STARTS, starts),
-            (PICTURE, &pixels.picture),
-        ];
-        all.push(self.kernel("rasterize", &rasterize, Threads::Tiles));
-        Ok(all)
+        self.sort(plan, &pairs.tiles, &pairs.indices, by_tile)?;
+        let find =
+            [uniforms, totals, (PAIR_TILES, self.sorted_pairs().0), (TILE_STARTS, &pixels.tile_starts)];
+        plan.push(self.kernel("find_tiles", &find, Threads::TileStarts));
+        Ok(())
     }
 
-    /// Tiles and numbers of the pairs, where they are once they are sorted.
+    /// Bits of a tile index, or of the number of tiles, which stands for no tile.
+    fn tile_bits(&self) -> u32 {
+        u32::BITS - self.buffers.pixels.tiles.leading_zeros()
+    }
+
+    /// Tiles and indices of the pairs after the sort by tile.
     fn sorted_pairs(&self) -> (&Buffer, &Buffer) {
-        let Buffers { pixels, pairs, .. } = self.buffers;
-        let last = passes(u32::BITS - pixels.tiles.leading_zeros()) % 2;
-        (&pairs.tiles[last], &pairs.numbers[last])
+        let pairs = &self.buffers.pairs;
+        let last = passes(self.tile_bits()) % 2;
+        (&pairs.tiles[last], &pairs.indices[last])
     }
 
-    /// Sums up what is in the counts, of which there are at most so many.
-    fn scan(&self, all: &mut Vec<Dispatch>, series: usize, most: u64) {
+    /// Scans the counts, of which there are at most `most`.
+    fn scan(&self, plan: &mut Vec<Dispatch>, series: &Buffer, most: u64) {
         let Buffers { fixed, scanned, .. } = self.buffers;
         let buffers = [
-            (SERIES, &self.series[series]),
-            (STATE, &fixed.state),
+            (SERIES, series),
+            (TOTALS, &fixed.totals),
             (COUNTS, &scanned.counts),
             (BLOCK_SUMS, &scanned.block_sums),
         ];
-        all.push(self.kernel("scan_blocks", &buffers, Threads::Count(most.div_ceil(u64::from(BLOCK)))));
-        // The totals do not look at the counts themselves.
-        all.push(self.kernel("scan_totals", &[buffers[0], buffers[1], buffers[3]], Threads::Group));
+        plan.push(self.kernel("scan_blocks", &buffers, Threads::Count(most.div_ceil(u64::from(BLOCK)))));
+        // `scan_totals` does not use the counts.
+        plan.push(self.kernel("scan_totals", &[buffers[0], buffers[1], buffers[3]], Threads::Group));
     }
 
     fn sort(
-        &mut self,
-        all: &mut Vec<Dispatch>,
-        keys: &Pair,
-        rows: &Pair,
-        sorted: Sorted,
+        &self,
+        plan: &mut Vec<Dispatch>,
+        keys: &PingPong,
+        rows: &PingPong,
+        sort: Sort,
     ) -> Result<(), DeviceError> {
         let Buffers { fixed, scanned, .. } = self.buffers;
-        let chunks = u64::from(sorted.capacity.div_ceil(CHUNK));
-        for pass in 0..passes(sorted.bits) {
+        let chunks = u64::from(sort.capacity.div_ceil(CHUNK));
+        for pass in 0..passes(sort.bits) {
             let series = self.series(Series {
-                length_at: sorted.lengths[pass.min(1)],
-                capacity: sorted.capacity,
-                total_at: sorted.total,
+                length_at: sort.lengths[pass.min(1)],
+                capacity: sort.capacity,
+                total_at: sort.total,
                 shift: pass as u32 * DIGIT_BITS,
             })?;
             let (from, to) = (pass % 2, (pass + 1) % 2);
-            let told = (SERIES, &self.series[series]);
-            let state = (STATE, &fixed.state);
-            let counts = (COUNTS, &scanned.counts);
-            let count = [told, state, (KEYS, &keys[from]), counts];
-            all.push(self.kernel("count_digits", &count, Threads::Count(chunks)));
-            self.scan(all, series, u64::from(DIGITS) * chunks);
             let scatter = [
-                told,
-                state,
+                (SERIES, &series),
+                (TOTALS, &fixed.totals),
                 (KEYS, &keys[from]),
+                (COUNTS, &scanned.counts),
                 (ROWS, &rows[from]),
                 (SORTED_KEYS, &keys[to]),
                 (SORTED_ROWS, &rows[to]),
-                counts,
                 (BLOCK_SUMS, &scanned.block_sums),
             ];
-            all.push(self.kernel("scatter", &scatter, Threads::Count(chunks)));
+            plan.push(self.kernel("count_digits", &scatter[..4], Threads::Count(chunks)));
+            self.scan(plan, &series, u64::from(DIGITS) * chunks);
+            plan.push(self.kernel("scatter", &scatter, Threads::Count(chunks)));
         }
         Ok(())
     }
 
     fn loss(&self) -> Vec<Dispatch> {
         let Buffers { fixed, pixels, .. } = self.buffers;
-        let step = (STEP, &fixed.step);
-        let (picture, photograph) = ((PICTURE, &pixels.picture), (PHOTOGRAPH, &pixels.photograph));
+        let uniforms = (UNIFORMS, &fixed.uniforms);
+        let (image, photograph) = ((IMAGE, &pixels.image), (PHOTOGRAPH, &pixels.photograph));
         let (blurred, derivatives) = ((BLURRED, &pixels.blurred), (DERIVATIVES, &pixels.derivatives));
         let differences = (DIFFERENCES, &pixels.differences);
-        let gradient = (D_PICTURE, &pixels.d_picture);
-        let compared = [step, picture, photograph, blurred, derivatives, differences];
-        let backward = [step, picture, photograph, blurred, gradient];
+        let compare = [uniforms, image, photograph, blurred, derivatives, differences];
+        let backward = [uniforms, image, photograph, blurred, (D_IMAGE, &pixels.d_image)];
         vec![
-            self.kernel("blur_rows", &[step, picture, photograph, blurred], Threads::Pixels),
-            self.kernel("compare", &compared, Threads::Pixels),
-            self.kernel("blur_derivatives", &[step, blurred, derivatives], Threads::Pixels),
+            self.kernel("blur_rows", &[uniforms, image, photograph, blurred], Threads::Pixels),
+            self.kernel("compare", &compare, Threads::Pixels),
+            self.kernel("blur_derivatives", &[uniforms, blurred, derivatives], Threads::Pixels),
             self.kernel("loss_backward", &backward, Threads::Pixels),
-            self.kernel("sum_loss", &[step, (STATE, &fixed.state), differences], Threads::Group),
+            self.kernel("sum_loss", &[uniforms, (TOTALS, &fixed.totals), differences], Threads::Group),
         ]
     }
 
     fn backward(&self) -> Vec<Dispatch> {
         let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
-        let (step, splats) = ((STEP, &fixed.step), (SPLATS, &gaussians.splats));
-        let sums = (D_PAIRS, &pairs.d_pairs);
+        let (uniforms, splats) = ((UNIFORMS, &fixed.uniforms), (SPLATS, &gaussians.splats));
+        let d_pairs = (D_PAIRS, &pairs.d_pairs);
         let rasterize_backward = [
-            step,
+            uniforms,
             splats,
             (PAIR_ROWS, &pairs.rows),
             (TILE_PAIRS, self.sorted_pairs().1),
             (TILE_STARTS, &pixels.tile_starts),
-            (PICTURE, &pixels.picture),
-            (D_PICTURE, &pixels.d_picture),
-            sums,
+            (IMAGE, &pixels.image),
+            (D_IMAGE, &pixels.d_image),
+            d_pairs,
         ];
         let project_backward = [
-            step,
-            (STATE, &fixed.state),
+            uniforms,
+            (TOTALS, &fixed.totals),
             (PARAMETERS, &gaussians.parameters),
             (ORDER, self.buffers.order()),
             splats,
-            sums,
+            d_pairs,
             (D_PARAMETERS, &gaussians.d_parameters),
-            (MEMORY, &gaussians.memory),
+            (STATISTICS, &gaussians.statistics),
         ];
         let per_gaussian = Threads::Count(gaussians.count.into());
         vec![
@@ -255,30 +255,17 @@ impl Maker<'_> {
     fn adam(&self) -> Dispatch {
         let Buffers { fixed, gaussians, .. } = self.buffers;
         let adam = [
-            (STEP, &fixed.step),
-            (PACE, &fixed.pace),
-            (STATE, &fixed.state),
+            (UNIFORMS, &fixed.uniforms),
+            (ADAM_UNIFORMS, &fixed.adam_uniforms),
+            (TOTALS, &fixed.totals),
             (PARAMETERS, &gaussians.parameters),
             (ORDER, self.buffers.order()),
             (D_PARAMETERS, &gaussians.d_parameters),
-            (MEMORY, &gaussians.memory),
+            (STATISTICS, &gaussians.statistics),
             (FIRST_MOMENTS, &gaussians.first_moments),
             (SECOND_MOMENTS, &gaussians.second_moments),
         ];
         let numbers = u64::from(gaussians.count) * u64::from(gaussians.columns.numbers());
         self.kernel("adam", &adam, Threads::Count(numbers))
     }
-}
-
-/// What is sorted.
-#[derive(Clone, Copy)]
-struct Sorted {
-    /// By how many bits.
-    bits: u32,
-    /// Most that there are.
-    capacity: u32,
-    /// Which number of the state says how many there are: to the first pass, to the others.
-    lengths: [u32; 2],
-    /// Which number of the state the passes set to how many are left.
-    total: u32,
 }

@@ -1,6 +1,6 @@
-//! How what is fitted, a view and a photograph look on the device.
+//! Conversion of training state, view and photograph to and from device memory.
 
-use shaders::fit::layout::{self, Memory};
+use shaders::fit::layout::{AdamUniforms, Statistics, StepUniforms};
 use shaders::fit::{COLUMNS, Columns};
 
 use super::buffers::{PerGaussian, tiles};
@@ -11,10 +11,10 @@ use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, LOGIT_MAX, Parameters};
 use crate::fit::views::{FrameView, Photograph};
 
-/// Bytes of a number.
+/// Bytes per number.
 const WORD: u64 = 4;
 
-/// Which columns there are.
+/// The columns of the parameters.
 pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
     Columns {
         sh_degree: parameters.sh_degree,
@@ -24,9 +24,9 @@ pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
     }
 }
 
-/// Hands over Gaussians.
-pub(super) fn upload(device: &Device, to: &PerGaussian, gaussians: &TrainingState) {
-    let TrainingState { parameters, moments, screen_gradients } = gaussians;
+/// Copies a training state to the device.
+pub(super) fn upload(device: &Device, to: &PerGaussian, state: &TrainingState) {
+    let TrainingState { parameters, moments, screen_gradients } = state;
     for (buffer, values) in [
         (&to.parameters, parameters),
         (&to.first_moments, &moments.first),
@@ -38,19 +38,19 @@ pub(super) fn upload(device: &Device, to: &PerGaussian, gaussians: &TrainingStat
             offset += column.len() as u64 * WORD;
         }
     }
-    let remembered = moments.visits.iter().zip(screen_gradients.sums.iter().zip(&screen_gradients.images));
-    let memory: Vec<Memory> = remembered
-        .map(|(visits, (pull, images))| Memory {
-            pull: *pull,
-            pictures: *images,
-            visits: *visits,
+    let rows = screen_gradients.sums.iter().zip(&screen_gradients.images).zip(&moments.visits);
+    let statistics: Vec<Statistics> = rows
+        .map(|((&screen_gradient, &images), &visits)| Statistics {
+            screen_gradient,
+            images,
+            visits,
             is_usable: 0,
         })
         .collect();
-    device.write(&to.memory, 0, &memory);
+    device.write(&to.statistics, 0, &statistics);
 }
 
-/// Gets them back; `shape` has their columns.
+/// Copies it back; `shape` has the columns of the parameters.
 pub(super) fn download(
     device: &Device,
     from: &PerGaussian,
@@ -60,18 +60,18 @@ pub(super) fn download(
     let parameters = rows_of(device, &from.parameters, shape, rows, rows)?;
     let first = rows_of(device, &from.first_moments, shape, rows, rows)?;
     let second = rows_of(device, &from.second_moments, shape, rows, rows)?;
-    let memory: Vec<Memory> = device.read(&from.memory, rows)?;
+    let statistics: Vec<Statistics> = device.read(&from.statistics, rows)?;
     Ok(TrainingState {
         parameters,
-        moments: Moments { first, second, visits: memory.iter().map(|row| row.visits).collect() },
+        moments: Moments { first, second, visits: statistics.iter().map(|row| row.visits).collect() },
         screen_gradients: ScreenGradients {
-            sums: memory.iter().map(|row| row.pull).collect(),
-            images: memory.iter().map(|row| row.pictures).collect(),
+            sums: statistics.iter().map(|row| row.screen_gradient).collect(),
+            images: statistics.iter().map(|row| row.images).collect(),
         },
     })
 }
 
-/// The first `rows` of the columns in a buffer, which are `capacity` rows long there.
+/// Reads the first `rows` rows of the columns in a buffer with `capacity` rows.
 pub(super) fn rows_of(
     device: &Device,
     buffer: &Buffer,
@@ -90,19 +90,19 @@ pub(super) fn rows_of(
     Ok(all)
 }
 
-/// A view, of so many Gaussians.
-pub(super) fn step(
+/// The uniforms of a step.
+pub(super) fn step_uniforms(
     view: &FrameView,
     gaussians: u32,
     pair_capacity: u32,
     detach_tau: bool,
-) -> layout::StepUniforms {
+) -> StepUniforms {
     let camera = view.camera;
     let m = &camera.camera_from_world;
     let single = |v: [f64; 2]| v.map(|x| x as f32);
     let [slope_min, slope_max] = view.slope_limits().map(single);
     let size = [camera.width, camera.height];
-    layout::StepUniforms {
+    StepUniforms {
         view_from_world: [0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| m[r][c] as f32)),
         eye: camera.position().map(|x| x as f32),
         frame: view.frame as f32,
@@ -114,13 +114,13 @@ pub(super) fn step(
         tiles: tiles(size),
         gaussians,
         pair_capacity,
-        is_detached: detach_tau.into(),
+        detach_tau: detach_tau.into(),
         _pad0: 0,
     }
 }
 
-/// How far a step goes.
-pub(super) fn adam_uniforms(config: &StepConfig) -> layout::AdamUniforms {
+/// Learning rates and bounds of a step.
+pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
     let LearningRates {
         centers,
         rotations,
@@ -136,12 +136,12 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> layout::AdamUniforms {
     let mut rates = [0.0; 12];
     let columns = [centers, rotations, log_scales, logits, sh_first, tau, log_widths];
     rates[..columns.len()].copy_from_slice(&columns.map(|rate| rate as f32));
-    rates[layout::AdamUniforms::MOTION..][..3].copy_from_slice(&motion.map(|rate| rate as f32));
-    rates[layout::AdamUniforms::ROTATION_RATE as usize] = rotation_rates as f32;
-    rates[layout::AdamUniforms::SH_REST as usize] = sh_rest as f32;
+    rates[AdamUniforms::MOTION..][..3].copy_from_slice(&motion.map(|rate| rate as f32));
+    rates[AdamUniforms::ROTATION_RATE as usize] = rotation_rates as f32;
+    rates[AdamUniforms::SH_REST as usize] = sh_rest as f32;
     let Bounds { log_scales, log_widths, tau, .. } = config.bounds;
     let single = |v: [f64; 2]| v.map(|x| x as f32);
-    layout::AdamUniforms {
+    AdamUniforms {
         rates,
         log_scales: single(log_scales),
         log_widths: single(log_widths),
@@ -151,7 +151,7 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> layout::AdamUniforms {
     }
 }
 
-/// A photograph: the bytes red, green, blue, and one that is 0 where it does not show what is there.
+/// A photograph with one byte each per pixel: red, green, blue, and 0 if the pixel is invalid.
 pub(super) fn photograph(photograph: &Photograph) -> Vec<u32> {
     let pixels = photograph.pixels.iter().enumerate();
     let packed = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
@@ -160,5 +160,5 @@ pub(super) fn photograph(photograph: &Photograph) -> Vec<u32> {
     pixels.map(packed).collect()
 }
 
-// What the two sides call a column is the same.
+// Both sides have the same columns.
 const _: () = assert!(COLUMNS == FIT_COLUMNS);

@@ -1,21 +1,21 @@
-//! Convolutions and their gradients with respect to the input.
+//! Convolutions with their gradients with respect to the input, and max pooling.
 //!
-//! Images lie pixel by pixel, so that the inputs under one row of a kernel lie together: a pixel's
-//! outputs are sums of products along such stretches, and no patches are copied. Eight outputs of
-//! four pixels are summed at a time, which vectors and registers hold. Each sum has a fixed order.
+//! Channels are innermost, so the inputs under a row of a kernel are contiguous: an output is a sum of dot
+//! products with such runs, without copies of patches. Eight outputs of four pixels are summed at a time,
+//! which fit in vector registers. Each sum has a fixed order.
 
 use rayon::prelude::*;
 
 use crate::fit::precision::Real;
 
-/// Outputs, and pixels, that are summed at a time.
+/// Outputs and pixels that are summed at a time.
 const LANES: usize = 8;
 const PIXELS: usize = 4;
 
-/// Pixels that one thread takes of a block of outputs.
+/// Pixels per parallel task, for one block of outputs.
 const CHUNK: usize = 16 * PIXELS;
 
-/// An image of any number of channels, `[y][x][channel]`.
+/// Features with any number of channels: `[y][x][channel]`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FeatureMap<T> {
     /// Rows and columns.
@@ -24,18 +24,18 @@ pub(super) struct FeatureMap<T> {
     pub(super) values: Vec<T>,
 }
 
-/// Weights of a correlation, in the order in which they are used.
+/// Weights of a correlation, in the order of their use.
 struct Kernel<T> {
     /// Rows and columns.
     size: [usize; 2],
     inputs: usize,
     outputs: usize,
-    /// `[block of outputs][row][column][input]`, the last block filled up with zeros.
+    /// `[block of outputs][row][column][input]`, the last block padded with zeros.
     weights: Vec<[T; LANES]>,
 }
 
 impl<T: Real> Kernel<T> {
-    /// `weight` gives the weight by output, input, row and column.
+    /// `weight` maps `[output, input, row, column]` to a weight.
     fn new(size: [usize; 2], inputs: usize, outputs: usize, weight: impl Fn([usize; 4]) -> T) -> Kernel<T> {
         let mut weights = Vec::with_capacity(outputs.div_ceil(LANES) * size[0] * size[1] * inputs);
         for block in (0..outputs).step_by(LANES) {
@@ -53,8 +53,8 @@ impl<T: Real> Kernel<T> {
         Kernel { size, inputs, outputs, weights }
     }
 
-    /// Correlates `input`, zero beyond its edges. The window of the first output pixel begins at
-    /// row and column `origin`, those of its neighbours `stride` further.
+    /// Correlates `input`, with zeros beyond its edges. The window of the first output pixel begins at row
+    /// and column `origin`; neighbouring windows are `stride` apart.
     fn correlate(
         &self,
         input: &FeatureMap<T>,
@@ -62,14 +62,14 @@ impl<T: Real> Kernel<T> {
         stride: usize,
         size: [usize; 2],
     ) -> FeatureMap<T> {
-        let reach = [0, 1].map(|axis| size[axis].saturating_sub(1) * stride + self.size[axis]);
-        let padded = window(input, origin, reach);
-        let row_length = reach[1] * self.inputs;
+        let extent = [0, 1].map(|axis| size[axis].saturating_sub(1) * stride + self.size[axis]);
+        let padded = window(input, origin, extent);
+        let row_length = extent[1] * self.inputs;
         let taps = self.size[1] * self.inputs;
         let count = size[0] * size[1];
         let begin =
             |pixel: usize| (pixel / size[1] * stride) * row_length + (pixel % size[1]) * stride * self.inputs;
-        // Sums of a block of outputs lie together, pixel by pixel: weights are then read once for many.
+        // The sums of a block of outputs are contiguous, so that its weights stay in the cache.
         let chunks = count.div_ceil(CHUNK);
         let blocks = self.outputs.div_ceil(LANES);
         let mut sums = vec![[T::zero(); LANES]; blocks * chunks * CHUNK];
@@ -78,12 +78,12 @@ impl<T: Real> Kernel<T> {
             for (group, sums) in sums.as_chunks_mut::<PIXELS>().0.iter_mut().enumerate() {
                 let first = i % chunks * CHUNK + group * PIXELS;
                 if first < count {
-                    // Beyond the last pixel, that one again.
+                    // Past the last pixel, repeats it.
                     let begins: [usize; PIXELS] = std::array::from_fn(|i| begin((first + i).min(count - 1)));
                     let mut of_group = [[T::zero(); LANES]; PIXELS];
                     for (row, weights) in weights.chunks(taps).enumerate() {
-                        let stretches = begins.map(|begin| &padded[begin + row * row_length..][..taps]);
-                        accumulate(&mut of_group, stretches, weights);
+                        let runs = begins.map(|begin| &padded[begin + row * row_length..][..taps]);
+                        accumulate(&mut of_group, runs, weights);
                     }
                     *sums = of_group;
                 }
@@ -99,11 +99,11 @@ impl<T: Real> Kernel<T> {
     }
 }
 
-/// `sums[pixel][lane] += sum over i of stretches[pixel][i] * weights[i][lane]`.
+/// `sums[pixel][lane] += sum over i of runs[pixel][i] * weights[i][lane]`.
 #[inline(always)]
-fn accumulate<T: Real>(sums: &mut [[T; LANES]; PIXELS], stretches: [&[T]; PIXELS], weights: &[[T; LANES]]) {
+fn accumulate<T: Real>(sums: &mut [[T; LANES]; PIXELS], runs: [&[T]; PIXELS], weights: &[[T; LANES]]) {
     let mut local = *sums;
-    let [a, b, c, d] = stretches;
+    let [a, b, c, d] = runs;
     for ((((weights, a), b), c), d) in weights.iter().zip(a).zip(b).zip(c).zip(d) {
         for (sums, x) in local.iter_mut().zip([*a, *b, *c, *d]) {
             for (sum, weight) in sums.iter_mut().zip(weights) {
@@ -114,7 +114,7 @@ fn accumulate<T: Real>(sums: &mut [[T; LANES]; PIXELS], stretches: [&[T]; PIXELS
     *sums = local;
 }
 
-/// The part of `input` that begins at `origin`, zero where it lies beyond the edges.
+/// The part of `input` that begins at `origin`, with zeros beyond the edges.
 fn window<T: Real>(input: &FeatureMap<T>, origin: [isize; 2], size: [usize; 2]) -> Vec<T> {
     let mut values = vec![T::zero(); size[0] * size[1] * input.channels];
     let inside = |axis: usize| {
@@ -139,14 +139,14 @@ pub(super) struct Convolution<T> {
     bias: Vec<T>,
     stride: usize,
     padding: usize,
-    /// Kernels from the outputs back to those inputs whose row and column, counted from the first
-    /// window's, leave `[rest by row, rest by column]` when divided by the stride.
+    /// Kernels of the gradient, one per remainder modulo the stride: `[row, column]` remainders of the
+    /// inputs, counted from the first window, and their kernel from outputs to inputs.
     back: Vec<([usize; 2], Kernel<T>)>,
 }
 
 impl<T: Real> Convolution<T> {
-    /// `weights[output][input][row][column]`, flattened, of a square kernel with sides of `side`;
-    /// `side` is no smaller than `stride`.
+    /// `weights[output][input][row][column]`, flattened, of a square kernel of `side` rows, at least
+    /// `stride`.
     pub(super) fn new(
         weights: &[T],
         bias: Vec<T>,
@@ -173,17 +173,17 @@ impl<T: Real> Convolution<T> {
         Convolution { kernel, bias, stride, padding, back }
     }
 
-    /// Channels of the output.
+    /// Number of output channels.
     pub(super) fn outputs(&self) -> usize {
         self.bias.len()
     }
 
-    /// Rows and columns of the output for an input of `size`; `None` where a window does not fit.
+    /// Size of the output for an input of `size`; `None` if no window fits.
     pub(super) fn output_size(&self, size: [usize; 2]) -> Option<[usize; 2]> {
         windows(size.map(|side| side + 2 * self.padding), self.kernel.size[0], self.stride)
     }
 
-    /// The output for an input in which a window fits.
+    /// The output for an input in which at least one window fits.
     pub(super) fn forward(&self, input: &FeatureMap<T>) -> FeatureMap<T> {
         let size = self.output_size(input.size).unwrap_or_default();
         let mut output = self.kernel.correlate(input, [-(self.padding as isize); 2], self.stride, size);
@@ -195,7 +195,7 @@ impl<T: Real> Convolution<T> {
         output
     }
 
-    /// The gradient by an input of `size` from that by its `output`.
+    /// The gradient with respect to an input of `size`, given that of its `output`.
     pub(super) fn backward(
         &self,
         output: &FeatureMap<T>,
@@ -210,8 +210,8 @@ impl<T: Real> Convolution<T> {
         let channels = self.kernel.inputs;
         let mut values = vec![T::zero(); size[0] * size[1] * channels];
         for (rest, kernel) in &self.back {
-            // Row `y` is covered by the windows of the outputs from `(y + padding - rest) / stride`
-            // down; the first such `y` within the image is `first`.
+            // The last output whose window covers row `y` is `(y + padding - rest) / stride`; `first` is
+            // the first `y` in the image with this remainder.
             let quotient = rest.map(|rest| self.padding.saturating_sub(rest).div_ceil(self.stride));
             let first = [0, 1].map(|axis| quotient[axis] * self.stride + rest[axis] - self.padding);
             let count = [0, 1].map(|axis| size[axis].saturating_sub(first[axis]).div_ceil(self.stride));
@@ -227,14 +227,14 @@ impl<T: Real> Convolution<T> {
     }
 }
 
-/// Number of windows with sides of `side` along either axis, `stride` apart; `None` without any.
+/// Number of windows of `side` pixels along either axis, `stride` apart; `None` if none fits.
 pub(super) fn windows(size: [usize; 2], side: usize, stride: usize) -> Option<[usize; 2]> {
     let along = |length: usize| length.checked_sub(side).map(|room| room / stride + 1);
     Some([along(size[0])?, along(size[1])?])
 }
 
-/// The largest value of each window with sides of `side` that lies within the image, and where it
-/// stands among the values of `input`: the first of equals.
+/// Maximum of each window of `side` pixels within the image, and its index among the values of `input`,
+/// the first of equals.
 pub(super) fn max_pool<T: Real>(
     input: &FeatureMap<T>,
     side: usize,
@@ -264,7 +264,7 @@ mod tests {
         FeatureMap { size, channels, values }
     }
 
-    /// By definition, one product after the other.
+    /// The definition of a convolution.
     fn direct(
         input: &FeatureMap<f64>,
         weights: &[f64],
@@ -295,7 +295,7 @@ mod tests {
         FeatureMap { size, channels: bias.len(), values }
     }
 
-    /// The kernels of AlexNet and VGG on images that they do not divide.
+    /// Kernels of AlexNet and VGG, on images whose sizes are no multiples of their strides.
     const CASES: [([usize; 3], [usize; 2]); 4] =
         [([11, 4, 2], [19, 26]), ([5, 1, 2], [6, 5]), ([3, 1, 1], [1, 3]), ([3, 1, 1], [7, 9])];
 
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_are_sums_of_products() {
+    fn outputs_match_the_definition() {
         for (shape, size) in CASES {
             for channels in [[3, 8], [2, 11]] {
                 let (convolution, weights, bias) = convolution(shape, channels);
@@ -321,19 +321,18 @@ mod tests {
         }
     }
 
-    /// The output is linear in the input where the rectifier stays open or closed: a gradient is
-    /// what a direction's change says it is.
+    /// The output is piecewise linear in the input, so central differences are exact.
     #[test]
-    fn gradients_are_those_of_finite_differences() {
+    fn gradients_match_finite_differences() {
         for (shape, size) in CASES {
             let (convolution, ..) = convolution(shape, [3, 10]);
             let input = map(size, 3, 0.1);
             let output = convolution.forward(&input);
-            let pull = map(output.size, output.channels, 5.0);
-            let gradient = convolution.backward(&output, pull.clone(), size);
+            let d_output = map(output.size, output.channels, 5.0);
+            let gradient = convolution.backward(&output, d_output.clone(), size);
             let value = |input: &FeatureMap<f64>| {
                 let output = convolution.forward(input);
-                output.values.iter().zip(&pull.values).map(|(a, b)| a * b).sum::<f64>()
+                output.values.iter().zip(&d_output.values).map(|(a, b)| a * b).sum::<f64>()
             };
             for i in 0..input.values.len() {
                 let moved = |by: f64| {
@@ -349,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_of_a_window_comes_through() {
+    fn pooling_takes_the_maximum() {
         let input = FeatureMap {
             size: [3, 5],
             channels: 1,

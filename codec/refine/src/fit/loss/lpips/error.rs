@@ -1,4 +1,4 @@
-//! [`LpipsError`]: what may be wrong with a file of weights, or a picture.
+//! [`LpipsError`]: why LPIPS refuses weights or an image.
 
 use std::fmt;
 
@@ -13,27 +13,27 @@ pub enum LpipsError {
     Network(Vec<usize>),
     /// A tensor has the wrong shape.
     Shape {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
-        /// The shape that its network has there.
+        /// Shape in the network.
         expected: Vec<usize>,
-        /// The shape in the file.
+        /// Shape in the file.
         found: Vec<usize>,
     },
-    /// A tensor holds something else than 32-bit floats.
+    /// The numbers of a tensor are not 32-bit floats.
     Type {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
-        /// What it holds.
+        /// Type of its numbers.
         found: String,
     },
-    /// A tensor holds a number that is not finite.
+    /// A number of a tensor is not finite.
     NotFinite(String),
-    /// A picture has fewer pixels than the network needs.
+    /// An image is smaller than the network accepts.
     TooSmall {
-        /// Width and height of the picture.
+        /// Width and height of the image.
         size: [usize; 2],
-        /// The smallest side that the network takes.
+        /// Smallest width and height that the network accepts.
         smallest: usize,
     },
 }
@@ -69,10 +69,7 @@ impl fmt::Display for LpipsError {
                 write!(f, "the tensor {tensor} of the LPIPS weights holds a number that is not finite")
             }
             LpipsError::TooSmall { size: [width, height], smallest } => {
-                write!(
-                    f,
-                    "LPIPS needs pictures of {smallest}x{smallest} pixels at least, not {width}x{height}"
-                )
+                write!(f, "LPIPS needs images of at least {smallest}x{smallest} pixels, not {width}x{height}")
             }
         }
     }

@@ -1,11 +1,11 @@
 //! [`Lpips`]: learned perceptual image patch similarity (Zhang et al., "The unreasonable
 //! effectiveness of deep features as a perceptual metric", 2018), and its gradient.
 //!
-//! Both pictures pass through a trained network. Of the features at five of its layers, each pixel's
-//! brought to length 1, the squared differences are weighted by channel, averaged over the pixels
-//! and added up. The weights are the user's own file: torchvision's `features.N.weight` and
-//! `features.N.bias`, and `lin0.model.1.weight` to `lin4.model.1.weight` of the `lpips` package,
-//! version 0.1, in one safetensors file of 32-bit floats.
+//! Both images pass through a trained network. At five of its layers, the features of each pixel are
+//! normalised; their squared differences are weighted by channel, averaged over the pixels, and summed
+//! over the layers. The user provides the weights in one safetensors file of 32-bit floats:
+//! `features.N.weight` and `features.N.bias` of torchvision, and `lin0.model.1.weight` to
+//! `lin4.model.1.weight` of the `lpips` package, version 0.1.
 
 use rayon::prelude::*;
 
@@ -14,48 +14,48 @@ use super::convolution::{FeatureMap, max_pool, windows};
 use super::network::{self, Block, LpipsNetwork};
 use crate::fit::precision::Real;
 
-/// What the trunks were trained to expect: channels in `[-1, 1]`, less `SHIFT`, divided by `SCALE`.
+/// Normalisation of the input: channels in `[-1, 1]`, minus `SHIFT`, divided by `SCALE`.
 const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
 
-/// Added to the lengths of the features that are divided by them.
+/// Added to the norm of a feature before division.
 const EPSILON: f64 = 1e-10;
 
-/// A network that says how unlike two pictures look.
+/// A network that measures the perceptual distance of two images.
 pub struct Lpips<T> {
     pub(super) network: LpipsNetwork,
     pub(super) blocks: Vec<Block<T>>,
 }
 
-/// What a picture becomes on its way through a block.
+/// Intermediate results of a block.
 struct Activations<T> {
-    /// Size of the input, and where the values after the pool came from.
+    /// Size of the pool's input, and the index there of each pooled value.
     pool: Option<([usize; 2], Vec<usize>)>,
-    /// Size of the input of the first convolution.
+    /// Size of the first convolution's input.
     size: [usize; 2],
     /// Outputs of the convolutions.
     outputs: Vec<FeatureMap<T>>,
 }
 
 impl<T: Real> Lpips<T> {
-    /// Reads weights; whether of AlexNet or VGG16 is told by their shapes.
+    /// Reads the weights of AlexNet or VGG16 from a safetensors file.
     ///
     /// # Errors
-    /// If a tensor is missing or not as its network has it.
+    /// If a tensor is missing or malformed.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Lpips<T>, LpipsError> {
         let (network, blocks) = network::read(bytes)?;
         Ok(Lpips { network, blocks })
     }
 
-    /// The trunk. Distances by different trunks do not compare.
+    /// The network. Distances by different networks are not comparable.
     pub fn network(&self) -> LpipsNetwork {
         self.network
     }
 
-    /// Whether pictures are large enough for each layer to have a pixel.
+    /// Checks that images are large enough for each layer to have a pixel.
     ///
     /// # Errors
-    /// If they are not.
+    /// [`LpipsError::TooSmall`] if they are not.
     pub fn check_size(&self, width: usize, height: usize) -> Result<(), LpipsError> {
         if self.passes([height, width]) {
             return Ok(());
@@ -72,8 +72,8 @@ impl<T: Real> Lpips<T> {
         self.blocks.iter().try_fold(size, through).is_some()
     }
 
-    /// Distance of two pictures with rows of `width` pixels: 0 for equal ones, rarely above 1.
-    /// Colours in `[0, 1]`, over black; alpha is not looked at.
+    /// Distance of two images with rows of `width` pixels: 0 for equal images, rarely above 1. Colours
+    /// are in `[0, 1]`, over black; alpha is ignored.
     ///
     /// # Panics
     /// If their sizes differ, or [`Self::check_size`] refuses them.
@@ -84,15 +84,15 @@ impl<T: Real> Lpips<T> {
         pairs.map(|(block, (a, b))| compare(a.features(), b.features(), &block.head).0).sum()
     }
 
-    /// [`Self::distance`], and its gradient with respect to the colours of the first picture.
+    /// [`Self::distance`], and its gradient with respect to the colours of the first image.
     ///
     /// # Panics
-    /// As there.
+    /// As [`Self::distance`] does.
     pub fn distance_and_gradient(&self, a: &[[T; 4]], b: &[[T; 4]], width: usize) -> (f64, Vec<[T; 3]>) {
         self.check_pair(a, b, width);
         let (a, b) = (self.pass(a, width), self.pass(b, width));
         let mut distance = 0.0;
-        // By the input of the block after.
+        // The gradient of the next block's input.
         let mut from_above: Option<FeatureMap<T>> = None;
         for (block, (a, b)) in self.blocks.iter().zip(a.iter().zip(&b)).rev() {
             let (value, mut gradient) = compare(a.features(), b.features(), &block.head);
@@ -126,14 +126,15 @@ impl<T: Real> Lpips<T> {
         }
     }
 
-    fn pass(&self, picture: &[[T; 4]], width: usize) -> Vec<Activations<T>> {
+    /// The forward pass.
+    fn pass(&self, image: &[[T; 4]], width: usize) -> Vec<Activations<T>> {
         let scaled = |pixel: &[T; 4]| -> [T; 3] {
             std::array::from_fn(|c| {
                 (pixel[c] * T::from_f64(2.0) - T::from_f64(1.0 + SHIFT[c])) * T::from_f64(1.0 / SCALE[c])
             })
         };
-        let values = picture.iter().flat_map(scaled).collect();
-        let mut input = FeatureMap { size: [picture.len() / width, width], channels: 3, values };
+        let values = image.iter().flat_map(scaled).collect();
+        let mut input = FeatureMap { size: [image.len() / width, width], channels: 3, values };
         let mut activations: Vec<Activations<T>> = Vec::with_capacity(self.blocks.len());
         for block in &self.blocks {
             let pool = block.pool.map(|[side, stride]| {
@@ -160,8 +161,8 @@ impl<T> Activations<T> {
     }
 }
 
-/// Mean over the pixels of the weighted squared differences of the features, each pixel's brought
-/// to length 1; and its gradient by the first.
+/// Mean over the pixels of the weighted squared differences of the normalised features, and its gradient
+/// with respect to the first.
 fn compare<T: Real>(a: &FeatureMap<T>, b: &FeatureMap<T>, head: &[T]) -> (f64, FeatureMap<T>) {
     let channels = a.channels;
     let mut values = vec![T::zero(); a.values.len()];
@@ -179,7 +180,7 @@ fn compare<T: Real>(a: &FeatureMap<T>, b: &FeatureMap<T>, head: &[T]) -> (f64, F
             *gradient = T::from_f64(2.0) * share * *weight * difference;
             along += *gradient * *a;
         }
-        // Features of length 0 are behind closed rectifiers, which nothing passes.
+        // Features of norm 0 are rectified, so no gradient passes.
         let along = if length_a > T::zero() { along * to_a * to_a / length_a } else { T::zero() };
         for (gradient, a) in gradient.iter_mut().zip(a) {
             *gradient = *gradient * to_a - along * *a;

@@ -1,4 +1,4 @@
-//! The trunks that LPIPS looks through: layers, and the files that hold their weights.
+//! The networks of LPIPS: their layers, and the files of their weights.
 
 use std::fmt;
 
@@ -8,12 +8,12 @@ use super::LpipsError;
 use super::convolution::Convolution;
 use crate::fit::precision::Real;
 
-/// A trunk of LPIPS.
+/// The network that LPIPS takes its features from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LpipsNetwork {
-    /// AlexNet as in torchvision, read after each of its five convolutions.
+    /// AlexNet as in torchvision; features after each of its five convolutions.
     Alex,
-    /// VGG16, read after the last convolution before each pool.
+    /// VGG16 as in torchvision; features after the last convolution before each pool.
     Vgg16,
 }
 
@@ -26,20 +26,20 @@ impl fmt::Display for LpipsNetwork {
     }
 }
 
-/// What lies between one reading of the features and the next.
+/// The layers up to the next features.
 pub(super) struct Block<T> {
-    /// Sides of the windows, and how far they lie apart, of the pool that it begins with.
+    /// Window size and stride of the pool that it begins with, if any.
     pub(super) pool: Option<[usize; 2]>,
     pub(super) convolutions: Vec<Convolution<T>>,
-    /// Weight of each channel of the features at the end.
+    /// Weight of each channel of its features.
     pub(super) head: Vec<T>,
 }
 
-/// A convolution of a published network: number in `features`, inputs and outputs, and side, stride
-/// and padding of the kernel.
+/// A convolution: its index in `features`; input and output channels; size, stride and padding of the
+/// kernel.
 struct Layer(usize, [usize; 2], [usize; 3]);
 
-/// `pool`s and layers of the blocks.
+/// Pools and layers of the blocks.
 type Blocks = &'static [(Option<[usize; 2]>, &'static [Layer])];
 
 const ALEX: Blocks = &[
@@ -61,7 +61,7 @@ const VGG16: Blocks = &[
 const SMALL: [usize; 3] = [3, 1, 1];
 const HALVE: Option<[usize; 2]> = Some([2, 2]);
 
-/// Reads the blocks of whichever network the file holds.
+/// Reads the network in a file, which the shape of its first tensor identifies.
 pub(super) fn read<T: Real>(bytes: &[u8]) -> Result<(LpipsNetwork, Vec<Block<T>>), LpipsError> {
     let file = SafeTensors::deserialize(bytes).map_err(|error| LpipsError::File(error.to_string()))?;
     let first = "features.0.weight";
@@ -86,6 +86,7 @@ pub(super) fn read<T: Real>(bytes: &[u8]) -> Result<(LpipsNetwork, Vec<Block<T>>
     Ok((network, blocks.iter().enumerate().map(read_block).collect::<Result<_, LpipsError>>()?))
 }
 
+/// The numbers of a tensor, after checks of its type and shape.
 fn tensor<T: Real>(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<T>, LpipsError> {
     let found = file.tensor(name).map_err(|_| LpipsError::Missing(name.into()))?;
     if found.dtype() != Dtype::F32 {

@@ -1,7 +1,6 @@
-//! Tests of LPIPS. The trained weights are nobody's to pass on: what is tested is the arithmetic,
-//! with numbers of the right shapes.
+//! Tests of LPIPS. The trained weights cannot be distributed; other weights of the same shapes test the
+//! arithmetic.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use safetensors::Dtype;
@@ -10,43 +9,10 @@ use safetensors::tensor::{TensorView, serialize};
 use super::convolution::Convolution;
 use super::model::Lpips;
 use super::network::{Block, LpipsNetwork};
+use crate::fit::fixtures::{Tensors, alexnet, layer_weights as weights, safetensors_file};
 use crate::fit::loss::loss;
 use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
-
-/// Shapes and bytes by name.
-type Tensors = BTreeMap<String, (Vec<usize>, Vec<u8>)>;
-
-fn bytes(values: impl Iterator<Item = f64>) -> Vec<u8> {
-    values.flat_map(|x| (x as f32).to_le_bytes()).collect()
-}
-
-fn weights(count: usize, layer: usize, scale: f64) -> impl Iterator<Item = f64> {
-    (0..count).map(move |i| (((i * 7919 + layer * 104_729) % 1009) as f64 / 1009.0 - 0.5) * scale)
-}
-
-/// AlexNet with weights by a formula.
-fn alex() -> Tensors {
-    let layers = [(0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)];
-    let mut tensors = Tensors::new();
-    for (i, (number, inputs, outputs, side)) in layers.into_iter().enumerate() {
-        let fan_in = inputs * side * side;
-        let values = bytes(weights(outputs * fan_in, number, (24.0 / fan_in as f64).sqrt()));
-        tensors.insert(format!("features.{number}.weight"), (vec![outputs, inputs, side, side], values));
-        let values = bytes(weights(outputs, number + 100, 0.2));
-        tensors.insert(format!("features.{number}.bias"), (vec![outputs], values));
-        let head = bytes((0..outputs).map(|channel| ((channel * 31 + i) % 97) as f64 / 97.0));
-        tensors.insert(format!("lin{i}.model.1.weight"), (vec![1, outputs, 1, 1], head));
-    }
-    tensors
-}
-
-fn file(tensors: &Tensors) -> Vec<u8> {
-    let views = tensors.iter().map(|(name, (shape, bytes))| {
-        (name.clone(), TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
-    });
-    serialize(views, None).unwrap()
-}
 
 fn pattern<T: Real>(
     [width, height]: [usize; 2],
@@ -57,13 +23,13 @@ fn pattern<T: Real>(
     (0..width * height).map(|i| [level(i, 0), level(i, 1), level(i, 2), T::one()]).collect()
 }
 
-/// The same network, by NumPy: `sliding_window_view`, `tensordot` and the formula of the paper in
-/// double precision.
+/// Distance by the same network in NumPy: `sliding_window_view`, `tensordot` and the formula of the paper
+/// in double precision.
 const DISTANCE_BY_NUMPY: f64 = 1.995_343_607_914_339_2;
 
 #[test]
-fn the_distance_is_that_of_an_independent_program() {
-    let lpips = Lpips::<f32>::from_safetensors(&file(&alex())).unwrap();
+fn the_distance_matches_an_independent_program() {
+    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&alexnet())).unwrap();
     assert_eq!((lpips.network(), lpips.network().to_string()), (LpipsNetwork::Alex, "AlexNet".into()));
     let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
     let distance = lpips.distance(&a, &b, 72);
@@ -95,7 +61,7 @@ fn small(kernels: [[usize; 3]; 3], pool: [usize; 2]) -> Lpips<f64> {
 }
 
 #[test]
-fn the_gradient_is_that_of_finite_differences() {
+fn the_gradient_matches_finite_differences() {
     for lpips in [small([[11, 4, 2], [5, 1, 2], [3, 1, 1]], [3, 2]), small([[3, 1, 1]; 3], [2, 2])] {
         let size = [33, 31];
         lpips.check_size(33, 31).unwrap();
@@ -118,26 +84,25 @@ fn the_gradient_is_that_of_finite_differences() {
     }
 }
 
-/// The paper's weight of 0.1, and no gradient where the photograph shows nothing; on one thread as
-/// on three.
+/// It has the paper's weight of 0.1 and no gradient at invalid pixels, on one thread as on three.
 #[test]
-fn it_is_a_part_of_the_loss() {
+fn lpips_is_a_term_of_the_loss() {
     let lpips = small([[3, 1, 1]; 3], [2, 2]);
-    let picture: Vec<[f64; 4]> = pattern([20, 18], [7, 13, 29, 64]);
+    let image: Vec<[f64; 4]> = pattern([20, 18], [7, 13, 29, 64]);
     let pixels = (0..360_u32).map(|i| [i % 251, i * 7 % 256, i * 31 % 256, 255].map(|x| x as u8)).collect();
     let valid = (0..360).map(|i| i % 20 != 3).collect();
     let photograph = Photograph { width: 20, height: 18, pixels, valid };
     let on_threads = |count: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
-        pool.install(|| loss(&picture, &photograph, Some(&lpips)))
+        pool.install(|| loss(&image, &photograph, Some(&lpips)))
     };
-    let (with, without) = (on_threads(1), loss(&picture, &photograph, None));
+    let (with, without) = (on_threads(1), loss(&image, &photograph, None));
     assert_eq!(with, on_threads(3));
     let target = |i: usize| photograph.pixels[i].map(|byte| f64::from(byte) / 255.0);
-    let taken: Vec<[f64; 4]> = (0..360).map(target).collect();
-    let drawn: Vec<[f64; 4]> =
-        (0..360).map(|i| if photograph.is_valid(i) { picture[i] } else { taken[i] }).collect();
-    let (distance, gradient) = lpips.distance_and_gradient(&drawn, &taken, 20);
+    let targets: Vec<[f64; 4]> = (0..360).map(target).collect();
+    let rendered: Vec<[f64; 4]> =
+        (0..360).map(|i| if photograph.is_valid(i) { image[i] } else { targets[i] }).collect();
+    let (distance, gradient) = lpips.distance_and_gradient(&rendered, &targets, 20);
     assert!(distance > 0.01 && (with.value - without.value - 0.1 * distance).abs() < 1e-12);
     for (i, (a, b)) in with.gradient.iter().zip(&without.gradient).enumerate() {
         for c in 0..3 {
@@ -148,7 +113,7 @@ fn it_is_a_part_of_the_loss() {
 }
 
 #[test]
-fn black_pictures_and_dead_features_stay_finite() {
+fn black_images_and_dead_features_give_finite_results() {
     let lpips = small([[3, 1, 1]; 3], [2, 2]);
     let (black, b) = (vec![[0.0; 4]; 400], pattern([20, 20], [5, 11, 17, 32]));
     let dead = {
@@ -164,25 +129,25 @@ fn black_pictures_and_dead_features_stay_finite() {
 }
 
 #[test]
-fn pictures_too_small_are_refused() {
-    let lpips = Lpips::<f32>::from_safetensors(&file(&alex())).unwrap();
+fn images_too_small_are_refused() {
+    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&alexnet())).unwrap();
     assert_eq!(lpips.check_size(31, 31), Ok(()));
     let error = lpips.check_size(64, 20).unwrap_err();
-    assert_eq!(error.to_string(), "LPIPS needs pictures of 31x31 pixels at least, not 64x20");
+    assert_eq!(error.to_string(), "LPIPS needs images of at least 31x31 pixels, not 64x20");
     assert!(lpips.check_size(0, 0).is_err());
 }
 
 fn refusal(change: impl FnOnce(&mut Tensors)) -> String {
-    let mut tensors = alex();
+    let mut tensors = alexnet();
     change(&mut tensors);
-    match Lpips::<f32>::from_safetensors(&file(&tensors)) {
+    match Lpips::<f32>::from_safetensors(&safetensors_file(&tensors)) {
         Ok(_) => panic!("accepted"),
         Err(error) => error.to_string(),
     }
 }
 
 #[test]
-fn malformed_files_are_refused_by_the_name_of_the_tensor() {
+fn errors_name_the_malformed_tensor() {
     let missing = refusal(|tensors| drop(tensors.remove("features.8.bias")));
     assert!(missing.contains("lack the tensor features.8.bias"), "{missing}");
     let missing = refusal(|tensors| drop(tensors.remove("features.0.weight")));
@@ -201,7 +166,7 @@ fn malformed_files_are_refused_by_the_name_of_the_tensor() {
         tensors.get_mut("features.3.bias").unwrap().1[..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
     });
     assert!(infinite.contains("features.3.bias"), "{infinite}");
-    for bytes in [&b""[..], b"not a file of tensors", &file(&alex())[..1000]] {
+    for bytes in [&b""[..], b"not a file of tensors", &safetensors_file(&alexnet())[..1000]] {
         let error = Lpips::<f32>::from_safetensors(bytes).err().unwrap().to_string();
         assert!(error.contains("not a safetensors file"), "{error}");
     }
@@ -212,15 +177,16 @@ fn malformed_files_are_refused_by_the_name_of_the_tensor() {
     assert!(error.contains("features.0.weight") && error.contains("F16"), "{error}");
 }
 
-/// The published heads are pickled; their numbers end the file, each tensor after its length.
+/// The published heads are pickled; their numbers are at the end of the file, each tensor after its
+/// length.
 #[test]
-fn the_published_heads_fit() {
+fn the_published_heads_have_the_expected_shapes() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/lpips/weights/v0.1/alex.pth");
     let Ok(pickled) = std::fs::read(&path) else {
         eprintln!("skipped: {} is not there", path.display());
         return;
     };
-    let mut tensors = alex();
+    let mut tensors = alexnet();
     let mut rest = &pickled[..];
     for (head, channels) in [(4, 256), (0, 64), (3, 256), (2, 384), (1, 192)] {
         let (before, values) = rest.split_at(rest.len() - 4 * channels);
@@ -232,7 +198,7 @@ fn the_published_heads_fit() {
         tensors.get_mut(&format!("lin{head}.model.1.weight")).unwrap().1 = values;
         rest = before;
     }
-    let lpips = Lpips::<f32>::from_safetensors(&file(&tensors)).unwrap();
+    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&tensors)).unwrap();
     let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
     assert!(lpips.distance(&a, &b, 72) > 0.0);
 }

@@ -1,32 +1,32 @@
-// What the stages of a fit share: the instant, the camera, the sizes.
+// The uniforms of a step: time, camera, sizes.
 
 struct StepUniforms {
     // Rows of the rigid transform: the rotation, and the translation in w.
     view_from_world: array<vec4<f32>, 3>,
-    // Position of the eye in the world.
+    // Position of the camera in the world.
     eye: vec3<f32>,
     // Time in frames.
     frame: f32,
-    // In pixels.
+    // Focal lengths and principal point in pixels.
     focal: vec2<f32>,
     principal: vec2<f32>,
-    // Least and largest x/z and y/z at which a footprint is computed.
+    // Lowest and highest x/z and y/z at which the Jacobian is evaluated.
     slope_min: vec2<f32>,
     slope_max: vec2<f32>,
-    // Of the image, in pixels and in tiles.
+    // Size of the image in pixels and in tiles.
     size: vec2<u32>,
     tiles: vec2<u32>,
     // Number of Gaussians.
     gaussians: u32,
-    // Pairs of a splat and a tile for which there is room.
+    // Capacity of the buffers of splat-tile pairs.
     pair_capacity: u32,
-    // 1 where windows' centres move by opacity alone, else 0.
-    is_detached: u32,
+    // 1 to stop the gradient of positions and rotations with respect to tau, else 0.
+    detach_tau: u32,
 }
 
-@group(0) @binding(0) var<uniform> step: StepUniforms;
+@group(0) @binding(0) var<uniform> uniforms: StepUniforms;
 
-// Told by the bits: compilers may take it that no number is infinite or NaN.
+// These two test bits, because compilers may assume that no number is infinite or NaN.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }

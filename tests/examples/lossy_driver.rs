@@ -1,12 +1,10 @@
-//! A Vulkan layer under which the device is lost, as when a driver crashes, or its memory runs out:
-//! tests load it below the player to see what becomes of that.
+//! A Vulkan layer that simulates the loss of a device and exhausted memory. Tests load it below the player.
 //!
-//! `AARC_LOSE=submit:N` has the Nth `vkQueueSubmit` of a device refused, `AARC_LOSE=wait:N` the wait after
-//! it; from then on that call, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
-//! `vkGetSemaphoreCounterValue` answer `VK_ERROR_DEVICE_LOST`, and all others go on to the driver. With
-//! `:M` after that, the first M devices are lost, otherwise all. `AARC_LOSE=memory:N` has
-//! `vkAllocateMemory` find no memory from the Nth time on. The loader's interface is version 2 of
-//! "LoaderLayerInterface.md" of the Vulkan loader.
+//! `AARC_LOSE=submit:N` loses the device in the Nth `vkQueueSubmit`, `AARC_LOSE=wait:N` in the wait after it.
+//! From then on `vkQueueSubmit`, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
+//! `vkGetSemaphoreCounterValue` return `VK_ERROR_DEVICE_LOST`; other calls are passed on. A suffix `:M` loses
+//! only the first M devices. `AARC_LOSE=memory:N` fails `vkAllocateMemory` from the Nth call on. The layer
+//! implements version 2 of the interface in "LoaderLayerInterface.md" of the Vulkan loader.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
@@ -18,22 +16,22 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ash::vk;
 
-/// How the loader tells a layer what comes below it; the same for instances and devices.
+/// Create info by which the loader passes a layer the next link; the same for instances and devices.
 #[repr(C)]
 struct Chain {
     s_type: i32,
     next: *mut c_void,
-    /// 0 where `link` is one.
+    /// 0 if `link` is valid.
     function: i32,
     link: *mut Link,
 }
 
-/// What comes below a layer.
+/// The next layer or the driver.
 #[repr(C)]
 struct Link {
     next: *mut Link,
     instance: vk::PFN_vkGetInstanceProcAddr,
-    /// Of physical devices in an instance's chain.
+    /// Entry point for physical devices, in the chain of an instance.
     device: Option<vk::PFN_vkGetDeviceProcAddr>,
 }
 
@@ -49,14 +47,14 @@ pub struct Negotiation {
 }
 
 /// A function of any type.
-// SAFETY: who calls one knows its type.
+// SAFETY: callers transmute it to the type of its name.
 type Any = unsafe extern "system" fn();
 
 /// `VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO` and the same for devices.
 const INSTANCE_CHAIN: i32 = 47;
 const DEVICE_CHAIN: i32 = 48;
 
-/// The functions below, of the first instance and device: a loader and driver have them once.
+/// Functions of the next layer, taken from the first instance and device: they are the same for all.
 static INSTANCE: OnceLock<vk::PFN_vkGetInstanceProcAddr> = OnceLock::new();
 static DEVICE: OnceLock<vk::PFN_vkGetDeviceProcAddr> = OnceLock::new();
 static SUBMIT: OnceLock<vk::PFN_vkQueueSubmit> = OnceLock::new();
@@ -66,13 +64,13 @@ static COUNTER: OnceLock<vk::PFN_vkGetSemaphoreCounterValue> = OnceLock::new();
 
 static ALLOCATE: OnceLock<vk::PFN_vkAllocateMemory> = OnceLock::new();
 
-/// Devices opened; submissions to the latest one, and whether it is lost.
+/// Number of opened devices, of submissions to the latest, of allocations, and whether the latest is lost.
 static DEVICES: AtomicU32 = AtomicU32::new(0);
 static SUBMISSIONS: AtomicU32 = AtomicU32::new(0);
 static ALLOCATIONS: AtomicU32 = AtomicU32::new(0);
 static LOST: AtomicBool = AtomicBool::new(false);
 
-/// What is lost.
+/// What the layer simulates.
 #[derive(Clone, Copy, PartialEq)]
 enum Loss {
     Submission,
@@ -80,13 +78,13 @@ enum Loss {
     Memory,
 }
 
-/// What is lost, when and where.
+/// The parsed `AARC_LOSE`.
 #[derive(Clone, Copy)]
 struct Plan {
     loss: Loss,
     /// Number of the call, from 1.
     call: u32,
-    /// How many devices.
+    /// Number of devices to lose.
     devices: u32,
 }
 
@@ -105,16 +103,16 @@ fn plan() -> Plan {
     })
 }
 
-/// What the loader asks a layer first.
+/// Entry point of the layer.
 ///
 /// # Safety
-/// As for the loader: `negotiation` points to what it says.
+/// `negotiation` is a valid pointer.
 // SAFETY: no other library of the process has this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(
     negotiation: *mut Negotiation,
 ) -> vk::Result {
-    // SAFETY: the loader's promise.
+    // SAFETY: the loader passes a valid pointer.
     let negotiation = unsafe { &mut *negotiation };
     negotiation.version = negotiation.version.min(2);
     negotiation.instance = Some(instance_function);
@@ -123,10 +121,10 @@ pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(
     vk::Result::SUCCESS
 }
 
-/// The link of a layer in the chain of a create info, which is moved on for the layer below.
+/// The layer's link in the chain of a create info; advances the chain for the next layer.
 ///
 /// # Safety
-/// `next` is the chain that the loader made.
+/// `next` is a chain that the loader made.
 unsafe fn link(mut next: *mut c_void, s_type: i32) -> Option<(vk::PFN_vkGetInstanceProcAddr, *mut Link)> {
     while !next.is_null() {
         // SAFETY: every structure in the chain begins as this one does.
@@ -233,7 +231,7 @@ unsafe extern "system" fn allocate(
     unless_lost(|| ALLOCATE.get().map(|f| unsafe { f(device, info, allocator, memory) }))
 }
 
-/// What the driver answers, unless the device is lost.
+/// The driver's result, unless the device is lost.
 fn unless_lost(answer: impl FnOnce() -> Option<vk::Result>) -> vk::Result {
     match LOST.load(Ordering::Relaxed) {
         true => vk::Result::ERROR_DEVICE_LOST,
@@ -273,7 +271,7 @@ unsafe extern "system" fn counter(
     unless_lost(|| COUNTER.get().map(|f| unsafe { f(device, semaphore, value) }))
 }
 
-/// What this layer has of its own for a name.
+/// The function that this layer overrides under a name.
 fn own(name: &CStr) -> vk::PFN_vkVoidFunction {
     let function: *const () = match name.to_bytes() {
         b"vkGetInstanceProcAddr" => instance_function as *const (),

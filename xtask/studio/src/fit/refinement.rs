@@ -1,4 +1,4 @@
-//! [`FineTuning`]: a pruned field moves until it looks like the photographs again, each Gaussian
+//! [`Refinement`]: a pruned field moves until it looks like the photographs again, each Gaussian
 //! where its row is.
 
 use codec::Field;
@@ -9,18 +9,18 @@ use serde::Serialize;
 
 use super::{Shots, mean_psnr};
 
-/// What a field is fine-tuned by.
+/// What a field is refined by.
 #[derive(Clone, Copy, Debug)]
-pub struct FineTuning<'a> {
+pub struct Refinement<'a> {
     /// The photographs.
     pub shots: &'a Shots,
     /// Steps to take.
     pub steps: u64,
 }
 
-/// What came of fine-tuning; the fields are keys of the JSON.
+/// What came of refinement; the fields are keys of the JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct FineTuned {
+pub struct RefinementReport {
     /// Steps that were taken.
     pub steps: u64,
     /// Photographs that the field was moved towards.
@@ -34,7 +34,7 @@ pub struct FineTuned {
     pub non_finite: u64,
 }
 
-impl FineTuning<'_> {
+impl Refinement<'_> {
     /// Moves `field`, which is not empty. The result has its rows in their order. `on_step` is called
     /// after each step.
     ///
@@ -48,8 +48,8 @@ impl FineTuning<'_> {
         field: &Field,
         backend: &mut dyn Backend,
         mut on_step: impl FnMut(),
-    ) -> Result<(Field, FineTuned), DeviceError> {
-        let FineTuning { shots, steps } = *self;
+    ) -> Result<(Field, RefinementReport), DeviceError> {
+        let Refinement { shots, steps } = *self;
         let settings =
             fit::FitSettings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::FitSettings::default() };
         let parameters = Parameters::from_field(field, shots.timeline);
@@ -65,7 +65,10 @@ impl FineTuning<'_> {
         let fit = run.pause()?;
         let photographs = train.len();
         let non_finite = fit.non_finite();
-        Ok((fit.to_field(), FineTuned { steps, photographs, held_before_db, held_after_db, non_finite }))
+        Ok((
+            fit.to_field(),
+            RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite },
+        ))
     }
 }
 
@@ -79,7 +82,7 @@ fn held_psnr(run: &mut Run, shots: &Shots) -> Result<Option<f64>, DeviceError> {
 mod tests {
     use super::*;
     use codec::{Camera, Temporal};
-    use refine::capture::CaptureShot;
+    use refine::capture::PhotoId;
     use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
 
     const TIMELINE: Timeline = Timeline { frames: 3 };
@@ -117,8 +120,8 @@ mod tests {
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
             TrainingView { camera, frame, photograph }
         };
-        let train = (0..4)
-            .flat_map(|camera| [0, 2].map(|frame| (CaptureShot { frame, camera }, shot(camera, frame))));
+        let train =
+            (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, shot(camera, frame))));
         Shots {
             train: train.collect(),
             held: (0..4).map(|camera| shot(camera, 1)).collect(),
@@ -133,7 +136,7 @@ mod tests {
         moved.sh[1] = [0.0; 3];
         let shots = shots();
         let mut steps = 0;
-        let tuning = FineTuning { shots: &shots, steps: 400 };
+        let tuning = Refinement { shots: &shots, steps: 400 };
         let (tuned, report) = tuning.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
         assert_eq!((steps, report.steps, report.photographs, report.non_finite), (400, 400, 8, 0));
         let (before, after) = (report.held_before_db.unwrap(), report.held_after_db.unwrap());

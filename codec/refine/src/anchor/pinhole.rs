@@ -1,34 +1,33 @@
-//! [`Eye`]: a camera in the form in which points and rays pass through it, and what several of them
-//! look at.
+//! [`Pinhole`]: a camera as projection matrices, and the common point that several cameras look at.
 
 use codec::Camera;
 use glam::{DMat3, DVec3};
 
-/// A camera. Pixels are counted from the corner of the image, so that the first has its centre at
-/// 0.5.
+/// A camera as projection matrices. Image coordinates start at the corner of the image: the centre of
+/// the first pixel is at 0.5.
 #[derive(Clone, Debug)]
-pub(super) struct Eye {
+pub(super) struct Pinhole {
     /// Width and height in pixels.
     pub(super) size: [u32; 2],
-    /// Where the camera stands.
+    /// Position in the world.
     pub(super) position: DVec3,
-    /// Its optical axis.
+    /// Unit vector along the optical axis.
     pub(super) forward: DVec3,
-    /// Upwards in the image.
+    /// Unit vector towards the top of the image.
     pub(super) up: DVec3,
-    /// Geometric mean of its focal lengths, in pixels.
+    /// Geometric mean of the two focal lengths, in pixels.
     pub(super) focal: f64,
-    /// The larger of them.
+    /// Larger of the two focal lengths, in pixels.
     pub(super) focal_max: f64,
-    /// Takes a point of the world, with `offset` added, to its pixel times its depth, and its depth.
+    /// `pixel_from_world * point + offset` is `(u depth, v depth, depth)`.
     pub(super) pixel_from_world: DMat3,
     pub(super) offset: DVec3,
-    /// Takes a pixel and 1 to the way that its ray goes per unit of depth.
+    /// Takes `(u, v, 1)` to the step of the pixel's ray per unit of depth.
     pub(super) world_from_pixel: DMat3,
 }
 
-impl Eye {
-    pub(super) fn new(camera: &Camera) -> Eye {
+impl Pinhole {
+    pub(super) fn new(camera: &Camera) -> Pinhole {
         let m = &camera.camera_from_world;
         let [right, down, forward] = [0, 1, 2].map(|r| DVec3::new(m[r][0], m[r][1], m[r][2]));
         let rotation = DMat3::from_cols(right, down, forward).transpose();
@@ -41,7 +40,7 @@ impl Eye {
             DVec3::new(0.0, 1.0 / k[1][1], 0.0),
             DVec3::new(-k[0][2] / k[0][0], -k[1][2] / k[1][1], 1.0),
         );
-        Eye {
+        Pinhole {
             size: [camera.width, camera.height],
             position: DVec3::from_array(camera.position()),
             forward,
@@ -54,13 +53,13 @@ impl Eye {
         }
     }
 
-    /// The same view in pixels `factor` times as large; what is left over at the right and at the
-    /// bottom is cut off.
-    pub(super) fn shrunk(&self, factor: u32) -> Eye {
+    /// The same view with pixels `factor` times as large. The remainder at the right and bottom is
+    /// cut off.
+    pub(super) fn shrunk(&self, factor: u32) -> Pinhole {
         let f = f64::from(factor);
         let smaller = DMat3::from_diagonal(DVec3::new(1.0 / f, 1.0 / f, 1.0));
         let larger = DMat3::from_diagonal(DVec3::new(f, f, 1.0));
-        Eye {
+        Pinhole {
             size: self.size.map(|n| n / factor),
             focal: self.focal / f,
             focal_max: self.focal_max / f,
@@ -71,45 +70,45 @@ impl Eye {
         }
     }
 
-    /// Where in the image a point lies, perhaps beyond its edges, and its depth; `None` unless it is
-    /// in front of the camera.
+    /// Image coordinates and depth of a point, `None` if it is not in front of the camera. The
+    /// coordinates may lie outside the image.
     pub(super) fn project(&self, point: DVec3) -> Option<([f64; 2], f64)> {
         let q = self.pixel_from_world * point + self.offset;
         (q.z > 0.0).then(|| ([q.x / q.z, q.y / q.z], q.z))
     }
 
-    /// Number of the pixel that a place in the image belongs to.
+    /// Index of the pixel at image coordinates; `None` outside the image.
     pub(super) fn pixel(&self, [u, v]: [f64; 2]) -> Option<usize> {
         let [width, height] = self.size.map(f64::from);
         let within = u >= 0.0 && v >= 0.0 && u < width && v < height;
         within.then(|| v as usize * self.size[0] as usize + u as usize)
     }
 
-    /// The way that the ray through the centre of a pixel goes per unit of depth.
+    /// Step of the ray through the centre of a pixel per unit of depth.
     pub(super) fn ray(&self, [x, y]: [u32; 2]) -> DVec3 {
         self.world_from_pixel * DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0)
     }
 }
 
-/// The point that the optical axes pass nearest to, by least squares; `None` where they are parallel
-/// (as that of a single camera is).
-pub(super) fn nearest_to_axes(eyes: &[Eye]) -> Option<DVec3> {
+/// The point nearest to all optical axes, by least squares; `None` for parallel axes or a single
+/// camera.
+pub(super) fn nearest_to_axes(cameras: &[Pinhole]) -> Option<DVec3> {
     let (mut matrix, mut side) = (DMat3::ZERO, DVec3::ZERO);
-    for eye in eyes {
-        let f = eye.forward;
+    for pinhole in cameras {
+        let f = pinhole.forward;
         let across = DMat3::IDENTITY - DMat3::from_cols(f * f.x, f * f.y, f * f.z);
         matrix += across;
-        side += across * eye.position;
+        side += across * pinhole.position;
     }
     // Two axes at a small angle a have a determinant of about a^2 / 4.
-    let matrix_of_one = matrix * (1.0 / eyes.len().max(1) as f64);
+    let matrix_of_one = matrix * (1.0 / cameras.len().max(1) as f64);
     (matrix_of_one.determinant() > 1e-5).then(|| matrix.inverse() * side)
 }
 
-/// Radius of the rig: median distance of the cameras from the point that their axes pass nearest to.
-pub(super) fn rig_radius(eyes: &[Eye]) -> Option<f64> {
-    let middle = nearest_to_axes(eyes)?;
-    let mut distances: Vec<f64> = eyes.iter().map(|eye| eye.position.distance(middle)).collect();
+/// Radius of the rig: median distance of the cameras from [`nearest_to_axes`].
+pub(super) fn rig_radius(cameras: &[Pinhole]) -> Option<f64> {
+    let center = nearest_to_axes(cameras)?;
+    let mut distances: Vec<f64> = cameras.iter().map(|pinhole| pinhole.position.distance(center)).collect();
     distances.sort_by(f64::total_cmp);
     let n = distances.len();
     Some(0.5 * (distances[(n - 1) / 2] + distances[n / 2]))
@@ -118,27 +117,27 @@ pub(super) fn rig_radius(eyes: &[Eye]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anchor::scene::ring;
+    use crate::anchor::test_scene::ring;
 
     #[test]
-    fn a_ray_comes_back_to_its_pixel() {
+    fn rays_project_to_their_pixels() {
         for factor in [1, 4] {
             let camera = Camera::look_at([1.0, 2.0, 3.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0], 0.9, 64, 48);
-            let eye = Eye::new(&camera).shrunk(factor);
-            let point = eye.position + 2.5 * eye.ray([5, 7]);
-            let ([u, v], depth) = eye.project(point).unwrap();
+            let pinhole = Pinhole::new(&camera).shrunk(factor);
+            let point = pinhole.position + 2.5 * pinhole.ray([5, 7]);
+            let ([u, v], depth) = pinhole.project(point).unwrap();
             assert!((u - 5.5).abs() < 1e-9 && (v - 7.5).abs() < 1e-9 && (depth - 2.5).abs() < 1e-9);
-            assert!((depth - (point - eye.position).dot(eye.forward)).abs() < 1e-9);
-            assert!(eye.project(eye.position - eye.forward).is_none());
+            assert!((depth - (point - pinhole.position).dot(pinhole.forward)).abs() < 1e-9);
+            assert!(pinhole.project(pinhole.position - pinhole.forward).is_none());
         }
     }
 
     #[test]
-    fn a_rig_has_a_middle_and_a_radius() {
-        let eyes: Vec<Eye> = ring(8, 3.0, 16).iter().map(Eye::new).collect();
-        assert!(nearest_to_axes(&eyes).unwrap().length() < 1e-9);
-        assert!((rig_radius(&eyes).unwrap() - 3.0).abs() < 1e-9);
-        assert_eq!(rig_radius(&eyes[..1]), None);
+    fn a_rig_has_a_center_and_a_radius() {
+        let cameras: Vec<Pinhole> = ring(8, 3.0, 16).iter().map(Pinhole::new).collect();
+        assert!(nearest_to_axes(&cameras).unwrap().length() < 1e-9);
+        assert!((rig_radius(&cameras).unwrap() - 3.0).abs() < 1e-9);
+        assert_eq!(rig_radius(&cameras[..1]), None);
         assert_eq!(rig_radius(&[]), None);
     }
 }

@@ -1,23 +1,24 @@
-//! [`ladder`]: whether the first layers of a package are as good as a package of their size.
+//! [`prefix_quality`]: whether the first layers of a package are as good as a package of their size.
 //!
-//! One file serves every budget if they are: whoever has less room or less time stops reading
-//! early. A package of a smaller budget has the same ranking, but a topology floor, a refit and a
-//! precision of its own.
+//! If they are, one file serves every budget: a player with less memory or time stops reading early. A
+//! package of a smaller budget has the same ranking, but its own topology floor and precision.
 
 use codec::Limits;
-use indicatif::ProgressBar;
 use refine::prune::{Pictures, Ranking};
 use refine::reference;
 use serde::Serialize;
 
-use super::whole::{judging_shots, scene_of};
-use super::{Package, Prepared, Settings, package_showing, prepare};
+use super::pipeline::{Package, package_with};
+use super::settings::PackageSettings;
+use super::views::{judging_views, render_scene};
+use super::visible::{VisibleScene, visible_scene};
 use crate::input::prefix_bytes;
+use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
 /// The first layers of a package beside a package of as many Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Rung {
+pub struct PrefixStep {
     /// Gaussians in these layers.
     pub gaussians: usize,
     /// Bytes of the package up to the end of them.
@@ -33,41 +34,40 @@ pub struct Rung {
 }
 
 /// Compares every prefix of `package`, which is made of `scene` with `settings` alone, with a package of
-/// that budget and the same ranking. The last rung is the package itself.
+/// that budget and the same ranking. The last step is the package itself.
 ///
 /// # Errors
 /// A defect of this program.
-pub fn ladder(
+pub fn prefix_quality(
     scene: &Scene,
-    settings: &Settings,
+    settings: &PackageSettings,
     package: &Package,
-    progress: &ProgressBar,
-) -> anyhow::Result<Vec<Rung>> {
+    progress: &StagedProgress,
+) -> anyhow::Result<Vec<PrefixStep>> {
     let limits = Limits::default();
-    let Prepared { field, plate, .. } = prepare(scene, settings)?;
-    let judge = Pictures::take(&scene_of(&field, plate.as_ref()), judging_shots(scene, &field), || ());
-    let look = |bytes: &[u8]| -> anyhow::Result<f64> {
+    let VisibleScene { field, plate, .. } = visible_scene(scene, settings)?;
+    let judge = Pictures::take(&render_scene(&field, plate.as_ref()), judging_views(scene, &field), || ());
+    let psnr_of = |bytes: &[u8]| -> anyhow::Result<f64> {
         let clip = codec::decode(bytes, &limits)?;
         Ok(judge.psnr(&reference::RenderScene::from(&clip), || ()))
     };
     let contents = codec::contents(&package.bytes, &limits)?;
     let layers = &package.report.layers;
-    let mut rungs = Vec::new();
+    let mut steps = Vec::new();
     for (layer, &gaussians) in layers.iter().enumerate() {
         let prefix_bytes = prefix_bytes(&contents, layer);
-        let prefix_psnr_db = look(&package.bytes[..prefix_bytes])?;
+        let prefix_psnr_db = psnr_of(&package.bytes[..prefix_bytes])?;
         let (own_bytes, own_psnr_db) = if gaussians == package.report.subject.gaussians_out {
             (prefix_bytes, prefix_psnr_db)
         } else {
-            progress.reset();
             progress.set_prefix(format!("{gaussians}: "));
             let rank = Ranking::ALL.into_iter().find(|ranking| ranking.name() == package.report.ranking);
-            let settings = Settings { budget: Some(gaussians), rank, ..settings.clone() };
-            let own = package_showing(scene, &settings, None, progress)?;
-            (own.bytes.len(), look(&own.bytes)?)
+            let settings = PackageSettings { budget: Some(gaussians), rank, ..settings.clone() };
+            let own = package_with(scene, &settings, None, progress)?;
+            (own.bytes.len(), psnr_of(&own.bytes)?)
         };
         let loss_db = if own_psnr_db == prefix_psnr_db { 0.0 } else { own_psnr_db - prefix_psnr_db };
-        rungs.push(Rung { gaussians, prefix_bytes, prefix_psnr_db, own_bytes, own_psnr_db, loss_db });
+        steps.push(PrefixStep { gaussians, prefix_bytes, prefix_psnr_db, own_bytes, own_psnr_db, loss_db });
     }
-    Ok(rungs)
+    Ok(steps)
 }

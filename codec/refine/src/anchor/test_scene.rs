@@ -1,27 +1,27 @@
-//! Scenes for tests: what cameras see of spheres and capsules, by tracing rays, never by splatting.
+//! Ray-traced photographs of spheres and capsules, for tests.
 
 use codec::Camera;
 use glam::DVec3;
 
 use super::AnchorView;
-use super::eye::Eye;
+use super::pinhole::Pinhole;
 use crate::fit::Photograph;
 
-/// A sphere, where both ends are one, or a capsule.
+/// A capsule, or a sphere if both ends are equal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub(super) ends: [DVec3; 2],
     pub(super) radius: f64,
 }
 
-pub(super) fn sphere(middle: DVec3, radius: f64) -> Shape {
-    Shape { ends: [middle; 2], radius }
+pub(super) fn sphere(center: DVec3, radius: f64) -> Shape {
+    Shape { ends: [center; 2], radius }
 }
 
 impl Shape {
-    /// Depth at which a ray first meets the shape from outside.
+    /// Depth at which a ray enters the shape.
     fn hit(&self, origin: DVec3, ray: DVec3) -> Option<f64> {
-        let ball = |middle: DVec3| nearest(origin - middle, ray, self.radius);
+        let ball = |center: DVec3| nearest(origin - center, ray, self.radius);
         let [a, b] = self.ends;
         let axis = (b - a).normalize_or_zero();
         let away = origin - a;
@@ -33,7 +33,7 @@ impl Shape {
         [ball(a), ball(b), side].into_iter().flatten().reduce(f64::min)
     }
 
-    /// Distance of a point from the surface, negative inside.
+    /// Signed distance of a point from the surface, negative inside.
     pub(super) fn distance(&self, point: DVec3) -> f64 {
         let [a, b] = self.ends;
         let along = (point - a).dot(b - a) / (b - a).length_squared().max(1e-12);
@@ -53,7 +53,7 @@ fn nearest(away: DVec3, ray: DVec3, radius: f64) -> Option<f64> {
     (depth > 0.0).then_some(depth)
 }
 
-/// Two rings of cameras around the origin, `radius` away, that look at it.
+/// Two rings of cameras at distance `radius` that look at the origin.
 pub(super) fn ring(count: usize, radius: f64, size: u32) -> Vec<Camera> {
     let camera = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / count as f64;
@@ -65,7 +65,7 @@ pub(super) fn ring(count: usize, radius: f64, size: u32) -> Vec<Camera> {
     (0..count).map(camera).collect()
 }
 
-/// Smooth patterns, about 0.05 to 0.1 long.
+/// A smooth texture with wavelengths of about 0.05 to 0.1.
 pub(super) fn pattern(at: DVec3) -> [u8; 3] {
     let wave = |x: f64, y: f64, z: f64| {
         (80.0 * at.x + x).sin() * (74.0 * at.y + y).sin() + (86.0 * at.z + z).sin() * (130.0 * at.x + y).sin()
@@ -73,20 +73,21 @@ pub(super) fn pattern(at: DVec3) -> [u8; 3] {
     [wave(0.0, 1.0, 2.0), wave(2.0, 0.0, 1.0), wave(1.0, 2.0, 0.0)].map(|w| (128.0 + 60.0 * w) as u8)
 }
 
-/// What `camera` sees, coloured by `color`, and the true depths, 0 beside the shapes.
+/// The photograph that `camera` takes of `shapes`, coloured by `color`, and the true depths, 0 for the
+/// background.
 pub(super) fn view(
     camera_id: usize,
     camera: &Camera,
     shapes: &[Shape],
     color: fn(DVec3) -> [u8; 3],
 ) -> (AnchorView, Vec<f32>) {
-    let eye = Eye::new(camera);
+    let pinhole = Pinhole::new(camera);
     let (mut pixels, mut depths) = (Vec::new(), Vec::new());
     for y in 0..camera.height {
         for x in 0..camera.width {
-            let ray = eye.ray([x, y]);
-            let depth = shapes.iter().filter_map(|shape| shape.hit(eye.position, ray)).reduce(f64::min);
-            let [r, g, b] = depth.map(|depth| color(eye.position + depth * ray)).unwrap_or_default();
+            let ray = pinhole.ray([x, y]);
+            let depth = shapes.iter().filter_map(|shape| shape.hit(pinhole.position, ray)).reduce(f64::min);
+            let [r, g, b] = depth.map(|depth| color(pinhole.position + depth * ray)).unwrap_or_default();
             pixels.push([r, g, b, if depth.is_some() { 255 } else { 0 }]);
             depths.push(depth.unwrap_or(0.0) as f32);
         }

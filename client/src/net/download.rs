@@ -1,0 +1,227 @@
+//! [`Download`]: fetches a clip, decodes its layers as they arrive, and caches it.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use codec::{Clip, Limits};
+use program::Fault;
+
+use super::cache::Cache;
+use super::fetch::{Fetch, Outcome, State};
+use super::partial_file::PartialFile;
+use super::retry::RetryPolicy;
+use crate::clips::{LoadEvent, decode, redacted};
+
+/// Time between two reports of progress: short, and still long enough to read the numbers.
+pub(super) const REPORT_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Options of a download.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The cache, if downloads are cached.
+    pub cache: Option<Cache>,
+    /// Timeouts and retries.
+    pub retry: RetryPolicy,
+    /// Limits on the clip.
+    pub limits: Limits,
+}
+
+impl Options {
+    /// Caches a file, if there is a cache. Logs failure: the file plays without.
+    pub(super) fn store(&self, url: &str, etag: &str, bytes: &[u8]) {
+        if let Some(cache) = &self.cache
+            && let Err(error) = cache.put(url, etag, bytes)
+        {
+            log::warn!("{}: cannot be cached: {error}", redacted(url));
+        }
+    }
+}
+
+/// Says that a cached version plays because the server was not reached.
+pub(super) fn cached_version_note(url: &str, fault: &Fault) -> String {
+    format!("{}: {fault}; the version cached on this device plays", redacted(url))
+}
+
+/// What a download does next: report an event and pause, or go on.
+type Flow = ControlFlow<Result<LoadEvent, Fault>>;
+
+fn report(clip: Clip) -> Flow {
+    ControlFlow::Break(Ok(LoadEvent::Clip(Box::new(clip))))
+}
+
+/// A clip being downloaded. Iterating waits for the next event, 250 ms at most. It ends after the
+/// complete clip or the first error. Dropping it cancels the download.
+#[derive(Debug)]
+pub struct Download {
+    url: String,
+    options: Options,
+    stage: Stage,
+    /// Whether a cached version was reported.
+    has_cached: bool,
+    /// Bytes of which the latest clip was decoded, and seconds that decoding took.
+    decoded_bytes: usize,
+    decoding_s: f64,
+    /// The reason of a retry reported last.
+    trouble: Option<String>,
+}
+
+/// The stage of a download.
+#[derive(Debug)]
+enum Stage {
+    Begin,
+    Fetching(Fetch),
+    /// The last clip is incomplete; this fault is reported next.
+    Failed(Fault),
+    /// The complete clip was reported; its package goes to the cache.
+    Store {
+        etag: String,
+        package: Vec<u8>,
+    },
+    End,
+}
+
+impl Download {
+    /// A download of the clip at `url`, which starts with the first call of `next`.
+    pub fn new(url: &str, options: Options) -> Download {
+        Download {
+            url: url.into(),
+            options,
+            stage: Stage::Begin,
+            has_cached: false,
+            decoded_bytes: 0,
+            decoding_s: 0.0,
+            trouble: None,
+        }
+    }
+
+    /// Starts to fetch, and reports the cached version if there is one.
+    fn begin(&mut self) -> Flow {
+        let (etag, clip) = self.cached_clip().unzip();
+        self.has_cached = clip.is_some();
+        let retry = if self.has_cached { self.options.retry.for_revalidation() } else { self.options.retry };
+        let etag = etag.filter(|etag| !etag.is_empty());
+        let limits = self.options.limits;
+        match Fetch::start(&self.url, retry, limits.max_bytes, PartialFile::package(limits), etag) {
+            Ok(fetch) => self.stage = Stage::Fetching(fetch),
+            Err(fault) => return self.fail(fault),
+        }
+        clip.map_or(ControlFlow::Continue(()), report)
+    }
+
+    /// The cached version and its clip. Removes an entry that does not decode.
+    fn cached_clip(&self) -> Option<(String, Clip)> {
+        let cache = self.options.cache.as_ref()?;
+        let file = cache.get(&self.url)?;
+        match decode(&file.bytes, &self.options.limits) {
+            Ok(clip) => Some((file.etag, clip)),
+            Err(error) => {
+                log::warn!("{}: the cached clip does not play: {error}", redacted(&self.url));
+                cache.remove(&self.url);
+                None
+            }
+        }
+    }
+
+    /// Waits for the next event of a fetch.
+    fn wait(&mut self, fetch: Fetch) -> Flow {
+        let is_ready = |state: &State| {
+            state.outcome.is_some() || self.should_decode(state) || state.progress.trouble != self.trouble
+        };
+        let mut state = fetch.wait(REPORT_INTERVAL, is_ready);
+        let playable_bytes = state.file.playable_bytes();
+        if let Some(outcome) = state.outcome.take() {
+            let bytes = state.file.take();
+            drop(state);
+            return self.on_outcome(outcome, bytes, playable_bytes);
+        }
+        if self.should_decode(&state) {
+            let bytes = state.file.bytes()[..playable_bytes].to_vec();
+            drop(state);
+            let start = Instant::now();
+            let clip = self.decode(&bytes);
+            (self.decoded_bytes, self.decoding_s) = (playable_bytes, start.elapsed().as_secs_f64());
+            return match clip {
+                Ok(clip) => {
+                    self.stage = Stage::Fetching(fetch);
+                    report(clip)
+                }
+                Err(fault) => self.fail(fault),
+            };
+        }
+        let progress = state.progress.clone();
+        drop(state);
+        self.trouble.clone_from(&progress.trouble);
+        self.stage = Stage::Fetching(fetch);
+        ControlFlow::Break(Ok(LoadEvent::Progress(progress)))
+    }
+
+    /// Whether to decode the layers received: if the latest clip has fewer, and decoding ends before the
+    /// rest arrives, which it would delay. The first layer is always decoded; none if a cached version
+    /// plays, which is better than an incomplete one.
+    fn should_decode(&self, state: &State) -> bool {
+        let playable_bytes = state.file.playable_bytes();
+        if self.has_cached || playable_bytes <= self.decoded_bytes {
+            return false;
+        }
+        let decoding_s = self.decoding_s * playable_bytes as f64 / self.decoded_bytes.max(1) as f64;
+        self.decoded_bytes == 0 || state.progress.remaining_s().is_some_and(|left_s| left_s > decoding_s)
+    }
+
+    /// Handles the end of the fetch, of which `playable_bytes` bytes play.
+    fn on_outcome(&mut self, outcome: Outcome, package: Vec<u8>, playable_bytes: usize) -> Flow {
+        match outcome {
+            Outcome::Unchanged => ControlFlow::Continue(()),
+            Outcome::Complete { etag } => match self.decode(&package) {
+                Ok(clip) => {
+                    self.stage = Stage::Store { etag: etag.unwrap_or_default(), package };
+                    report(clip)
+                }
+                Err(fault) => self.fail(fault),
+            },
+            Outcome::Failed { fault, is_transient: true } if self.has_cached => {
+                ControlFlow::Break(Ok(LoadEvent::Note(cached_version_note(&self.url, &fault))))
+            }
+            // The last layers may arrive together with the failure.
+            Outcome::Failed { fault, .. } if playable_bytes > self.decoded_bytes && !self.has_cached => {
+                match self.decode(&package[..playable_bytes]) {
+                    Ok(clip) => {
+                        self.stage = Stage::Failed(fault);
+                        report(clip)
+                    }
+                    Err(fault) => self.fail(fault),
+                }
+            }
+            Outcome::Failed { fault, .. } => self.fail(fault),
+        }
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Result<Clip, Fault> {
+        decode(bytes, &self.options.limits).map_err(|error| Fault::Data(error.to_string()))
+    }
+
+    fn fail(&self, fault: Fault) -> Flow {
+        ControlFlow::Break(Err(fault.about(&redacted(&self.url))))
+    }
+}
+
+impl Iterator for Download {
+    type Item = Result<LoadEvent, Fault>;
+
+    fn next(&mut self) -> Option<Result<LoadEvent, Fault>> {
+        loop {
+            let flow = match std::mem::replace(&mut self.stage, Stage::End) {
+                Stage::Begin => self.begin(),
+                Stage::Fetching(fetch) => self.wait(fetch),
+                Stage::Failed(fault) => self.fail(fault),
+                Stage::Store { etag, package } => {
+                    self.options.store(&self.url, &etag, &package);
+                    return None;
+                }
+                Stage::End => return None,
+            };
+            if let ControlFlow::Break(event) = flow {
+                return Some(event);
+            }
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Tests of the viewer: input in, playback position and camera out.
+
+use egui::{Event, Key, Modifiers, MouseWheelUnit, Pos2, RawInput, pos2, vec2};
+
+use codec::Viewpoint;
+
+use super::*;
+
+/// A viewer with an interface and without a window.
+struct Bench {
+    ctx: Context,
+    viewer: Viewer,
+    time_s: f64,
+}
+
+const SIZE: egui::Vec2 = vec2(1000.0, 700.0);
+const CENTER: Pos2 = pos2(500.0, 300.0);
+
+fn clip() -> ViewedClip {
+    let viewpoint = |name: &str, x: f32| Viewpoint {
+        name: name.into(),
+        position: [x, 0.0, 5.0],
+        target: [0.0; 3],
+        fov_y: 0.8,
+    };
+    ViewedClip {
+        duration_s: 2.0,
+        fps: 10.0,
+        up: [0.0, 1.0, 0.0],
+        viewpoints: vec![viewpoint("front", 0.0), viewpoint("side", 3.0)],
+        layers: 3,
+    }
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let ctx = Context::default();
+        crate::window::style::apply(&ctx);
+        let viewer = Viewer::new(clip(), 0, RenderSettings::default());
+        let mut bench = Bench { ctx, viewer, time_s: 0.0 };
+        // The first frame lays the controls out.
+        bench.frame(0.0, vec![]);
+        bench
+    }
+
+    fn frame(&mut self, elapsed_s: f64, events: Vec<Event>) -> Requests {
+        self.time_s += elapsed_s;
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let time = Some(self.time_s);
+        let input = RawInput { screen_rect, time, focused: true, events, ..RawInput::default() };
+        let mut requests = Requests::default();
+        let output = self.ctx.run_ui(input, |ui| {
+            requests = self.viewer.frame(ui, elapsed_s, &[("frame", "16.7 ms".into())]);
+        });
+        output.drop_without_applying_deltas();
+        requests
+    }
+
+    fn press(&mut self, key: Key) -> Requests {
+        let event = |pressed| Event::Key {
+            key,
+            physical_key: Some(key),
+            pressed,
+            repeat: false,
+            modifiers: Modifiers::NONE,
+        };
+        self.frame(0.0, vec![event(true), event(false)])
+    }
+
+    fn drag(&mut self, button: PointerButton, modifiers: Modifiers, from: Pos2, to: Pos2) {
+        let event = |pos, pressed| Event::PointerButton { pos, button, pressed, modifiers };
+        let frames = [
+            vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(from)],
+            vec![event(from, true)],
+            vec![Event::PointerMoved(to)],
+            vec![event(to, false)],
+        ];
+        for events in frames {
+            self.frame(0.0, events);
+        }
+    }
+
+    fn eye(&self) -> [f64; 3] {
+        self.viewer.camera(100, 100).position()
+    }
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    glam::DVec3::from(a).distance(glam::DVec3::from(b))
+}
+
+#[test]
+fn it_plays_at_once_and_keys_control_the_player() {
+    let mut bench = Bench::new();
+    bench.frame(0.5, vec![]);
+    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    bench.press(Key::Space);
+    bench.frame(0.5, vec![]);
+    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9 && !bench.viewer.is_animating());
+    bench.press(Key::ArrowRight);
+    assert_eq!(bench.viewer.player.frame(), 6);
+    bench.press(Key::L);
+    bench.press(Key::ArrowDown);
+    assert!(!bench.viewer.player.is_looping() && bench.viewer.player.speed() == 0.75);
+    bench.press(Key::Home);
+    assert_eq!(bench.viewer.player.position_s(), 0.0);
+}
+
+#[test]
+fn a_drag_on_the_picture_orbits_and_one_on_the_bar_does_not() {
+    let mut bench = Bench::new();
+    let eye = bench.eye();
+    bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(140.0, 0.0));
+    let turned = bench.eye();
+    assert!(distance(eye, turned) > 0.5 && (distance(turned, [0.0; 3]) - 5.0).abs() < 1e-6);
+    bench.drag(PointerButton::Primary, Modifiers::NONE, pos2(500.0, 690.0), CENTER);
+    assert_eq!(bench.eye(), turned);
+}
+
+#[test]
+fn buttons_and_modifiers_choose_the_motion() {
+    let to = CENTER + vec2(70.0, 0.0);
+    let front = [0.0, 0.0, 5.0];
+    for (button, modifiers) in [
+        (PointerButton::Secondary, Modifiers::NONE),
+        (PointerButton::Middle, Modifiers::NONE),
+        (PointerButton::Primary, Modifiers::SHIFT),
+    ] {
+        let mut bench = Bench::new();
+        bench.drag(button, modifiers, CENTER, to);
+        let [x, y, z] = bench.eye();
+        assert!(x < -0.1 && y.abs() < 1e-9 && (z - 5.0).abs() < 1e-9, "pan moved the eye to {x} {y} {z}");
+    }
+    let mut bench = Bench::new();
+    bench.drag(PointerButton::Primary, Modifiers::CTRL, CENTER, to);
+    assert!(distance(bench.eye(), front) < 1e-9, "looking around keeps the eye");
+    assert!(bench.viewer.camera(100, 100).camera_from_world[2][0] < -0.01);
+}
+
+#[test]
+fn the_wheel_zooms_only_over_the_picture() {
+    let mut bench = Bench::new();
+    let wheel = |pos| {
+        vec![
+            Event::PointerMoved(pos),
+            Event::MouseWheel {
+                unit: MouseWheelUnit::Line,
+                delta: vec2(0.0, 3.0),
+                phase: egui::TouchPhase::Move,
+                source: egui::MouseWheelSource::Unknown,
+                modifiers: Modifiers::NONE,
+            },
+        ]
+    };
+    bench.press(Key::Space);
+    bench.frame(0.1, wheel(pos2(500.0, 690.0)));
+    for _ in 0..20 {
+        bench.frame(0.1, vec![]);
+    }
+    assert_eq!(bench.eye(), [0.0, 0.0, 5.0]);
+    bench.frame(0.1, wheel(CENTER));
+    for _ in 0..20 {
+        bench.frame(0.1, vec![]);
+    }
+    let expected = 5.0 * crate::window::camera::ZOOM_PER_NOTCH.powi(3);
+    assert!((bench.eye()[2] - expected).abs() < 0.05, "{:?}, expected {expected}", bench.eye());
+}
+
+#[test]
+fn the_timeline_seeks_and_pauses_while_held() {
+    let mut bench = Bench::new();
+    // The timeline spans the window less its margins, at the top of the bar.
+    let y = (600..700).map(|y| y as f32).find(|&y| {
+        let mut probe = Bench::new();
+        probe.frame(0.0, vec![Event::PointerMoved(pos2(500.0, y))]);
+        let event = |pressed| Event::PointerButton {
+            pos: pos2(500.0, y),
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        probe.frame(0.0, vec![event(true)]);
+        probe.viewer.is_scrubbing
+    });
+    let at = |x: f32| pos2(x, y.expect("a timeline"));
+    let button = |x, pressed| Event::PointerButton {
+        pos: at(x),
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    bench.frame(0.0, vec![Event::PointerMoved(at(500.0))]);
+    bench.frame(0.0, vec![button(500.0, true)]);
+    bench.frame(0.3, vec![Event::PointerMoved(at(750.0))]);
+    let position_s = bench.viewer.player.position_s();
+    assert!((position_s - 1.5).abs() < 0.05, "{position_s}");
+    bench.frame(0.3, vec![]);
+    assert_eq!(bench.viewer.player.position_s(), position_s, "held");
+    bench.frame(0.0, vec![button(750.0, false)]);
+    bench.frame(0.1, vec![]);
+    assert!((bench.viewer.player.position_s() - position_s - 0.1).abs() < 1e-9, "released, it plays");
+}
+
+#[test]
+fn held_keys_fly_and_a_drag_steers() {
+    let mut bench = Bench::new();
+    let key = |pressed| Event::Key {
+        key: Key::W,
+        physical_key: Some(Key::W),
+        pressed,
+        repeat: false,
+        modifiers: Modifiers::NONE,
+    };
+    bench.frame(0.0, vec![key(true)]);
+    bench.frame(1.0, vec![]);
+    assert!(bench.eye()[2] < 4.9 && bench.viewer.is_animating());
+    let eye = bench.eye();
+    bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(70.0, 0.0));
+    assert!(distance(bench.eye(), eye) < 1e-9);
+    bench.frame(0.0, vec![key(false)]);
+    let eye = bench.eye();
+    bench.frame(1.0, vec![]);
+    assert_eq!(bench.eye(), eye);
+}
+
+#[test]
+fn keys_choose_viewpoints_and_recentre() {
+    let mut bench = Bench::new();
+    bench.press(Key::Num2);
+    assert!(bench.viewer.viewpoint == 1 && distance(bench.eye(), [3.0, 0.0, 5.0]) < 1e-6);
+    bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(140.0, 60.0));
+    assert!(distance(bench.eye(), [3.0, 0.0, 5.0]) > 0.1);
+    bench.press(Key::R);
+    assert!(distance(bench.eye(), [3.0, 0.0, 5.0]) < 1e-6);
+    bench.press(Key::Num9);
+    assert_eq!(bench.viewer.viewpoint, 1, "there is no ninth viewpoint");
+}
+
+#[test]
+fn keys_of_the_window_become_requests() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.frame(0.0, vec![]), Requests::default());
+    assert!(bench.press(Key::P).screenshot);
+    assert!(bench.press(Key::F11).toggle_full_screen);
+}
+
+#[test]
+fn escape_closes_the_list_before_the_message() {
+    let mut bench = Bench::new();
+    bench.viewer.message = Some(Message::Error("no such file".into()));
+    bench.press(Key::H);
+    assert!(bench.viewer.show_keys);
+    bench.press(Key::Escape);
+    assert!(!bench.viewer.show_keys && bench.viewer.message.is_some());
+    bench.press(Key::Escape);
+    assert_eq!(bench.viewer.message, None);
+}
+
+#[test]
+fn a_note_disappears_and_an_error_stays() {
+    let mut bench = Bench::new();
+    bench.viewer.message = Some(Message::note(&bench.ctx, "saved".into()));
+    bench.frame(1.0, vec![]);
+    assert!(bench.viewer.message.is_some());
+    bench.frame(10.0, vec![]);
+    assert_eq!(bench.viewer.message, None);
+    bench.viewer.message = Some(Message::Error("broken".into()));
+    bench.frame(100.0, vec![]);
+    assert!(bench.viewer.message.is_some());
+}
+
+#[test]
+fn more_layers_of_a_clip_change_nothing_else() {
+    let mut bench = Bench::new();
+    bench.press(Key::Num2);
+    bench.frame(0.5, vec![]);
+    bench.viewer.settings.layers = Some(1);
+    let (eye, position_s) = (bench.eye(), bench.viewer.player.position_s());
+    bench.viewer.update_clip(ViewedClip { layers: 4, ..clip() });
+    let viewer = &bench.viewer;
+    assert_eq!((viewer.layers(), viewer.viewpoint, viewer.settings.layers), (4, 1, Some(1)));
+    assert_eq!((viewer.player.position_s(), bench.eye()), (position_s, eye));
+    bench.viewer.update_clip(ViewedClip { duration_s: 7.0, ..clip() });
+    assert_eq!(bench.viewer.player.position_s(), 0.0, "it has changed on the server");
+}
+
+#[test]
+fn the_next_clip_of_a_playlist_keeps_the_settings() {
+    let mut bench = Bench::new();
+    bench.press(Key::Num2);
+    bench.press(Key::ArrowDown);
+    bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(140.0, 0.0));
+    bench.viewer.settings.layers = Some(3);
+    let eye = bench.eye();
+    bench.viewer.player.seek(1.9);
+    bench.viewer.player.set_has_next(true);
+    bench.frame(0.2, vec![]);
+    assert!(bench.viewer.player.overrun_s().is_some());
+    bench.viewer.continue_with(ViewedClip { duration_s: 7.0, layers: 2, ..clip() });
+    let viewer = &bench.viewer;
+    assert!((viewer.player.position_s() - 0.05).abs() < 1e-9 && viewer.player.speed() == 0.75);
+    assert!(viewer.viewpoint == 1 && viewer.settings.layers.is_none(), "it has two layers");
+    assert_eq!(bench.eye(), eye);
+    bench.viewer.continue_with(ViewedClip { viewpoints: clip().viewpoints[1..].to_vec(), ..clip() });
+    assert_ne!(bench.eye(), eye, "other viewpoints");
+    assert_eq!(bench.viewer.viewpoint, 0);
+}
+
+#[test]
+fn another_clip_starts_at_its_first_viewpoint() {
+    let mut bench = Bench::new();
+    bench.press(Key::Num2);
+    bench.frame(1.0, vec![]);
+    bench.viewer.settings.layers = Some(1);
+    let other = ViewedClip { duration_s: 7.0, viewpoints: clip().viewpoints[..1].to_vec(), ..clip() };
+    bench.viewer.change_clip(other);
+    let viewer = &bench.viewer;
+    assert!(viewer.player.position_s() == 0.0 && viewer.player.duration_s() == 7.0);
+    assert!(viewer.viewpoint == 0 && viewer.settings.layers.is_none());
+    assert!(distance(bench.eye(), [0.0, 0.0, 5.0]) < 1e-6);
+}

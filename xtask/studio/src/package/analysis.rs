@@ -1,0 +1,106 @@
+//! [`FieldAnalysis`]: the topology of a whole field, its pictures, and the contributions of its rows, with
+//! which parts of it are chosen and judged.
+
+use codec::{Clip, Field};
+use refine::prune::{
+    Floor, FloorSettings, Measure, Pictures, ROUNDS, Ranking, Selection, by_importance, contributions_to,
+    instants, select,
+};
+use refine::reference::{Contribution, RenderScene};
+
+use super::encode::draft;
+use super::settings::PackageSettings;
+use super::views::{judging_views, ranking_views, render_scene};
+use crate::progress::StagedProgress;
+use crate::scene::Scene;
+
+/// Instants at which the topology is held.
+pub(crate) const FLOOR_INSTANTS: usize = 4;
+
+/// A whole field, analysed.
+pub(crate) struct FieldAnalysis<'a> {
+    scene: &'a Scene,
+    field: &'a Field,
+    plate: Option<&'a Field>,
+    settings: &'a PackageSettings,
+    progress: &'a StagedProgress,
+    /// Contributions of rows to pictures; empty where no ranking uses them.
+    contributions: Vec<Contribution>,
+    judge: Pictures,
+    floor: Floor,
+}
+
+impl<'a> FieldAnalysis<'a> {
+    /// Renders a field and finds its topology.
+    pub(crate) fn new(
+        scene: &'a Scene,
+        field: &'a Field,
+        plate: Option<&'a Field>,
+        settings: &'a PackageSettings,
+        progress: &'a StagedProgress,
+    ) -> anyhow::Result<FieldAnalysis<'a>> {
+        let contributions = match rankings(settings).into_iter().any(Ranking::looks_at_pictures) {
+            true => contributions(scene, field, progress),
+            false => Vec::new(),
+        };
+        let views = judging_views(scene, field);
+        progress.stage("pictures of the whole", views.len());
+        let judge = Pictures::take(&render_scene(field, plate), views, || progress.step());
+        progress.stage("topology of the whole", 1);
+        let floor = floor(field, Measure::default())?;
+        progress.step();
+        Ok(FieldAnalysis { scene, field, plate, settings, progress, contributions, judge, floor })
+    }
+
+    /// The rows by a ranking, most important first.
+    ///
+    /// # Panics
+    /// If the ranking looks at pictures and the settings name another ranking.
+    pub(crate) fn order(&self, ranking: Ranking) -> Vec<usize> {
+        by_importance(&ranking.scores(self.field, &self.contributions))
+    }
+
+    /// The best `budget` rows: each ranking prunes, alone and with the topology floor, and the candidate
+    /// whose draft looks most like the whole field wins.
+    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection> {
+        let prune = |ranking: Ranking| {
+            self.progress.stage(ranking.name(), 1 + ROUNDS);
+            let order = self.order(ranking);
+            match self.settings.no_floor {
+                true => vec![self.floor.leave(&order, budget)],
+                false => self.floor.choices(&order, budget, || self.progress.step()),
+            }
+        };
+        let judge = |rows: &[usize]| self.draft_psnr(&self.field.select(rows));
+        let selection = select(&rankings(self.settings), prune, judge)?;
+        Ok(selection.expect("there is a ranking"))
+    }
+
+    /// PSNR in dB of a draft of `part` in the judging pictures.
+    pub(crate) fn draft_psnr(&self, part: &Field) -> anyhow::Result<f64> {
+        Ok(self.psnr(&draft(self.scene, part, self.plate, self.settings.coding)?))
+    }
+
+    /// PSNR in dB of a clip in the judging pictures.
+    pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
+        self.judge.psnr(&RenderScene::from(clip), || ())
+    }
+}
+
+/// The rankings to try.
+fn rankings(settings: &PackageSettings) -> Vec<Ranking> {
+    settings.rank.map_or(Ranking::ALL.to_vec(), |ranking| vec![ranking])
+}
+
+/// Contributions of the rows of a field to the ranking views.
+pub(super) fn contributions(scene: &Scene, field: &Field, progress: &StagedProgress) -> Vec<Contribution> {
+    let views = ranking_views(scene, field);
+    progress.stage("ranking", views.len());
+    contributions_to(&views, field, || progress.step())
+}
+
+/// The topology of a field that packages preserve.
+pub(crate) fn floor(field: &Field, measure: Measure) -> anyhow::Result<Floor> {
+    let instants = instants(field, FLOOR_INSTANTS);
+    Ok(Floor::new(field, FloorSettings { instants, measure, ..FloorSettings::default() })?)
+}

@@ -1,0 +1,26 @@
+//! [`package`]: a scene becomes the bytes of an `.aarc` package, and a report.
+//!
+//! ```text
+//! scene -> visible -> choose (rank, floor, render) -> refine -> encode in layers -> verify
+//! ```
+
+mod analysis;
+mod choose;
+mod encode;
+mod pipeline;
+mod prefix_quality;
+mod report;
+mod settings;
+mod views;
+mod visible;
+
+pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
+pub(crate) use encode::refused;
+pub use pipeline::{Package, package, package_with};
+pub use prefix_quality::{PrefixStep, prefix_quality};
+pub use report::{Counts, PackageReport, PreservedTopology, TriedCandidate};
+pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
+pub(crate) use views::{
+    CODED_SIZE, JUDGING_PLACES, Places, RANKING_PLACES, compared_views, ranking_views, render_scene, views_of,
+};
+pub(crate) use visible::visible;

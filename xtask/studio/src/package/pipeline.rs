@@ -1,0 +1,93 @@
+//! [`package`]: the stages of packaging, one after another.
+
+use codec::Field;
+use refine::fit::Cpu;
+
+use super::choose::choose;
+use super::encode::encode;
+use super::report::PackageReport;
+use super::settings::PackageSettings;
+use super::visible::{VisibleScene, visible_scene};
+use crate::fit::{Refinement, RefinementReport};
+use crate::progress::StagedProgress;
+use crate::scene::Scene;
+
+/// Steps of refinement to one step of the progress.
+const STEPS_PER_PROGRESS: u64 = 16;
+
+/// A finished package.
+#[derive(Debug)]
+pub struct Package {
+    /// The contents of the file.
+    pub bytes: Vec<u8>,
+    /// What went into it.
+    pub report: PackageReport,
+}
+
+/// Makes a package.
+///
+/// The same scene and settings give the same bytes, on any number of threads.
+///
+/// # Errors
+/// [`program::Fault::Data`] where no Gaussian is visible, numbers cannot be coded, or `strict` refuses a
+/// repair. Any other error is a defect of this program.
+pub fn package(scene: &Scene, settings: &PackageSettings) -> anyhow::Result<Package> {
+    package_with(scene, settings, None, &StagedProgress::hidden())
+}
+
+/// Makes a package as [`package`] does, moves the kept Gaussians towards photographs by `refinement`,
+/// and draws `progress`.
+///
+/// # Errors
+/// As [`package`].
+pub fn package_with(
+    scene: &Scene,
+    settings: &PackageSettings,
+    refinement: Option<&Refinement>,
+    progress: &StagedProgress,
+) -> anyhow::Result<Package> {
+    let VisibleScene { field, mut subject, plate, plate_counts, parts_removed } =
+        visible_scene(scene, settings)?;
+    let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
+    let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
+    let coded = encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
+    let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
+    progress.finish();
+    subject.drop("over budget", field.len() - choice.field.len());
+    subject.gaussians_out = choice.field.len();
+    let report = PackageReport {
+        subject,
+        plate: plate_counts,
+        parts_removed,
+        ranking: choice.ranking.name(),
+        topology: choice.topology,
+        whole_psnr_db,
+        tried: choice.tried,
+        why: choice.why,
+        recolor_gain_db: choice.recolor_gain_db,
+        refined,
+        layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
+        duration_s: scene.info.duration_s,
+        assumed: scene.assumed.clone(),
+        bytes: coded.bytes.len(),
+        coder: settings.coding.name(),
+        self_psnr_db: coded.self_psnr_db,
+    };
+    Ok(Package { bytes: coded.bytes, report })
+}
+
+/// Moves `field` towards the photographs; its rows stay in order.
+fn refine_field(field: &mut Field, refinement: &Refinement, progress: &StagedProgress) -> RefinementReport {
+    progress.stage("refining", (refinement.steps / STEPS_PER_PROGRESS) as usize);
+    let mut steps = 0;
+    let on_step = || {
+        steps += 1;
+        if steps % STEPS_PER_PROGRESS == 0 {
+            progress.step();
+        }
+    };
+    let refined = refinement.run(field, &mut Cpu::default(), on_step);
+    let (refined, report) = refined.expect("the CPU is always available");
+    *field = refined;
+    report
+}

@@ -1,0 +1,190 @@
+//! [`PackageReport`]: what went into a package, what was left out and why.
+
+use std::collections::BTreeMap;
+
+use refine::prune::{Candidate, Measure, RESOLUTION_DB, Selection, Topology};
+use serde::Serialize;
+
+use crate::fit::RefinementReport;
+
+/// What went into a package, what was left out, and how faithful the rest is.
+#[derive(Clone, Debug, Serialize)]
+pub struct PackageReport {
+    /// The field.
+    #[serde(flatten)]
+    pub subject: Counts,
+    /// The background, where there is one.
+    pub plate: Option<Counts>,
+    /// Part removed to the number of Gaussians that had it.
+    pub parts_removed: BTreeMap<&'static str, usize>,
+    /// The order of importance.
+    pub ranking: &'static str,
+    /// What of the topology is preserved.
+    pub topology: PreservedTopology,
+    /// PSNR in dB between pictures of the decoded package and of the whole field; `None` where
+    /// nothing was left out for the budget.
+    pub whole_psnr_db: Option<f64>,
+    /// What was tried for the budget.
+    pub tried: Vec<TriedCandidate>,
+    /// Why the package holds what it holds of them; `None` where nothing was left out for the budget.
+    pub why: Option<String>,
+    /// Gain in dB of the recolouring, if asked for; it is used if above 0.
+    #[serde(rename = "refit_gain_db")]
+    pub recolor_gain_db: Option<f64>,
+    /// What came of moving them towards photographs, if asked for.
+    pub refined: Option<RefinementReport>,
+    /// Number of Gaussians up to the end of each layer.
+    pub layers: Vec<usize>,
+    /// Length of the clip in seconds.
+    pub duration_s: f32,
+    /// Keys of `scene.json` that nobody gave, so that the package has their defaults.
+    pub assumed: Vec<&'static str>,
+    /// Size of the package.
+    pub bytes: usize,
+    /// How the Gaussians are coded.
+    pub coder: &'static str,
+    /// PSNR in dB between renders of the decoded package and of the field that was coded, over
+    /// all pixels of all pictures; infinite where they are the same.
+    pub self_psnr_db: f64,
+}
+
+/// Rows of a file on their way into the package.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Counts {
+    /// Rows of the file.
+    pub gaussians_in: usize,
+    /// Rows packaged.
+    pub gaussians_out: usize,
+    /// Reason to number of rows left out; together they make up the difference.
+    pub dropped: BTreeMap<&'static str, usize>,
+    /// Reason to number of rows changed on import.
+    pub repaired: BTreeMap<&'static str, usize>,
+}
+
+impl Counts {
+    pub(super) fn drop(&mut self, reason: &'static str, rows: usize) {
+        if rows > 0 {
+            *self.dropped.entry(reason).or_default() += rows;
+        }
+    }
+}
+
+/// A way to meet the budget that was tried, and how it did.
+#[derive(Clone, Debug, Serialize)]
+pub struct TriedCandidate {
+    /// The ranking.
+    pub ranking: &'static str,
+    /// Whether the topology floor changed what it keeps.
+    pub floor: bool,
+    /// Whether this is what the package holds.
+    pub chosen: bool,
+    /// PSNR in dB between pictures of the decoded package and of the whole field.
+    pub psnr_db: f64,
+    /// What of the topology is preserved.
+    #[serde(flatten)]
+    pub topology: PreservedTopology,
+    /// Gaussians that the topology floor put in the place of others.
+    pub restored: usize,
+}
+
+/// How much of the topology of the whole field a package preserves, before coding.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PreservedTopology {
+    /// Part of the persistent features that is preserved.
+    pub recall: f64,
+    /// Part of the features of what is kept that is not merely a piece cut off.
+    pub precision: f64,
+    /// Harmonic mean of both.
+    pub f1: f64,
+    /// Mean change of the level at which features merge, in units of the largest density.
+    pub saddle_drift: f64,
+}
+
+impl From<&Topology> for PreservedTopology {
+    fn from(topology: &Topology) -> PreservedTopology {
+        PreservedTopology {
+            recall: topology.recall(),
+            precision: topology.precision(),
+            f1: topology.f1(),
+            saddle_drift: topology.saddle_drift(),
+        }
+    }
+}
+
+/// The candidates of a selection.
+pub(super) fn tried(selection: &Selection) -> Vec<TriedCandidate> {
+    let tried = |(i, candidate): (usize, &Candidate)| TriedCandidate {
+        ranking: candidate.ranking.name(),
+        floor: candidate.retained.restored > 0,
+        chosen: i == selection.best,
+        psnr_db: candidate.psnr_db,
+        topology: PreservedTopology::from(&candidate.retained.topology),
+        restored: candidate.retained.restored,
+    };
+    selection.candidates.iter().enumerate().map(tried).collect()
+}
+
+/// Why the best candidate is the best, and why the floor has a part in it or not.
+pub(super) fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
+    let chosen = &candidates[*best];
+    let name = |candidate: &Candidate| match candidate.retained.restored {
+        0 => candidate.ranking.name().to_owned(),
+        _ => format!("{} with the floor", candidate.ranking.name()),
+    };
+    let preserved = |candidate: &Candidate| candidate.retained.topology.preserved(Measure::Strict);
+    let rival = &candidates[*most_faithful];
+    let mut why = if best != most_faithful {
+        format!(
+            "{} preserves {:.3} of the topology; {} preserves {:.3} and is {:.2} dB more faithful, which is no \
+             more than the {RESOLUTION_DB} dB that the pictures can tell",
+            name(chosen),
+            preserved(chosen),
+            name(rival),
+            preserved(rival),
+            rival.psnr_db - chosen.psnr_db
+        )
+    } else {
+        let others = candidates.iter().filter(|other| other.ranking != chosen.ranking);
+        match others.max_by(|a, b| a.psnr_db.total_cmp(&b.psnr_db)) {
+            // Nothing to see, or nothing missed.
+            _ if chosen.psnr_db == f64::INFINITY => format!("{} looks just like the whole", name(chosen)),
+            Some(next) => {
+                let gain = chosen.psnr_db - next.psnr_db;
+                match gain < 0.005 {
+                    true => format!("{} is as faithful as {}", name(chosen), name(next)),
+                    false => {
+                        format!(
+                            "{} is the most faithful, by {gain:.2} dB before {}",
+                            name(chosen),
+                            name(next)
+                        )
+                    }
+                }
+            }
+            None => name(chosen),
+        }
+    };
+    let twin = candidates.iter().enumerate().find(|(i, other)| i != best && other.ranking == chosen.ranking);
+    match twin {
+        Some((_, twin)) if chosen.retained.restored == 0 => {
+            why += &format!(
+                "; the floor would preserve {:.3} of the topology instead of {:.3} and cost {:.2} dB",
+                preserved(twin),
+                preserved(chosen),
+                chosen.psnr_db - twin.psnr_db
+            );
+        }
+        Some((i, twin)) if i != *most_faithful => {
+            why += &format!(
+                "; the floor preserves {:.3} of the topology instead of {:.3} and gains {:.2} dB",
+                preserved(chosen),
+                preserved(twin),
+                chosen.psnr_db - twin.psnr_db
+            );
+        }
+        Some(_) => {}
+        None if preserved(chosen) == 1.0 => why += "; nothing of the topology is lost",
+        None => {}
+    }
+    why
+}

@@ -1,0 +1,74 @@
+//! [`PackageSettings`]: what a package keeps of a scene, and how exactly.
+
+use clap::ValueEnum;
+use codec::Coder;
+use refine::prune::Ranking;
+
+/// What to make of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct PackageSettings {
+    /// Most Gaussians to keep, the plate's not counted; `None` keeps all that can be seen.
+    pub budget: Option<usize>,
+    /// The ranking that decides what a budget keeps; `None` tries all and takes the best.
+    pub rank: Option<Ranking>,
+    /// Let the ranking alone decide, whatever the topology loses.
+    pub no_floor: bool,
+    /// Fit the colours of what a budget keeps to pictures of the whole.
+    pub recolor: bool,
+    /// How the Gaussians are coded.
+    pub coding: Coding,
+    /// Parts to remove.
+    pub drop: Vec<DropPart>,
+    /// Refuse a scene whose files needed repairs.
+    pub strict: bool,
+}
+
+/// A part of a field that a package can do without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DropPart {
+    /// Rotation over time.
+    Angular,
+    /// View-dependent colour.
+    Sh,
+    /// The static background.
+    Plate,
+}
+
+/// Where layers end, as far as there are Gaussians; the last one ends at the last Gaussian.
+pub const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
+
+/// PSNR that a package is to have where nobody says it: coding then costs 0.01 dB of a field that
+/// fits its footage to 24.3 dB.
+pub const QUALITY_DB: f64 = 50.7;
+
+/// How Gaussians are coded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coding {
+    /// The paper's numbers of bits.
+    Fixed,
+    /// The coder `context`.
+    Context {
+        /// PSNR in dB that the package is to have, against the field before coding.
+        quality_db: f64,
+    },
+}
+
+impl Default for Coding {
+    fn default() -> Coding {
+        Coding::Context { quality_db: QUALITY_DB }
+    }
+}
+
+impl Coding {
+    pub(crate) fn coder(self) -> Coder {
+        match self {
+            Coding::Fixed => Coder::Fixed,
+            Coding::Context { .. } => Coder::Context,
+        }
+    }
+
+    /// Name of the coder.
+    pub(crate) fn name(self) -> &'static str {
+        self.coder().name()
+    }
+}

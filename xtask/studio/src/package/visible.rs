@@ -1,0 +1,99 @@
+//! [`visible_scene`]: the Gaussians of a scene that are visible at some instant, without dropped parts.
+
+use std::collections::BTreeMap;
+
+use codec::{ALPHA_MIN, Field};
+use program::Fault;
+
+use super::report::Counts;
+use super::settings::{DropPart, PackageSettings};
+use crate::import::{Imported, Repairs};
+use crate::scene::Scene;
+
+/// What can be seen of a scene, without the parts to remove.
+pub(super) struct VisibleScene {
+    pub(super) field: Field,
+    pub(super) subject: Counts,
+    pub(super) plate: Option<Field>,
+    pub(super) plate_counts: Option<Counts>,
+    pub(super) parts_removed: BTreeMap<&'static str, usize>,
+}
+
+/// Selects the visible Gaussians of a scene and removes the parts to drop.
+///
+/// # Errors
+/// [`Fault::Data`] where no Gaussian is visible, or `strict` refuses a repair.
+pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result<VisibleScene, Fault> {
+    if settings.strict {
+        check_repairs(scene)?;
+    }
+    let drop = |part| settings.drop.contains(&part);
+    let mut parts_removed = BTreeMap::new();
+
+    let (mut field, subject) = visible(&scene.subject);
+    let mut background = scene.plate.as_ref().map(visible);
+    if drop(DropPart::Plate)
+        && let Some((plate, _)) = background.take()
+    {
+        parts_removed.insert("plate", plate.len());
+    }
+    for part in [DropPart::Angular, DropPart::Sh] {
+        if drop(part) {
+            let plate = background.as_mut().map(|(plate, _)| plate);
+            let removed = [Some(&mut field), plate].into_iter().flatten().map(|field| remove(part, field));
+            parts_removed.insert(if part == DropPart::Sh { "sh" } else { "angular" }, removed.sum());
+        }
+    }
+
+    if field.is_empty() {
+        return Err(Fault::Data(format!("{}: no Gaussian that can be seen", scene.name)));
+    }
+    let (plate, plate_counts) = background.unzip();
+    // A plate of which nothing can be seen is no plate.
+    let plate = plate.filter(|plate| !plate.is_empty());
+    Ok(VisibleScene { field, subject, plate, plate_counts, parts_removed })
+}
+
+/// Refuses a scene of which a row was changed or left out on import.
+fn check_repairs(scene: &Scene) -> Result<(), Fault> {
+    let refused = |what: &str, repairs: &Repairs| match repairs.is_empty() {
+        true => Ok(()),
+        false => Err(Fault::Data(format!("{what} is not in order and --strict refuses it: {repairs}"))),
+    };
+    refused(&scene.name, &scene.subject.repairs)?;
+    scene.plate.as_ref().map_or(Ok(()), |plate| refused("the background plate", &plate.repairs))
+}
+
+/// The rows that can be seen at some instant of the clip, and the account of the others.
+pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
+    let Imported { field, repairs, .. } = imported;
+    let rows: Vec<usize> = (0..field.len()).filter(|&i| field.alive_interval(i).is_some()).collect();
+    let mut counts = Counts {
+        gaussians_in: field.len() + repairs.dropped.values().sum::<usize>(),
+        gaussians_out: rows.len(),
+        dropped: repairs.dropped.clone(),
+        repaired: repairs.repaired.clone(),
+    };
+    let faint = field.opacities.iter().filter(|&&opacity| f64::from(opacity) < ALPHA_MIN).count();
+    counts.drop("opacity below 1/255", faint);
+    counts.drop("never visible within the clip", field.len() - rows.len() - faint);
+    (field.select(&rows), counts)
+}
+
+/// Removes a part of every Gaussian; how many of them had it.
+fn remove(part: DropPart, field: &mut Field) -> usize {
+    match part {
+        DropPart::Angular => {
+            let rates = field.temporal.as_mut().and_then(|temporal| temporal.rotation_rates.take());
+            rates.unwrap_or_default().iter().filter(|rate| **rate != [0.0; 4]).count()
+        }
+        DropPart::Sh => {
+            let has_sh = |i: &usize| field.sh_of(*i)[1..].iter().any(|c| *c != [0.0; 3]);
+            let count = (0..field.len()).filter(has_sh).count();
+            field.sh = (0..field.len()).map(|i| field.sh_of(i)[0]).collect();
+            field.sh_degree = 0;
+            count
+        }
+        DropPart::Plate => 0,
+    }
+}
