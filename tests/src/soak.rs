@@ -197,12 +197,12 @@ impl Shelf {
         let recipe = |count, sh_degree, motion, turning| {
             Recipe { count, sh_degree, motion, motion_order: 3, turning, seed: count as u64 }.field()
         };
-        let still = recipe(900, 2, Motion::Still, false);
+        let still = recipe(900, 2, Motion::Static, false);
         let packages: Vec<Arc<[u8]>> = vec![
             packaged(&recipe(3000, 0, Motion::Mixed, true), None, &[500, 1000]).into(),
-            packaged(&recipe(1200, 3, Motion::Moving, true), Some(&still), &[]).into(),
+            packaged(&recipe(1200, 3, Motion::Dynamic, true), Some(&still), &[]).into(),
             packaged(&still, None, &[300]).into(),
-            packaged(&recipe(1, 1, Motion::Moving, false), None, &[]).into(),
+            packaged(&recipe(1, 1, Motion::Dynamic, false), None, &[]).into(),
         ];
         let served = packages.clone();
         let server = Server::start(move |number, request, answer| {
@@ -226,8 +226,8 @@ impl Shelf {
         let retry = RetryPolicy { first_wait: Duration::from_millis(1), ..RetryPolicy::default() };
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
-        for news in Download::new(&url, Options { cache, retry, ..Options::default() }) {
-            if let LoadEvent::Clip(clip) = news.map_err(|fault| fault.to_string())? {
+        for event in Download::new(&url, Options { cache, retry, ..Options::default() }) {
+            if let LoadEvent::Clip(clip) = event.map_err(|fault| fault.to_string())? {
                 latest = Some(clip);
             }
         }

@@ -142,8 +142,8 @@ fn layers_play_before_the_rest_is_sent() {
     });
     let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
-    for news in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
-        let LoadEvent::Clip(clip) = news.unwrap() else { continue };
+    for event in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
+        let LoadEvent::Clip(clip) = event.unwrap() else { continue };
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
         assert_eq!(*clip, decoded(&file[..ends[clip.layers.len() - 1]]));

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use studio::export;
 use program::Fault;
+use studio::export;
 use studio::machine::machine;
 
 use material::Material;
@@ -33,7 +33,7 @@ const INSTANT: f64 = 0.5;
 const FRAMES: usize = 12;
 
 /// Players of moving fields.
-const MOVING: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Gsplat, Kind::GsplatMended];
+const DYNAMIC: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Gsplat, Kind::GsplatMended];
 
 /// Players of static fields; ours plays the clip, at one instant.
 const FROZEN: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Viewer, Kind::Spark];
@@ -112,14 +112,14 @@ fn run(args: &Measure) -> anyhow::Result<()> {
     let splatv = export::splatv(&played, info);
     let ply = export::static_ply(&export::frozen(&played, INSTANT));
     let coded = made(&args.out.join("coding"))?;
-    let [moving_folder, frozen_folder] = [("moving", &moving), ("frozen", &frozen)].map(|(name, work)| {
+    let [dynamic_folder, frozen_folder] = [("moving", &moving), ("frozen", &frozen)].map(|(name, work)| {
         let folder = made(&args.out.join(name))?;
         fs::write(folder.join(Kind::Ours.field()), package)?;
         work.write(&folder)?;
         anyhow::Ok(folder)
     });
-    let (moving_folder, frozen_folder) = (moving_folder?, frozen_folder?);
-    fs::write(moving_folder.join(Kind::Gsplat.field()), &splatv)?;
+    let (dynamic_folder, frozen_folder) = (dynamic_folder?, frozen_folder?);
+    fs::write(dynamic_folder.join(Kind::Gsplat.field()), &splatv)?;
     fs::write(frozen_folder.join(Kind::Viewer.field()), ply)?;
 
     let how = (rounds, args.webgl);
@@ -132,7 +132,7 @@ fn run(args: &Measure) -> anyhow::Result<()> {
         size: args.size,
         frames: FRAMES,
         rounds,
-        moving: playing::compare(&MOVING, (clip, &moving), &moving_folder, how, &progress)?,
+        moving: playing::compare(&DYNAMIC, (clip, &moving), &dynamic_folder, how, &progress)?,
         frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, how, &progress)?,
         coding: coding::compare(&material, INSTANT, &coded, rounds, &progress)?,
     };

@@ -9,7 +9,7 @@ use studio::input::{Input, read_package};
 use studio::package::QUALITY_DB;
 use studio::report::Subject;
 
-use crate::coding::{Judge, shots_of};
+use crate::coding::{Judge, views_of};
 
 /// Steps aside of the pictures that decide what a budget keeps, in degrees.
 const ASIDE: f64 = 10.0;
@@ -45,7 +45,7 @@ impl Material {
         }
         if let Some(budget) = budget.filter(|&budget| budget < field.len()) {
             progress.set_message("ranking");
-            let seen = contributions_to(&shots_of(&field, info, ASIDE), &field, || progress.tick());
+            let seen = contributions_to(&views_of(&field, info, ASIDE), &field, || progress.tick());
             let mut kept = by_importance(&Ranking::BlendSum.scores(&field, &seen));
             kept.truncate(budget);
             field = field.select(&kept);

@@ -9,8 +9,8 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::Context;
 use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
 use program::Fault;
+use serde::{Deserialize, Serialize};
 
 /// What a player is asked.
 #[derive(Clone, Debug, Serialize, Deserialize)]

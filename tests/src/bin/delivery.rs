@@ -196,8 +196,8 @@ fn download(url: &str) -> Result<[f64; 2], String> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let mut times: Option<[f64; 2]> = None;
-    for news in Download::new(url, Options::default()) {
-        if let LoadEvent::Clip(_) = news.map_err(|fault| fault.to_string())? {
+    for event in Download::new(url, Options::default()) {
+        if let LoadEvent::Clip(_) = event.map_err(|fault| fault.to_string())? {
             let now = elapsed_ms();
             times = Some([times.map_or(now, |times| times[0]), now]);
         }

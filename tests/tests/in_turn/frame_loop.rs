@@ -24,7 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
     let recipe =
         Recipe { count: 800, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 4 };
-    let plate = Recipe { motion: Motion::Still, turning: false, count: 100, ..recipe };
+    let plate = Recipe { motion: Motion::Static, turning: false, count: 100, ..recipe };
     let clip = decoded_with(&recipe.field(), Some(&plate.field()), &[200, 500]);
     let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);

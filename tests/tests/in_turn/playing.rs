@@ -125,7 +125,7 @@ fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
 
 /// A clip without motion and view-dependent colour carries no columns for them.
 fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
-    let field = Recipe { sh_degree: 0, motion: Motion::Still, ..RECIPE }.field();
+    let field = Recipe { sh_degree: 0, motion: Motion::Static, ..RECIPE }.field();
     let (clip, playing) = measured(gpu, &field)?;
     expect("there is nothing to move", clip.dynamic_field.is_empty())?;
     let absent = ["SH degree", "motion order", "rotation over time"];

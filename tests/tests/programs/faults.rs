@@ -95,7 +95,7 @@ fn on_small_disk(folder: &Folder, program: &Path, line: &str) -> Outcome {
 
 /// A clip that does not fit on the small disk.
 const RECIPE: Recipe =
-    Recipe { count: 2500, sh_degree: 2, motion: Motion::Moving, motion_order: 3, turning: false, seed: 5 };
+    Recipe { count: 2500, sh_degree: 2, motion: Motion::Dynamic, motion_order: 3, turning: false, seed: 5 };
 
 fn package() -> Vec<u8> {
     packaged(&RECIPE.field(), None, &[500])

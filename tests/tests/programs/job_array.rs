@@ -37,7 +37,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
         let recipe = Recipe {
             count: 100,
             sh_degree: 0,
-            motion: Motion::Moving,
+            motion: Motion::Dynamic,
             motion_order: 1,
             turning: false,
             seed,

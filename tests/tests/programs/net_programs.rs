@@ -45,7 +45,7 @@ fn package() -> Arc<[u8]> {
     let recipe = Recipe {
         count: 2000,
         sh_degree: 1,
-        motion: Motion::Moving,
+        motion: Motion::Dynamic,
         motion_order: 3,
         turning: false,
         seed: 31,

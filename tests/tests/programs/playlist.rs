@@ -53,7 +53,7 @@ fn list(names: &[&str]) -> String {
 /// A dynamic clip of 0.5 s at 8 frames per second, whose instants are exact in binary.
 fn dynamic(seed: u64) -> Vec<u8> {
     let recipe =
-        Recipe { count: 300, sh_degree: 0, motion: Motion::Moving, motion_order: 2, turning: false, seed };
+        Recipe { count: 300, sh_degree: 0, motion: Motion::Dynamic, motion_order: 2, turning: false, seed };
     lasting(&recipe.field(), 0.5, 8.0)
 }
 
@@ -86,7 +86,7 @@ fn images(_: &Gpu) -> Result<(), String> {
     }
     // A clip without the requested layer is skipped too.
     let field =
-        Recipe { count: 300, sh_degree: 0, motion: Motion::Still, motion_order: 0, turning: false, seed: 6 };
+        Recipe { count: 300, sh_degree: 0, motion: Motion::Static, motion_order: 0, turning: false, seed: 6 };
     folder.write("layers.aarc", &packaged(&field.field(), None, &[100]));
     play(&folder, "layers.aarc", "--layer 2 --out alone.png").success();
     write_list(&folder, &["a.aarc", "layers.aarc"]);

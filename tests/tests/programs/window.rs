@@ -27,8 +27,14 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 /// Writes a clip that moves throughout.
 fn write_clip(path: &Path) {
-    let recipe =
-        Recipe { count: 300, sh_degree: 1, motion: Motion::Moving, motion_order: 3, turning: false, seed: 3 };
+    let recipe = Recipe {
+        count: 300,
+        sh_degree: 1,
+        motion: Motion::Dynamic,
+        motion_order: 3,
+        turning: false,
+        seed: 3,
+    };
     fs::write(path, packaged(&recipe.field(), None, &[])).expect("temporary files can be written");
 }
 

@@ -27,8 +27,8 @@ const PLACES: [Place; 4] = [Place::Whole, Place::Near, Place::Far, Place::Edge];
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = Vec::new();
     for sh_degree in 0..=3 {
-        trials.extend(eyes_trials(Recipe { sh_degree, motion: Motion::Still, ..RECIPE }));
-        for motion in [Motion::Moving, Motion::Mixed] {
+        trials.extend(eyes_trials(Recipe { sh_degree, motion: Motion::Static, ..RECIPE }));
+        for motion in [Motion::Dynamic, Motion::Mixed] {
             for motion_order in 0..=3 {
                 trials.extend(eyes_trials(Recipe { sh_degree, motion, motion_order, ..RECIPE }));
             }
@@ -51,12 +51,12 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 const RECIPE: Recipe =
-    Recipe { count: 600, sh_degree: 0, motion: Motion::Moving, motion_order: 3, turning: false, seed: 7 };
+    Recipe { count: 600, sh_degree: 0, motion: Motion::Dynamic, motion_order: 3, turning: false, seed: 7 };
 
 /// One eye, two in one pass, two in two passes.
 fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
     let Recipe { sh_degree, motion, motion_order, turning, .. } = recipe;
-    let order = if motion == Motion::Still { String::new() } else { format!(" of order {motion_order}") };
+    let order = if motion == Motion::Static { String::new() } else { format!(" of order {motion_order}") };
     let turning = if turning { ", turning" } else { "" };
     let name = format!("SH {sh_degree}, {motion:?}{order}{turning}").to_lowercase();
     // Both ways to draw two eyes are compared with the same images.
@@ -143,7 +143,7 @@ fn compare(
 
 fn plate(gpu: &Gpu) -> Result<(), String> {
     let recipe = Recipe { sh_degree: 2, ..RECIPE };
-    let mut background = Recipe { motion: Motion::Still, sh_degree: 1, seed: 9, ..RECIPE }.field();
+    let mut background = Recipe { motion: Motion::Static, sh_degree: 1, seed: 9, ..RECIPE }.field();
     // Larger than the clip and partly in front of it; it must be drawn behind it all the same.
     background.log_scales.iter_mut().flatten().for_each(|scale| *scale += 0.8);
     let clip = decoded_with(&recipe.field(), Some(&background), &[]);
@@ -211,7 +211,7 @@ fn radial(gpu: &Gpu) -> Result<(), String> {
 /// `e^2.5 / 255`.
 fn cutoffs(gpu: &Gpu) -> Result<(), String> {
     for (cutoff, squared_radius) in [(Cutoff::Sqrt8, 8.0f32), (Cutoff::Sqrt5, 5.0)] {
-        let mut field = Recipe { motion: Motion::Still, ..RECIPE }.field();
+        let mut field = Recipe { motion: Motion::Static, ..RECIPE }.field();
         let limit = 0.98 * (0.5f32 * squared_radius).exp() / 255.0;
         field.opacities.iter_mut().for_each(|opacity| *opacity *= limit);
         let clip = decoded(&field);
@@ -231,7 +231,7 @@ fn cutoffs(gpu: &Gpu) -> Result<(), String> {
 
 /// A cutoff that the opacities exceed darkens the image; a tighter one darkens it more.
 fn cutoffs_that_clip(gpu: &Gpu) -> Result<(), String> {
-    let clip = decoded(&Recipe { motion: Motion::Still, ..RECIPE }.field());
+    let clip = decoded(&Recipe { motion: Motion::Static, ..RECIPE }.field());
     let view = camera(Place::Whole, SIZE.0, SIZE.1);
     let light = |cutoff| {
         let settings = RenderSettings { cutoff, ..RenderSettings::default() };

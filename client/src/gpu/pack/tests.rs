@@ -25,7 +25,7 @@ fn field(rows: usize, sh_degree: u8, motion: Option<Motion>) -> Field {
     let mut temporal = Temporal { motion_order: motion.map_or(0, |m| m.order), ..Temporal::default() };
     let mut rates = Vec::new();
     for _ in 0..rows {
-        let mut vector = |reach: f32| [0; 3].map(|_| random.between(-reach, reach));
+        let mut vector = |limit: f32| [0; 3].map(|_| random.between(-limit, limit));
         field.centers.push(vector(50.0));
         field.log_scales.push(vector(6.0).map(|x| x - 4.0));
         field.sh.extend((0..sh_coefficients(sh_degree)).map(|k| vector(if k == 0 { 1.7 } else { 0.4 })));

@@ -95,17 +95,17 @@ impl Hull {
     /// A majority is required because a point right in front of a camera is inside the silhouettes of
     /// that camera and of the opposite one, and outside the view of all others.
     fn agree(&self, votes: impl Iterator<Item = Option<bool>>) -> bool {
-        let (mut shown, mut missed) = (0, 0);
+        let (mut inside, mut outside) = (0, 0);
         for vote in votes.flatten() {
             match vote {
-                true => shown += 1,
-                false => missed += 1,
+                true => inside += 1,
+                false => outside += 1,
             }
-            if missed > self.misses {
+            if outside > self.misses {
                 return false;
             }
         }
-        shown > self.silhouettes.len() / 2
+        inside > self.silhouettes.len() / 2
     }
 
     /// Whether a point is in the hull.

@@ -32,13 +32,7 @@ pub(super) fn surfaces<'a>(
     scale: &mut Option<f64>,
 ) -> Result<FrameSurfaces<'a>, AnchorError> {
     let views = &frame.views;
-    for AnchorView { camera_id, camera, photograph, .. } in views {
-        let size = (photograph.width, photograph.height);
-        let pixels = size.0 as usize * size.1 as usize;
-        if size != (camera.width, camera.height) || photograph.pixels.len() != pixels {
-            return Err(AnchorError::Size { frame: frame.frame, camera: *camera_id });
-        }
-    }
+    check_sizes(frame)?;
     let grounding = grounding(settings, frame);
     if !grounding.contains(&true) {
         return Err(AnchorError::NoViews);
@@ -92,6 +86,19 @@ pub(super) fn surfaces<'a>(
         _ => (),
     }
     Ok(FrameSurfaces { surfaces, step, hull_center: hull.map(|hull| hull.centroid()) })
+}
+
+/// Checks that each photograph has the size of its camera.
+fn check_sizes(frame: &AnchorFrame) -> Result<(), AnchorError> {
+    let has_size = |AnchorView { camera, photograph, .. }: &AnchorView| {
+        let size = (photograph.width, photograph.height);
+        let pixels = size.0 as usize * size.1 as usize;
+        size == (camera.width, camera.height) && photograph.pixels.len() == pixels
+    };
+    match frame.views.iter().find(|view| !has_size(view)) {
+        Some(view) => Err(AnchorError::Size { frame: frame.frame, camera: view.camera_id }),
+        None => Ok(()),
+    }
 }
 
 /// The surface of a view with the depths of `hull` at every `step`-th pixel; without a hull, no depths.

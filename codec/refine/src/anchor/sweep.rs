@@ -45,7 +45,7 @@ const PATCH_HALF: i32 = 2;
 const LEAST_PIXELS: usize = 13;
 
 /// Least standard deviation of a patch's brightness, which is 0 to 1: below is noise.
-const LEAST_CONTRAST: f32 = 2.0 / 255.0;
+const LEAST_DEVIATION: f32 = 2.0 / 255.0;
 
 /// Least NCC at the best depth, and least gain over the NCC at the hull's depth.
 const LEAST_SCORE: f32 = 0.7;
@@ -121,7 +121,7 @@ fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
     let [width, height] = pinhole.size;
     let (mut luma, mut subject) = (Vec::new(), Vec::new());
     for pixel in 0..width * height {
-        let (mut sum, mut shown) = (0, 0);
+        let (mut sum, mut subject_pixels) = (0, 0);
         for part in 0..factor * factor {
             let x = pixel % width * factor + part % factor;
             let y = pixel / width * factor + part / factor;
@@ -129,10 +129,10 @@ fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
             // Rec. 601, in 1/256.
             let [r, g, b, _] = photograph.pixels[at].map(u32::from);
             sum += 77 * r + 150 * g + 29 * b;
-            shown += u32::from(photograph.is_subject(at));
+            subject_pixels += u32::from(photograph.is_subject(at));
         }
         luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
-        subject.push(2 * shown > factor * factor);
+        subject.push(2 * subject_pixels > factor * factor);
     }
     SweptView { pinhole, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
 }
@@ -162,7 +162,7 @@ impl Patch {
         let n = pixels.len() as f32;
         let mean = pixels.iter().map(|(_, luma)| luma).sum::<f32>() / n;
         let norm = pixels.iter().map(|(_, luma)| (luma - mean).powi(2)).sum::<f32>().sqrt();
-        if norm < LEAST_CONTRAST * n.sqrt() {
+        if norm < LEAST_DEVIATION * n.sqrt() {
             return None;
         }
         for (_, luma) in &mut pixels {
@@ -185,7 +185,7 @@ impl Patch {
         let n = self.pixels.len() as f32;
         let variance = (squares - sum * sum / n) / n;
         // The patch's own sum is 0, so the other's mean does not matter to the product.
-        Some(if variance < LEAST_CONTRAST.powi(2) { 0.0 } else { product / (variance * n).sqrt() })
+        Some(if variance < LEAST_DEVIATION.powi(2) { 0.0 } else { product / (variance * n).sqrt() })
     }
 }
 

@@ -50,18 +50,7 @@ fn stage(
     let coefficients = sh_coefficients(field.sh_degree);
     let free = |index: usize| index % coefficients < free;
     let len = field.sh.len();
-    let mut residual = vec![[0.0; 3]; len];
-    let mut diagonal = vec![[0.0; 3]; len];
-    for (view, target) in &pictures.taken {
-        let colors = Colors::new(field, &view.camera, view.t);
-        let scene = RenderScene::from(&*field);
-        let scene = plate.map_or(scene.clone(), |plate| scene.with_plate(plate));
-        let difference_image = difference(target, &render(&scene, &view.camera, view.t, Order::Depth));
-        colors.add_transposed(&difference_image, &mut residual);
-        on_pass();
-        colors.add_diagonal(&mut diagonal);
-        on_pass();
-    }
+    let (mut residual, diagonal) = normal_equations(field, plate, pictures, on_pass);
     let seen: Vec<f64> = diagonal.iter().flatten().copied().filter(|&d| d > 0.0).collect();
     if seen.is_empty() {
         return;
@@ -105,6 +94,28 @@ fn stage(
     for (coefficient, change) in field.sh.iter_mut().zip(&change) {
         *coefficient = [0, 1, 2].map(|c| (f64::from(coefficient[c]) + change[c]) as f32);
     }
+}
+
+/// The right-hand side `A^T (target - picture)` of the normal equations, and the diagonal of `A^T A`.
+fn normal_equations(
+    field: &Field,
+    plate: Option<&Field>,
+    pictures: &Pictures,
+    on_pass: &mut impl FnMut(),
+) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    let mut residual = vec![[0.0; 3]; field.sh.len()];
+    let mut diagonal = residual.clone();
+    for (view, target) in &pictures.taken {
+        let colors = Colors::new(field, &view.camera, view.t);
+        let scene = RenderScene::from(field);
+        let scene = plate.map_or(scene.clone(), |plate| scene.with_plate(plate));
+        let missing = difference(target, &render(&scene, &view.camera, view.t, Order::Depth));
+        colors.add_transposed(&missing, &mut residual);
+        on_pass();
+        colors.add_diagonal(&mut diagonal);
+        on_pass();
+    }
+    (residual, diagonal)
 }
 
 /// `a - b`.

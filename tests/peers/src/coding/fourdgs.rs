@@ -5,7 +5,7 @@ use codec::{ClipInfo, Field, SH_C0, Temporal};
 use fourdgs::quantization::Profile;
 use fourdgs::{GaussianSet, SceneExtras, WriteOptions};
 
-use super::Theirs;
+use super::peer_file::PeerFile;
 
 /// Instants at which a trajectory is looked at to find the straight line that is most like it.
 const SAMPLES: usize = 9;
@@ -14,7 +14,7 @@ const SAMPLES: usize = 9;
 const ZSTD_LEVEL: u32 = 19;
 
 /// A file for each of its profiles, the coarsest first.
-pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<Theirs>> {
+pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<PeerFile>> {
     let duration_s = f64::from(info.duration_s);
     let set = to_set(field, duration_s);
     let profiles = [
@@ -22,7 +22,7 @@ pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<Theirs
         ("fourdgs, default", Profile::Default),
         ("fourdgs, fine", Profile::Fine),
     ];
-    let file = |(name, profile)| -> anyhow::Result<Theirs> {
+    let file = |(name, profile)| -> anyhow::Result<PeerFile> {
         let options = WriteOptions {
             profile,
             codec: fourdgs::codec::ZSTD,
@@ -35,7 +35,7 @@ pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<Theirs
         let decoded = fourdgs::read_bytes(&bytes)?;
         let field = to_field(&decoded.gaussians, duration_s);
         field.check().map_err(|what| anyhow::anyhow!("{name}: {what}")).context("decoded")?;
-        Ok(Theirs {
+        Ok(PeerFile {
             name,
             leaves_out: "bends of trajectories, rotation over time",
             bytes: bytes.len(),

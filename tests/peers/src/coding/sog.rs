@@ -4,18 +4,18 @@ use std::path::Path;
 use std::process::Command;
 
 use codec::Field;
-use studio::export;
 use program::Fault;
+use studio::export;
 use studio::import::import;
 
-use super::Theirs;
+use super::peer_file::PeerFile;
 use crate::player::web_folder;
 
 /// The program, from the folder of what runs in Node.
 const CLI: &str = "../node_modules/@playcanvas/splat-transform/bin/cli.mjs";
 
 /// A file of a field that stands still.
-pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<Theirs> {
+pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let (ply, path) = (folder.join("coded.ply"), folder.join("coded.sog"));
     std::fs::write(&ply, export::static_ply(field))?;
     let mut command = Command::new("node");
@@ -25,7 +25,7 @@ pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<Theirs> {
         let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
         return Err(Fault::Device(format!("splat-transform: {said}")).into());
     }
-    Ok(Theirs {
+    Ok(PeerFile {
         name: "SOG",
         leaves_out: "motion: one instant",
         bytes: std::fs::read(&path)?.len(),

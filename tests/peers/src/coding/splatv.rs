@@ -6,14 +6,14 @@ use codec::{ClipInfo, Field};
 use studio::export;
 use studio::import::import;
 
-use super::Theirs;
+use super::peer_file::PeerFile;
 
 /// The file that is played in the WebGL players.
-pub(super) fn file(field: &Field, info: &ClipInfo, folder: &Path) -> anyhow::Result<Theirs> {
+pub(super) fn file(field: &Field, info: &ClipInfo, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.splatv");
     let bytes = export::splatv(field, info);
     std::fs::write(&path, &bytes)?;
-    Ok(Theirs {
+    Ok(PeerFile {
         name: ".splatv",
         leaves_out: "",
         bytes: bytes.len(),

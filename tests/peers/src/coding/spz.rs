@@ -9,13 +9,13 @@ use flate2::read::GzDecoder;
 use studio::export;
 use studio::import::import;
 
-use super::Theirs;
+use super::peer_file::PeerFile;
 
 /// The highest level that needs no special decoder.
 const ZSTD_LEVEL: i32 = 19;
 
 /// A file of a field that stands still.
-pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<Theirs> {
+pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.spz");
     // With y up the axes stay as they are.
     let gzipped = export::spz(field, [0.0, 1.0, 0.0]);
@@ -23,7 +23,7 @@ pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<Theirs> {
     let mut plain = Vec::new();
     GzDecoder::new(&*gzipped).read_to_end(&mut plain)?;
     let bytes = zstd::bulk::compress(&plain, ZSTD_LEVEL).context("zstd")?;
-    Ok(Theirs {
+    Ok(PeerFile {
         name: "SPZ, zstd 19",
         leaves_out: "motion: one instant",
         bytes: bytes.len(),

@@ -1,5 +1,6 @@
 //! Answers for the players in Rust, each in a process of its own.
 
+mod drawer;
 mod ours;
 mod viewer;
 
@@ -11,21 +12,10 @@ use client::gpu::Cutoff;
 use serde::Serialize;
 
 use crate::player::{Kind, Opened, Played, Request};
-use crate::work::{Frame, Work};
+use crate::work::Work;
+use drawer::Drawer;
 
-/// A field on a graphics device.
-trait Drawer {
-    /// Name and driver of the device.
-    fn device(&self) -> String;
-
-    /// Draws a frame and waits until it is done.
-    fn draw(&mut self, frame: &Frame) -> anyhow::Result<()>;
-
-    /// Red, green, blue of every pixel of the frame drawn last, row by row from the top.
-    fn read(&mut self) -> anyhow::Result<Vec<u8>>;
-}
-
-/// Does what stdin asks of the player `kind` until it ends; the program was started at `start`.
+/// Answers the requests on stdin for the player `kind`. The program was started at `start`.
 pub(crate) fn answer(kind: Kind, folder: &Path, start: Instant) -> anyhow::Result<()> {
     let work = Work::read(folder)?;
     let mut drawer: Option<Box<dyn Drawer>> = None;

@@ -7,7 +7,7 @@ use client::clips::load_file;
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 
-use super::Drawer;
+use super::drawer::Drawer;
 use crate::work::{Frame, Work};
 
 struct Ours {

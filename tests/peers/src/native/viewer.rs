@@ -14,7 +14,7 @@ use wgpu_3dgs_viewer::core::{
 };
 use wgpu_3dgs_viewer::{CameraTrait, Viewer as Peer};
 
-use super::Drawer;
+use super::drawer::Drawer;
 use crate::work::{Frame, Work};
 
 /// 8 bits per channel, as windows have.

@@ -44,6 +44,7 @@ use views::{ViewSet, view_set};
 ///
 /// # Errors
 /// Errors of the renderer, which include a `size` that is too large for it.
+// Long: the steps of one measurement, in order.
 pub fn measure(
     gpu: &'static Gpu,
     clip: &Clip,

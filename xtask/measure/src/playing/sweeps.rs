@@ -33,6 +33,7 @@ const MIN_CONTRIBUTION_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
 const LEAST_ALIVE: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// The parameters that make a difference to `clip`, in pictures of `size` pixels.
+// Long: a table of parameters and their values.
 pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
     let mut sweeps = vec![
         layers(clip),

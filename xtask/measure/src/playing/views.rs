@@ -70,7 +70,7 @@ mod tests {
     use crate::scene::{Motion, Recipe, decoded_with};
 
     fn clip() -> Clip {
-        let motion = Motion::Moving;
+        let motion = Motion::Dynamic;
         let recipe = Recipe { count: 50, sh_degree: 0, motion, motion_order: 1, turning: false, seed: 3 };
         decoded_with(&recipe.field(), None, &[])
     }

@@ -13,6 +13,7 @@ const GROUP: &str = "extreme amounts";
 /// How far the head turns from one frame to the next, in radians: far less than a pixel.
 const TURN: f64 = 2e-5;
 
+// Long: a table of cases.
 pub(super) fn cases() -> Vec<StabilityCase> {
     let sorted = "a stable radix sort of 32-bit depths, 11 bits a pass";
     let mut cases = vec![

@@ -17,6 +17,7 @@ fn instants() -> Vec<f64> {
     (0..=16).map(|i| f64::from(i) / 16.0).collect()
 }
 
+// Long: a table of cases.
 pub(super) fn cases() -> Vec<StabilityCase> {
     let mut cases = Vec::new();
     for order in 0..=3u8 {

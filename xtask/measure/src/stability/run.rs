@@ -58,6 +58,7 @@ impl Meter {
 /// Measures `case` on `gpu`.
 ///
 /// Heap bytes are counted only in programs whose global allocator is [`PeakAlloc`].
+// Long: one case, whose every failure becomes its result.
 pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
     let mut meter = Meter::default();
     let scene = (case.scene)();

@@ -13,6 +13,7 @@ const GROUP: &str = "stiff in space";
 /// The half instant: most cases do not move.
 const T: [f64; 1] = [0.5];
 
+// Long: a table of cases.
 pub(super) fn cases() -> Vec<StabilityCase> {
     vec![
         case(

@@ -16,6 +16,7 @@ fn place(i: usize) -> [f32; 3] {
     [0.55 * (i % 5) as f32 - 1.1, 0.55 * (i / 5) as f32 - 0.8, 0.0]
 }
 
+// Long: a table of cases.
 pub(super) fn cases() -> Vec<StabilityCase> {
     vec![
         case(

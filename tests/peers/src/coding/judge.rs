@@ -1,0 +1,116 @@
+//! [`Judge`]: compares another coder's file with this project's package of the same error.
+
+use std::time::Instant;
+
+use anyhow::anyhow;
+use codec::{ClipInfo, Field, Limits, Source};
+use indicatif::ProgressBar;
+use refine::code::{CodeError, Coded, code};
+use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
+use refine::reference::RenderScene;
+use serde::Serialize;
+
+use super::peer_file::PeerFile;
+use crate::spread::{Spread, in_turn};
+
+/// Layers of packages, as `cargo xtask package` makes them.
+const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
+
+/// Size of the judged images in pixels.
+const SIZE: (u32, u32) = (640, 480);
+
+/// Number of instants of the judged images.
+const INSTANTS: usize = 4;
+
+/// Degrees to the sides of the first viewpoint: of the images that a coder may use, and of those that judge.
+const CODING_ASIDE: f64 = 10.0;
+const JUDGED_ASIDE: f64 = 6.0;
+
+/// A peer's coder and this project's, on one field.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) coder: &'static str,
+    pub(crate) leaves_out: &'static str,
+    /// Gaussians coded.
+    pub(crate) gaussians: usize,
+    pub(crate) bytes: usize,
+    /// PSNR in dB of images of the decoded file against images of the field.
+    pub(crate) psnr_db: f64,
+    /// Decoding time in milliseconds, on one thread.
+    pub(crate) decode_ms: Spread,
+    /// This project's package, coded to at least that PSNR where possible.
+    pub(crate) our_bytes: usize,
+    pub(crate) our_psnr_db: f64,
+    pub(crate) our_decode_ms: Spread,
+    /// Their time divided by ours, round by round.
+    pub(crate) decode_ratio: Spread,
+}
+
+/// Judges codings of a field by images.
+pub(crate) struct Judge<'a> {
+    field: &'a Field,
+    info: &'a ClipInfo,
+    coding_views: Vec<PosedView>,
+    pictures: Pictures,
+    progress: &'a ProgressBar,
+}
+
+impl<'a> Judge<'a> {
+    pub(crate) fn new(field: &'a Field, info: &'a ClipInfo, progress: &'a ProgressBar) -> Judge<'a> {
+        progress.set_message("rendering images to judge codings by");
+        let judging = views_of(field, info, JUDGED_ASIDE);
+        let pictures = Pictures::take(&RenderScene::from(field), judging, || progress.tick());
+        Judge { field, info, coding_views: views_of(field, info, CODING_ASIDE), pictures, progress }
+    }
+
+    /// This project's package of the field, of at least `psnr_db` if it can be reached.
+    pub(crate) fn ours(&self, psnr_db: f64) -> anyhow::Result<Coded> {
+        self.progress.set_message(format!("coding to {psnr_db:.1} dB"));
+        let source = Source { info: self.info, field: self.field, plate: None };
+        let coded =
+            code(&source, &LAYERS, psnr_db, &self.coding_views, &self.pictures, || self.progress.tick());
+        coded.map_err(|error| match error {
+            CodeError::Encode(error) => anyhow!(error),
+            CodeError::Decode(error) => anyhow!(error),
+        })
+    }
+
+    pub(super) fn compare(&self, theirs: PeerFile, rounds: usize) -> anyhow::Result<Row> {
+        self.progress.set_message(format!("judging {}", theirs.name));
+        let psnr_db = self.pictures.psnr(&RenderScene::from(&theirs.field), || self.progress.tick());
+        let ours = self.ours(psnr_db)?;
+        let decode_ours = || -> anyhow::Result<()> {
+            codec::decode(&ours.bytes, &Limits::default())?;
+            Ok(())
+        };
+        self.progress.set_message(format!("decoding {}", theirs.name));
+        let decoders: [&dyn Fn() -> anyhow::Result<()>; 2] = [&decode_ours, &*theirs.decode];
+        let mut times = [Vec::new(), Vec::new()];
+        for round in 0..rounds {
+            for i in in_turn(round, decoders.len()) {
+                let start = Instant::now();
+                decoders[i]()?;
+                times[i].push(start.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        let [our_ms, their_ms] = times;
+        Ok(Row {
+            coder: theirs.name,
+            leaves_out: theirs.leaves_out,
+            gaussians: self.field.len(),
+            bytes: theirs.bytes,
+            psnr_db,
+            decode_ratio: Spread::of_ratios(&their_ms, &our_ms),
+            decode_ms: Spread::of(their_ms),
+            our_bytes: ours.bytes.len(),
+            our_psnr_db: ours.psnr_db,
+            our_decode_ms: Spread::of(our_ms),
+        })
+    }
+}
+
+/// Views from the first viewpoint and from `aside` degrees to its sides, at instants over the clip.
+pub(crate) fn views_of(field: &Field, info: &ClipInfo, aside: f64) -> Vec<PosedView> {
+    let cameras = steps_aside(&info.viewpoints[0], info.up, aside.to_radians(), SIZE);
+    posed_views(&cameras, &instants(field, INSTANTS))
+}

@@ -1,0 +1,15 @@
+//! [`PeerFile`]: what another coder made of a field.
+
+use codec::Field;
+
+/// A file of another coder.
+pub(super) struct PeerFile {
+    pub(super) name: &'static str,
+    /// What the format cannot hold.
+    pub(super) leaves_out: &'static str,
+    pub(super) bytes: usize,
+    /// The decoded field.
+    pub(super) field: Field,
+    /// Decodes the file.
+    pub(super) decode: Box<dyn Fn() -> anyhow::Result<()>>,
+}
