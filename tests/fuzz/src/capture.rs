@@ -1,4 +1,4 @@
-//! Any bytes as the files of a capture: cameras in every layout, photographs, depth maps.
+//! Reads any bytes as the files of a capture: cameras in every layout, photographs, depth maps.
 
 use std::sync::OnceLock;
 
@@ -9,7 +9,7 @@ use crate::files::{Desk, check_refusal};
 use crate::parts;
 use crate::seeds::{easyvolcap, manifest, photograph};
 
-/// What an input is, which its first byte chooses.
+/// Kinds of input, chosen by the first byte.
 pub(crate) const MANIFEST: u8 = 0;
 pub(crate) const EASYVOLCAP: u8 = 1;
 pub(crate) const TRANSFORMS: u8 = 2;
@@ -21,13 +21,13 @@ pub(crate) const DEPTH_NPY: u8 = 7;
 pub(crate) const DEPTH_PNG: u8 = 8;
 const KINDS: u8 = 9;
 
-/// Most frames that a manifest may ask for here: each is looked for on disk, more only take longer.
+/// Largest number of frames of a manifest: each takes a look-up on disk.
 const FRAMES_MAX: u64 = 50;
 
-/// Opens a capture of an input and looks at its first photographs.
+/// Opens the capture of an input and reads its first photographs.
 ///
 /// # Panics
-/// If what is accepted is not valid, or what is refused is not refused in one line.
+/// If an accepted file is invalid, or a refusal is not one line.
 pub fn check_capture(bytes: &[u8]) {
     static DESK: OnceLock<Desk> = OnceLock::new();
     let Some((kind, bytes)) = parts::kind(bytes, KINDS) else { return };
@@ -54,7 +54,7 @@ pub fn check_capture(bytes: &[u8]) {
         COLMAP_BINARY | COLMAP_TEXT => {
             let (cameras, images) = parts::two(bytes);
             let ending = if kind == COLMAP_BINARY { "bin" } else { "txt" };
-            desk.take("colmap/sparse/0/cameras.bin");
+            desk.remove("colmap/sparse/0/cameras.bin");
             desk.put(format!("colmap/sparse/0/cameras.{ending}"), cameras);
             desk.put(format!("colmap/sparse/0/images.{ending}"), images);
             "colmap"
@@ -66,7 +66,7 @@ pub fn check_capture(bytes: &[u8]) {
         _ => {
             let ending = ["pfm", "npy", "png"][usize::from(kind - DEPTH_PFM)];
             for other in ["pfm", "npy", "png"] {
-                desk.take(format!("depths/00/0.{other}"));
+                desk.remove(format!("depths/00/0.{other}"));
             }
             desk.put(format!("depths/00/0.{ending}"), bytes);
             "depth"
@@ -90,7 +90,7 @@ pub fn check_capture(bytes: &[u8]) {
     if folder == "depth" {
         match footage.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
             Ok(map) => {
-                let map = map.expect("there is a file");
+                let map = map.expect("the file exists");
                 assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
             }
             Err(fault) => check_refusal(&fault.into()),
@@ -110,12 +110,12 @@ fn check_footage(footage: &Footage) {
     assert!(footage.missing() <= capture.cameras.len() * capture.times.len());
 }
 
-/// A desk with the photographs that the inputs to start from name.
+/// A folder with the photographs that the initial corpus names.
 fn prepared() -> Desk {
     let photograph = photograph();
     let images = ["00/0", "00/1", "01/0", "01/1"];
     let numbered = ["manifest", "easyvolcap", "photograph", "depth"];
-    let of_layouts = numbered
+    let photographs = numbered
         .into_iter()
         .flat_map(|layout| images.map(|image| (format!("{layout}/images/{image}.png"), photograph.clone())));
     let masks = ["manifest", "photograph"]
@@ -130,5 +130,5 @@ fn prepared() -> Desk {
         ("depth/intri.yml".to_owned(), intrinsics.into_bytes()),
         ("depth/extri.yml".to_owned(), extrinsics.into_bytes()),
     ];
-    Desk::with(of_layouts.chain(masks).chain(flat).chain(cameras))
+    Desk::with(photographs.chain(masks).chain(flat).chain(cameras))
 }

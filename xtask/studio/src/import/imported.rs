@@ -12,17 +12,17 @@ pub(super) const GAUSSIANS_MAX: usize = 1 << 24;
 /// A field read from a file.
 #[derive(Debug)]
 pub struct Imported {
-    /// The field, with its invariants kept ([`Field::check`]) and at least one Gaussian.
+    /// The field, valid ([`Field::check`]) and with at least one Gaussian.
     pub field: Field,
-    /// What is known about the clip.
+    /// Metadata of the clip.
     pub hints: Hints,
-    /// What was changed to keep the field's invariants.
+    /// Changes made to satisfy the field's invariants.
     pub repairs: Repairs,
     /// Name of the file's format.
     pub format: &'static str,
 }
 
-/// What a file says, or its format implies, about the clip; `None` where it does not.
+/// Metadata of the clip that the file states or its format implies; `None` if neither does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hints {
     /// Unit vector of the source's axes that points up.
@@ -33,23 +33,23 @@ pub struct Hints {
     pub duration_s: Option<f32>,
     /// Captured frames per second.
     pub fps: Option<f32>,
-    /// Suggested viewpoints, the one to start from first.
+    /// Suggested viewpoints, the initial one first.
     pub viewpoints: Vec<Viewpoint>,
     /// Frames that were held out from fitting.
     pub holdout: Option<Holdout>,
 }
 
-/// Rows changed or left out on import, counted by reason.
+/// Rows repaired or dropped on import, counted by reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Repairs {
-    /// Reason to number of rows that were changed and kept.
+    /// Reason to number of repaired rows.
     pub repaired: BTreeMap<&'static str, usize>,
-    /// Reason to number of rows that were left out.
+    /// Reason to number of dropped rows.
     pub dropped: BTreeMap<&'static str, usize>,
 }
 
 impl Repairs {
-    /// Whether the file was in order.
+    /// Whether no row was changed.
     pub fn is_empty(&self) -> bool {
         self.repaired.is_empty() && self.dropped.is_empty()
     }
@@ -85,13 +85,13 @@ impl fmt::Display for Repairs {
     }
 }
 
-/// The constant SH coefficient of a channel that has this value in `[0, 1]` from all sides.
+/// The constant SH coefficient of a channel with this value in `[0, 1]`.
 pub(super) fn sh_of_rgb(value: f64) -> f32 {
     ((value - 0.5) / SH_C0) as f32
 }
 
-/// The logarithms of standard deviations. Zero, which small ones underflow to where they are
-/// stored in few bits, becomes the smallest positive [`half::f16`].
+/// The logarithms of standard deviations. Zero, the result of underflow in formats with few bits,
+/// becomes the smallest positive [`half::f16`].
 pub(super) fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
     repairs.repair_rows("zero scale", usize::from(scales.contains(&0.0)));
     scales.map(|scale| if scale == 0.0 { half::f16::from_bits(1).to_f32() } else { scale }.ln())

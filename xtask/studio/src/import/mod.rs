@@ -1,7 +1,7 @@
 //! Importers: fitted fields in the formats of other programs become [`codec::Field`]s.
 //!
-//! Each format has a file that turns bytes into rows of a field as they are; `clean` then repairs
-//! or drops what does not keep the field's invariants and leaves out columns that nothing uses.
+//! Each format has a file that turns bytes into unchecked rows of a field; `clean` then repairs or drops
+//! rows that violate the field's invariants, and drops unused columns.
 
 mod clean;
 mod compressed_ply;
@@ -31,8 +31,8 @@ pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite,
 /// Reads a fitted field.
 ///
 /// # Errors
-/// [`Fault::Data`] that names the file and what is wrong with it: missing, empty, of an unknown
-/// format, truncated, without a needed property, or without a usable Gaussian.
+/// [`Fault::Data`] that names the file and the problem: missing, empty, of an unknown format, truncated,
+/// without a required property, or without a usable Gaussian.
 pub fn import(path: &Path) -> anyhow::Result<Imported> {
     let read = || -> Result<Imported, String> {
         let mut imported = read(path)?;
@@ -48,7 +48,7 @@ pub fn import(path: &Path) -> anyhow::Result<Imported> {
     read().map_err(|what| Fault::Data(format!("{}: {what}", path.display())).into())
 }
 
-/// Reads the rows of a file as they are: [`Imported::field`] need not keep its invariants yet.
+/// Reads the rows of a file unchecked: [`Imported::field`] may be invalid.
 fn read(path: &Path) -> Result<Imported, String> {
     let metadata = fs::metadata(path).map_err(|error| error.to_string())?;
     if metadata.is_dir() {
@@ -61,7 +61,7 @@ fn read(path: &Path) -> Result<Imported, String> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match &bytes[..] {
         [] => Err("the file is empty".into()),
-        // The one format without a magic number: what it starts with means nothing.
+        // The only format without a magic number.
         _ if extension == "splat" => splat::read(&bytes),
         [b'p', b'l', b'y', b'\n' | b'\r', ..] => read_ply(&ply::Ply::parse(&bytes)?),
         [0x4b, 0x67, 0, 0, ..] => splatv::read(&bytes),

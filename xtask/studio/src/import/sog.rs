@@ -1,9 +1,9 @@
-//! SOG version 2 of PlayCanvas: one static field as a handful of images.
+//! SOG version 2 of PlayCanvas: one static field as a set of images.
 //!
 //! `meta.json` names the images and holds ranges and tables; pixel `i` in reading order belongs to
 //! Gaussian `i`. Centres are 16 bits over two images, in a space compressed by
 //! `sign(x) ln(|x| + 1)`. Log-scales and SH are bytes that index tables of 256 values. Quaternions
-//! are three bytes in `[-1, 1] / sqrt(2)` and one that says which component is left out.
+//! are three bytes in `[-1, 1] / sqrt(2)` and one that names the omitted component.
 //! Higher SH comes from a palette: two bytes per Gaussian name an entry, which is a run of pixels,
 //! 64 entries to a line. The files lie in a folder or, bundled, in a ZIP archive.
 
@@ -96,7 +96,7 @@ pub(crate) fn read_bundle(bytes: &[u8]) -> Result<Imported, String> {
 fn read(meta: &[u8], mut load: impl FnMut(&str) -> Result<Vec<u8>, String>) -> Result<Imported, String> {
     let meta = parse_meta(meta)?;
     let mut image = |name: &str| -> Result<RgbaImage, String> {
-        // A file set is flat; a path would be somebody else's file.
+        // A file set is flat; a path would lead outside its folder.
         if Path::new(name).file_name() != Some(OsStr::new(name)) {
             return Err(format!("meta.json names `{name}`, which is not a plain file name"));
         }
