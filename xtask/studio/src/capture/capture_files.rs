@@ -136,7 +136,11 @@ impl Builder {
 }
 
 /// A camera with these intrinsics and this rigid transform.
-pub(super) fn pinhole(size: (u32, u32), [fx, fy, cx, cy]: [f64; 4], camera_from_world: [[f64; 4]; 4]) -> Camera {
+pub(super) fn pinhole(
+    size: (u32, u32),
+    [fx, fy, cx, cy]: [f64; 4],
+    camera_from_world: [[f64; 4]; 4],
+) -> Camera {
     let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
     Camera { width: size.0, height: size.1, k, camera_from_world }
 }

@@ -27,10 +27,10 @@ use crate::capture::Footage;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
 use log::Entry;
+pub use plan::{DepthScale, SH_DEGREE, Settings, Start, crc};
 pub use refinement::{Refinement, RefinementReport};
 pub use shots::Shots;
 use shots::mean_psnr;
-pub use plan::{DepthScale, SH_DEGREE, Settings, Start, crc};
 
 /// Time between two checkpoints, unless told otherwise.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::report::fitting::FitLog;
 use crate::fit::log::{Density, Entry};
+use crate::report::fitting::FitLog;
 use measure::parameter::{ImageErrors, Quartiles};
 use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
