@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use refine::capture::PhotoId;
-use studio::capture::Footage;
+use studio::capture::CaptureFiles;
 
 use crate::files::{Desk, check_refusal};
 use crate::parts;
@@ -72,15 +72,15 @@ pub fn check_capture(bytes: &[u8]) {
             "depth"
         }
     };
-    let footage = match Footage::open(&desk.path(folder)) {
-        Ok(footage) => footage,
+    let capture_files = match CaptureFiles::open(&desk.path(folder)) {
+        Ok(capture_files) => capture_files,
         Err(error) => return check_refusal(&error),
     };
-    check_footage(&footage);
-    for &shot in footage.capture.photos.iter().take(2) {
-        match footage.photo(shot) {
+    check_capture(&capture_files);
+    for &photo_id in capture_files.capture.photos.iter().take(2) {
+        match capture_files.photo(photo_id) {
             Ok(photo) => {
-                let camera = &footage.capture.cameras[shot.camera].camera;
+                let camera = &capture_files.capture.cameras[photo_id.camera].camera;
                 assert_eq!((photo.image.width, photo.image.height), (camera.width, camera.height));
                 assert!(photo.image.pixels.iter().flatten().all(|x| x.is_finite()));
             }
@@ -88,7 +88,7 @@ pub fn check_capture(bytes: &[u8]) {
         }
     }
     if folder == "depth" {
-        match footage.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
+        match capture_files.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
             Ok(map) => {
                 let map = map.expect("the file exists");
                 assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
@@ -98,16 +98,16 @@ pub fn check_capture(bytes: &[u8]) {
     }
 }
 
-fn check_footage(footage: &Footage) {
-    let capture = &footage.capture;
+fn check_capture(capture_files: &CaptureFiles) {
+    let capture = &capture_files.capture;
     for camera in &capture.cameras {
         camera.camera.check().expect("accepted cameras are valid");
     }
     assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
     assert!(capture.times.is_sorted());
-    let exists = |shot: &PhotoId| shot.camera < capture.cameras.len() && shot.frame < capture.times.len();
+    let exists = |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(footage.missing() <= capture.cameras.len() * capture.times.len());
+    assert!(capture_files.missing() <= capture.cameras.len() * capture.times.len());
 }
 
 /// A folder with the photographs that the initial corpus names.

@@ -10,7 +10,7 @@ use codec::Camera;
 use refine::anchor::DepthMap;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
-use studio::capture::Footage;
+use studio::capture::CaptureFiles;
 use studio::synth::stage::{Settings, write};
 use tempfile::tempdir;
 use tool::aarc_studio;
@@ -48,12 +48,12 @@ fn a_stage_is_a_capture_and_the_same_every_time() {
     assert!(files(&folder.join("again")) == made, "the same bytes");
     assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "nothing else is left");
 
-    let footage = Footage::open(&folder.join("stage")).unwrap();
-    let splits = Split::assign(&footage.capture, Holdout::Odd).unwrap();
+    let capture_files = CaptureFiles::open(&folder.join("stage")).unwrap();
+    let splits = Split::assign(&capture_files.capture, Holdout::Odd).unwrap();
     let counts = Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
-    assert_eq!((counts, footage.missing()), ([8, 4, 2, 1], 0));
+    assert_eq!((counts, capture_files.missing()), ([8, 4, 2, 1], 0));
     // What moves is seen to move.
-    let photo = |frame| footage.photo(PhotoId { camera: 1, frame }).unwrap().image;
+    let photo = |frame| capture_files.photo(PhotoId { camera: 1, frame }).unwrap().image;
     assert!(photo(0).psnr(&photo(2)) < 25.0);
 }
 
@@ -86,13 +86,13 @@ fn seen(settings: Settings) -> Vec<Seen> {
     let folder = tempdir().unwrap();
     let stage = folder.path().join("stage");
     write(&stage, &settings, || ()).unwrap();
-    let footage = Footage::open(&stage).unwrap();
+    let capture_files = CaptureFiles::open(&stage).unwrap();
     let shot = |shot: &PhotoId| Seen {
-        camera: footage.capture.cameras[shot.camera].camera.clone(),
-        photo: footage.photo(*shot).unwrap().image,
-        depths: footage.depth(&stage.join("depths"), *shot).unwrap().expect("depths"),
+        camera: capture_files.capture.cameras[shot.camera].camera.clone(),
+        photo: capture_files.photo(*shot).unwrap().image,
+        depths: capture_files.depth(&stage.join("depths"), *shot).unwrap().expect("depths"),
     };
-    footage.capture.photos.iter().map(shot).collect()
+    capture_files.capture.photos.iter().map(shot).collect()
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! [`Footage`]: the cameras of a capture and the files of its photographs; [`Builder`] collects them.
+//! [`CaptureFiles`]: the cameras of a capture and the files of its photographs; [`CaptureBuilder`] collects them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,24 +11,24 @@ use super::image_file::{bad, check_size, cut_out, read, read_image};
 
 /// A capture, and where its photographs are.
 #[derive(Clone, Debug)]
-pub struct Footage {
-    /// The cameras and shots.
+pub struct CaptureFiles {
+    /// The cameras and photo_ids.
     pub capture: Capture,
     /// The cameras in the pixels of the files.
     pub(super) taken_by: Vec<Camera>,
-    pub(super) files: BTreeMap<PhotoId, Files>,
+    pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
 }
 
 /// The files of one photograph.
 #[derive(Clone, Debug)]
-pub(super) struct Files {
+pub(super) struct PhotoFiles {
     /// Path of the photograph within the capture, without its ending.
     pub(super) name: String,
     pub(super) image: PathBuf,
     pub(super) mask: Option<PathBuf>,
 }
 
-impl Footage {
+impl CaptureFiles {
     /// Number of photographs that some cameras lack in frames that others have. None where each
     /// photograph has a camera of its own.
     pub fn missing(&self) -> usize {
@@ -57,9 +57,9 @@ impl Footage {
     /// Path of a photograph within the capture, without its ending.
     ///
     /// # Panics
-    /// If `shot` is not of this capture.
-    pub fn name(&self, shot: PhotoId) -> &str {
-        &self.files[&shot].name
+    /// If `photo_id` is not of this capture.
+    pub fn name(&self, photo_id: PhotoId) -> &str {
+        &self.files[&photo_id].name
     }
 
     /// A photograph through its lens, with everything around the subject; over black where it is
@@ -69,12 +69,12 @@ impl Footage {
     /// [`Fault::Data`] that names the file.
     ///
     /// # Panics
-    /// If `shot` is not of this capture.
+    /// If `photo_id` is not of this capture.
     #[cfg(feature = "onnx")]
-    pub fn as_taken(&self, shot: PhotoId) -> Result<image::RgbImage, Fault> {
-        let path = &self.files[&shot].image;
+    pub fn as_taken(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
+        let path = &self.files[&photo_id].image;
         let taken = read(path)?.into_rgba8();
-        check_size(path, taken.dimensions(), &self.taken_by[shot.camera])?;
+        check_size(path, taken.dimensions(), &self.taken_by[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
         Ok(image::RgbImage::from_fn(taken.width(), taken.height(), |x, y| {
             let [r, g, b, a] = taken.get_pixel(x, y).0;
@@ -89,11 +89,11 @@ impl Footage {
     /// [`Fault::Data`] that names the file.
     ///
     /// # Panics
-    /// If `shot` is not of this capture.
-    pub fn photo(&self, shot: PhotoId) -> Result<Photo, Fault> {
-        let Files { image, mask, .. } = &self.files[&shot];
-        let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[shot.camera];
-        let camera = &self.taken_by[shot.camera];
+    /// If `photo_id` is not of this capture.
+    pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
+        let PhotoFiles { image, mask, .. } = &self.files[&photo_id];
+        let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[photo_id.camera];
+        let camera = &self.taken_by[photo_id.camera];
         let mut taken = read_image(image)?;
         check_size(image, (taken.width, taken.height), camera)?;
         if let Some(path) = mask {
@@ -111,27 +111,27 @@ impl Footage {
 
 /// What readers fill in.
 #[derive(Default)]
-pub(super) struct Builder {
+pub(super) struct CaptureBuilder {
     cameras: Vec<CalibratedCamera>,
-    files: BTreeMap<PhotoId, Files>,
+    files: BTreeMap<PhotoId, PhotoFiles>,
 }
 
-impl Builder {
+impl CaptureBuilder {
     /// Adds a camera; its number.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
         self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, held });
         self.cameras.len() - 1
     }
 
-    pub(super) fn shot(&mut self, camera: usize, frame: usize, files: Files) {
+    pub(super) fn photo(&mut self, camera: usize, frame: usize, files: PhotoFiles) {
         self.files.insert(PhotoId { frame, camera }, files);
     }
 
-    pub(super) fn footage(self, times: Vec<f64>) -> Footage {
+    pub(super) fn build(self, times: Vec<f64>) -> CaptureFiles {
         let photos = self.files.keys().copied().collect();
         let taken_by = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
         let capture = Capture { cameras: self.cameras, times, photos };
-        Footage { capture, taken_by, files: self.files }
+        CaptureFiles { capture, taken_by, files: self.files }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Files of a capture: photographs, masks and text, with errors that name the file.
+//! PhotoFiles of a capture: photographs, masks and text, with errors that name the file.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! [`Footage`]: a capture on disk. Layouts that the field uses are read, see `xtask/CAPTURE.md`:
+//! [`CaptureFiles`]: a capture on disk. Layouts that the field uses are read, see `xtask/CAPTURE.md`:
 //! one file each.
 
 mod capture_files;
@@ -16,7 +16,7 @@ use anyhow::bail;
 use program::Fault;
 use refine::capture::CalibratedCamera;
 
-pub use capture_files::Footage;
+pub use capture_files::CaptureFiles;
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
 use image_file::bad;
@@ -25,13 +25,13 @@ pub use image_file::{find_image, read_picture};
 /// Largest side of a photograph in pixels.
 const SIDE_MAX: u32 = 1 << 15;
 
-impl Footage {
+impl CaptureFiles {
     /// Finds out what layout a folder has and reads its cameras; photographs stay on disk.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file and what is wrong with it.
-    pub fn open(folder: &Path) -> anyhow::Result<Footage> {
-        let footage = if folder.join(manifest::FILE).is_file() {
+    pub fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
+        let capture_files = if folder.join(manifest::FILE).is_file() {
             manifest::open(folder)?
         } else if folder.join(easyvolcap::INTRINSICS).is_file() {
             easyvolcap::open(folder)?
@@ -47,16 +47,16 @@ impl Footage {
                 easyvolcap::INTRINSICS
             )));
         };
-        for CalibratedCamera { name, camera, .. } in &footage.capture.cameras {
+        for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
             camera.check().map_err(|what| bad(folder, format!("camera {name}: {what}")))?;
             if camera.width.max(camera.height) > SIDE_MAX {
                 let size = format!("{}x{}", camera.width, camera.height);
                 return Err(bad(folder, format!("camera {name}: image size {size} is too large")).into());
             }
         }
-        match footage.files.is_empty() {
+        match capture_files.files.is_empty() {
             true => Err(bad(folder, "not one photograph of its cameras is there").into()),
-            false => Ok(footage),
+            false => Ok(capture_files),
         }
     }
 }

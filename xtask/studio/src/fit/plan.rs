@@ -6,82 +6,82 @@ use refine::capture::{CalibratedCamera, Holdout};
 use refine::fit::{DensityRule, FitSettings};
 use serde::{Deserialize, Serialize};
 
-use super::shots::train_frames;
-use crate::capture::Footage;
+use super::training_views::train_frames;
+use crate::capture::CaptureFiles;
 
-/// Degree of view-dependent colour, unless told otherwise.
+/// Default degree of view-dependent colour.
 pub const SH_DEGREE: u8 = 3;
 
-/// What decides what a fit ends as, so that a checkpoint of other settings is refused. The pixels of
-/// photographs and depth maps are not compared.
+/// Settings that determine the result of a fit. A checkpoint with other settings is refused; the pixels
+/// of photographs and depth maps are not compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct FitPlan {
     /// Steps to take.
     pub steps: u64,
-    /// What the fit starts from.
-    pub start: Start,
-    /// Names of the cameras whose pixels an anchor puts Gaussians at; all where none is named.
+    /// Source of the first Gaussians.
+    pub start: FitStart,
+    /// Names of the cameras whose pixels become Gaussians of the anchor; empty for all cameras.
     pub anchor_cameras: Vec<String>,
-    /// When an anchor's back side is mirrored.
+    /// When the anchor's back side is mirrored.
     pub mirror: Mirror,
-    /// Gaussians that the anchor makes about.
+    /// Approximate number of Gaussians of the anchor.
     pub gaussians: usize,
-    /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for no floor.
+    /// Number of Gaussians below which pruning stops, the paper's `N_min`; 0 for no floor.
     pub floor: usize,
-    /// How Gaussians are made and removed.
+    /// How Gaussians are added and removed.
     pub rule: DensityRule,
     /// Degree of the spherical harmonics.
     pub sh_degree: u8,
-    /// Seed of all chance.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// The frames that are held out.
+    /// Held-out frames.
     pub holdout: Holdout,
-    /// Network and checksum of the weights of LPIPS, where that is a part of the loss.
+    /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
     pub lpips: Option<String>,
-    /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
-    /// of its cameras.
+    /// Fingerprint of the selected part of the capture: number of cameras, frames and photographs, and a
+    /// checksum of its cameras, times and names.
     pub capture: String,
 }
 
-/// What a fit starts from.
+/// Source of the first Gaussians.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Start {
+pub enum FitStart {
     /// The visual hull of the masks.
     Hull,
     /// The visual hull, refined by plane sweep.
     Sweep,
-    /// Depth maps in a folder, named as the photographs are.
+    /// A folder of depth maps with the names of the photographs.
     Depths(String, DepthScale),
-    /// Nothing: Gaussians anywhere.
+    /// Gaussians at random positions.
     Scatter,
-    /// A fitted field or a package, and a checksum of it.
+    /// A fitted field or a package, with its checksum.
     Field(String, u32),
 }
 
-/// How depth maps come to the scale of the cameras.
+/// How depth maps are scaled to the units of the cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DepthScale {
     /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
     Auto,
-    /// They are in units of the capture.
+    /// The maps are in units of the capture.
     Metric,
-    /// One factor for all: their median becomes the radius of the rig (the paper's rule).
+    /// One factor for all maps: their median depth becomes the radius of the rig (the paper's rule).
     Rig,
-    /// A factor and an offset for each, by which it fits the visual hull.
+    /// A factor and an offset for each map, fitted to the visual hull.
     Hull,
 }
 
-impl Settings {
-    /// What is done with a capture where nothing is said.
+impl FitPlan {
+    /// The default plan for a capture.
     ///
     /// # Errors
-    /// [`Fault::Data`] where nothing is left to fit to.
-    pub fn usual(footage: &Footage, holdout: Holdout) -> Result<Settings, Fault> {
-        let frames = train_frames(footage, holdout)?.len();
-        let gaussians = usual_gaussians(frames, footage);
-        Ok(Settings {
-            steps: usual_steps(frames),
-            start: Start::Sweep,
+    /// [`Fault::Data`] if `holdout` leaves no photograph to fit to.
+    pub fn default_for(capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
+        let frames = train_frames(capture_files, holdout)?.len();
+        let gaussians = default_gaussians(frames, capture_files);
+        Ok(FitPlan {
+            steps: default_steps(frames),
+            start: FitStart::Sweep,
             anchor_cameras: Vec::new(),
             mirror: Mirror::Auto,
             gaussians,
@@ -91,11 +91,11 @@ impl Settings {
             seed: 0,
             holdout,
             lpips: None,
-            capture: fingerprint(footage),
+            capture: fingerprint(capture_files),
         })
     }
 
-    pub(super) fn of_fit(&self) -> FitSettings {
+    pub(super) fn fit_settings(&self) -> FitSettings {
         FitSettings {
             steps: self.steps,
             floor: self.floor,
@@ -106,37 +106,37 @@ impl Settings {
     }
 }
 
-/// Steps for so many frames that are fitted to: the paper takes 96,000 for 17.
-fn usual_steps(frames: usize) -> u64 {
+/// Default number of steps for a number of training frames; the paper takes 96,000 for 17.
+fn default_steps(frames: usize) -> u64 {
     (5_600 * frames as u64).min(96_000)
 }
 
-/// Gaussians for so many frames that are fitted to: the paper takes 200,000 for 17 frames of 512x375
-/// pixels. Smaller photographs show less.
-fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
+/// Default number of Gaussians for a number of training frames. The paper takes 200,000 for 17 frames of
+/// 512x375 pixels; smaller photographs need fewer in proportion to their pixels.
+fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> usize {
     let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
-    let largest = footage.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
-    let part = (largest / (512.0 * 375.0)).min(1.0);
-    (part * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
+    let largest = capture_files.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
+    let fraction = (largest / (512.0 * 375.0)).min(1.0);
+    (fraction * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
 }
 
-/// A checksum.
+/// CRC-32 of `bytes`.
 pub fn crc(bytes: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(bytes);
     crc.sum()
 }
 
-/// What tells a capture, as it is cut and shrunk, from another.
-fn fingerprint(footage: &Footage) -> String {
-    let capture = &footage.capture;
+/// A text that differs between selections of captures.
+fn fingerprint(capture_files: &CaptureFiles) -> String {
+    let capture = &capture_files.capture;
     let mut crc = flate2::Crc::new();
     for camera in &capture.cameras {
         crc.update(format!("{camera:?}").as_bytes());
     }
     crc.update(format!("{:?}", capture.times).as_bytes());
-    for shot in &capture.photos {
-        crc.update(footage.name(*shot).as_bytes());
+    for photo_id in &capture.photos {
+        crc.update(capture_files.name(*photo_id).as_bytes());
     }
     format!(
         "{} cameras, {} frames, {} photographs, {:08x}",

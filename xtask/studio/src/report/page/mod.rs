@@ -14,7 +14,7 @@ use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
 use super::plot::{self as lines, Line, Panel};
-use crate::fit::log::Entry;
+use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
 use text::{escape, grouped, prose};
@@ -205,7 +205,7 @@ impl Findings {
 
     /// Held photographs over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
-        let chart = |x: &str, of: fn(&Entry) -> f64| Panel {
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| Panel {
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits

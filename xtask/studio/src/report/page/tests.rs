@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::fit::log::{Density, Entry};
+use crate::fit::log::{Density, LogEntry};
 use crate::report::fitting::FitLog;
 use measure::parameter::{ImageErrors, Quartiles};
 use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
@@ -64,7 +64,7 @@ fn findings() -> Findings {
     };
     let pictures =
         ["reference", "</script>"].map(|name| NamedPicture { name: name.into(), png: "AAAA".into() });
-    let entry = |step: u64, held: f64| Entry {
+    let entry = |step: u64, held: f64| LogEntry {
         step,
         seconds: step as f64,
         loss: 0.1,
