@@ -11,7 +11,7 @@ use refine::anchor::DepthMap;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 use studio::capture::Footage;
-use studio::synth::stage::{Settings, write};
+use studio::synth::stage::{StageSettings, write};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -44,7 +44,7 @@ fn a_stage_is_a_capture_and_the_same_every_time() {
     assert_eq!(made.len(), 1 + 3 * 5 * 3);
     // An empty folder may be there already.
     fs::create_dir(folder.join("again")).unwrap();
-    write(&folder.join("again"), &Settings { cameras: 5, frames: 3, size: [20, 16] }, || ()).unwrap();
+    write(&folder.join("again"), &StageSettings { cameras: 5, frames: 3, size: [20, 16] }, || ()).unwrap();
     assert!(files(&folder.join("again")) == made, "the same bytes");
     assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "nothing else is left");
 
@@ -82,7 +82,7 @@ struct Seen {
     depths: DepthMap,
 }
 
-fn seen(settings: Settings) -> Vec<Seen> {
+fn seen(settings: StageSettings) -> Vec<Seen> {
     let folder = tempdir().unwrap();
     let stage = folder.path().join("stage");
     write(&stage, &settings, || ()).unwrap();
@@ -97,7 +97,7 @@ fn seen(settings: Settings) -> Vec<Seen> {
 
 #[test]
 fn masks_agree_with_depths_and_colours() {
-    for Seen { photo, depths, .. } in seen(Settings { cameras: 3, frames: 2, size: [48, 40] }) {
+    for Seen { photo, depths, .. } in seen(StageSettings { cameras: 3, frames: 2, size: [48, 40] }) {
         assert_eq!((depths.width, depths.height), (48, 40));
         for (pixel, depth) in photo.pixels.iter().zip(&depths.depths) {
             let [r, g, b, mask] = *pixel;
@@ -134,7 +134,7 @@ fn project(camera: &Camera, point: [f64; 3]) -> [f64; 3] {
 #[test]
 fn cameras_agree_on_one_surface() {
     let size = 112;
-    let seen = seen(Settings { cameras: 8, frames: 1, size: [size, size] });
+    let seen = seen(StageSettings { cameras: 8, frames: 1, size: [size, size] });
     let (mut points, mut through, mut both) = (0, 0, 0);
     let (mut alike, mut unlike) = (0.0, 0.0);
     for from in 0..seen.len() {

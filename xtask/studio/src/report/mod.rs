@@ -18,4 +18,4 @@ mod subject;
 pub use file::ReportFile;
 #[cfg(feature = "measure")]
 pub use page::Findings;
-pub use subject::Subject;
+pub use subject::ReportSubject;

@@ -13,7 +13,7 @@ use refine::prune::{Candidate, Pictures, Ranking, Selection, by_importance, reco
 use refine::reference::{self, sensitivities};
 
 use super::rd::{coded_views, seen_views};
-use super::subject::Subject;
+use super::subject::ReportSubject;
 use crate::package::{
     FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, ranking_views, refused, render_scene,
 };
@@ -34,7 +34,7 @@ const DECODINGS: usize = 5;
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
 /// defect of this program.
-pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Vec<Parameter>> {
+pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<Vec<Parameter>> {
     let mut parameters = vec![precision(subject, progress)?];
     if let Some(budget) = budget(&subject.field) {
         parameters.extend(choosing(subject, budget, progress)?);
@@ -48,9 +48,9 @@ fn budget(field: &Field) -> Option<usize> {
 }
 
 /// What the precision of the coder costs and keeps.
-fn precision(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
+fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
     progress.stage("coding", (1 + TARGETS_DB.len() * TRIALS) + seen_views(subject).len());
-    let Subject { scene, field, plate } = subject;
+    let ReportSubject { scene, field, plate } = subject;
     let mut rows = by_importance(&Ranking::Mass.scores(field, &[]));
     rows.truncate(CODED);
     let part = field.select(&rows);
@@ -132,8 +132,8 @@ fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
 }
 
 /// What chooses the Gaussians of a budget, and whether their colours are fitted anew.
-fn choosing(subject: &Subject, budget: usize, progress: &StagedProgress) -> anyhow::Result<[Parameter; 2]> {
-    let Subject { scene, field, plate } = subject;
+fn choosing(subject: &ReportSubject, budget: usize, progress: &StagedProgress) -> anyhow::Result<[Parameter; 2]> {
+    let ReportSubject { scene, field, plate } = subject;
     let settings = PackageSettings::default();
     let whole = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
     let Selection { candidates, best, .. } = whole.select(budget)?;

@@ -5,22 +5,22 @@ use plotters::prelude::*;
 
 /// One chart.
 #[derive(Clone, Debug)]
-pub(crate) struct Panel {
+pub(crate) struct Chart {
     /// What goes up.
     pub(crate) title: String,
     /// The lines, in the order of their colours.
-    pub(crate) lines: Vec<Line>,
+    pub(crate) lines: Vec<Series>,
 }
 
 /// Points joined by a line. What is not finite is left out.
 #[derive(Clone, Debug)]
-pub(crate) struct Line {
+pub(crate) struct Series {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
 }
 
 /// Size of a panel in pixels.
-const PANEL: (u32, u32) = (560, 420);
+const CHART_PX: (u32, u32) = (560, 420);
 
 /// Colours that also people with a colour deficiency can tell apart (Okabe and Ito 2008).
 const COLORS: [RGBColor; 5] = [
@@ -39,10 +39,10 @@ const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
 ///
 /// # Errors
 /// If the plot cannot be drawn.
-pub(crate) fn svg(x: &str, panels: &[Panel]) -> anyhow::Result<String> {
+pub(crate) fn svg(x: &str, panels: &[Chart]) -> anyhow::Result<String> {
     let mut text = String::new();
     {
-        let (width, height) = PANEL;
+        let (width, height) = CHART_PX;
         let area =
             SVGBackend::with_string(&mut text, (width * panels.len() as u32, height)).into_drawing_area();
         area.fill(&WHITE)?;
@@ -58,7 +58,7 @@ pub(crate) fn svg(x: &str, panels: &[Panel]) -> anyhow::Result<String> {
 fn draw<D: DrawingBackend>(
     area: &DrawingArea<D, plotters::coord::Shift>,
     x: &str,
-    panel: &Panel,
+    panel: &Chart,
     names: bool,
 ) -> anyhow::Result<()>
 where
@@ -147,8 +147,8 @@ impl ValueFormatter<f64> for Logarithmic {
 mod tests {
     use super::*;
 
-    fn panel(points: Vec<(f64, f64)>) -> Panel {
-        Panel { title: "PSNR <dB>".into(), lines: vec![Line { name: "a & b".into(), points }] }
+    fn panel(points: Vec<(f64, f64)>) -> Chart {
+        Chart { title: "PSNR <dB>".into(), lines: vec![Series { name: "a & b".into(), points }] }
     }
 
     #[test]

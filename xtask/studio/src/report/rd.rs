@@ -15,11 +15,11 @@ use refine::code::{TRIALS, code_knowing};
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference::{self, sensitivities};
 
-use super::subject::Subject;
+use super::subject::ReportSubject;
 use crate::package::{FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, floor, refused, render_scene};
 use crate::progress::StagedProgress;
 
-pub use rates::{Rate, Simpler};
+pub use rates::{CoderRate, SimplerCoders};
 pub use result::{FieldRd, RatePoint, Selector};
 pub use text::files;
 use views::reported_views;
@@ -29,9 +29,9 @@ pub(super) use views::{coded_views, seen_views};
 ///
 /// # Errors
 /// [`Fault::Data`] where the field cannot be coded. Any other error is a defect of this program.
-pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<FieldRd> {
+pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<FieldRd> {
     let settings = PackageSettings::default();
-    let bench = Bench::new(subject, &settings, progress)?;
+    let bench = RateBench::new(subject, &settings, progress)?;
     let mut points = Vec::new();
     for budget in budgets(&subject.field) {
         points.extend(bench.rows(budget)?);
@@ -54,8 +54,8 @@ fn budgets(field: &Field) -> impl Iterator<Item = usize> {
 }
 
 /// What packages of a field are measured with.
-struct Bench<'a> {
-    subject: &'a Subject,
+struct RateBench<'a> {
+    subject: &'a ReportSubject,
     progress: &'a StagedProgress,
     whole: FieldAnalysis<'a>,
     /// The floor of the paper, which sees what is gone but not what is cut off.
@@ -79,20 +79,20 @@ struct SelectedRows {
     kept: Retained,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> RateBench<'a> {
     fn new(
-        subject: &'a Subject,
+        subject: &'a ReportSubject,
         settings: &'a PackageSettings,
         progress: &'a StagedProgress,
-    ) -> anyhow::Result<Bench<'a>> {
-        let Subject { scene, field, plate } = subject;
+    ) -> anyhow::Result<RateBench<'a>> {
+        let ReportSubject { scene, field, plate } = subject;
         let whole = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
         let recall = floor(field, Measure::Recall)?;
         let (reported, seen) = (reported_views(subject), seen_views(subject));
         progress.stage("pictures", reported.len() + seen.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());
         let sensitivities = sensitivities(field, plate.as_ref(), &seen, || progress.step());
-        Ok(Bench { subject, progress, whole, recall, reported, sensitivities })
+        Ok(RateBench { subject, progress, whole, recall, reported, sensitivities })
     }
 
     /// The points of one budget.
@@ -146,7 +146,7 @@ impl<'a> Bench<'a> {
 
     /// Codes the rows, decodes them again and looks at them.
     fn code(&self, rows: Vec<usize>) -> anyhow::Result<CodedRows> {
-        let Subject { scene, field, plate } = self.subject;
+        let ReportSubject { scene, field, plate } = self.subject;
         let part = field.select(&rows);
         let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
         let visible = self.sensitivities.as_ref().map(|(sensitivities, footprint)| {

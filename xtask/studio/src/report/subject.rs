@@ -1,4 +1,4 @@
-//! [`Subject`]: what is reported on, the Gaussians of a field or package that can be seen.
+//! [`ReportSubject`]: what is reported on, the Gaussians of a field or package that can be seen.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -13,7 +13,7 @@ use program::Fault;
 
 /// A field, unpruned and uncoded as far as there is such a thing: of a package, what it decodes to.
 #[derive(Debug)]
-pub struct Subject {
+pub struct ReportSubject {
     /// Where it comes from.
     pub scene: Scene,
     /// The Gaussians that can be seen at some instant.
@@ -22,13 +22,13 @@ pub struct Subject {
     pub plate: Option<Field>,
 }
 
-impl Subject {
+impl ReportSubject {
     /// Reads a package, a fitted field file or a folder holding one.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file and what is wrong with it, also where nothing in it can
     /// be seen.
-    pub fn load(path: &Path) -> anyhow::Result<Subject> {
+    pub fn load(path: &Path) -> anyhow::Result<ReportSubject> {
         let scene = match Input::load(path)? {
             Input::Scene(scene) => *scene,
             Input::Package(clip) => {
@@ -44,7 +44,7 @@ impl Subject {
         if field.is_empty() {
             return Err(Fault::Data(format!("{}: no Gaussian that can be seen", path.display())).into());
         }
-        Ok(Subject { scene, field, plate })
+        Ok(ReportSubject { scene, field, plate })
     }
 
     /// What the reference renderer draws of it.

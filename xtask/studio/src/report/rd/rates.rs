@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::views::seen_views;
 use crate::package::{LAYERS, compared_views, refused, render_scene};
 use crate::progress::StagedProgress;
-use crate::report::subject::Subject;
+use crate::report::subject::ReportSubject;
 
 /// PSNRs to code to, in dB.
 const TARGETS_DB: [f64; 4] = [40.0, 45.0, 50.0, 55.0];
@@ -20,7 +20,7 @@ const BUDGET: usize = 40_000;
 
 /// A package of the most visible Gaussians, just as exact as asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rate {
+pub struct CoderRate {
     /// Number of Gaussians.
     pub gaussians: usize,
     /// PSNR in dB asked for.
@@ -34,13 +34,13 @@ pub struct Rate {
     /// The same per Gaussian, the plate's not counted.
     pub bytes_per_gaussian: f64,
     /// What simpler coders would make of it.
-    pub simpler: Simpler,
+    pub simpler: SimplerCoders,
 }
 
 /// Sizes in bytes that a package would have without parts of the coder, each but the last without
 /// those of the next ones either.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Simpler {
+pub struct SimplerCoders {
     /// If each number took what its frequency in the package asks for.
     pub order_0: f64,
     /// If then the order of the Gaussians took nothing.
@@ -53,13 +53,13 @@ pub struct Simpler {
 
 /// Codes the first rows of `order`.
 pub(super) fn measure(
-    subject: &Subject,
+    subject: &ReportSubject,
     order: &[usize],
     progress: &StagedProgress,
-) -> anyhow::Result<Vec<Rate>> {
+) -> anyhow::Result<Vec<CoderRate>> {
     progress.stage("rates", 2 * TRIALS * TARGETS_DB.len());
     let step = || progress.step();
-    let Subject { scene, field, plate } = subject;
+    let ReportSubject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared_views(scene, &part), || ());
@@ -72,7 +72,7 @@ pub(super) fn measure(
     let rate = |target_db: f64| {
         let coded = code(target_db, &visible)?;
         let alike = code(target_db, &unseeing)?;
-        Ok(Rate {
+        Ok(CoderRate {
             gaussians: part.len(),
             target_db,
             self_psnr_db: coded.psnr_db,
@@ -95,7 +95,7 @@ fn mean(rows: &[Sensitivity]) -> Sensitivity {
 }
 
 /// What simpler coders would make of a package, of which the last was tried.
-fn simpler(package: &[u8], alike: usize) -> anyhow::Result<Simpler> {
+fn simpler(package: &[u8], alike: usize) -> anyhow::Result<SimplerCoders> {
     let sizes = codec::measure(package, &Limits::default())?;
     let sum = |of: fn(&AttributeSize) -> f64| sizes.iter().map(of).sum::<f64>();
     // Headers and tables.
@@ -104,5 +104,5 @@ fn simpler(package: &[u8], alike: usize) -> anyhow::Result<Simpler> {
     let order: f64 = position.map(|size| size.order_0 - size.predicted).sum();
     let order_0 = rest + sum(|size| size.order_0);
     let predicted = rest + sum(|size| size.predicted);
-    Ok(Simpler { order_0, ordered: order_0 - order, predicted, alike: alike as f64 })
+    Ok(SimplerCoders { order_0, ordered: order_0 - order, predicted, alike: alike as f64 })
 }

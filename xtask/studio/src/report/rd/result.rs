@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::rates::Rate;
+use super::rates::CoderRate;
 
 /// A way to choose which Gaussians a package keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -58,7 +58,7 @@ pub struct FieldRd {
     /// One per budget and row, the largest budget first.
     pub points: Vec<RatePoint>,
     /// What the coder takes for how much precision.
-    pub rates: Vec<Rate>,
+    pub rates: Vec<CoderRate>,
 }
 
 /// A package, measured.

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use super::rates::{Rate, Simpler};
+use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{INSTANTS, SIZE};
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
-use crate::report::plot::{Line, Panel, svg};
+use crate::report::plot::{Series, Chart, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
 /// Name of the mean among fields.
@@ -90,9 +90,9 @@ impl Curve {
 fn plot(curve: &Curve) -> anyhow::Result<String> {
     let line = |row: Selector, y: fn(&RatePoint) -> f64| {
         let points = curve.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
-        Line { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
+        Series { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
     };
-    let panel = |title: &str, y: fn(&RatePoint) -> f64| Panel {
+    let panel = |title: &str, y: fn(&RatePoint) -> f64| Chart {
         title: title.into(),
         lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
     };
@@ -192,10 +192,10 @@ fn rates(text: &mut String, fields: &[FieldRd]) {
          |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for field in fields {
-        for Rate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
+        for CoderRate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
             &field.rates
         {
-            let Simpler { order_0, ordered, predicted, alike } = *simpler;
+            let SimplerCoders { order_0, ordered, predicted, alike } = *simpler;
             let [order_0, ordered, predicted, alike] =
                 [order_0, ordered, predicted, alike].map(|bytes| format!("{:.2}", bytes / *gaussians as f64));
             let _ = writeln!(
@@ -291,14 +291,14 @@ mod tests {
             coder: "fixed",
             features: 7,
             points: points.collect(),
-            rates: vec![Rate {
+            rates: vec![CoderRate {
                 gaussians: 5_000,
                 target_db: 45.0,
                 self_psnr_db: 45.06,
                 mbps: 0.25,
                 bytes: 31_250,
                 bytes_per_gaussian: 6.25,
-                simpler: Simpler { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
+                simpler: SimplerCoders { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
             }],
         }
     }

@@ -3,7 +3,7 @@
 use refine::prune::{PosedView, instants, posed_views};
 
 use crate::package::{CODED_SIZE, JUDGING_PLACES, Places, RANKING_PLACES, ranking_views, views_of};
-use crate::report::subject::Subject;
+use crate::report::subject::ReportSubject;
 
 /// Size in pixels of the pictures that are reported on.
 pub(super) const SIZE: (u32, u32) = (320, 240);
@@ -22,8 +22,8 @@ const CODED_STRIDE: usize = 4;
 /// Pictures that tell the coder what is visible: one of this many of those that tell `package`.
 const SEEN_STRIDE: usize = 3;
 
-pub(super) fn reported_views(subject: &Subject) -> Vec<PosedView> {
-    let Subject { scene, field, .. } = subject;
+pub(super) fn reported_views(subject: &ReportSubject) -> Vec<PosedView> {
+    let ReportSubject { scene, field, .. } = subject;
     let placed = views_of(scene, field, PLACES, SIZE);
     // The same cameras at other instants.
     let first = placed.first().map(|view| view.t);
@@ -36,12 +36,12 @@ pub(super) fn reported_views(subject: &Subject) -> Vec<PosedView> {
 }
 
 /// Pictures that tell how exactly a package is coded.
-pub(in crate::report) fn coded_views(subject: &Subject) -> Vec<PosedView> {
+pub(in crate::report) fn coded_views(subject: &ReportSubject) -> Vec<PosedView> {
     views_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE).into_iter().step_by(CODED_STRIDE).collect()
 }
 
 /// Pictures that tell the coder what is visible.
-pub(in crate::report) fn seen_views(subject: &Subject) -> Vec<PosedView> {
+pub(in crate::report) fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
     let views = views_of(&subject.scene, &subject.field, RANKING_PLACES, CODED_SIZE);
     views.into_iter().step_by(SEEN_STRIDE).collect()
 }

@@ -6,17 +6,17 @@
 
 use glam::{DMat3, DVec3, dvec3};
 
-use super::shape::Shape;
+use super::solid::Solid;
 use super::texture::Texture;
 
 /// A part where it is at an instant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
-    pub(super) shape: Shape,
+pub(super) struct FigurePart {
+    pub(super) solid: Solid,
     pub(super) texture: Texture,
-    /// Middle of the shape.
+    /// Middle of the solid.
     pub(super) center: DVec3,
-    /// The shape's axes in the world.
+    /// The solid's axes in the world.
     pub(super) axes: DMat3,
 }
 
@@ -30,7 +30,7 @@ const SHAFT: Texture = Texture::Stripes { width: 0.08, colors: [[0.55, 0.38, 0.2
 const MACE: Texture = Texture::Checks { side: 0.05, colors: [[0.90, 0.90, 0.95], [0.45, 0.20, 0.55]] };
 
 /// The parts at clip time `t` from 0 to 1; always as many, in one order.
-pub(super) fn figure(t: f64) -> Vec<Part> {
+pub(super) fn figure(t: f64) -> Vec<FigurePart> {
     let (step, blow) = (eased(t, 0.05, 0.95), eased(t, 0.3, 0.7));
     // From 0 over 1 back to 0.
     let lift = 4.0 * step * (1.0 - step);
@@ -67,7 +67,7 @@ pub(super) fn figure(t: f64) -> Vec<Part> {
 }
 
 /// Upper arm, forearm and hand; returns the hand.
-fn arm(parts: &mut Vec<Part>, shoulder: Joint, elbow_degrees: f64) -> Joint {
+fn arm(parts: &mut Vec<FigurePart>, shoulder: Joint, elbow_degrees: f64) -> Joint {
     parts.push(shoulder.part(dvec3(0.0, -0.14, 0.0), capsule(0.28, 0.052), SLEEVE));
     let elbow = shoulder.at(dvec3(0.0, -0.28, 0.0)).turned(DVec3::X, elbow_degrees);
     parts.push(elbow.part(dvec3(0.0, -0.12, 0.0), capsule(0.24, 0.043), SKIN));
@@ -76,7 +76,7 @@ fn arm(parts: &mut Vec<Part>, shoulder: Joint, elbow_degrees: f64) -> Joint {
     hand
 }
 
-fn leg(parts: &mut Vec<Part>, hip: Joint, knee_degrees: f64) {
+fn leg(parts: &mut Vec<FigurePart>, hip: Joint, knee_degrees: f64) {
     parts.push(hip.part(dvec3(0.0, -0.20, 0.0), capsule(0.38, 0.078), TROUSERS));
     let knee = hip.at(dvec3(0.0, -0.41, 0.0)).turned(DVec3::X, knee_degrees);
     parts.push(knee.part(dvec3(0.0, -0.19, 0.0), capsule(0.38, 0.058), TROUSERS));
@@ -106,19 +106,19 @@ impl Joint {
         Joint { axes: self.axes * turned, ..self }
     }
 
-    /// A shape whose middle lies at `offset`.
-    fn part(self, offset: DVec3, shape: Shape, texture: Texture) -> Part {
-        Part { shape, texture, center: self.at(offset).origin, axes: self.axes }
+    /// A solid whose middle lies at `offset`.
+    fn part(self, offset: DVec3, solid: Solid, texture: Texture) -> FigurePart {
+        FigurePart { solid, texture, center: self.at(offset).origin, axes: self.axes }
     }
 }
 
 /// With `length` between the middles of its round ends.
-fn capsule(length: f64, radius: f64) -> Shape {
-    Shape::Capsule { half: 0.5 * length, radius }
+fn capsule(length: f64, radius: f64) -> Solid {
+    Solid::Capsule { half: 0.5 * length, radius }
 }
 
-fn ellipsoid(x: f64, y: f64, z: f64) -> Shape {
-    Shape::Ellipsoid { radii: dvec3(x, y, z) }
+fn ellipsoid(x: f64, y: f64, z: f64) -> Solid {
+    Solid::Ellipsoid { radii: dvec3(x, y, z) }
 }
 
 fn between(start: f64, end: f64, u: f64) -> f64 {
@@ -138,11 +138,11 @@ mod tests {
     #[test]
     fn the_figure_is_as_large_as_a_person_and_strikes() {
         let times: Vec<f64> = (0..=32).map(|i| f64::from(i) / 32.0).collect();
-        let figures: Vec<Vec<Part>> = times.iter().map(|&t| figure(t)).collect();
+        let figures: Vec<Vec<FigurePart>> = times.iter().map(|&t| figure(t)).collect();
         for parts in &figures {
             let head = parts[3].center.y + 0.125;
             let sole =
-                parts.iter().map(|part| part.center.y - part.shape.bounding_radius()).fold(1.0, f64::min);
+                parts.iter().map(|part| part.center.y - part.solid.bounding_radius()).fold(1.0, f64::min);
             assert!((1.6..1.8).contains(&head) && (-0.2..0.15).contains(&sole), "{head} {sole}");
             for part in parts {
                 let turns = part.axes.transpose() * part.axes - DMat3::IDENTITY;

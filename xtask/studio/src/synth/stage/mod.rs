@@ -1,12 +1,12 @@
 //! A small capture by an analytic ray tracer: ground truth that owes nothing to splatting, for
 //! fitting and evaluation.
 //!
-//! A figure of capsules and ellipsoids (`shape`, `figure`) with textures in its own axes (`texture`)
+//! A figure of capsules and ellipsoids (`solid`, `figure`) with textures in its own axes (`texture`)
 //! strikes with a mace in front of cameras in a ring. Each picture is traced (`trace`) and saved
 //! with its mask and its depths (`write`). The same settings give the same bytes on every machine.
 
 mod figure;
-mod shape;
+mod solid;
 mod texture;
 mod trace;
 mod write;
@@ -21,7 +21,7 @@ pub use write::write;
 
 /// How much is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct StageSettings {
     /// Number of cameras, 1 to 256.
     pub cameras: usize,
     /// Number of frames, 1 to 1000.
@@ -46,12 +46,12 @@ const HALF_VIEW: f64 = 0.43;
 const HELD_STRIDE: usize = 8;
 const HELD_FIRST: usize = 3;
 
-impl Settings {
+impl StageSettings {
     /// # Errors
     /// [`Fault::Usage`] that says what is out of range.
     pub fn check(&self) -> Result<(), Fault> {
         let fault = |what: String| Err(Fault::Usage(what));
-        let Settings { cameras, frames, size: [width, height] } = *self;
+        let StageSettings { cameras, frames, size: [width, height] } = *self;
         if !CAMERAS.contains(&cameras) {
             return fault(format!(
                 "{cameras} cameras: there can be {} to {}",
@@ -70,7 +70,7 @@ impl Settings {
     }
 
     /// Number of pictures.
-    pub fn pictures(&self) -> usize {
+    pub fn images(&self) -> usize {
         self.cameras * self.frames
     }
 }
@@ -81,7 +81,7 @@ pub fn is_held(camera: usize) -> bool {
 }
 
 /// The cameras: evenly around the figure, the first in front of it, by turns low and high.
-fn rig(settings: &Settings) -> Vec<Camera> {
+fn rig(settings: &StageSettings) -> Vec<Camera> {
     let [width, height] = settings.size;
     let half_y = HALF_VIEW * f64::from(height) / f64::from(width.min(height));
     let camera = |number: usize| {
@@ -95,18 +95,18 @@ fn rig(settings: &Settings) -> Vec<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trace::picture;
+    use trace::trace;
 
     #[test]
     fn what_is_out_of_range_is_refused() {
-        let settings = Settings { cameras: 8, frames: 9, size: [64, 64] };
+        let settings = StageSettings { cameras: 8, frames: 9, size: [64, 64] };
         assert!(settings.check().is_ok());
         for wrong in [
-            Settings { cameras: 0, ..settings },
-            Settings { frames: 0, ..settings },
-            Settings { frames: 1001, ..settings },
-            Settings { size: [64, 7], ..settings },
-            Settings { size: [4096, 64], ..settings },
+            StageSettings { cameras: 0, ..settings },
+            StageSettings { frames: 0, ..settings },
+            StageSettings { frames: 1001, ..settings },
+            StageSettings { size: [64, 7], ..settings },
+            StageSettings { size: [4096, 64], ..settings },
         ] {
             assert_eq!(wrong.check().unwrap_err().exit_code(), 2);
         }
@@ -115,11 +115,11 @@ mod tests {
     #[test]
     fn every_camera_sees_the_whole_figure_at_all_times() {
         for size in [[32, 32], [45, 30], [30, 45]] {
-            let cameras = rig(&Settings { cameras: 7, frames: 5, size });
+            let cameras = rig(&StageSettings { cameras: 7, frames: 5, size });
             for t in [0.0, 0.5, 1.0] {
                 for camera in &cameras {
                     camera.check().unwrap();
-                    let mask = picture(&figure::figure(t), camera).mask;
+                    let mask = trace(&figure::figure(t), camera).mask;
                     let [width, height] = size.map(|side| side as usize);
                     let on_edge = |i: usize| {
                         [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width))

@@ -4,7 +4,7 @@
 use codec::Camera;
 use glam::{DMat3, DVec3, dvec3};
 
-use super::figure::Part;
+use super::figure::FigurePart;
 
 /// Samples along a side of a pixel.
 const SAMPLES: u32 = 4;
@@ -19,7 +19,7 @@ const CLEARANCE: f64 = 1e-6;
 
 /// A photograph with its mask and depths, row by row from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Picture {
+pub(super) struct TracedImage {
     /// Red, green, blue over black: the mean of the samples, of which those beside the figure are
     /// black.
     pub(super) colors: Vec<[u8; 3]>,
@@ -37,7 +37,7 @@ struct Hit {
 }
 
 /// What `camera` sees.
-pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
+pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
     let m = &camera.camera_from_world;
     let row = |r: usize| dvec3(m[r][0], m[r][1], m[r][2]);
     let world_from_camera = DMat3::from_cols(row(0), row(1), row(2));
@@ -48,7 +48,7 @@ pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
         world_from_camera * seen
     };
     let pixels = camera.width as usize * camera.height as usize;
-    let mut picture = Picture {
+    let mut picture = TracedImage {
         colors: Vec::with_capacity(pixels),
         mask: Vec::with_capacity(pixels),
         depths: Vec::with_capacity(pixels),
@@ -77,7 +77,7 @@ pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
     picture
 }
 
-fn nearest(parts: &[Part], origin: DVec3, direction: DVec3) -> Option<Hit> {
+fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     for (part, found) in parts.iter().enumerate().map(|(i, part)| (i, enter(part, origin, direction))) {
         if let Some(t) = found.filter(|t| nearest.as_ref().is_none_or(|hit| *t < hit.t)) {
@@ -88,24 +88,24 @@ fn nearest(parts: &[Part], origin: DVec3, direction: DVec3) -> Option<Hit> {
 }
 
 /// Where a ray enters a part.
-fn enter(part: &Part, origin: DVec3, direction: DVec3) -> Option<f64> {
+fn enter(part: &FigurePart, origin: DVec3, direction: DVec3) -> Option<f64> {
     let from = origin - part.center;
     // Most rays miss most parts by far.
     let along = from.dot(direction) / direction.length_squared();
     if (from - along * direction).length_squared()
-        > part.shape.bounding_radius() * part.shape.bounding_radius()
+        > part.solid.bounding_radius() * part.solid.bounding_radius()
     {
         return None;
     }
     let part_from_world = part.axes.transpose();
-    part.shape.enter(part_from_world * from, part_from_world * direction)
+    part.solid.enter(part_from_world * from, part_from_world * direction)
 }
 
 /// The colour of a point on a part, from 0 to 1 as displayed.
-fn shaded(parts: &[Part], number: usize, point: DVec3) -> [f64; 3] {
+fn shaded(parts: &[FigurePart], number: usize, point: DVec3) -> [f64; 3] {
     let part = &parts[number];
     let local = part.axes.transpose() * (point - part.center);
-    let normal = part.axes * part.shape.normal(local);
+    let normal = part.axes * part.solid.normal(local);
     let sun = SUN.normalize();
     let facing = normal.dot(sun);
     let start = point + CLEARANCE * normal;
@@ -118,7 +118,7 @@ fn shaded(parts: &[Part], number: usize, point: DVec3) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::super::figure::figure;
-    use super::super::shape::Shape;
+    use super::super::solid::Solid;
     use super::super::texture::Texture;
     use super::*;
 
@@ -130,14 +130,14 @@ mod tests {
     #[test]
     fn a_ball_is_a_disc_with_the_right_depths() {
         let colors = [[1.0; 3]; 2];
-        let ball = Part {
-            shape: Shape::Ellipsoid { radii: DVec3::ONE },
+        let ball = FigurePart {
+            solid: Solid::Ellipsoid { radii: DVec3::ONE },
             texture: Texture::Checks { side: 1.0, colors },
             center: DVec3::ZERO,
             axes: DMat3::IDENTITY,
         };
         let camera = camera();
-        let picture = picture(&[ball], &camera);
+        let picture = trace(&[ball], &camera);
         let focal = camera.k[0][0];
         for (i, &depth) in picture.depths.iter().enumerate() {
             let [x, y] = [i % 40, i / 40].map(|at| (at as f64 + 0.5 - 20.0) / focal);
@@ -161,8 +161,8 @@ mod tests {
     #[test]
     fn one_part_shades_another() {
         let white = Texture::Checks { side: 1.0, colors: [[1.0; 3]; 2] };
-        let ball = |center: DVec3, radius: f64| Part {
-            shape: Shape::Ellipsoid { radii: DVec3::splat(radius) },
+        let ball = |center: DVec3, radius: f64| FigurePart {
+            solid: Solid::Ellipsoid { radii: DVec3::splat(radius) },
             texture: white,
             center,
             axes: DMat3::IDENTITY,
@@ -182,10 +182,10 @@ mod tests {
         let parts = figure(0.5);
         let camera = Camera::look_at([1.5, 1.6, 2.6], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.8, 48, 48);
         let side = |point: DVec3| {
-            let of = |part: &Part| part.shape.side(part.axes.transpose() * (point - part.center));
+            let of = |part: &FigurePart| part.solid.side(part.axes.transpose() * (point - part.center));
             parts.iter().map(of).fold(f64::INFINITY, f64::min)
         };
-        let picture = picture(&parts, &camera);
+        let picture = trace(&parts, &camera);
         let m = &camera.camera_from_world;
         let seen = picture.depths.iter().enumerate().filter(|(_, depth)| **depth > 0);
         for (i, &depth) in seen.clone() {
