@@ -33,10 +33,12 @@ const INSTANT: f64 = 0.5;
 const FRAMES: usize = 12;
 
 /// Players of moving fields.
-const DYNAMIC: [PlayerKind; 4] = [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Gsplat, PlayerKind::GsplatMended];
+const DYNAMIC: [PlayerKind; 4] =
+    [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Gsplat, PlayerKind::GsplatMended];
 
 /// Players of static fields; ours plays the clip, at one instant.
-const FROZEN: [PlayerKind; 4] = [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Viewer, PlayerKind::Spark];
+const FROZEN: [PlayerKind; 4] =
+    [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Viewer, PlayerKind::Spark];
 
 /// Measures other players and coders in turn with this project's.
 #[derive(Parser)]

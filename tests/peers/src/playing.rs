@@ -10,7 +10,7 @@ use refine::image::Image;
 use refine::reference::{Order, Radius, RenderScene, coverage, render};
 use serde::Serialize;
 
-use crate::player::{PlayerKind, PeerPlayer, WebGl};
+use crate::player::{PeerPlayer, PlayerKind, WebGl};
 use crate::spread::{MedianRange, in_turn};
 use crate::work::Work;
 
@@ -49,7 +49,8 @@ pub(crate) fn compare(
     (rounds, web_gl): (usize, WebGl),
     progress: &ProgressBar,
 ) -> anyhow::Result<Vec<PlayerRow>> {
-    let mut players: Vec<PeerPlayer> = kinds.iter().map(|&kind| PeerPlayer::new(kind, folder, web_gl)).collect();
+    let mut players: Vec<PeerPlayer> =
+        kinds.iter().map(|&kind| PeerPlayer::new(kind, folder, web_gl)).collect();
     let mut devices = vec![String::new(); players.len()];
     let mut first_ms = vec![Vec::new(); players.len()];
     for round in 0..OPENINGS {

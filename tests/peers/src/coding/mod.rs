@@ -14,7 +14,7 @@ use studio::export;
 
 use crate::material::Material;
 
-pub(crate) use judge::{Judge, CoderRow, views_of};
+pub(crate) use judge::{CoderRow, Judge, views_of};
 
 /// Codes the material, and its instant at clip time `t`, with every coder. Writes files to `folder`.
 pub(crate) fn compare(

@@ -1,7 +1,7 @@
 //! Answers for the players in Rust, each in a process of its own.
 
-mod renderer;
 mod ours;
+mod renderer;
 mod viewer;
 
 use std::io::{BufRead, Write};
@@ -11,7 +11,7 @@ use std::time::Instant;
 use client::gpu::Cutoff;
 use serde::Serialize;
 
-use crate::player::{PlayerKind, OpenedField, PlayedFrames, PlayerRequest};
+use crate::player::{OpenedField, PlayedFrames, PlayerKind, PlayerRequest};
 use crate::work::Work;
 use renderer::PeerRenderer;
 

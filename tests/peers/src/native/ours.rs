@@ -8,7 +8,7 @@ use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings,
 use client::view::View;
 
 use super::renderer::PeerRenderer;
-use crate::work::{WorkFrame, Work};
+use crate::work::{Work, WorkFrame};
 
 struct Ours {
     gpu: Gpu,

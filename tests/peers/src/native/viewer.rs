@@ -15,7 +15,7 @@ use wgpu_3dgs_viewer::core::{
 use wgpu_3dgs_viewer::{CameraTrait, Viewer as Peer};
 
 use super::renderer::PeerRenderer;
-use crate::work::{WorkFrame, Work};
+use crate::work::{Work, WorkFrame};
 
 /// 8 bits per channel, as windows have.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;

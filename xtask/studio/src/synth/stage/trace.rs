@@ -1,5 +1,4 @@
-//! What a camera sees of the figure: one ray per sample, the nearest entry into a part, sun with
-//! shadows and the light of the sky.
+//! Ray tracing of the figure: one ray per sample, its nearest intersection, sun with shadows and sky light.
 
 use codec::Camera;
 use glam::{DMat3, DVec3, dvec3};
@@ -9,46 +8,46 @@ use super::figure::FigurePart;
 /// Samples along a side of a pixel.
 const SAMPLES: u32 = 4;
 
-/// Direction towards the sun, not of length 1, and how bright it and the sky are.
+/// Direction towards the sun (not of length 1), brightness of the sun, and of the sky from below and above.
 const SUN: DVec3 = dvec3(0.45, 0.8, 0.4);
 const SUNLIGHT: f64 = 0.65;
 const SKYLIGHT: [f64; 2] = [0.45, 0.65];
 
-/// How far above the surface rays towards the sun start, in metres.
+/// Height above the surface at which shadow rays start, in metres.
 const CLEARANCE: f64 = 1e-6;
 
-/// A photograph with its mask and depths, row by row from the top left.
+/// An image with its mask and depths, in rows from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct TracedImage {
-    /// Red, green, blue over black: the mean of the samples, of which those beside the figure are
-    /// black.
+    /// Red, green, blue: the mean of the samples, over black.
     pub(super) colors: Vec<[u8; 3]>,
-    /// Part of the samples that show the figure: 255 for all.
+    /// Fraction of samples that hit the figure, times 255.
     pub(super) mask: Vec<u8>,
-    /// Along the camera's axis to what the middle of the pixel shows, in millimetres; 0 for nothing.
+    /// Depth of the pixel's centre along the camera's axis, in millimetres; 0 beside the figure.
     pub(super) depths: Vec<u16>,
 }
 
-/// Where a ray meets the figure.
+/// The intersection of a ray with the figure.
 struct Hit {
-    /// As a multiple of the ray's direction.
+    /// Ray parameter.
     t: f64,
+    /// Index of the part.
     part: usize,
 }
 
-/// What `camera` sees.
+/// Renders the image of `camera`.
 pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
     let m = &camera.camera_from_world;
     let row = |r: usize| dvec3(m[r][0], m[r][1], m[r][2]);
     let world_from_camera = DMat3::from_cols(row(0), row(1), row(2));
     let origin = DVec3::from(camera.position());
-    // Of length 1 along the camera's axis: multiples of it are depths.
+    // The component along the camera's axis is 1, so that ray parameters are depths.
     let ray = |x: f64, y: f64| {
-        let seen = dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
-        world_from_camera * seen
+        let direction = dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
+        world_from_camera * direction
     };
     let pixels = camera.width as usize * camera.height as usize;
-    let mut picture = TracedImage {
+    let mut image = TracedImage {
         colors: Vec::with_capacity(pixels),
         mask: Vec::with_capacity(pixels),
         depths: Vec::with_capacity(pixels),
@@ -67,14 +66,14 @@ pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
                     hits += 1;
                 }
             }
-            let byte = |part: f64| (part / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
-            picture.colors.push(sum.map(byte));
-            picture.mask.push(byte(f64::from(hits)));
+            let byte = |sum: f64| (sum / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
+            image.colors.push(sum.map(byte));
+            image.mask.push(byte(f64::from(hits)));
             let at_center = nearest(parts, origin, ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
-            picture.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
+            image.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
         }
     }
-    picture
+    image
 }
 
 fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<Hit> {
@@ -87,10 +86,10 @@ fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<Hit>
     nearest
 }
 
-/// Where a ray enters a part.
+/// Ray parameter at which a ray enters a part.
 fn enter(part: &FigurePart, origin: DVec3, direction: DVec3) -> Option<f64> {
     let from = origin - part.center;
-    // Most rays miss most parts by far.
+    // The bounding sphere rejects most rays.
     let along = from.dot(direction) / direction.length_squared();
     if (from - along * direction).length_squared()
         > part.solid.bounding_radius() * part.solid.bounding_radius()
@@ -101,7 +100,7 @@ fn enter(part: &FigurePart, origin: DVec3, direction: DVec3) -> Option<f64> {
     part.solid.enter(part_from_world * from, part_from_world * direction)
 }
 
-/// The colour of a point on a part, from 0 to 1 as displayed.
+/// Display-referred colour, in `[0, 1]`, of a point on the part with index `number`.
 fn shaded(parts: &[FigurePart], number: usize, point: DVec3) -> [f64; 3] {
     let part = &parts[number];
     let local = part.axes.transpose() * (point - part.center);
@@ -126,9 +125,9 @@ mod tests {
         Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 40, 40)
     }
 
-    /// A ball of radius 1 in front of the camera: all is known in closed form.
+    /// A unit ball in front of the camera, whose image has a closed form.
     #[test]
-    fn a_ball_is_a_disc_with_the_right_depths() {
+    fn a_ball_has_the_outline_and_depths_of_its_closed_form() {
         let colors = [[1.0; 3]; 2];
         let ball = FigurePart {
             solid: Solid::Ellipsoid { radii: DVec3::ONE },
@@ -137,9 +136,9 @@ mod tests {
             axes: DMat3::IDENTITY,
         };
         let camera = camera();
-        let picture = trace(&[ball], &camera);
+        let image = trace(&[ball], &camera);
         let focal = camera.k[0][0];
-        for (i, &depth) in picture.depths.iter().enumerate() {
+        for (i, &depth) in image.depths.iter().enumerate() {
             let [x, y] = [i % 40, i / 40].map(|at| (at as f64 + 0.5 - 20.0) / focal);
             // |(x, y, 1) z - (0, 0, 4)| = 1.
             let a = x * x + y * y + 1.0;
@@ -149,12 +148,12 @@ mod tests {
         }
         // The silhouette is the cone with sin = 1/4.
         let radius = focal * 0.25 / (1.0 - 0.0625f64).sqrt();
-        let covered: f64 = picture.mask.iter().map(|m| f64::from(*m) / 255.0).sum();
+        let covered: f64 = image.mask.iter().map(|m| f64::from(*m) / 255.0).sum();
         let disc = std::f64::consts::PI * radius * radius;
         assert!((covered / disc - 1.0).abs() < 0.005, "{covered} of {disc}");
         // The sun shines from the upper right.
         let brightness =
-            |x: usize, y: usize| picture.colors[y * 40 + x].iter().map(|c| u32::from(*c)).sum::<u32>();
+            |x: usize, y: usize| image.colors[y * 40 + x].iter().map(|c| u32::from(*c)).sum::<u32>();
         assert!(brightness(23, 15) > brightness(16, 25) + 50);
     }
 
@@ -176,7 +175,7 @@ mod tests {
         assert_eq!(shaded(&alone, 0, aside), shaded(&shaded_too, 0, aside));
     }
 
-    /// What is in front of a depth is empty, what is right behind it is not.
+    /// Points in front of a depth are outside the figure; points directly behind it are inside.
     #[test]
     fn depths_lie_on_the_surface_of_the_figure() {
         let parts = figure(0.5);
@@ -185,9 +184,9 @@ mod tests {
             let of = |part: &FigurePart| part.solid.side(part.axes.transpose() * (point - part.center));
             parts.iter().map(of).fold(f64::INFINITY, f64::min)
         };
-        let picture = trace(&parts, &camera);
+        let image = trace(&parts, &camera);
         let m = &camera.camera_from_world;
-        let seen = picture.depths.iter().enumerate().filter(|(_, depth)| **depth > 0);
+        let seen = image.depths.iter().enumerate().filter(|(_, depth)| **depth > 0);
         for (i, &depth) in seen.clone() {
             let [x, y] = [i % 48, i / 48].map(|at| (at as f64 + 0.5 - 24.0) / camera.k[0][0]);
             let at = |z: f64| {

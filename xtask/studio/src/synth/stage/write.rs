@@ -1,4 +1,4 @@
-//! The stage as a folder with this project's manifest, see `xtask/CAPTURE.md`.
+//! Writes the stage as a capture folder with this project's manifest, see `xtask/CAPTURE.md`.
 
 use std::io::{Cursor, Error};
 use std::path::Path;
@@ -15,14 +15,14 @@ use super::figure::{FigurePart, figure};
 use super::trace::trace;
 use super::{StageSettings, is_held, rig};
 
-/// Where a picture lies in each of the folders `images`, `masks` and `depths`.
+/// Path of an image in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";
 
-/// Makes the capture in `folder`, which must be new or empty: all of it or nothing. `on_image` is
-/// called for each picture, from any thread.
+/// Writes the capture to `folder`, which must be new or empty; on an error nothing is written. Calls
+/// `on_image` after each image, from any thread.
 ///
 /// # Errors
-/// [`Fault::Usage`] where the settings are out of range or `folder` cannot be written.
+/// [`Fault::Usage`] if the settings are out of range or `folder` cannot be written.
 pub fn write(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> Result<(), Fault> {
     settings.check()?;
     let fault = |error: Error| Fault::Usage(format!("cannot write {}: {error}", folder.display()));
@@ -34,12 +34,12 @@ pub fn write(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync
     }
     let beside = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     let temporary = tempfile::Builder::new().prefix(".writing-").tempdir_in(beside).map_err(fault)?;
-    let whole = temporary.path().join("capture");
-    fill(&whole, settings, on_image).map_err(fault)?;
+    let complete = temporary.path().join("capture");
+    fill(&complete, settings, on_image).map_err(fault)?;
     if folder.exists() {
         fs::remove_dir(folder).map_err(fault)?;
     }
-    fs::rename(&whole, folder).map_err(fault)
+    fs::rename(&complete, folder).map_err(fault)
 }
 
 fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> io::Result<()> {
@@ -50,13 +50,13 @@ fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> 
     let figures: Vec<Vec<FigurePart>> = even_times(settings.frames).into_iter().map(figure).collect();
     (0..settings.images()).into_par_iter().try_for_each(|index| {
         let (camera, frame) = (index % cameras.len(), index / cameras.len());
-        let picture = trace(&figures[frame], &cameras[camera]);
+        let image = trace(&figures[frame], &cameras[camera]);
         let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
         let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
-        png("images", picture.colors.as_flattened(), ExtendedColorType::Rgb8)?;
-        png("masks", &picture.mask, ExtendedColorType::L8)?;
-        // As the encoder takes them: in the machine's order.
-        png("depths", bytemuck::cast_slice(&picture.depths), ExtendedColorType::L16)?;
+        png("images", image.colors.as_flattened(), ExtendedColorType::Rgb8)?;
+        png("masks", &image.mask, ExtendedColorType::L8)?;
+        // The encoder takes native byte order.
+        png("depths", bytemuck::cast_slice(&image.depths), ExtendedColorType::L16)?;
         on_image();
         Ok::<_, Error>(())
     })?;
@@ -86,7 +86,7 @@ fn manifest(settings: &StageSettings, cameras: &[Camera]) -> String {
     format!("{manifest:#}\n")
 }
 
-/// Name of the camera with this number.
+/// Name of the camera with index `camera`.
 fn name(camera: usize) -> String {
     format!("{camera:02}")
 }
