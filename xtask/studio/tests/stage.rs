@@ -10,7 +10,7 @@ use codec::Camera;
 use refine::anchor::DepthMap;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
-use studio::capture::Footage;
+use studio::capture::CaptureFiles;
 use studio::synth::stage::{StageSettings, write};
 use tempfile::tempdir;
 use tool::aarc_studio;
@@ -48,12 +48,12 @@ fn a_stage_is_a_deterministic_capture() {
     assert!(files(&folder.join("again")) == written, "the same bytes");
     assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "no temporary folder is left");
 
-    let footage = Footage::open(&folder.join("stage")).unwrap();
-    let splits = Split::assign(&footage.capture, Holdout::Odd).unwrap();
+    let capture_files = CaptureFiles::open(&folder.join("stage")).unwrap();
+    let splits = Split::assign(&capture_files.capture, Holdout::Odd).unwrap();
     let counts = Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
-    assert_eq!((counts, footage.missing()), ([8, 4, 2, 1], 0));
+    assert_eq!((counts, capture_files.missing()), ([8, 4, 2, 1], 0));
     // The figure moves.
-    let photo = |frame| footage.photo(PhotoId { camera: 1, frame }).unwrap().image;
+    let photo = |frame| capture_files.photo(PhotoId { camera: 1, frame }).unwrap().image;
     assert!(photo(0).psnr(&photo(2)) < 25.0);
 }
 
@@ -86,13 +86,13 @@ fn depth_views(settings: StageSettings) -> Vec<DepthView> {
     let folder = tempdir().unwrap();
     let stage = folder.path().join("stage");
     write(&stage, &settings, || ()).unwrap();
-    let footage = Footage::open(&stage).unwrap();
+    let capture_files = CaptureFiles::open(&stage).unwrap();
     let view = |id: &PhotoId| DepthView {
-        camera: footage.capture.cameras[id.camera].camera.clone(),
-        photo: footage.photo(*id).unwrap().image,
-        depths: footage.depth(&stage.join("depths"), *id).unwrap().expect("depths"),
+        camera: capture_files.capture.cameras[id.camera].camera.clone(),
+        photo: capture_files.photo(*id).unwrap().image,
+        depths: capture_files.depth(&stage.join("depths"), *id).unwrap().expect("depths"),
     };
-    footage.capture.photos.iter().map(view).collect()
+    capture_files.capture.photos.iter().map(view).collect()
 }
 
 #[test]

@@ -16,11 +16,11 @@ use super::render::size;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    scene: Scene,
+    scene: SyntheticScene,
 }
 
 #[derive(Subcommand)]
-enum Scene {
+enum SyntheticScene {
     /// The demo scene: a juggler in a circus ring, 3 seconds that loop, as a field file
     Clip {
         /// File to write (.ply)
@@ -52,9 +52,9 @@ enum Scene {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.scene {
-        Scene::Clip { out } => write_field(out, juggler::clip),
-        Scene::Limbs { out } => write_field(out, limbs::figure),
-        Scene::Stage { out, cameras, frames, size } => {
+        SyntheticScene::Clip { out } => write_field(out, juggler::clip),
+        SyntheticScene::Limbs { out } => write_field(out, limbs::figure),
+        SyntheticScene::Stage { out, cameras, frames, size } => {
             write_stage(out, &stage::StageSettings { cameras: *cameras, frames: *frames, size: *size })
         }
     }

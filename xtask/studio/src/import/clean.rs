@@ -4,7 +4,7 @@
 
 use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
 
-use super::Repairs;
+use super::imported::Repairs;
 
 /// Makes a field of raw rows satisfy the invariants of [`Field`], and counts the changes.
 ///

@@ -16,7 +16,7 @@ use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
 
-use super::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
 
 /// Longest file accepted from an archive, whose packed size does not bound the plain one.
 const FILE_MAX: u64 = 1 << 30;
@@ -29,7 +29,7 @@ struct Meta {
     count: usize,
     means: Means,
     scales: Coded,
-    quats: Files<1>,
+    quats: ImageFiles<1>,
     sh0: Coded,
     #[serde(rename = "shN")]
     sh_n: Option<Palette>,
@@ -40,14 +40,14 @@ struct Means {
     mins: [f64; 3],
     maxs: [f64; 3],
     #[serde(flatten)]
-    files: Files<2>,
+    files: ImageFiles<2>,
 }
 
 #[derive(Deserialize)]
 struct Coded {
     codebook: Vec<f32>,
     #[serde(flatten)]
-    files: Files<1>,
+    files: ImageFiles<1>,
 }
 
 #[derive(Deserialize)]
@@ -56,11 +56,11 @@ struct Palette {
     bands: u8,
     codebook: Vec<f32>,
     #[serde(flatten)]
-    files: Files<2>,
+    files: ImageFiles<2>,
 }
 
 #[derive(Deserialize)]
-struct Files<const N: usize>
+struct ImageFiles<const N: usize>
 where
     [String; N]: for<'a> Deserialize<'a>,
 {

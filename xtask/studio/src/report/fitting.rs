@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::fit::log::{Entry, parse, table_path};
+use crate::fit::log::{LogEntry, parse, table_path};
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use program::Fault;
 
@@ -21,7 +21,7 @@ pub struct FitLog {
     /// Name of the fitted field.
     pub name: String,
     /// Rows of the table.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<LogEntry>,
 }
 
 /// Finds the tables beside a field file, or in a folder, in order of their paths.
@@ -76,7 +76,7 @@ pub fn load(path: &Path) -> Result<FitLog, Fault> {
 /// PSNR over time of the fits: one point for each row that measured held-out photographs. `None` without
 /// such rows.
 pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
-    let point = |log: &FitLog, entry: &Entry| {
+    let point = |log: &FitLog, entry: &LogEntry| {
         let psnr_db = entry.held_psnr_db?;
         let counts = [
             ("steps", entry.step as f64),
@@ -113,8 +113,8 @@ mod tests {
     use super::*;
     use crate::fit::log::{Density, csv};
 
-    fn entry(step: u64, held_psnr_db: Option<f64>) -> Entry {
-        Entry {
+    fn entry(step: u64, held_psnr_db: Option<f64>) -> LogEntry {
+        LogEntry {
             step,
             seconds: 0.01 * step as f64,
             loss: 0.1,
