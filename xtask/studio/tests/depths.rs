@@ -84,7 +84,12 @@ mod onnx {
     pub(crate) type ValueInfo<'a> = (&'a str, u64, &'a [u64]);
 
     /// A model of one operator.
-    pub(crate) fn model(operator: &str, attributes: &[Vec<u8>], inputs: &[ValueInfo], output: ValueInfo) -> Vec<u8> {
+    pub(crate) fn model(
+        operator: &str,
+        attributes: &[Vec<u8>],
+        inputs: &[ValueInfo],
+        output: ValueInfo,
+    ) -> Vec<u8> {
         let names = inputs.iter().flat_map(|(name, ..)| bytes(1, name.as_bytes()));
         let mut node: Vec<u8> = names.collect();
         node.extend(bytes(2, output.0.as_bytes()));
@@ -245,8 +250,10 @@ fn bad_networks() {
         error(&[("a.onnx", onnx::model("Identity", &[], &[IMAGE], ("depth", onnx::FLOAT, &[0, 3, 0, 0])))]);
     assert!(channels.contains("has the shape [1, 3, 16, 24]"), "{channels}");
     let to_half = [onnx::integer("to", onnx::FLOAT16)];
-    let half =
-        error(&[("a.onnx", onnx::model("Cast", &to_half, &[IMAGE], ("depth", onnx::FLOAT16, &[0, 3, 0, 0])))]);
+    let half = error(&[(
+        "a.onnx",
+        onnx::model("Cast", &to_half, &[IMAGE], ("depth", onnx::FLOAT16, &[0, 3, 0, 0])),
+    )]);
     assert!(half.contains("a.onnx: \"depth\" is neither float32 nor int64"), "{half}");
     let shape = error(&[("a.onnx", onnx::model("Shape", &[], &[IMAGE], ("depth", onnx::INT64, &[4])))]);
     assert!(shape.contains("\"depth\" is not float32"), "{shape}");

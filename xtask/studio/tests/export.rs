@@ -60,7 +60,10 @@ fn zero_columns_are_omitted() {
     assert_eq!(reduced.sh_of(5), &original.sh_of(5)[..4]);
     let temporal = reduced.temporal.expect("a dynamic field");
     assert_eq!((temporal.motion_order, &temporal.rotation_rates), (2, &None));
-    assert_eq!(temporal.motion_of(5), &original.temporal.as_ref().expect("a dynamic field").motion_of(5)[..2]);
+    assert_eq!(
+        temporal.motion_of(5),
+        &original.temporal.as_ref().expect("a dynamic field").motion_of(5)[..2]
+    );
 
     let temporal = original.temporal.as_mut().expect("a dynamic field");
     temporal.motion.fill([0.0; 3]);
@@ -113,7 +116,8 @@ fn splatv_preserves_half_precision() {
     assert_close("opacity", &read.opacities, &original.opacities, |_| 0.51 / 255.0);
     let constant: Vec<[f32; 3]> = (0..original.len()).map(|i| original.sh_of(i)[0]).collect();
     assert_close("colour", read.sh.as_flattened(), constant.as_flattened(), |_| 0.51 / 255.0 / 0.2820948);
-    let (read, original) = (read.temporal.expect("a dynamic field"), original.temporal.expect("a dynamic field"));
+    let (read, original) =
+        (read.temporal.expect("a dynamic field"), original.temporal.expect("a dynamic field"));
     assert_close("tau", &read.tau, &original.tau, half);
     assert_close("s", &read.s, &original.s, half);
     assert_close("motion", read.motion.as_flattened(), original.motion.as_flattened(), half);
@@ -193,14 +197,19 @@ fn merged_clip_has_both_regions() {
         bounds: [[-9.0; 3], [9.0; 3]],
         static_field: static_field.clone(),
         dynamic_field: dynamic_field.clone(),
-        layers: vec![codec::LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() }],
+        layers: vec![codec::LayerEnd {
+            static_count: static_field.len(),
+            dynamic_count: dynamic_field.len(),
+        }],
         layers_announced: 1,
         time_index: codec::TimeIndex::default(),
         plate: None,
     };
     let merged = clip(&static_field, &dynamic_field).merged();
     merged.check().expect("a valid field");
-    for (row, (source, i)) in (0..5).map(|i| (&static_field, i)).chain((0..7).map(|i| (&dynamic_field, i))).enumerate() {
+    for (row, (source, i)) in
+        (0..5).map(|i| (&static_field, i)).chain((0..7).map(|i| (&dynamic_field, i))).enumerate()
+    {
         for t in [0.0, 0.4, 1.0] {
             assert_eq!(merged.position_at(row, t), source.position_at(i, t));
             assert_eq!(merged.rotation_at(row, t), source.rotation_at(i, t));

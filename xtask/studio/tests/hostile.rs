@@ -84,7 +84,8 @@ fn truncated_payloads_give_their_complete_rows() {
     let original = field(8, 1, Some(1), false);
     let bytes = field_file(&original, &info());
     let row = 4 * (14 + 9 + 1 + 2 + 3);
-    let imported = import_bytes("a.ply", &bytes[..bytes.len() - 2 * row - 1]).expect("five rows are complete");
+    let imported =
+        import_bytes("a.ply", &bytes[..bytes.len() - 2 * row - 1]).expect("five rows are complete");
     assert_eq!(imported.field.centers, original.centers[..5]);
     assert_eq!(imported.repairs.dropped["truncated payload"], 3);
     let message = import_error("a.ply", &bytes[..bytes.len() - 8 * row + 1]);
@@ -93,7 +94,8 @@ fn truncated_payloads_give_their_complete_rows() {
     // Writers omit complete rows of the texture's 1024; half a row is damage.
     let bytes = splatv(&original, &info());
     let cut = |bytes_left: usize| {
-        import_bytes("a.splatv", &bytes[..bytes.len() - 1024 * 64 + bytes_left]).expect("some rows are complete")
+        import_bytes("a.splatv", &bytes[..bytes.len() - 1024 * 64 + bytes_left])
+            .expect("some rows are complete")
     };
     assert!(cut(8 * 64).repairs.dropped.is_empty());
     assert_eq!(cut(5 * 64 + 32).field.len(), 5);

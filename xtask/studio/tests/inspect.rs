@@ -163,8 +163,10 @@ fn bytes_saved_are_the_difference_to_a_complete_package() {
     ] {
         let (folder, smaller) = packaged(&reduced(&full, static_count, degree, order, rotates), None);
         let shown = inspect(folder.path());
-        let case =
-            format!("{static_count} static, SH {degree}, order {order}, rotates {rotates}:\n{:#}", shown["left_out"]);
+        let case = format!(
+            "{static_count} static, SH {degree}, order {order}, rotates {rotates}:\n{:#}",
+            shown["left_out"]
+        );
         assert_eq!(shown["still"], static_count, "{case}");
         let saved = total(&shown, "left_out", "bytes_saved") as usize;
         let difference = raw_bytes(&bytes) - raw_bytes(&smaller);

@@ -97,7 +97,9 @@ fn depth_views(settings: StageSettings) -> Vec<DepthView> {
 
 #[test]
 fn masks_agree_with_depths_and_colours() {
-    for DepthView { photo, depths, .. } in depth_views(StageSettings { cameras: 3, frames: 2, size: [48, 40] }) {
+    for DepthView { photo, depths, .. } in
+        depth_views(StageSettings { cameras: 3, frames: 2, size: [48, 40] })
+    {
         assert_eq!((depths.width, depths.height), (48, 40));
         for (pixel, depth) in photo.pixels.iter().zip(&depths.depths) {
             let [r, g, b, mask] = *pixel;

@@ -132,7 +132,11 @@ fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
 }
 
 /// PSNR and topology of the rankings at a budget, and the effect of recolouring on the selected Gaussians.
-fn selection(subject: &ReportSubject, budget: usize, progress: &StagedProgress) -> anyhow::Result<[Parameter; 2]> {
+fn selection(
+    subject: &ReportSubject,
+    budget: usize,
+    progress: &StagedProgress,
+) -> anyhow::Result<[Parameter; 2]> {
     let ReportSubject { scene, field, plate } = subject;
     let settings = PackageSettings::default();
     let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;

@@ -64,7 +64,8 @@ pub(super) fn measure(
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared_views(scene, &part), || ());
     let visible = sensitivities(&part, plate.as_ref(), &seen_views(subject), || ());
-    let uniform = visible.as_ref().map(|(rows, footprint)| (vec![root_mean_square(rows); rows.len()], *footprint));
+    let uniform =
+        visible.as_ref().map(|(rows, footprint)| (vec![root_mean_square(rows); rows.len()], *footprint));
     let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
         code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, step)
             .map_err(|error| refused(scene, error))

@@ -8,7 +8,7 @@ use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{INSTANTS, SIZE};
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
-use crate::report::plot::{Series, Chart, svg};
+use crate::report::plot::{Chart, Series, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
 /// Name of the mean in the list of fields.

@@ -26,7 +26,8 @@ pub(super) fn reported_views(subject: &ReportSubject) -> Vec<PosedView> {
     let placed = views_of(scene, field, PLACES, SIZE);
     // The same cameras at other instants.
     let first = placed.first().map(|view| view.t);
-    let cameras: Vec<_> = placed.into_iter().filter(|view| Some(view.t) == first).map(|view| view.camera).collect();
+    let cameras: Vec<_> =
+        placed.into_iter().filter(|view| Some(view.t) == first).map(|view| view.camera).collect();
     let known = ranking_views(scene, field);
     let is_new = |view: &PosedView| {
         !known.iter().any(|known| known.t == view.t && known.camera.position() == view.camera.position())

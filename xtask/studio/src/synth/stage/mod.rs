@@ -54,11 +54,7 @@ impl StageSettings {
         let fault = |what: String| Err(Fault::Usage(what));
         let StageSettings { cameras, frames, size: [width, height] } = *self;
         if !CAMERAS.contains(&cameras) {
-            return fault(format!(
-                "{cameras} cameras: use {} to {}",
-                CAMERAS.start(),
-                CAMERAS.end()
-            ));
+            return fault(format!("{cameras} cameras: use {} to {}", CAMERAS.start(), CAMERAS.end()));
         }
         if !FRAMES.contains(&frames) {
             return fault(format!("{frames} frames: use {} to {}", FRAMES.start(), FRAMES.end()));

@@ -43,7 +43,8 @@ pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
     let origin = DVec3::from(camera.position());
     // The component along the camera's axis is 1, so that ray parameters are depths.
     let ray = |x: f64, y: f64| {
-        let direction = dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
+        let direction =
+            dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
         world_from_camera * direction
     };
     let pixels = camera.width as usize * camera.height as usize;
