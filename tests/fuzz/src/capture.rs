@@ -107,7 +107,7 @@ fn check_capture(capture_files: &CaptureFiles) {
     assert!(capture.times.is_sorted());
     let exists = |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(capture_files.missing() <= capture.cameras.len() * capture.times.len());
+    assert!(capture_files.missing_count() <= capture.cameras.len() * capture.times.len());
 }
 
 /// A folder with the photographs that the initial corpus names.
