@@ -4,8 +4,8 @@
 //! temporal windows. A package stores a field for streaming: its Gaussians come in *layers*, the
 //! most important first, so that any prefix with the first layer plays.
 //!
-//! This crate does no I/O and has no unsafe code. Whatever the bytes, it neither panics nor
-//! allocates beyond [`Limits`], and every [`Error`] names a byte offset. FORMAT.md, beside the
+//! This crate does no I/O and has no unsafe code. On any bytes it neither panics nor allocates beyond
+//! [`Limits`], and every [`Error`] names a byte offset. FORMAT.md, beside the
 //! sources, specifies the format.
 //!
 //! # Tour
@@ -84,6 +84,7 @@ mod header;
 mod limits;
 #[cfg(feature = "encode")]
 mod measure;
+mod morton;
 #[cfg(feature = "encode")]
 mod order;
 mod parallel;

@@ -1,4 +1,4 @@
-//! [`Limits`]: how much decoding may produce, whatever a package announces.
+//! [`Limits`]: bounds on what decoding may produce, independent of the package.
 
 use crate::{Error, format::COUNTS_OFFSET};
 

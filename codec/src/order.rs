@@ -3,6 +3,7 @@
 
 use crate::{
     Coder, Field,
+    morton::interleave,
     time_index::{CELLS, cell_of},
 };
 
@@ -85,18 +86,12 @@ fn sort_along_curve(
 
 /// Position on a Morton curve through `bounds`: 21 bits per axis, interleaved.
 fn morton(point: [f32; 3], bounds: [[f32; 3]; 2]) -> u64 {
-    let spread = |axis: usize| {
+    interleave([0, 1, 2].map(|axis| {
         let (low, high) = (f64::from(bounds[0][axis]), f64::from(bounds[1][axis]));
         // An axis without extent gives 0 / 0: NaN, which becomes 0.
         let position = ((f64::from(point[axis]) - low) / (high - low)).clamp(0.0, 1.0);
-        let mut x = (position * f64::from((1 << 21) - 1)) as u64;
-        x = (x | x << 32) & 0x001f_0000_0000_ffff;
-        x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-        x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-        x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-        (x | x << 2) & 0x1249_2492_4924_9249
-    };
-    spread(0) | spread(1) << 1 | spread(2) << 2
+        (position * f64::from((1 << 21) - 1)) as u32
+    }))
 }
 
 #[cfg(test)]

@@ -125,7 +125,6 @@ impl<T: ClipTarget> ClipController<T> {
     }
 
     /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder.
-    #[cfg(feature = "xr")]
     pub(crate) fn skip(&mut self) -> Option<Change<T::Ready>> {
         let change = self.state.skip();
         self.send_request();
@@ -133,19 +132,16 @@ impl<T: ClipTarget> ClipController<T> {
     }
 
     /// Whether there is a next clip to go to, as far as is known.
-    #[cfg(feature = "xr")]
     pub(crate) fn has_next(&self) -> bool {
         self.state.has_next()
     }
 
     /// Whether a clip is being loaded.
-    #[cfg(feature = "xr")]
     pub(crate) fn is_loading(&self) -> bool {
         self.state.is_loading()
     }
 
     /// What was opened last, a clip or a playlist.
-    #[cfg(feature = "xr")]
     pub(crate) fn named(&self) -> Option<&str> {
         self.state.named()
     }

@@ -10,6 +10,10 @@
 //! carries requests out on the thread of a `worker`, up to clips that a [`ClipTarget`] can show. `state`
 //! decides what to load and what to show; `controller` joins it with the thread.
 
+#[cfg_attr(
+    not(feature = "xr"),
+    allow(dead_code, reason = "a headset uses all of it, images and a window less")
+)]
 mod controller;
 pub(crate) mod demo;
 mod event;
@@ -19,6 +23,10 @@ pub mod playlist;
 mod progress;
 mod queue;
 mod source;
+#[cfg_attr(
+    not(feature = "xr"),
+    allow(dead_code, reason = "a headset uses all of it, images and a window less")
+)]
 mod state;
 mod url;
 mod worker;
@@ -36,9 +44,14 @@ pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
 pub use source::cache_dir;
 pub use source::{Arrival, open};
-pub(crate) use state::{Change, Transition};
+pub(crate) use state::Change;
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) use state::Transition;
 #[cfg(feature = "xr")]
 pub(crate) use url::is_url;
+#[cfg(not(target_os = "android"))]
+pub(crate) use url::printable;
+#[cfg(any(feature = "net", feature = "xr"))]
+pub(crate) use url::redacted;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use url::title;
-pub(crate) use url::{printable, redacted};

@@ -77,7 +77,7 @@ pub fn open(
 ///
 /// # Errors
 /// As for [`open`].
-#[cfg(not(target_os = "android"))]
+#[cfg(feature = "window")]
 pub(crate) fn wait(
     name: &str,
     cache_dir: Option<PathBuf>,

@@ -135,7 +135,6 @@ impl<C> QueueState<C> {
 
     /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder. Where no clip of
     /// the playlist could be shown, all are tried again.
-    #[cfg(any(feature = "xr", test))]
     pub(super) fn skip(&mut self) -> Option<Change<C>> {
         match (&self.queue, &self.current) {
             (Some(_), Some(_)) => {
@@ -154,7 +153,6 @@ impl<C> QueueState<C> {
     }
 
     /// Whether there is a next clip to go to, as far as is known.
-    #[cfg(any(feature = "xr", test))]
     pub(super) fn has_next(&self) -> bool {
         match &self.queue {
             None => self.next_in_folder.is_some(),
@@ -293,7 +291,6 @@ impl<C> QueueState<C> {
     }
 
     /// What was opened last, a clip or a playlist.
-    #[cfg(feature = "xr")]
     pub(super) fn named(&self) -> Option<&str> {
         self.named.as_deref()
     }

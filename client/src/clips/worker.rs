@@ -73,6 +73,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     }
 
     /// Waits for the next event of the latest request, which must not be complete.
+    #[cfg(any(not(target_os = "android"), test))]
     pub(super) fn wait(&self) -> Result<E, Ended> {
         loop {
             match self.events.recv() {

@@ -11,7 +11,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use codec::Clip;
-use egui::ViewportId;
+use egui::epaint::ClippedPrimitive;
+use egui::{TexturesDelta, ViewportId};
 use glam::UVec2;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::WindowEvent;
@@ -28,7 +29,7 @@ use super::viewer::{Requests, Viewer};
 use crate::clips::{
     Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
 };
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer};
+use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame};
 use crate::view::View;
 use program::Fault;
 
@@ -313,21 +314,9 @@ impl Session {
         if outdated {
             self.draw_picture(frame.size, &state)?;
         }
-        let mut encoder = self.screen.gpu.encoder();
-        self.screen.picture.show(&mut encoder, &frame);
-        let triangles = ctx.tessellate(output.shapes, output.pixels_per_point);
         let scale = output.pixels_per_point;
-        let target = frame.ui_target();
-        self.screen.painter.draw(
-            &self.screen.gpu,
-            &mut encoder,
-            &target,
-            &triangles,
-            scale,
-            output.textures_delta,
-        );
-        self.screen.gpu.submit(encoder);
-        self.screen.present(frame);
+        let triangles = ctx.tessellate(output.shapes, scale);
+        self.present(frame, &triangles, scale, output.textures_delta);
         self.screen.input.handle_platform_output(&self.window, output.platform_output);
 
         if requests.toggle_full_screen {
@@ -348,6 +337,22 @@ impl Session {
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// Shows the picture and the interface over it.
+    fn present(
+        &mut self,
+        frame: SurfaceFrame,
+        triangles: &[ClippedPrimitive],
+        scale: f32,
+        textures: TexturesDelta,
+    ) {
+        let Screen { gpu, picture, painter, .. } = &mut self.screen;
+        let mut encoder = gpu.encoder();
+        picture.show(&mut encoder, &frame);
+        painter.draw(gpu, &mut encoder, &frame.ui_target(), triangles, scale, textures);
+        gpu.submit(encoder);
+        self.screen.present(frame);
     }
 
     /// Draws the clip into the picture.

@@ -9,7 +9,7 @@ use super::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
 use super::error::{During, Halt};
 use super::eye;
 use super::frame::{Frame, Images};
-use super::panel::{Painting, PanelQuad, PointerRay};
+use super::panel::{Painting, PointerRay};
 use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
@@ -95,10 +95,10 @@ impl Canvas {
         stage: &xr::Space,
         eyes: &Eyes,
         size: UVec2,
-        panel: Option<&PanelQuad>,
         rays: [Option<PointerRay>; 2],
-        passthrough: bool,
+        show: &Show,
     ) -> Result<(), Halt> {
+        let passthrough = show.shows_passthrough();
         let projections = projections(&self.images.calls().swapchain, &eyes.views, size);
         let alpha = if passthrough {
             xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
@@ -107,7 +107,7 @@ impl Canvas {
         };
         let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(stage).views(&projections);
         let room = self.passthrough.layer(passthrough);
-        let panel = panel.and_then(|panel| self.panel.quad(stage, panel));
+        let panel = show.panel_quad().and_then(|panel| self.panel.quad(stage, panel));
         let rays = rays.map(|ray| ray.map(|ray| self.rays.quad(stage, &ray)));
         let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(LAYERS);
         layers.extend(room.as_deref());

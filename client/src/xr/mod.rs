@@ -1,14 +1,21 @@
-//! The headset: plays a clip on any OpenXR runtime. The only part that names that interface.
+//! The headset: plays a clip on any OpenXR runtime. Only this module names OpenXR.
 //!
-//! `runtime` finds runtime and headset and has them open the graphics device; `session` is what is
-//! drawn into and where hands come from; `show` is the clip, its clock, the panel and what hands do;
-//! `run` runs the frames. `state` decides what follows from the runtime's events, `eye` where an eye looks,
-//! and `frame` the order of calls for frames and images, all without a runtime.
-//! Operating systems differ in `desktop` and `android` alone.
+//! ```text
+//! run -> runtime -> session -> frame: tracking -> show -> canvas -> layers
+//!                                     (hands)     (clip, clock,    (eyes, panel, rays,
+//!                                                  interaction,     passthrough)
+//!                                                  panel)
+//! ```
 //!
-//! One thread does all that is seen: it alone submits to the GPU, because a runtime uses the same
-//! queue within the calls it is given ([`Gpu::submit`](crate::gpu::Gpu::submit) checks it). Clips are loaded on another, up
-//! to buffers and pipelines, which takes no submission; frames go on meanwhile.
+//! `run` opens the device and the sessions, and replaces both when they are lost. `session` runs a frame:
+//! `tracking` locates eyes and hands, `show` moves the clip and the panel by them, `canvas` draws and composes
+//! the layers, `report` records. `state` (the lifecycle), `eye` (projections) and `frame` (the order of calls)
+//! decide without a runtime, and so do `interaction`, `panel`, `quality` and `pacing`. Operating systems differ
+//! only in `desktop` and `android`.
+//!
+//! One thread runs the frames, and only it submits to the GPU, because the runtime uses the same queue within
+//! its calls ([`Gpu::submit`](crate::gpu::Gpu::submit) checks the thread). Another one loads clips up to buffers
+//! and pipelines, which takes no submission.
 
 #[cfg(target_os = "android")]
 mod android;

@@ -74,21 +74,7 @@ impl Session {
         handles: &VulkanHandles,
         readable: bool,
     ) -> Result<Session, Halt> {
-        let info = xr::vulkan::SessionCreateInfo {
-            instance: raw(handles.instance),
-            physical_device: raw(handles.physical),
-            device: raw(handles.device),
-            queue_family_index: handles.queue_family,
-            queue_index: handles.queue,
-        };
-        // SAFETY: the runtime made the handles, and the session keeps `gpu`, which owns them; only this
-        // thread uses the queue, outside the calls of the session.
-        let (session, waiter, stream) = unsafe {
-            let guard = Box::new(gpu.clone());
-            runtime.instance.create_session_with_guard::<xr::Vulkan>(runtime.system, &info, guard)
-        }
-        .halt("opening a session")?;
-
+        let (session, waiter, stream) = create(runtime, gpu, handles)?;
         let format = swapchain::choose_format(&session)?;
         let size = runtime.eye_size.min(UVec2::splat(gpu.caps.max_image_side));
         let swapchain = swapchain::make(&session, format, size, 2, readable)?;
@@ -245,7 +231,7 @@ impl Session {
         let is_captured = report.is_last();
         let drawn = self.canvas.draw(&eyes, size, show, painting, is_captured)?;
         let stage = &self.tracking.stage;
-        self.canvas.compose(frame, stage, &eyes, size, show.panel_quad(), rays, show.shows_passthrough())?;
+        self.canvas.compose(frame, stage, &eyes, size, rays, show)?;
 
         let work = Work {
             cpu_s: (start.elapsed().saturating_sub(self.stopwatch.take())).as_secs_f64(),
@@ -281,6 +267,28 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// Creates the runtime's session on `gpu`.
+fn create(
+    runtime: &Runtime,
+    gpu: &Arc<Gpu>,
+    handles: &VulkanHandles,
+) -> Result<(xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>), Halt> {
+    let info = xr::vulkan::SessionCreateInfo {
+        instance: raw(handles.instance),
+        physical_device: raw(handles.physical),
+        device: raw(handles.device),
+        queue_family_index: handles.queue_family,
+        queue_index: handles.queue,
+    };
+    // SAFETY: the runtime made the handles, and the session keeps `gpu`, which owns them; only this thread uses
+    // the queue, outside the calls of the session.
+    unsafe {
+        let guard = Box::new(gpu.clone());
+        runtime.instance.create_session_with_guard::<xr::Vulkan>(runtime.system, &info, guard)
+    }
+    .halt("opening a session")
 }
 
 impl Drop for Session {

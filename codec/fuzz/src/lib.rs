@@ -1,5 +1,5 @@
-//! What the fuzz targets share: the properties that must hold, a mutator that gets past checksums
-//! and compression, and the packages to start from.
+//! Shared by the fuzz targets: the properties that must hold, a mutator that works under checksums and
+//! compression, and the initial corpus.
 
 pub mod mutation;
 pub mod properties;

@@ -1,4 +1,4 @@
-//! What must hold of any input of the fuzz targets. Tests of the package replay regressions by it.
+//! Properties of every input of the fuzz targets. Tests of `codec` check them on the regressions.
 
 use std::ops::Range;
 
@@ -7,30 +7,26 @@ use codec::{
     SH_C0, Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
 };
 
-/// Limits that no fuzzer waits for, and that small packages can come near and go beyond.
+/// Limits small enough for fast inputs that reach and exceed them.
 pub const LIMITS: Limits = Limits { max_gaussians: 1 << 14, max_bytes: 2 << 20 };
 
-/// All coders.
-pub const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
-
-/// Largest number that the encoder takes.
+/// Largest number that the encoder accepts.
 const MAGNITUDE_MAX: f32 = 1e9;
 
-/// Largest finite FP16 number, and where rounding to FP16 gives infinity.
+/// Largest finite FP16 number, and the smallest number that rounds to infinity.
 const FP16_MAX: f32 = 65504.0;
 const FP16_INFINITE: f32 = 65520.0;
 
-/// Steps from zero up to which the coder `context` has a code for a colour: a number that is coded
-/// is made of up to three channels.
+/// Largest colour of the coder `context` in steps: a coded number combines up to three channels.
 const CODES: f64 = (1u32 << 22) as f64;
 
-/// Most Gaussians of an [`Input`].
+/// Largest number of Gaussians of an [`Input`].
 const ROWS_MAX: usize = 24;
 
-/// Checks what came of decoding `bytes` within [`LIMITS`].
+/// Checks the result of decoding `bytes` within [`LIMITS`].
 ///
 /// # Panics
-/// If the error has no offset, or the clip breaks an invariant or differs from its head.
+/// If an error has no offset, or a clip breaks an invariant or contradicts its head.
 pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     let head = contents(bytes, &LIMITS);
     match (decoded, &head) {
@@ -38,7 +34,7 @@ pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
         (Err(error), Ok(_)) => assert!(error.to_string().contains("at byte "), "no offset in: {error}"),
         (decoded, Err(error)) => {
             assert!(error.to_string().contains("at byte "), "no offset in: {error}");
-            assert_eq!(decoded.as_ref().err(), Some(error), "the head is refused, the package is not");
+            assert_eq!(decoded.as_ref().err(), Some(error), "the head is refused but the package is not");
         }
     }
 }
@@ -60,7 +56,7 @@ fn check_clip(clip: &Clip, head: &Contents, available: usize) {
     let last = LayerEnd { static_count: clip.static_field.len(), dynamic_count: clip.dynamic_field.len() };
     assert_eq!(clip.layers.last(), Some(&last));
     if head.sections.last().is_none_or(|section| section.end() <= available) {
-        assert_eq!(clip.layers.len(), head.layers.len(), "a whole package has all its layers");
+        assert_eq!(clip.layers.len(), head.layers.len(), "a complete package has all its layers");
     }
     assert!(clip.len() + head.plate_len <= LIMITS.max_gaussians);
 
@@ -77,18 +73,18 @@ fn check_clip(clip: &Clip, head: &Contents, available: usize) {
     }
 }
 
-/// A field to package.
+/// A source of the round trip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
-    /// Gaussians, valid but for numbers that may be too large to package.
+    /// Gaussians; valid, except that numbers may be too large to package.
     pub field: Field,
     /// Ends of up to two layers before the last.
     pub layers: Vec<usize>,
-    /// Whether the field without time is the plate as well.
+    /// Whether the field without temporal columns is also the plate.
     pub plate: bool,
 }
 
-/// Numbers from bytes; zeros once there are no more.
+/// Reads numbers from bytes, then zeros.
 struct Numbers<'a>(std::slice::Iter<'a, u8>);
 
 impl Numbers<'_> {
@@ -113,8 +109,8 @@ impl Numbers<'_> {
 }
 
 impl Input {
-    /// The input that any bytes stand for: a byte each for the number of Gaussians, the columns and
-    /// two ends of layers, then the numbers of one Gaussian after the other.
+    /// The input that `bytes` encode: a byte each for the number of Gaussians, the columns and two ends
+    /// of layers, then the numbers of each Gaussian.
     pub fn from_bytes(bytes: &[u8]) -> Input {
         let mut numbers = Numbers(bytes.iter());
         let rows = 1 + usize::from(numbers.u8()) % ROWS_MAX;
@@ -147,7 +143,7 @@ impl Input {
         Input { field, layers, plate: columns & 0x40 != 0 }
     }
 
-    /// The bytes that stand for this input of at most [`ROWS_MAX`] Gaussians.
+    /// The bytes of this input of at most [`ROWS_MAX`] Gaussians, for [`Input::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let field = &self.field;
         let temporal = field.temporal.as_ref();
@@ -176,11 +172,11 @@ impl Input {
     }
 }
 
-/// Packages the input that `bytes` stand for, with every coder, and decodes it.
+/// Packages the input that `bytes` encode with every coder, and decodes it.
 ///
 /// # Panics
-/// If a valid field is refused, the package differs from one run to the next, or what is decoded
-/// is invalid or too far from the source.
+/// If a valid field is refused, the package differs between two runs, or the decoded clip is invalid or
+/// too far from the source.
 pub fn check_round_trip(bytes: &[u8]) {
     let Input { field, layers, plate } = Input::from_bytes(bytes);
     let plate = plate.then(|| Field { temporal: None, ..field.clone() });
@@ -192,7 +188,7 @@ pub fn check_round_trip(bytes: &[u8]) {
         viewpoints: Vec::new(),
     };
     let source = Source { info: &info, field: &field, plate: plate.as_ref() };
-    for coder in CODERS {
+    for coder in Coder::ALL {
         let mut options = EncodeOptions { coder, ..EncodeOptions::default() };
         options.layers.clone_from(&layers);
         let package = encode(&source, &options);
@@ -200,23 +196,23 @@ pub fn check_round_trip(bytes: &[u8]) {
         let package = match package {
             Ok(package) if !has_too_large(&field) => package,
             Err(_) if has_too_large(&field) => continue,
-            // The other coder cuts windows that are far from the clip.
+            // The other coder moves windows that are far from the clip.
             Err(_) if coder == Coder::Context && leaves_finite_space(&field) => continue,
             other => panic!("numbers too large: {}, encoding gives {other:?}", has_too_large(&field)),
         };
         let decoded = decode(&package, &LIMITS);
         check_decoding(&package, &decoded);
-        let clip = decoded.expect("what is encoded decodes");
+        let clip = decoded.expect("an encoded package decodes");
         assert_eq!(clip.info, info);
         assert_eq!(clip.layers.len(), layers.len() + 1);
         let mut start = LayerEnd::default();
         for (k, end) in clip.layers.iter().enumerate() {
             let first = if k == 0 { 0 } else { layers[k - 1] };
-            let past = layers.get(k).copied().unwrap_or(field.len());
-            let still = clip.static_field.select(&(start.static_count..end.static_count).collect::<Vec<_>>());
-            let moving =
+            let last = layers.get(k).copied().unwrap_or(field.len());
+            let fixed = clip.static_field.select(&(start.static_count..end.static_count).collect::<Vec<_>>());
+            let dynamic =
                 clip.dynamic_field.select(&(start.dynamic_count..end.dynamic_count).collect::<Vec<_>>());
-            check_rows(coder, &field.select(&(first..past).collect::<Vec<_>>()), &[&still, &moving]);
+            check_rows(coder, &field.select(&(first..last).collect::<Vec<_>>()), &[&fixed, &dynamic]);
             start = *end;
         }
         if let Some(plate) = &plate {
@@ -226,24 +222,24 @@ pub fn check_round_trip(bytes: &[u8]) {
     check_steps(&source);
 }
 
-/// Packages `source` with the coder `context` where all Gaussians are as visible, so that all have
-/// the same known step, and checks that opacities and colours come back to within theirs.
+/// Packages `source` with the coder `context` and equal sensitivities, so that all Gaussians have one
+/// known step, and checks the errors of opacities and colours.
 ///
 /// # Panics
-/// If one does not.
+/// If one exceeds its bound.
 fn check_steps(source: &Source) {
     let Source { field, .. } = *source;
     let sensitivities = vec![Sensitivity { color: 1.0, geometry: 1.0 }; field.len()];
     let precision = Precision { psnr: 50.7, sensitivities, ..Precision::default() };
     let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
     let Ok(package) = encode(&Source { plate: None, ..*source }, &options) else {
-        // Numbers too large, of which the round trip has made sure.
+        // Numbers too large, as the round trip has checked.
         return;
     };
-    let clip = decode(&package, &LIMITS).expect("what is encoded decodes");
-    let head = contents(&package, &LIMITS).expect("what decodes has a head");
+    let clip = decode(&package, &LIMITS).expect("an encoded package decodes");
+    let head = contents(&package, &LIMITS).expect("a decoded package has a head");
     let chunks = head.sections.iter().map(|section| &package[section.offset..section.end()]);
-    // The step opens a chunk; few Gaussians make one chunk a region, and all have the same.
+    // A chunk starts with its step; each region is one chunk, and all have the same step.
     let step = chunks.map(|chunk| f32::from_le_bytes([chunk[0], chunk[1], chunk[2], chunk[3]]));
     let step = f64::from(step.fold(0.0, f32::max));
     let parts = [&clip.static_field, &clip.dynamic_field];
@@ -254,19 +250,19 @@ fn check_steps(source: &Source) {
         }
         let rows = || parts.iter().flat_map(|&part| (0..part.len()).map(move |j| (part, j)));
         let found = rows().any(|(part, j)| appearance_holds(step, field, i, part, j));
-        assert!(found, "row {i} of {field:?}\ndid not come back to within steps of {step}: {parts:?}");
+        assert!(found, "row {i} of {field:?}\nhas no match within steps of {step} in {parts:?}");
     }
 }
 
-/// Whether opacity and colours of row `j` of what was decoded may be those of row `i` of the
-/// source, where the class of both steps in FORMAT.md is 0 and the step of a chunk is `step`.
+/// Whether opacity and colours of decoded row `j` may be those of source row `i`, for quantiser indices
+/// of 0 and the step `step` of a chunk.
 fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
-    // What is hardly visible stays visible, what is not stays invisible: up to a step more.
+    // Rounding keeps visible opacities visible and invisible ones invisible: up to a step more.
     let opacity = |x: f32| f64::from(x).max(0.5 * ALPHA_MIN).ln();
     let off = (opacity(source.opacities[i]) - opacity(decoded.opacities[j])).abs();
     let opacity_holds = off <= 1.5 * (1.2 * step).min(0.4) + 1e-5;
-    // Half a step of luma and a quarter of each difference; of the rest, where rounding may also
-    // go the other way, three orthogonal numbers.
+    // Half a step of luma and a quarter of each difference. Harmonics are three orthogonal numbers,
+    // which may be rounded by up to a step.
     let luma = (1.45 * step).min(0.5);
     let chroma = (1.45 * 1.6 * step).min(0.5);
     let color = (0.5 * luma + 0.5 * chroma) / SH_C0;
@@ -289,14 +285,14 @@ fn has_too_large(field: &Field) -> bool {
     vectors.flatten().chain(rates.as_flattened()).any(|x| x.abs() > MAGNITUDE_MAX)
 }
 
-/// Whether the field moves through a box of infinite size.
+/// Whether the bounds of the field are infinite.
 fn leaves_finite_space(field: &Field) -> bool {
     let [low, high] = field.bounds();
     (0..3).any(|axis| !(high[axis] - low[axis]).is_finite())
 }
 
-/// Checks that `parts` together are the rows of `source`, in any order and, where the format bounds
-/// the errors of the coder, within these bounds.
+/// Checks that `parts` are the rows of `source` in any order, within the error bounds of the coder
+/// `fixed`.
 fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
     assert_eq!(parts.iter().map(|part| part.len()).sum::<usize>(), source.len());
     if coder != Coder::Fixed {
@@ -306,20 +302,20 @@ fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
     let decoded = || parts.iter().flat_map(|&part| (0..part.len()).map(move |i| (part, i)));
     for i in 0..source.len() {
         let found = decoded().any(|(part, j)| bounds.hold(source, i, part, j));
-        assert!(found, "row {i} of {source:?}\ndid not come back: {parts:?}");
+        assert!(found, "row {i} of {source:?}\nhas no match in {parts:?}");
     }
     for (part, j) in decoded() {
         let found = (0..source.len()).any(|i| bounds.hold(source, i, part, j));
-        assert!(found, "row {j} of {part:?}\nis none of {source:?}");
+        assert!(found, "row {j} of {part:?}\nhas no match in {source:?}");
     }
 }
 
-/// Largest errors of the coder `fixed` on a chunk, by the table in FORMAT.md. Rows may lie in a
-/// chunk with fewer others than those given, which only makes its ranges narrower.
+/// Largest errors of the coder `fixed` on a chunk, from the table in FORMAT.md. A chunk with fewer rows
+/// has narrower ranges and smaller errors.
 struct Bounds {
     center: f64,
     log_scale: f64,
-    /// Log-scales below this may have been raised up to it.
+    /// Lower log-scales may be raised to this.
     log_scale_floor: f64,
     /// Per degree.
     sh: [f64; 4],
@@ -361,7 +357,7 @@ impl Bounds {
         bounds
     }
 
-    /// Whether row `j` of what was decoded may be row `i` of the source.
+    /// Whether decoded row `j` may be source row `i`.
     fn hold(&self, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
         let scales = source.log_scales[i].iter().zip(&decoded.log_scales[j]);
         let scales_hold = scales.into_iter().all(|(&e, &a)| {
@@ -369,7 +365,7 @@ impl Bounds {
             (e - self.log_scale..=e.max(self.log_scale_floor) + self.log_scale).contains(&a)
         });
         let (expected, actual) = (source.rotations[i], decoded.rotations[j]);
-        // A quaternion and its negative are one rotation; the rates follow the sign.
+        // A quaternion and its negative are one rotation; the rates have the same sign.
         let sign = (0..4).map(|k| expected[k] * actual[k]).sum::<f32>().signum();
         let coefficient =
             |field: &Field, row: usize, k: usize| field.sh_of(row).get(k).copied().unwrap_or_default();
@@ -390,11 +386,11 @@ impl Bounds {
         let Some(expected) = &source.temporal else {
             return decoded.temporal.as_ref().is_none_or(|temporal| temporal.s[j].is_infinite());
         };
-        // Windows beyond the range of FP16 are cut to it.
+        // Windows are cut to the range of FP16.
         let tau = expected.tau[i].clamp(-FP16_MAX, FP16_MAX);
         let s = if expected.s[i] < FP16_INFINITE { expected.s[i] } else { f32::INFINITY };
         let Some(actual) = &decoded.temporal else {
-            // Drawn as constant: half a step for that, half a step for the opacity's rounding.
+            // Drawn as constant: half an 8-bit step, and half a step for rounding the opacity.
             let is_constant = |t: f64| {
                 let z = (t - f64::from(tau)) / f64::from(s);
                 let opacity = f64::from(source.opacities[i]) * (-0.5 * z * z).exp();
@@ -416,7 +412,7 @@ impl Bounds {
     }
 }
 
-/// Rounding of a few operations in binary32 on numbers up to `largest`.
+/// Rounding error of a few binary32 operations on numbers up to `largest`.
 fn rounding(largest: f64) -> f64 {
     2f64.powi(-21) * largest + f64::from(f32::MIN_POSITIVE)
 }
@@ -425,7 +421,7 @@ fn largest(column: impl Iterator<Item = f32>) -> f64 {
     column.fold(0.0, |largest, x| largest.max(x.abs().into()))
 }
 
-/// Distance from the smallest to the largest number of a column that is not empty.
+/// Difference of the largest and the smallest number of a column.
 fn span(column: impl Iterator<Item = f32>) -> f64 {
     let (low, high) =
         column.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x.into()), high.max(x.into())));

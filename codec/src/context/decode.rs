@@ -1,7 +1,7 @@
 //! Decodes chunks of the coder `context`.
 
 use super::{chunk::Chunk, grid, observer::BitObserver, range::Decoder, row::RowCoder};
-use crate::{Error, bytes::Reader, columns::Columns, error::FormatError, rows::Rows};
+use crate::{Error, bytes::Reader, columns::Columns, error::FormatError, morton::deinterleave, rows::Rows};
 
 /// Memory that decoding a chunk takes besides the clip: its cells, and the models of all columns.
 pub(crate) const WORK_BYTES: usize = 1 << 20;
@@ -41,7 +41,7 @@ pub(crate) fn decode_observed(
             return Err(short());
         }
         let row = coder
-            .code(&mut decoder, grid::cell(cell), None)
+            .code(&mut decoder, deinterleave(cell), None)
             .ok_or_else(|| Error::value(symbols_at, "Gaussian", "a number out of range"))?;
         row.write_to(&mut out, i);
     }

@@ -12,8 +12,13 @@ use super::{
     trajectory::{self, Span},
 };
 use crate::{
-    ALPHA_MIN, Field, Limits, Sensitivity, Temporal, bytes::Writer, columns::Columns, limits::Budget,
-    precision::Prepared, rows::Rows,
+    ALPHA_MIN, Field, Limits, Sensitivity, Temporal,
+    bytes::Writer,
+    columns::Columns,
+    limits::Budget,
+    morton::{deinterleave, interleave},
+    precision::Prepared,
+    rows::Rows,
 };
 
 /// Cells per position step of a median Gaussian, along an edge.
@@ -55,7 +60,7 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Vec
     let zeros = || columns.zeros(rows.len(), &mut Budget::new(&Limits::default())).expect("a chunk is small");
     let mut expected = cfg!(debug_assertions).then(zeros);
     for (i, (cell, target)) in order.into_iter().enumerate() {
-        let row = coder.code(&mut encoder, grid::cell(cell), Some(target));
+        let row = coder.code(&mut encoder, deinterleave(cell), Some(target));
         let row = row.expect("the numbers of a valid field can be coded");
         if let Some(expected) = &mut expected {
             row.write_to(&mut Rows::all(expected), i);
@@ -204,7 +209,7 @@ fn choose_grid(chunk: &mut Chunk, targets: &[Target]) {
 /// Morton number of the cell of a point.
 fn cell_of(chunk: &Chunk, point: [f64; 3]) -> u64 {
     let last = f64::from((1u32 << chunk.axis_bits) - 1);
-    grid::morton([0, 1, 2].map(|axis| {
+    interleave([0, 1, 2].map(|axis| {
         // A grid without extent gives 0 / 0: NaN, which becomes 0.
         let position = (point[axis] - f64::from(chunk.origin[axis])) / f64::from(chunk.cell_size);
         position.floor().clamp(0.0, last) as u32

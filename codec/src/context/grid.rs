@@ -54,44 +54,10 @@ fn bits_of(n: usize) -> u32 {
     usize::BITS - n.leading_zeros()
 }
 
-/// The Morton number of a cell.
-#[cfg(feature = "encode")]
-pub(super) fn morton(cell: [u32; 3]) -> u64 {
-    let spread = |x: u32| {
-        let mut x = u64::from(x);
-        x = (x | x << 16) & 0x0000_ff00_00ff;
-        x = (x | x << 8) & 0xf00f_00f0_0f00_f00f;
-        x = (x | x << 4) & 0x30c3_0c30_c30c_30c3;
-        (x | x << 2) & 0x9249_2492_4924_9249
-    };
-    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
-}
-
-/// The cell of a Morton number.
-pub(super) fn cell(morton: u64) -> [u32; 3] {
-    [0, 1, 2].map(|axis| {
-        let mut x = morton >> axis & 0x9249_2492_4924_9249;
-        x = (x | x >> 2) & 0x30c3_0c30_c30c_30c3;
-        x = (x | x >> 4) & 0xf00f_00f0_0f00_f00f;
-        x = (x | x >> 8) & 0x0000_ff00_00ff;
-        (x | x >> 16) as u32 & 0xffff
-    })
-}
-
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
     use crate::context::range::{Decoder, Encoder};
-
-    #[test]
-    fn morton_numbers_interleave() {
-        assert_eq!(morton([1, 0, 0]), 1);
-        assert_eq!(morton([0, 2, 0]), 16);
-        assert_eq!(morton([0xffff; 3]), (1 << 48) - 1);
-        for c in [[0, 0, 0], [65535, 0, 1], [1, 32768, 255], [43690, 21845, 65535]] {
-            assert_eq!(cell(morton(c)), c);
-        }
-    }
 
     fn bytes_of(cells: &[u64], axis_bits: u32) -> Vec<u8> {
         let mut sorted = cells.to_vec();

@@ -2,8 +2,8 @@
 //! range coder.
 //!
 //! The encoder quantises the visibility of every Gaussian to half octaves. This index and the
-//! numbers already decoded determine all other steps, so that an error is equally visible wherever
-//! it falls. Gaussians come along a Morton curve; each number is coded under an expectation of its
+//! numbers already decoded determine all other steps, so that errors of all numbers are
+//! equally visible. Gaussians come along a Morton curve; each number is coded under an expectation of its
 //! magnitude that adapts to the last ones. [`row`] codes one Gaussian, with the same code for both
 //! directions.
 //!

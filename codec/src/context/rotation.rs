@@ -96,7 +96,8 @@ fn arc([x, y, z]: [f64; 3]) -> [f64; 4] {
     [w / norm, -y / norm, x / norm, 0.0]
 }
 
-fn inverse([w, x, y, z]: [f64; 4]) -> [f64; 4] {
+/// Inverse of a unit quaternion.
+pub(super) fn inverse([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [w, -x, -y, -z]
 }
 

@@ -333,8 +333,7 @@ impl<'a> RowCoder<'a> {
         let (direction, roll) = (0.5 * quantiser.direction_step / time, 0.5 * quantiser.roll_step / time);
         let number = target.map_or([0.0; 4], |t| {
             let [scalar, rest @ ..] = t.angular_rate;
-            let inverse = [q[0], -q[1], -q[2], -q[3]];
-            let [x, y, z] = rotation::rotate(inverse, rest);
+            let [x, y, z] = rotation::rotate(rotation::inverse(q), rest);
             [scalar, x, y, z]
         });
         let units = [direction.min(roll), direction, direction, roll];
@@ -454,7 +453,7 @@ pub(super) fn position_step(chunk: &Chunk, target: &Target) -> f64 {
 /// [`Target::angular_rate`] of a quaternion `q` and its rate.
 #[cfg(feature = "encode")]
 pub(super) fn angular_rate(q: [f64; 4], rate: [f64; 4]) -> [f64; 4] {
-    let [scalar, rest @ ..] = product([q[0], -q[1], -q[2], -q[3]], rate);
+    let [scalar, rest @ ..] = product(rotation::inverse(q), rate);
     let [x, y, z] = rotation::rotate(q, rest);
     [scalar, x, y, z]
 }

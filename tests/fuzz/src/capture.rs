@@ -1,15 +1,15 @@
-//! Any bytes as the files of a capture: cameras in every layout, photographs, depth maps.
+//! Reads any bytes as the files of a capture: cameras in every layout, photographs, depth maps.
 
 use std::sync::OnceLock;
 
 use refine::capture::PhotoId;
-use studio::capture::Footage;
+use studio::capture::CaptureFiles;
 
 use crate::files::{Desk, check_refusal};
 use crate::parts;
 use crate::seeds::{easyvolcap, manifest, photograph};
 
-/// What an input is, which its first byte chooses.
+/// Kinds of input, chosen by the first byte.
 pub(crate) const MANIFEST: u8 = 0;
 pub(crate) const EASYVOLCAP: u8 = 1;
 pub(crate) const TRANSFORMS: u8 = 2;
@@ -21,13 +21,13 @@ pub(crate) const DEPTH_NPY: u8 = 7;
 pub(crate) const DEPTH_PNG: u8 = 8;
 const KINDS: u8 = 9;
 
-/// Most frames that a manifest may ask for here: each is looked for on disk, more only take longer.
+/// Largest number of frames of a manifest: each takes a look-up on disk.
 const FRAMES_MAX: u64 = 50;
 
-/// Opens a capture of an input and looks at its first photographs.
+/// Opens the capture of an input and reads its first photographs.
 ///
 /// # Panics
-/// If what is accepted is not valid, or what is refused is not refused in one line.
+/// If an accepted file is invalid, or a refusal is not one line.
 pub fn check_capture(bytes: &[u8]) {
     static DESK: OnceLock<Desk> = OnceLock::new();
     let Some((kind, bytes)) = parts::kind(bytes, KINDS) else { return };
@@ -54,7 +54,7 @@ pub fn check_capture(bytes: &[u8]) {
         COLMAP_BINARY | COLMAP_TEXT => {
             let (cameras, images) = parts::two(bytes);
             let ending = if kind == COLMAP_BINARY { "bin" } else { "txt" };
-            desk.take("colmap/sparse/0/cameras.bin");
+            desk.remove("colmap/sparse/0/cameras.bin");
             desk.put(format!("colmap/sparse/0/cameras.{ending}"), cameras);
             desk.put(format!("colmap/sparse/0/images.{ending}"), images);
             "colmap"
@@ -66,21 +66,21 @@ pub fn check_capture(bytes: &[u8]) {
         _ => {
             let ending = ["pfm", "npy", "png"][usize::from(kind - DEPTH_PFM)];
             for other in ["pfm", "npy", "png"] {
-                desk.take(format!("depths/00/0.{other}"));
+                desk.remove(format!("depths/00/0.{other}"));
             }
             desk.put(format!("depths/00/0.{ending}"), bytes);
             "depth"
         }
     };
-    let footage = match Footage::open(&desk.path(folder)) {
-        Ok(footage) => footage,
+    let capture_files = match CaptureFiles::open(&desk.path(folder)) {
+        Ok(capture_files) => capture_files,
         Err(error) => return check_refusal(&error),
     };
-    check_footage(&footage);
-    for &shot in footage.capture.photos.iter().take(2) {
-        match footage.photo(shot) {
+    check_capture(&capture_files);
+    for &photo_id in capture_files.capture.photos.iter().take(2) {
+        match capture_files.photo(photo_id) {
             Ok(photo) => {
-                let camera = &footage.capture.cameras[shot.camera].camera;
+                let camera = &capture_files.capture.cameras[photo_id.camera].camera;
                 assert_eq!((photo.image.width, photo.image.height), (camera.width, camera.height));
                 assert!(photo.image.pixels.iter().flatten().all(|x| x.is_finite()));
             }
@@ -88,9 +88,9 @@ pub fn check_capture(bytes: &[u8]) {
         }
     }
     if folder == "depth" {
-        match footage.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
+        match capture_files.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
             Ok(map) => {
-                let map = map.expect("there is a file");
+                let map = map.expect("the file exists");
                 assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
             }
             Err(fault) => check_refusal(&fault.into()),
@@ -98,24 +98,24 @@ pub fn check_capture(bytes: &[u8]) {
     }
 }
 
-fn check_footage(footage: &Footage) {
-    let capture = &footage.capture;
+fn check_capture(capture_files: &CaptureFiles) {
+    let capture = &capture_files.capture;
     for camera in &capture.cameras {
         camera.camera.check().expect("accepted cameras are valid");
     }
     assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
     assert!(capture.times.is_sorted());
-    let exists = |shot: &PhotoId| shot.camera < capture.cameras.len() && shot.frame < capture.times.len();
+    let exists = |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(footage.missing() <= capture.cameras.len() * capture.times.len());
+    assert!(capture_files.missing() <= capture.cameras.len() * capture.times.len());
 }
 
-/// A desk with the photographs that the inputs to start from name.
+/// A folder with the photographs that the initial corpus names.
 fn prepared() -> Desk {
     let photograph = photograph();
     let images = ["00/0", "00/1", "01/0", "01/1"];
     let numbered = ["manifest", "easyvolcap", "photograph", "depth"];
-    let of_layouts = numbered
+    let photographs = numbered
         .into_iter()
         .flat_map(|layout| images.map(|image| (format!("{layout}/images/{image}.png"), photograph.clone())));
     let masks = ["manifest", "photograph"]
@@ -130,5 +130,5 @@ fn prepared() -> Desk {
         ("depth/intri.yml".to_owned(), intrinsics.into_bytes()),
         ("depth/extri.yml".to_owned(), extrinsics.into_bytes()),
     ];
-    Desk::with(of_layouts.chain(masks).chain(flat).chain(cameras))
+    Desk::with(photographs.chain(masks).chain(flat).chain(cameras))
 }

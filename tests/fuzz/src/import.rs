@@ -1,4 +1,4 @@
-//! Any bytes as a fitted field.
+//! Imports any bytes as a fitted field.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use crate::files::{Desk, check_refusal};
 use crate::parts;
 use crate::seeds::sog_files;
 
-/// How the bytes are given to the importer, which the first byte of an input chooses.
+/// Kinds of input, chosen by the first byte: the file that the rest becomes.
 pub(crate) const FILE: u8 = 0;
 pub(crate) const SPLAT: u8 = 1;
 pub(crate) const SOG_META: u8 = 2;
@@ -17,13 +17,13 @@ pub(crate) const SOG_IMAGE: u8 = 3;
 /// Imports an input.
 ///
 /// # Panics
-/// If what is accepted is not valid, or what is refused is not refused in one line.
+/// If an accepted field is invalid, or a refusal is not one line.
 pub fn check_import(bytes: &[u8]) {
     static DESK: OnceLock<Desk> = OnceLock::new();
     let sog = || sog_files().into_iter().map(|(name, bytes)| (format!("sog/{name}"), bytes));
     let desk = DESK.get_or_init(|| Desk::with(sog()));
     let Some((kind, bytes)) = parts::kind(bytes, 4) else { return };
-    // A name whose ending says nothing, so that the bytes decide.
+    // No extension, so that the bytes determine the format.
     let mut name = "field".to_owned();
     let mut restored = None;
     match kind {
@@ -41,7 +41,7 @@ pub fn check_import(bytes: &[u8]) {
             name = "sog".into();
             let Some((which, bytes)) = bytes.split_first() else { return };
             restored = sog().skip(1).nth(usize::from(*which) % (sog().count() - 1));
-            desk.put(&restored.as_ref().expect("below their number").0, bytes);
+            desk.put(&restored.as_ref().expect("the index is in range").0, bytes);
         }
     }
     let imported = import(&desk.path(name));

@@ -1,7 +1,7 @@
-//! What must hold of any bytes that the host tool or the player's downloader is given, and inputs to
-//! start from.
+//! Properties of the host tool's readers and the player's downloader on any bytes, and the initial corpus.
 
 pub mod capture;
+pub mod clips;
 pub mod import;
 pub mod net;
 pub mod scene;
@@ -9,11 +9,3 @@ pub mod seeds;
 
 mod files;
 mod parts;
-
-#[path = "../../../client/src/clips/progress.rs"]
-mod progress;
-
-/// What the downloader uses of the player's module of this name.
-pub mod clips {
-    pub use crate::progress::Progress;
-}

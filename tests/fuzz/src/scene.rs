@@ -1,5 +1,4 @@
-//! Any bytes as what stands beside a field: `scene.json`, by the reader of the tool, and the JSON of a
-//! camera, by its type alone.
+//! Reads any bytes as `scene.json`, with the tool's reader, or as the JSON of a camera, with serde.
 
 use std::sync::OnceLock;
 
@@ -11,15 +10,15 @@ use crate::files::{Desk, check_refusal};
 use crate::parts;
 use crate::seeds;
 
-/// What an input is, which its first byte chooses.
+/// Kinds of input, chosen by the first byte.
 pub(crate) const OVERRIDES: u8 = 0;
 pub(crate) const CAMERA: u8 = 1;
 
 /// Reads an input.
 ///
 /// # Panics
-/// If a scene is accepted that cannot be packaged or refused in more than one line, or a camera is
-/// accepted that is nowhere.
+/// If an accepted scene cannot be packaged, a refusal is not one line, or an accepted camera has no
+/// finite position.
 pub fn check_scene(bytes: &[u8]) {
     static DESK: OnceLock<Desk> = OnceLock::new();
     let Some((kind, bytes)) = parts::kind(bytes, 2) else { return };

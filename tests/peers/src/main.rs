@@ -22,8 +22,8 @@ use studio::export;
 use studio::machine::machine;
 
 use material::Material;
-use player::{Kind, WebGl, web_folder};
-use report::Report;
+use player::{PlayerKind, WebGl, web_folder};
+use report::PeerReport;
 use work::Work;
 
 /// The clip time that is frozen.
@@ -33,10 +33,12 @@ const INSTANT: f64 = 0.5;
 const FRAMES: usize = 12;
 
 /// Players of moving fields.
-const DYNAMIC: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Gsplat, Kind::GsplatMended];
+const DYNAMIC: [PlayerKind; 4] =
+    [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Gsplat, PlayerKind::GsplatMended];
 
 /// Players of static fields; ours plays the clip, at one instant.
-const FROZEN: [Kind; 4] = [Kind::Ours, Kind::OursSqrt8, Kind::Viewer, Kind::Spark];
+const FROZEN: [PlayerKind; 4] =
+    [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Viewer, PlayerKind::Spark];
 
 /// Measures other players and coders in turn with this project's.
 #[derive(Parser)]
@@ -45,11 +47,11 @@ struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
-    measure: Option<Measure>,
+    measure: Option<MeasureArgs>,
 }
 
 #[derive(clap::Args)]
-struct Measure {
+struct MeasureArgs {
     /// Fitted field file, folder holding one, or package
     input: PathBuf,
     /// Folder for the tables, the pictures and all that was played and coded
@@ -73,7 +75,7 @@ struct Measure {
 enum Command {
     /// Answers for a player; what a measurement starts by itself
     #[command(hide = true)]
-    Play { kind: Kind, folder: PathBuf },
+    Play { kind: PlayerKind, folder: PathBuf },
 }
 
 fn main() -> ExitCode {
@@ -92,7 +94,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(args: &Measure) -> anyhow::Result<()> {
+fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     let modules = web_folder().with_file_name("node_modules");
     if !modules.is_dir() {
         let folder = modules.with_file_name("").display().to_string();
@@ -114,16 +116,16 @@ fn run(args: &Measure) -> anyhow::Result<()> {
     let coded = made(&args.out.join("coding"))?;
     let [dynamic_folder, frozen_folder] = [("moving", &moving), ("frozen", &frozen)].map(|(name, work)| {
         let folder = made(&args.out.join(name))?;
-        fs::write(folder.join(Kind::Ours.field()), package)?;
+        fs::write(folder.join(PlayerKind::Ours.field()), package)?;
         work.write(&folder)?;
         anyhow::Ok(folder)
     });
     let (dynamic_folder, frozen_folder) = (dynamic_folder?, frozen_folder?);
-    fs::write(dynamic_folder.join(Kind::Gsplat.field()), &splatv)?;
-    fs::write(frozen_folder.join(Kind::Viewer.field()), ply)?;
+    fs::write(dynamic_folder.join(PlayerKind::Gsplat.field()), &splatv)?;
+    fs::write(frozen_folder.join(PlayerKind::Viewer.field()), ply)?;
 
     let how = (rounds, args.webgl);
-    let report = Report {
+    let report = PeerReport {
         name: name.clone(),
         gaussians: clip.len(),
         package_bytes: package.len(),

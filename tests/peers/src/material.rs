@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use refine::prune::{Ranking, by_importance, contributions_to};
 use studio::input::{Input, read_package};
 use studio::package::QUALITY_DB;
-use studio::report::Subject;
+use studio::report::ReportSubject;
 
 use crate::coding::{Judge, views_of};
 
@@ -38,7 +38,7 @@ impl Material {
         progress.set_message("reading");
         let is_whole_package =
             budget.is_none() && matches!(Input::load(path)?, Input::Package(clip) if clip.plate.is_none());
-        let Subject { mut scene, mut field, .. } = Subject::load(path)?;
+        let ReportSubject { mut scene, mut field, .. } = ReportSubject::load(path)?;
         let info = &mut scene.info;
         if info.viewpoints.is_empty() {
             info.viewpoints.push(Viewpoint::framing(field.bounds(), info.up));

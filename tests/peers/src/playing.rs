@@ -10,8 +10,8 @@ use refine::image::Image;
 use refine::reference::{Order, Radius, RenderScene, coverage, render};
 use serde::Serialize;
 
-use crate::player::{Kind, Player, WebGl};
-use crate::spread::{Spread, in_turn};
+use crate::player::{PeerPlayer, PlayerKind, WebGl};
+use crate::spread::{MedianRange, in_turn};
 use crate::work::Work;
 
 /// Rounds of opening: a browser takes seconds to each.
@@ -22,18 +22,18 @@ const PICTURES: usize = 3;
 
 /// A player against this project's.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Row {
+pub(crate) struct PlayerRow {
     pub(crate) player: &'static str,
     /// What drew.
     pub(crate) device: String,
     /// Milliseconds of the middle frame of each round.
-    pub(crate) frame_ms: Spread,
+    pub(crate) frame_ms: MedianRange,
     /// Its time by ours, round by round.
-    pub(crate) frame_ratio: Spread,
+    pub(crate) frame_ratio: MedianRange,
     /// Milliseconds from the start to the first picture.
-    pub(crate) first_ms: Spread,
+    pub(crate) first_ms: MedianRange,
     /// Its time by ours, round by round.
-    pub(crate) first_ratio: Spread,
+    pub(crate) first_ratio: MedianRange,
     /// Mean over the frames of the pixel centres in rectangles of its reach.
     pub(crate) fragments: f64,
     /// PSNR in dB against the reference, over all pixels of all compared pictures.
@@ -43,13 +43,14 @@ pub(crate) struct Row {
 /// Has `kinds` play the work and the fields in `folder`, which belong to `clip`; the first is ours.
 /// Pictures are left in `folder`.
 pub(crate) fn compare(
-    kinds: &[Kind],
+    kinds: &[PlayerKind],
     (clip, work): (&Clip, &Work),
     folder: &Path,
     (rounds, web_gl): (usize, WebGl),
     progress: &ProgressBar,
-) -> anyhow::Result<Vec<Row>> {
-    let mut players: Vec<Player> = kinds.iter().map(|&kind| Player::new(kind, folder, web_gl)).collect();
+) -> anyhow::Result<Vec<PlayerRow>> {
+    let mut players: Vec<PeerPlayer> =
+        kinds.iter().map(|&kind| PeerPlayer::new(kind, folder, web_gl)).collect();
     let mut devices = vec![String::new(); players.len()];
     let mut first_ms = vec![Vec::new(); players.len()];
     for round in 0..OPENINGS {
@@ -65,19 +66,19 @@ pub(crate) fn compare(
     for round in 0..rounds {
         for i in in_turn(round, players.len()) {
             progress.set_message(format!("{}: playing, round {} of {rounds}", kinds[i].name(), round + 1));
-            frame_ms[i].push(Spread::of(players[i].play()?.frames_ms).median);
+            frame_ms[i].push(MedianRange::of(players[i].play()?.frames_ms).median);
         }
     }
 
     let psnrs = judge(&mut players, clip, work, folder, progress)?;
     progress.set_message("counting fragments");
-    let row = |i: usize| Row {
+    let row = |i: usize| PlayerRow {
         player: kinds[i].name(),
         device: devices[i].clone(),
-        frame_ms: Spread::of(frame_ms[i].clone()),
-        frame_ratio: Spread::of_ratios(&frame_ms[i], &frame_ms[0]),
-        first_ms: Spread::of(first_ms[i].clone()),
-        first_ratio: Spread::of_ratios(&first_ms[i], &first_ms[0]),
+        frame_ms: MedianRange::of(frame_ms[i].clone()),
+        frame_ratio: MedianRange::of_ratios(&frame_ms[i], &frame_ms[0]),
+        first_ms: MedianRange::of(first_ms[i].clone()),
+        first_ratio: MedianRange::of_ratios(&first_ms[i], &first_ms[0]),
         fragments: fragments(kinds[i], clip, work),
         psnr_db: psnrs[i],
     };
@@ -86,7 +87,7 @@ pub(crate) fn compare(
 
 /// PSNR in dB of the pictures of each player. Each frame is left as a strip, the reference at its left.
 fn judge(
-    players: &mut [Player],
+    players: &mut [PeerPlayer],
     clip: &Clip,
     work: &Work,
     folder: &Path,
@@ -129,14 +130,14 @@ fn side_by_side(pictures: &[Vec<u8>], work: &Work) -> RgbImage {
 
 /// What a player shades, as far as it draws every Gaussian as a rectangle of the reach that its
 /// shaders give it; counted where the reference sees the Gaussians.
-fn fragments(kind: Kind, clip: &Clip, work: &Work) -> f64 {
+fn fragments(kind: PlayerKind, clip: &Clip, work: &Work) -> f64 {
     let sqrt_8 = 8f64.sqrt();
     let radius = match kind {
-        Kind::Ours => Radius::Exact,
-        Kind::OursSqrt8 => Radius::AtMost(sqrt_8),
-        Kind::Gsplat | Kind::GsplatMended | Kind::Spark => Radius::Fixed(sqrt_8),
+        PlayerKind::Ours => Radius::Exact,
+        PlayerKind::OursSqrt8 => Radius::AtMost(sqrt_8),
+        PlayerKind::Gsplat | PlayerKind::GsplatMended | PlayerKind::Spark => Radius::Fixed(sqrt_8),
         // Its reach counts twice: in the length of the axes, and in how far along them it goes.
-        Kind::Viewer => Radius::Fixed(sqrt_8 * sqrt_8 / 2.0),
+        PlayerKind::Viewer => Radius::Fixed(sqrt_8 * sqrt_8 / 2.0),
     };
     let scene = RenderScene::from(clip);
     let all: u64 =

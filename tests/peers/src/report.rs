@@ -4,12 +4,12 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::spread::Spread;
+use crate::spread::MedianRange;
 use crate::{coding, playing};
 
 /// All that was measured of a field.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Report {
+pub(crate) struct PeerReport {
     /// Where the field comes from.
     pub(crate) name: String,
     /// Gaussians played.
@@ -27,17 +27,17 @@ pub(crate) struct Report {
     /// Rounds of playing.
     pub(crate) rounds: usize,
     /// The clip, playing, while the camera moves.
-    pub(crate) moving: Vec<playing::Row>,
+    pub(crate) moving: Vec<playing::PlayerRow>,
     /// An instant of it, while the camera moves.
-    pub(crate) frozen: Vec<playing::Row>,
+    pub(crate) frozen: Vec<playing::PlayerRow>,
     /// Files.
-    pub(crate) coding: Vec<coding::Row>,
+    pub(crate) coding: Vec<coding::CoderRow>,
 }
 
-impl Report {
+impl PeerReport {
     /// As Markdown.
     pub(crate) fn text(&self) -> String {
-        let Report { name, gaussians, machine, size: [width, height], frames, rounds, .. } = self;
+        let PeerReport { name, gaussians, machine, size: [width, height], frames, rounds, .. } = self;
         let mut text = format!(
             "## {name}: {gaussians} Gaussians\n\n\
              {machine}; {frames} frames of {width}x{height} in {rounds} rounds, one player after the other and in \
@@ -52,7 +52,7 @@ impl Report {
     }
 }
 
-fn players(text: &mut String, title: &str, rows: &[playing::Row]) {
+fn players(text: &mut String, title: &str, rows: &[playing::PlayerRow]) {
     let head = "| frame, ms | of ours | first picture, ms | of ours | fragments | PSNR, dB |";
     let _ = writeln!(text, "| {title} {head}\n|---|--:|--:|--:|--:|--:|--:|");
     for row in rows {
@@ -75,7 +75,7 @@ fn players(text: &mut String, title: &str, rows: &[playing::Row]) {
     text.push('\n');
 }
 
-fn coders(text: &mut String, rows: &[coding::Row]) {
+fn coders(text: &mut String, rows: &[coding::CoderRow]) {
     let head =
         "| leaves out | Gaussians | PSNR, dB | bytes | ours | of ours | decoded in ms | ours | of ours |";
     let _ = writeln!(text, "| Coder {head}\n|---|---|--:|--:|--:|--:|--:|--:|--:|--:|");
@@ -104,6 +104,6 @@ fn coders(text: &mut String, rows: &[coding::Row]) {
 }
 
 /// `median [least, most]`.
-fn spread(Spread { median, least, most }: Spread, digits: usize) -> String {
+fn spread(MedianRange { median, least, most }: MedianRange, digits: usize) -> String {
     format!("{median:.digits$} [{least:.digits$}, {most:.digits$}]")
 }

@@ -1,18 +1,18 @@
-//! [`Spread`] of what was measured several times, and the order in which to measure.
+//! [`MedianRange`] of what was measured several times, and the order in which to measure.
 
 use serde::Serialize;
 
 /// The middle of several numbers, and both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Spread {
+pub(crate) struct MedianRange {
     pub(crate) median: f64,
     pub(crate) least: f64,
     pub(crate) most: f64,
 }
 
-impl Spread {
+impl MedianRange {
     /// Of one number or more.
-    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Spread {
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> MedianRange {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
         let (first, last) = (sorted[0], sorted[sorted.len() - 1]);
@@ -21,12 +21,12 @@ impl Spread {
             0 => 0.5 * (sorted[middle - 1] + sorted[middle]),
             _ => sorted[middle],
         };
-        Spread { median, least: first, most: last }
+        MedianRange { median, least: first, most: last }
     }
 
     /// Of the ratios of numbers that were measured in the same round.
-    pub(crate) fn of_ratios(over: &[f64], under: &[f64]) -> Spread {
-        Spread::of(over.iter().zip(under).map(|(over, under)| over / under))
+    pub(crate) fn of_ratios(over: &[f64], under: &[f64]) -> MedianRange {
+        MedianRange::of(over.iter().zip(under).map(|(over, under)| over / under))
     }
 }
 
@@ -43,11 +43,11 @@ mod tests {
 
     #[test]
     fn middles_and_ends() {
-        assert_eq!(Spread::of([3.0, 1.0, 2.0]), Spread { median: 2.0, least: 1.0, most: 3.0 });
-        assert_eq!(Spread::of([4.0, 1.0]).median, 2.5);
+        assert_eq!(MedianRange::of([3.0, 1.0, 2.0]), MedianRange { median: 2.0, least: 1.0, most: 3.0 });
+        assert_eq!(MedianRange::of([4.0, 1.0]).median, 2.5);
         assert_eq!(
-            Spread::of_ratios(&[2.0, 6.0], &[1.0, 2.0]),
-            Spread { median: 2.5, least: 2.0, most: 3.0 }
+            MedianRange::of_ratios(&[2.0, 6.0], &[1.0, 2.0]),
+            MedianRange { median: 2.5, least: 2.0, most: 3.0 }
         );
     }
 

@@ -17,12 +17,12 @@ pub(crate) struct Work {
     /// Height of the pictures in pixels.
     pub(crate) height: u32,
     /// In the order in which they are played.
-    pub(crate) frames: Vec<Frame>,
+    pub(crate) frames: Vec<WorkFrame>,
 }
 
 /// What to draw.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Frame {
+pub(crate) struct WorkFrame {
     /// Clip time, in `[0, 1]`.
     pub(crate) t: f64,
     /// From where.
@@ -54,7 +54,7 @@ impl Work {
                 width,
                 height,
             );
-            Frame { t: t(part), camera }
+            WorkFrame { t: t(part), camera }
         };
         Work { width, height, frames: (0..count).map(frame).collect() }
     }

@@ -123,7 +123,7 @@ fn unsafe_code_stays_in_its_places_and_gives_its_reason() {
 }
 
 /// Packages whose files still use each other in cycles.
-const CYCLIC: [&str; 5] = ["client", "codec/refine", "tests/fuzz", "xtask", "xtask/studio"];
+const CYCLIC: &[&str] = &["tests/fuzz", "xtask", "xtask/studio"];
 
 #[test]
 fn files_use_each_other_one_way() {
@@ -206,7 +206,7 @@ const UNEXPLAINED: &[&str] = &[
     "xtask/studio/src/commands/inspect.rs",
     "xtask/studio/src/commands/takes.rs",
     "xtask/studio/src/fit/mod.rs",
-    "xtask/studio/src/package/choose.rs",
+    "xtask/studio/src/package/report.rs",
 ];
 
 #[test]

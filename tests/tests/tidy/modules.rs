@@ -82,13 +82,15 @@ impl Modules {
                 }
                 "mod" => {
                     let name = next.to_owned();
+                    let has_path = other_path.is_some();
                     let file = match other_path.take() {
                         Some(path) => self.0[module].file.with_file_name(path),
                         None => Some(folder.join(format!("{name}.rs")))
                             .filter(|file| file.is_file())
                             .unwrap_or_else(|| folder.join(&name).join("mod.rs")),
                     };
-                    let inner = folder.join(&name);
+                    // The children of a file with a path attribute are in its own folder.
+                    let inner = if has_path { file.parent().unwrap().to_owned() } else { folder.join(&name) };
                     let child = self.0.len();
                     self.0[module].children.insert(name, child);
                     let own = self.0[module].file.clone();

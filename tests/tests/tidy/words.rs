@@ -88,7 +88,6 @@ const REMAINING: &[&str] = &[
     "fine_tune",
     "fine_tuned",
     "fine_tuning",
-    "footage",
     "in_sight",
     "kept",
     "ladder",

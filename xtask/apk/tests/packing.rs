@@ -88,7 +88,8 @@ impl Workshop {
     fn pack(&self, out: &str) -> anyhow::Result<Contents> {
         let android = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../android");
         let [library, openxr_loader, clip, notices, out] =
-            ["libclient.so", "libopenxr_loader.so", "demo.aarc", "NOTICES.txt", out].map(|name| self.path(name));
+            ["libclient.so", "libopenxr_loader.so", "demo.aarc", "NOTICES.txt", out]
+                .map(|name| self.path(name));
         let parts = Parts {
             manifest: &android.join("AndroidManifest.xml"),
             icon: &android.join("icon.png"),

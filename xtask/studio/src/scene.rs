@@ -329,7 +329,7 @@ fn is_field_file(name: &str) -> bool {
     name == "meta.json" || ["ply", "splatv", "spz", "sog", "splat"].contains(&extension_of(name).as_str())
 }
 
-/// Whether an entry with this name says that a folder holds footage or its calibration.
+/// Whether an entry with this name says that a folder holds photographs or its calibration.
 fn is_capture_name(name: &str) -> bool {
     let extension = extension_of(name);
     let known = [

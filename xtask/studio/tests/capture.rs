@@ -8,8 +8,8 @@ use std::path::Path;
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use refine::capture::PhotoId;
 use serde_json::{Value, json};
-use studio::capture::Footage;
-use studio::synth::stage::{Settings, write};
+use studio::capture::CaptureFiles;
+use studio::synth::stage::{StageSettings, write};
 use tempfile::{TempDir, tempdir};
 use tool::{Outcome, aarc_studio};
 
@@ -21,7 +21,7 @@ struct Studio(TempDir);
 impl Studio {
     fn new() -> Studio {
         let folder = tempdir().unwrap();
-        let settings = Settings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
+        let settings = StageSettings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
         write(&folder.path().join("capture"), &settings, || ()).unwrap();
         assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
         Studio(folder)
@@ -60,8 +60,8 @@ impl Studio {
         self.eval().json()["splits"].clone()
     }
 
-    fn footage(&self) -> Footage {
-        Footage::open(&self.folder().join("capture")).unwrap()
+    fn capture_files(&self) -> CaptureFiles {
+        CaptureFiles::open(&self.folder().join("capture")).unwrap()
     }
 }
 
@@ -185,7 +185,7 @@ fn photographs_before_black_are_not_cut_out_twice() {
     let shot = PhotoId { camera: 0, frame: 0 };
     let saved = image::open(studio.file("images", 0, 0)).unwrap().to_rgb8();
     let mask = image::open(studio.file("masks", 0, 0)).unwrap().to_luma8();
-    let photo = |studio: &Studio| studio.footage().photo(shot).unwrap().image;
+    let photo = |studio: &Studio| studio.capture_files().photo(shot).unwrap().image;
     let of = |byte: u8| f64::from(byte) / 255.0;
     for (i, pixel) in photo(&studio).pixels.iter().enumerate() {
         let (x, y) = (i as u32 % SIDE, i as u32 / SIDE);
@@ -204,10 +204,10 @@ fn photographs_before_black_are_not_cut_out_twice() {
 #[test]
 fn depths_are_found_by_the_names_of_photographs() {
     let studio = Studio::new();
-    let footage = studio.footage();
+    let capture_files = studio.capture_files();
     let folder = studio.folder().join("network");
     fs::create_dir_all(folder.join("00")).unwrap();
-    let at = |frame| footage.depth(&folder, PhotoId { camera: 0, frame });
+    let at = |frame| capture_files.depth(&folder, PhotoId { camera: 0, frame });
     assert_eq!(at(0).unwrap(), None);
     let depths = ImageBuffer::from_fn(3, 2, |x, y| Luma([(1000 * y + x) as u16]));
     depths.save(folder.join("00/000000.png")).unwrap();

@@ -13,7 +13,7 @@ use image::{GenericImageView, RgbImage};
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
 use serde_json::{Value, json};
-use studio::capture::Footage;
+use studio::capture::CaptureFiles;
 use studio::export::field_file;
 use support::{data, info};
 use tempfile::{TempDir, tempdir};
@@ -458,14 +458,14 @@ fn a_package_is_judged_layer_by_layer() {
 #[test]
 fn cameras_of_a_real_capture_agree() {
     let Some(folder) = data("stage-knight") else { return };
-    let footage = Footage::open(&folder).unwrap();
-    let capture = &footage.capture;
+    let capture_files = CaptureFiles::open(&folder).unwrap();
+    let capture = &capture_files.capture;
     assert_eq!((capture.cameras.len(), capture.times.len(), capture.photos.len()), (32, 33, 32 * 33));
     let shot =
         |camera: usize| *capture.photos.iter().find(|shot| (shot.camera, shot.frame) == (camera, 7)).unwrap();
-    assert_eq!(footage.name(shot(8)), "08/000007");
-    let seen = footage.photo(shot(8)).unwrap().image;
-    let depth = footage.depth(&folder.join("depths"), shot(0)).unwrap().expect("depths");
+    assert_eq!(capture_files.name(shot(8)), "08/000007");
+    let seen = capture_files.photo(shot(8)).unwrap().image;
+    let depth = capture_files.depth(&folder.join("depths"), shot(0)).unwrap().expect("depths");
     let (from, to) = (&capture.cameras[0].camera, &capture.cameras[8].camera);
     let (mut inside, mut points) = (0, 0);
     for (i, z) in depth.depths.iter().map(|z| f64::from(*z)).enumerate().filter(|(_, z)| *z > 0.0) {
@@ -487,9 +487,9 @@ fn cameras_of_a_real_capture_agree() {
 #[test]
 fn blender_scenes_hold_their_test_cameras() {
     let Some(folder) = data("nerf-chair-400") else { return };
-    let footage = Footage::open(&folder).unwrap();
-    let held = footage.capture.cameras.iter().filter(|camera| camera.held).count();
-    assert_eq!((footage.capture.cameras.len(), held, footage.capture.times.len()), (110, 10, 1));
-    let photo = footage.photo(footage.capture.photos[0]).unwrap();
+    let capture_files = CaptureFiles::open(&folder).unwrap();
+    let held = capture_files.capture.cameras.iter().filter(|camera| camera.held).count();
+    assert_eq!((capture_files.capture.cameras.len(), held, capture_files.capture.times.len()), (110, 10, 1));
+    let photo = capture_files.photo(capture_files.capture.photos[0]).unwrap();
     assert_eq!((photo.image.width, photo.image.pixel(0, 0)[3]), (400, 0.0), "alpha is the mask");
 }

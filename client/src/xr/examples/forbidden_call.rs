@@ -1,12 +1,12 @@
-//! Asks the runtime for a headset of a kind that does not exist. Tests run this to see that the
-//! validation layer between program and runtime is awake.
+//! Asks the runtime for a kind of headset that does not exist. Tests run this to check that the validation layer
+//! between program and runtime is active.
 
 #![allow(unsafe_code, reason = "a library is loaded")]
 
 use openxr as xr;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // SAFETY: the OpenXR loader of the system is what it says.
+    // SAFETY: the library with this name is the system's OpenXR loader.
     let entry = unsafe { xr::Entry::load(&()) }?;
     let application = xr::ApplicationInfo {
         application_name: "forbidden call",

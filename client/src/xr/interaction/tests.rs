@@ -1,4 +1,4 @@
-//! Hands played through [`Interaction`], frame by frame.
+//! Hands fed to [`Interaction`], frame by frame.
 
 use codec::Viewpoint;
 use glam::{DVec3, Quat, Vec2, Vec3, dvec3, vec2, vec3};
@@ -9,7 +9,7 @@ use super::*;
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
 const FRAME_S: f64 = 0.1;
 
-/// An interaction with a player, and the hands that come next.
+/// An interaction with a player, and the hands of the next frame.
 struct Bench {
     interaction: Interaction,
     player: Player,
@@ -43,7 +43,7 @@ impl Bench {
         self.interaction.placement().unwrap()
     }
 
-    /// A frame; commands for the clock are carried out.
+    /// Runs a frame, and the commands for the clock.
     fn frame(&mut self) -> Vec<Command> {
         let mut commands = Vec::new();
         self.haptics = Haptics::default();
@@ -55,7 +55,7 @@ impl Bench {
         commands
     }
 
-    /// A frame with the hands as `change` makes them, which stay so.
+    /// Changes the hands, and runs a frame.
     fn with(&mut self, change: impl FnOnce(&mut Hands)) -> Vec<Command> {
         change(&mut self.hands);
         self.frame()
@@ -74,7 +74,7 @@ fn subject() -> Subject {
 }
 
 #[test]
-fn buttons_give_their_commands() {
+fn buttons_append_their_commands() {
     let mut bench = Bench::new();
     assert_eq!(bench.with(|hands| hands.right.primary = true), [Command::TogglePlaying]);
     assert!(!bench.player.is_playing());
@@ -96,7 +96,7 @@ fn buttons_give_their_commands() {
 }
 
 #[test]
-fn a_long_press_does_the_other_thing_and_only_that() {
+fn a_long_press_has_only_its_own_effect() {
     let mut bench = Bench::new();
     let mut commands = bench.with(|hands| hands.left.menu = true);
     for _ in 0..20 {
@@ -130,7 +130,7 @@ fn the_left_stick_steps_then_scrubs() {
 }
 
 #[test]
-fn the_right_stick_turns_by_steps_and_is_felt() {
+fn the_right_stick_turns_by_steps_with_a_pulse() {
     let mut bench = Bench::new();
     let before = *bench.placement();
     assert_eq!(bench.with(|hands| hands.right.stick = Vec2::X), []);
@@ -153,7 +153,7 @@ fn grips_carry_the_clip_and_so_does_a_trigger_off_the_panel() {
         bench.on_panel = [on_panel; 2];
         let before = bench.placement().position();
         bench.with(|hands| if select { hands.right.select = true } else { hands.right.squeeze = true });
-        // Coming upon the panel or leaving it meanwhile changes nothing.
+        // Crossing the panel meanwhile changes nothing.
         bench.on_panel = [!on_panel; 2];
         bench.with(|hands| hands.right.grip.position.y += 0.5);
         let moved = bench.placement().position() - before;
@@ -164,7 +164,7 @@ fn grips_carry_the_clip_and_so_does_a_trigger_off_the_panel() {
 }
 
 #[test]
-fn without_focus_or_tracking_nothing_happens_until_things_were_let_go() {
+fn after_a_loss_of_focus_or_tracking_buttons_need_a_release() {
     let mut bench = Bench::new();
     let away: [fn(&mut Bench, bool); 2] =
         [|bench, gone| bench.focused = !gone, |bench, gone| bench.hands.right.tracked = !gone];
@@ -188,7 +188,7 @@ fn without_focus_or_tracking_nothing_happens_until_things_were_let_go() {
 }
 
 #[test]
-fn before_there_is_a_clip_buttons_work_and_there_is_nothing_to_hold() {
+fn without_a_clip_buttons_work_and_hands_hold_nothing() {
     let mut bench = Bench::new();
     let subject = subject();
     bench.interaction.take_away();
@@ -198,7 +198,7 @@ fn before_there_is_a_clip_buttons_work_and_there_is_nothing_to_hold() {
     bench.interaction.recentre(&HEAD);
     assert!(!bench.interaction.is_holding() && bench.haptics == Haptics::default());
     assert!(bench.interaction.placement().is_none() && bench.interaction.stage_from_clip().is_none());
-    // A hand that was closed before it came holds it from where it is put.
+    // A hand that was closed before the clip came holds it from its initial place.
     bench.interaction.put(subject, subject.start(&HEAD));
     let before = *bench.placement();
     bench.frame();
@@ -206,7 +206,7 @@ fn before_there_is_a_clip_buttons_work_and_there_is_nothing_to_hold() {
 }
 
 #[test]
-fn recentre_brings_it_back() {
+fn recentre_brings_the_clip_back() {
     let mut bench = Bench::new();
     let start = *bench.placement();
     bench.with(|hands| hands.right.squeeze = true);
@@ -219,7 +219,7 @@ fn recentre_brings_it_back() {
 }
 
 #[test]
-fn whatever_hands_report_the_clip_has_a_place() {
+fn no_report_of_hands_displaces_the_clip_to_nowhere() {
     let mut bench = Bench::new();
     let mut random = Random::new(40);
     for frame in 0..3000 {

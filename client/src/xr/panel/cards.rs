@@ -46,16 +46,16 @@ pub(super) fn notice(ui: &Ui, notice: &Notice, time_s: f64, commands: &mut Vec<C
 
     let painter = ui.painter();
     card(painter, area);
-    let middle = area.center().y - 0.5 * below;
+    let center_y = area.center().y - 0.5 * below;
     if working {
-        draw_working(painter, pos2(MARGIN + 15.0, middle), 14.0, time_s, style::ACCENT);
+        draw_working(painter, pos2(MARGIN + 15.0, center_y), 14.0, time_s, style::ACCENT);
     } else {
-        let close = Rect::from_center_size(pos2(SIZE.x - 16.0 - 26.0, middle), vec2(52.0, 52.0));
+        let close = Rect::from_center_size(pos2(SIZE.x - 16.0 - 26.0, center_y), vec2(52.0, 52.0));
         if symbol_button(ui, close, "Close", State::default(), Symbol::Close, 22.0) {
             commands.push(Command::Dismiss);
         }
     }
-    let at = pos2(left, middle - 0.5 * galley.size().y);
+    let at = pos2(left, center_y - 0.5 * galley.size().y);
     painter.galley(at, galley, color);
     if let Some(part) = part {
         let track = rect(MARGIN, area.bottom() - 16.0 - BAR, SIZE.x - 2.0 * MARGIN, BAR);
@@ -73,7 +73,7 @@ pub(super) fn page(ui: &Ui, page: Page, state: &PanelState, bottom: f32) -> Rect
     match page {
         Page::Statistics => {
             let rows = state.statistics;
-            // Two columns, in reading order.
+            // Two columns, each filled from the top.
             let half = rows.len().div_ceil(2);
             let area = page_area(painter, "Statistics", half, bottom);
             for (column, rows) in rows.chunks(half.max(1)).enumerate() {

@@ -59,9 +59,9 @@ pub(super) fn show(ui: &Ui, state: &PanelState, open: OpenParts, commands: &mut 
 
 /// Shows the track over the whole clip; returns whether a hand holds it.
 fn timeline(ui: &Ui, area: Rect, player: &Player, commands: &mut Vec<Command>) -> bool {
-    let still = player.duration_s() <= 0.0;
-    let response = ui.interact(area, id("Timeline"), if still { Sense::hover() } else { Sense::drag() });
-    response.widget_info(|| WidgetInfo::slider(!still, player.position_s(), "Timeline"));
+    let is_static = player.duration_s() <= 0.0;
+    let response = ui.interact(area, id("Timeline"), if is_static { Sense::hover() } else { Sense::drag() });
+    response.widget_info(|| WidgetInfo::slider(!is_static, player.position_s(), "Timeline"));
     let held = response.is_pointer_button_down_on();
     let radius = if held { 20.0 } else { 16.0 };
     // The handle stays on the track at both ends.
@@ -76,7 +76,7 @@ fn timeline(ui: &Ui, area: Rect, player: &Player, commands: &mut Vec<Command>) -
     let track = Rect::from_x_y_ranges(left - 8.0..=right + 8.0, y - 7.0..=y + 7.0);
     let hovered = response.hovered() || held;
     painter.rect_filled(track, 7.0, if hovered { style::BUTTON_PRESSED } else { style::BUTTON_HOVERED });
-    if !still {
+    if !is_static {
         painter.rect_filled(track.with_max_x(handle.x), 7.0, style::ACCENT);
         painter.circle_filled(handle, radius, if hovered { Color32::WHITE } else { style::TEXT });
     }
@@ -107,8 +107,8 @@ pub(super) fn time_text(seconds: f64, minutes: bool) -> String {
 
 fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     let player = state.player;
-    let still = player.duration_s() <= 0.0;
-    let plain = State { disabled: still, ..State::default() };
+    let is_static = player.duration_s() <= 0.0;
+    let plain = State { disabled: is_static, ..State::default() };
     let mut press = |pressed: bool, command: Command| {
         if pressed {
             commands.push(command);
@@ -139,7 +139,7 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
 
     let next = rect(SIZE.x - MARGIN - 104.0, y, 104.0, ROW);
     let repeat = rect(next.left() - GAP - 104.0, y, 104.0, ROW);
-    let looping = State { chosen: player.is_looping() && !still, ..plain };
+    let looping = State { chosen: player.is_looping() && !is_static, ..plain };
     press(tile(ui, repeat, "Loop", looping, Symbol::Loop), Command::ToggleLoop);
     let has_next = State { disabled: !state.has_next, ..State::default() };
     press(tile(ui, next, "Next clip", has_next, Symbol::Next), Command::NextClip);
@@ -189,10 +189,10 @@ fn quality(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>)
     }
 
     let painter = ui.painter();
-    let middle = Rect::from_min_max(coarser.right_top(), better.left_bottom()).shrink2(vec2(GAP, 0.0));
-    painter.rect_filled(middle, style::BUTTON_RADIUS, style::BUTTON.gamma_multiply(0.5));
-    let place = |y: f32| pos2(middle.center().x, middle.top() + y);
-    let width = middle.width() - 16.0;
+    let field = Rect::from_min_max(coarser.right_top(), better.left_bottom()).shrink2(vec2(GAP, 0.0));
+    painter.rect_filled(field, style::BUTTON_RADIUS, style::BUTTON.gamma_multiply(0.5));
+    let place = |y: f32| pos2(field.center().x, field.top() + y);
+    let width = field.width() - 16.0;
     fitted(painter, place(24.0), Align2::CENTER_CENTER, name, style::font(24.0), style::TEXT, width);
     // One mark for each level, lit up to the level in use.
     let (count, lit) = (state.qualities.len(), state.qualities.len() - state.quality);

@@ -11,7 +11,7 @@ use crate::xr::interaction::{Hand, Hands, Pulse, Side};
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
 const FRAME_S: f64 = 0.02;
 
-/// A panel with the clock that it controls, and the hands that point at it.
+/// A panel, its player, and the hands that point at it.
 struct Bench {
     panel: Panel,
     player: Player,
@@ -54,7 +54,7 @@ impl Bench {
         }
     }
 
-    /// A frame, whose commands are carried out and kept.
+    /// Runs a frame, carries its commands out and records them.
     fn frame(&mut self) {
         self.commands.clear();
         self.haptics = Haptics::default();
@@ -78,7 +78,7 @@ impl Bench {
         }
     }
 
-    /// Points from where a hand would be at a place on the panel, in points.
+    /// Points a hand at a position on the panel, in points.
     fn aim(&mut self, side: Side, at: Pos2) {
         let position = vec3([-0.25, 0.25][side as usize], 1.1, -0.2);
         let direction = (self.panel.quad().stage_point(at) - position).normalize();
@@ -90,7 +90,7 @@ impl Bench {
         self.hand(side).aim = Pose { position: Vec3::Y, orientation: Quat::from_rotation_x(1.5) };
     }
 
-    /// The middle of what is called `name`.
+    /// Center of the control `name`.
     fn place(&self, name: &str) -> Pos2 {
         self.panel.ctx.read_response(id(name)).unwrap_or_else(|| panic!("{name} is not there")).rect.center()
     }
@@ -101,7 +101,7 @@ impl Bench {
         &self.commands
     }
 
-    /// Points at what is called `name`, presses it and lets go; what came of that.
+    /// Points at the control `name` and clicks; returns the commands.
     fn press(&mut self, side: Side, name: &str) -> Vec<Command> {
         let at = self.place(name);
         self.aim(side, at);
@@ -136,7 +136,7 @@ fn either_hand_presses_the_buttons() {
 }
 
 #[test]
-fn a_press_is_felt() {
+fn a_press_gives_a_pulse() {
     let mut bench = Bench::new();
     let at = bench.place("Play");
     bench.aim(Side::Left, at);
@@ -161,7 +161,7 @@ fn the_timeline_seeks_and_holds_even_beyond_the_panel() {
     bench.aim(Side::Right, pos2(9000.0, at.y));
     bench.frame();
     assert_eq!(bench.player.position_s(), 10.0);
-    // Past the plane: it stays where it was.
+    // Past the plane: the handle stays.
     bench.aim_away(Side::Right);
     bench.frame();
     assert!(bench.panel.is_scrubbing() && bench.player.position_s() == 10.0);
@@ -170,7 +170,7 @@ fn the_timeline_seeks_and_holds_even_beyond_the_panel() {
 }
 
 #[test]
-fn a_click_may_drift_and_is_taken_back_off_the_button() {
+fn a_click_may_drift_and_is_cancelled_off_the_button() {
     let mut bench = Bench::new();
     let at = bench.place("Play");
     bench.aim(Side::Right, at);
@@ -186,7 +186,7 @@ fn a_click_may_drift_and_is_taken_back_off_the_button() {
 }
 
 #[test]
-fn a_hand_that_is_lost_in_a_press_presses_nothing() {
+fn losing_the_hand_cancels_a_press() {
     for name in ["Play", "Exit"] {
         let mut bench = Bench::new();
         let at = bench.place(name);
@@ -213,7 +213,7 @@ fn the_other_hand_takes_over_as_it_presses() {
     assert_eq!(bench.panel.pointer.at().unwrap().0.round(), play.round(), "the first one keeps it");
     bench.select(Side::Right, true);
     assert_eq!(bench.panel.pointer.at().unwrap().0.round(), repeat.round());
-    // While it presses, the first one can do nothing.
+    // While it presses, the first one has no effect.
     bench.select(Side::Left, true);
     bench.select(Side::Left, false);
     assert_eq!(bench.commands, []);
@@ -221,7 +221,7 @@ fn the_other_hand_takes_over_as_it_presses() {
 }
 
 #[test]
-fn the_nearer_of_two_hands_comes_first() {
+fn the_nearer_of_two_hands_owns_the_pointer() {
     let mut bench = Bench::new();
     let (play, repeat) = (bench.place("Play"), bench.place("Loop"));
     bench.aim(Side::Left, play);
@@ -244,7 +244,7 @@ fn the_pointer_stays_a_little_beyond_the_edge() {
 }
 
 #[test]
-fn what_shows_nothing_is_not_the_panel() {
+fn empty_areas_are_not_part_of_the_panel() {
     let mut bench = Bench::new();
     let above = pos2(410.0, 300.0);
     bench.aim(Side::Right, above);
@@ -258,7 +258,7 @@ fn what_shows_nothing_is_not_the_panel() {
 }
 
 #[test]
-fn beams_end_on_the_panel_and_go_with_it() {
+fn rays_end_on_the_panel_and_hide_with_it() {
     let mut bench = Bench::new();
     let at = bench.place("Play");
     bench.aim(Side::Left, at);
@@ -276,7 +276,7 @@ fn beams_end_on_the_panel_and_go_with_it() {
 }
 
 #[test]
-fn exit_asks_once() {
+fn exit_needs_a_second_press() {
     let mut bench = Bench::new();
     assert_eq!(bench.press(Side::Right, "Exit"), []);
     assert_eq!(bench.press(Side::Right, "Exit"), [Command::Exit]);
@@ -288,7 +288,7 @@ fn exit_asks_once() {
 }
 
 #[test]
-fn a_notice_can_be_closed_and_work_cannot() {
+fn a_notice_can_be_closed_but_progress_cannot() {
     let mut bench = Bench::new();
     bench.notice = Some(Notice::Error("https://example.org/a.aarc: 404 Not Found: check the address"));
     bench.frame();
@@ -300,7 +300,7 @@ fn a_notice_can_be_closed_and_work_cannot() {
 }
 
 #[test]
-fn a_hidden_panel_takes_no_pointing_and_comes_back_before_the_viewer() {
+fn a_hidden_panel_takes_no_pointing_and_returns_in_front_of_the_viewer() {
     let mut bench = Bench::new();
     let at = bench.place("Timeline");
     bench.aim(Side::Right, at);
@@ -319,7 +319,7 @@ fn a_hidden_panel_takes_no_pointing_and_comes_back_before_the_viewer() {
 }
 
 #[test]
-fn it_is_painted_only_when_something_changes() {
+fn the_panel_is_painted_only_after_a_change() {
     let mut bench = Bench::new();
     bench.player.toggle_playing();
     for _ in 0..5 {

@@ -69,7 +69,7 @@ impl Notices {
         self.line.take_if(|line| matches!(line, Line::Working { .. }));
     }
 
-    /// Removes whatever is shown.
+    /// Removes the line.
     pub(super) fn dismiss(&mut self) {
         self.line = None;
     }

@@ -48,7 +48,7 @@ impl Place {
     }
 }
 
-/// Name of a clip in the store, the same wherever the program is started.
+/// Name of a clip in the store, independent of the working directory.
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if is_url(name) {

@@ -1,5 +1,5 @@
-//! Fuzz target: any bytes to the decoder, which gives an error with an offset or a valid clip
-//! within its limits, counted at the allocator.
+//! Fuzz target: decodes any bytes. The result must be an error with an offset or a valid clip, and peak
+//! memory, counted at the allocator, within the limits.
 #![no_main]
 
 use codec_fuzz::{
@@ -12,7 +12,7 @@ use peak_alloc::PeakAlloc;
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
 
-/// Most memory beside what [`LIMITS`] counts: the head, an error, the state of a coder.
+/// Memory that [`LIMITS`] does not count: the head, an error, the state of a coder.
 const UNCOUNTED_BYTES: usize = 16 << 10;
 
 fuzz_target!(|bytes: &[u8]| {

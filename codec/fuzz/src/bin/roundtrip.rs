@@ -1,4 +1,4 @@
-//! Fuzz target: a field made of any bytes, packaged by every coder, comes back.
+//! Fuzz target: packages a field made of any bytes with every coder, and checks the decoded clip.
 #![no_main]
 
 use codec_fuzz::properties::check_round_trip;

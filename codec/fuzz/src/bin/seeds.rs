@@ -1,5 +1,5 @@
-//! Writes the inputs that fuzzing starts from into the folders `decode` and `roundtrip` of the
-//! folder named on the command line.
+//! Writes the initial corpus to the folders `decode` and `roundtrip` in the folder given on the command
+//! line.
 
 use std::{env, fs, path::PathBuf};
 

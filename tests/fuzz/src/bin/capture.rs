@@ -1,4 +1,4 @@
-//! Fuzz target: any bytes as the files of a capture.
+//! Fuzz target: reads any bytes as the files of a capture.
 #![no_main]
 
 use aarc_fuzz::capture::check_capture;

@@ -1,4 +1,4 @@
-//! Fuzz target: any bytes as a fitted field in any format.
+//! Fuzz target: imports any bytes as a fitted field in any format.
 #![no_main]
 
 use aarc_fuzz::import::check_import;

@@ -1,4 +1,4 @@
-//! Fuzz target: any bytes as what a server answers.
+//! Fuzz target: any bytes as the answers of a server.
 #![no_main]
 
 use aarc_fuzz::net::check_dialogue;

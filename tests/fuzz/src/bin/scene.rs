@@ -1,4 +1,4 @@
-//! Fuzz target: any bytes as `scene.json` or a file of a camera.
+//! Fuzz target: reads any bytes as `scene.json` or as a camera file.
 #![no_main]
 
 use aarc_fuzz::scene::check_scene;

@@ -1,10 +1,9 @@
-//! Writes the inputs that fuzzing starts from into folders named as the targets, in the folder named
-//! on the command line.
+//! Writes the initial corpus to folders named like the targets, in the folder given on the command line.
 
 use std::{env, fs, path::PathBuf};
 
 use aarc_fuzz::seeds;
-// What is instrumented calls it.
+// The instrumentation calls it.
 use libfuzzer_sys as _;
 
 fn main() {

@@ -1,5 +1,5 @@
-//! Dialogues between the player's downloader and a server that any bytes make up: the downloader's
-//! own files, and in the place of HTTP a [`request::Server`] that keeps to it or does not.
+//! Dialogues between the player's downloader and a server that any bytes script. The downloader is the
+//! player's own code; a [`request::Server`], honest or not, replaces HTTP.
 
 #[path = "../../../../client/src/net/partial_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
@@ -33,7 +33,7 @@ use fetch::{Fetch, Outcome};
 use request::{Script, versions};
 use retry::RetryPolicy;
 
-/// Breaks are not waited after: what is fuzzed decides, not the clock.
+/// No waiting, so that the input alone determines the dialogue.
 const RETRY: RetryPolicy = RetryPolicy {
     response_timeout: Duration::ZERO,
     read_timeout: Duration::ZERO,
@@ -42,17 +42,17 @@ const RETRY: RetryPolicy = RetryPolicy {
     first_wait: Duration::ZERO,
 };
 
-/// Longest time for a dialogue, which takes microseconds.
-const LONGEST: Duration = Duration::from_secs(20);
+/// Longest time of a dialogue, which usually takes microseconds.
+const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Bytes that the downloader reads at a time, which come on top of the limits.
+/// Bytes that the downloader reads at a time, beyond the limits.
 const READ_BYTES: usize = 64 << 10;
 
-/// Holds the dialogue that `bytes` stand for.
+/// Runs the dialogue that `bytes` script.
 ///
 /// # Panics
-/// If the downloader hangs or keeps more than it may, or takes for a clip what is none of those that
-/// an honest server has.
+/// If the downloader hangs, keeps more bytes than its limits, or returns a clip that an honest server
+/// does not have.
 pub fn check_dialogue(bytes: &[u8]) {
     let script = Script::of(bytes);
     let (honest, known) = (script.is_honest(), script.known());
@@ -61,14 +61,14 @@ pub fn check_dialogue(bytes: &[u8]) {
     script.stage();
     let fetch = Fetch::start("", RETRY, limits.max_bytes, PartialFile::package(limits), known.clone())
         .expect("a thread can be started");
-    let mut state = fetch.wait(LONGEST, |state| state.outcome.is_some());
-    let kept = state.file.take();
-    assert!(kept.len() <= limits.max_bytes + READ_BYTES, "{} bytes kept", kept.len());
+    let mut state = fetch.wait(TIMEOUT, |state| state.outcome.is_some());
+    let received = state.file.take();
+    assert!(received.len() <= limits.max_bytes + READ_BYTES, "{} bytes received", received.len());
     match state.outcome.take().expect("every dialogue ends") {
         Outcome::Complete { .. } => {
-            assert!(!honest || versions().contains(&kept), "{} bytes of no version", kept.len());
+            assert!(!honest || versions().contains(&received), "{} bytes of no version", received.len());
         }
-        Outcome::Unchanged => assert!(known.is_some(), "unchanged from nothing"),
+        Outcome::Unchanged => assert!(known.is_some(), "unchanged without a known version"),
         Outcome::Failed { fault, .. } => {
             let text = fault.to_string();
             assert!(!text.is_empty() && !text.contains('\n'), "one line: {text}");

@@ -1,7 +1,7 @@
-//! [`Server`]: answers by a [`Script`] instead of HTTP.
+//! [`Server`]: answers from a [`Script`] instead of HTTP.
 //!
-//! An honest server has two versions of a file, changes from one to the other when it likes, keeps
-//! to RFC 9110, and breaks off wherever it likes. Any other says whatever it likes, too.
+//! An honest server follows RFC 9110. It has two versions of a file, switches between them at any time,
+//! and may close a connection anywhere. A dishonest server also sends arbitrary answers.
 
 use std::sync::{Mutex, OnceLock};
 
@@ -13,27 +13,27 @@ use super::retry::RetryPolicy;
 use super::transfer::FileRequest;
 use crate::seeds;
 
-/// Headers and the nonsense that may stand in them; a wait longer than none would be waited for.
+/// Headers, and values of `retry-after`; none is a positive wait, which the downloader would wait.
 const HEADERS: [&str; 5] = ["content-length", "content-range", "etag", "content-encoding", "retry-after"];
 const WAITS: [&str; 5] = ["0", "-1", "99", "18446744073709551616", "Wed, 21 Oct 2015 07:28:00 GMT"];
 
-/// Statuses that mean something, and some that do not.
+/// Statuses that the downloader knows, and others.
 const STATUSES: [u16; 12] = [200, 206, 304, 416, 503, 404, 200, 206, 100, 301, 204, 999];
 
-/// More requests than a downloader makes for one clip.
+/// Largest number of requests for one clip.
 const REQUESTS_MAX: usize = 101;
 
-/// What the next server does.
+/// Script of the next server.
 static STAGED: Mutex<Script> = Mutex::new(Script { bytes: Vec::new(), at: 0 });
 
-/// A script: bytes that are used up as they decide things, then zeros.
+/// Bytes that are consumed as decisions, then zeros.
 #[derive(Clone)]
 pub(crate) struct Script {
     bytes: Vec<u8>,
     at: usize,
 }
 
-/// How a server names versions.
+/// Entity tags of a server.
 #[derive(Clone, Copy, PartialEq)]
 enum Tags {
     Strong,
@@ -42,21 +42,21 @@ enum Tags {
 }
 
 impl Script {
-    /// The one that `bytes` are: the first is about the whole dialogue.
+    /// The script of an input, whose first byte describes the server.
     pub(super) fn of(bytes: &[u8]) -> Script {
         Script { bytes: bytes.to_vec(), at: 1 }
     }
 
-    /// For the server that is asked next.
+    /// Makes this the script of the next server.
     pub(super) fn stage(self) {
-        *STAGED.lock().expect("nobody panics with it") = self;
+        *STAGED.lock().expect("no panic while locked") = self;
     }
 
     fn manner(&self) -> u8 {
         self.bytes.first().copied().unwrap_or(0)
     }
 
-    /// Whether the server keeps to HTTP.
+    /// Whether the server follows RFC 9110.
     pub(super) fn is_honest(&self) -> bool {
         self.manner() & 1 == 0
     }
@@ -73,7 +73,7 @@ impl Script {
         }
     }
 
-    /// The version that the downloader has already.
+    /// The version that the downloader already has.
     pub(super) fn known(&self) -> Option<String> {
         (self.manner() & 0x10 != 0).then(|| tag(self.tags(), 0)).flatten()
     }
@@ -88,15 +88,14 @@ impl Script {
         usize::from(u16::from_le_bytes([self.u8(), self.u8()]))
     }
 
-    /// Up to so many bytes, as text.
-    fn text(&mut self, most: u8) -> String {
-        let length = usize::from(self.u8() % most);
-        // As in a header that could be read at all.
+    /// Fewer than `limit` printable characters.
+    fn text(&mut self, limit: u8) -> String {
+        let length = usize::from(self.u8() % limit);
         (0..length).map(|_| char::from(0x20 + self.u8() % 0x5f)).collect()
     }
 }
 
-/// What a server calls a version.
+/// The entity tag of a version.
 fn tag(tags: Tags, version: usize) -> Option<String> {
     match tags {
         Tags::Strong => Some(format!("\"{version}\"")),
@@ -105,7 +104,7 @@ fn tag(tags: Tags, version: usize) -> Option<String> {
     }
 }
 
-/// The versions of the file: of one length, with one head, and nothing else in common.
+/// The versions of the file, with equal lengths and heads and different sections.
 pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
     static VERSIONS: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
     VERSIONS.get_or_init(|| {
@@ -121,18 +120,18 @@ pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
 
 /// A server.
 pub(super) struct Server {
-    /// What it does, and how many requests it had.
+    /// Script and number of requests.
     state: Mutex<(Script, usize)>,
 }
 
 impl Server {
     pub(super) fn new(_url: &str, _retry: RetryPolicy) -> Result<Server, RequestError> {
-        let script = STAGED.lock().expect("nobody panics with it").clone();
+        let script = STAGED.lock().expect("no panic while locked").clone();
         Ok(Server { state: Mutex::new((script, 0)) })
     }
 
     pub(super) fn get(&self, request: &FileRequest) -> Result<(Head, ResponseBody), RequestError> {
-        let (script, requests) = &mut *self.state.lock().expect("nobody panics with it");
+        let (script, requests) = &mut *self.state.lock().expect("no panic while locked");
         *requests += 1;
         assert!(*requests <= REQUESTS_MAX, "{requests} requests");
         let flags = script.u8();
@@ -154,14 +153,14 @@ impl Server {
         };
         let header =
             |name: &str| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| text.as_str());
-        let cut = body.len().min(breaks.after);
-        // An end before the announced length does not pass for the end.
-        let ends = cut == body.len() || breaks.silently && header("content-length").is_none();
-        Ok((Head::parse(status, header), ResponseBody { body: body[..cut].to_vec(), at: 0, piece, ends }))
+        let sent = body.len().min(breaks.after);
+        // With an announced length, an early end is a broken connection.
+        let ends = sent == body.len() || breaks.silently && header("content-length").is_none();
+        Ok((Head::parse(status, header), ResponseBody { body: body[..sent].to_vec(), at: 0, piece, ends }))
     }
 }
 
-/// Where a connection breaks, and whether that looks like the end.
+/// Where a connection breaks, and whether that looks like its end.
 struct Breaks {
     after: usize,
     silently: bool,
@@ -170,35 +169,35 @@ struct Breaks {
 type Answer = (u16, Vec<(&'static str, String)>, Vec<u8>);
 
 fn honest(script: &Script, request: &FileRequest, version: usize, tells_length: bool) -> Answer {
-    let whole = &versions()[version];
+    let file = &versions()[version];
     let tag = tag(script.tags(), version);
     let mut headers: Vec<(&'static str, String)> = tag.iter().map(|tag| ("etag", tag.clone())).collect();
     if request.if_none_match.is_some() && request.if_none_match == tag {
         return (304, headers, Vec::new());
     }
     let first = usize::try_from(request.offset).unwrap_or(usize::MAX);
-    // Weak tags never match for parts.
+    // Weak tags never match for ranges.
     let same = script.tags() == Tags::Strong && request.if_range == tag;
     if first == 0 || !script.sends_parts() || request.if_range.is_some() && !same {
-        if tells_length {
-            headers.push(("content-length", whole.len().to_string()));
+        if sends_length {
+            headers.push(("content-length", file.len().to_string()));
         }
-        return (200, headers, whole.clone());
+        return (200, headers, file.clone());
     }
-    if first >= whole.len() {
-        return (416, vec![("content-range", format!("bytes */{}", whole.len()))], Vec::new());
+    if first >= file.len() {
+        return (416, vec![("content-range", format!("bytes */{}", file.len()))], Vec::new());
     }
-    headers.push(("content-range", format!("bytes {first}-{}/{}", whole.len() - 1, whole.len())));
-    headers.push(("content-length", (whole.len() - first).to_string()));
-    (206, headers, whole[first..].to_vec())
+    headers.push(("content-range", format!("bytes {first}-{}/{}", file.len() - 1, file.len())));
+    headers.push(("content-length", (file.len() - first).to_string()));
+    (206, headers, file[first..].to_vec())
 }
 
-fn lying(script: &mut Script, version: usize) -> Answer {
+fn dishonest(script: &mut Script, version: usize) -> Answer {
     let status = STATUSES[usize::from(script.u8()) % STATUSES.len()];
-    let said = script.u8();
+    let present = script.u8();
     let mut headers = Vec::new();
     for (i, name) in HEADERS.into_iter().enumerate() {
-        if said >> i & 1 == 0 {
+        if present >> i & 1 == 0 {
             continue;
         }
         let text = match (name, script.u8() % 4) {
@@ -227,9 +226,9 @@ fn lying(script: &mut Script, version: usize) -> Answer {
 pub(super) struct ResponseBody {
     body: Vec<u8>,
     at: usize,
-    /// Most that come at a time.
+    /// Largest number of bytes per read.
     piece: usize,
-    /// Whether what comes after them is the end, and not a break.
+    /// Whether the connection then ends, rather than breaks.
     ends: bool,
 }
 

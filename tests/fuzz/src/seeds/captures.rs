@@ -27,7 +27,7 @@ pub fn captures() -> Vec<Seed> {
     ]
 }
 
-/// This project's manifest, with lenses, masks and a camera that is held.
+/// This project's manifest, with lenses, masks and a held-out camera.
 pub(crate) fn manifest() -> String {
     let camera = |id: &str, held: bool| {
         format!(

@@ -1,4 +1,4 @@
-//! Fitted fields in every format that is read.
+//! Fitted fields in every importable format.
 
 use std::io::{Cursor, Read, Write};
 
@@ -11,14 +11,14 @@ use crate::import::{FILE, SOG_IMAGE, SOG_META, SPLAT};
 
 /// Inputs of the target `import`.
 pub fn fields() -> Vec<Seed> {
-    let still = Field { temporal: None, ..field(0) };
-    let colored = Field { sh_degree: 1, sh: vec![[0.1, 0.2, 0.3]; 16], ..still.clone() };
+    let fixed = Field { temporal: None, ..field(0) };
+    let colored = Field { sh_degree: 1, sh: vec![[0.1, 0.2, 0.3]; 16], ..fixed.clone() };
     let packed = spz(&colored, [0.0, 1.0, 0.0]);
     let mut plain = Vec::new();
     flate2::read::GzDecoder::new(&packed[..]).read_to_end(&mut plain).expect("our own file");
-    let mut moving = splatv(&field(3), &info());
-    // The rest of the texture's line.
-    moving.truncate(moving.len() - (1024 - 4) * 64);
+    let mut dynamic = splatv(&field(3), &info());
+    // The unused rest of the texture's line.
+    dynamic.truncate(dynamic.len() - (1024 - 4) * 64);
     let mut seeds = vec![
         seed("field-file.ply", FILE, &field_file(&field(2), &info())),
         seed("static.ply", FILE, &static_ply(&colored)),
@@ -28,7 +28,7 @@ pub fn fields() -> Vec<Seed> {
         seed("gzip.spz", FILE, &packed),
         seed("v3.spz", FILE, &plain),
         seed("v4.spz", FILE, &spz_v4(&plain)),
-        seed("moving.splatv", FILE, &moving),
+        seed("moving.splatv", FILE, &dynamic),
         seed(
             "still.splat",
             SPLAT,
@@ -80,7 +80,7 @@ fn compressed_ply() -> Vec<u8> {
     [head.as_bytes(), range.as_flattened(), &[0x55; 16], &[0xa3; 16]].concat()
 }
 
-/// Version 3 of a file as version 4: a longer head, and each array packed by itself.
+/// Converts a file of version 3 to version 4: a longer head, and each array compressed by itself.
 fn spz_v4(plain: &[u8]) -> Vec<u8> {
     let strides = [9, 1, 3, 3, 4, 9];
     let mut arrays = &plain[16..];

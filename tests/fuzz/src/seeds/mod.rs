@@ -1,4 +1,4 @@
-//! Inputs to start from: a small one of everything that is read.
+//! The initial corpus: a small input of every kind.
 
 mod captures;
 mod fields;
@@ -15,7 +15,7 @@ use crate::scene;
 /// An input and its name.
 pub type Seed = (String, Vec<u8>);
 
-/// Four Gaussians that move by polynomials of this order and turn.
+/// Four Gaussians with motion of this order and rotation.
 pub(crate) fn field(motion_order: u8) -> Field {
     let n = 4;
     let order = usize::from(motion_order);
@@ -60,15 +60,15 @@ pub fn scenes() -> Vec<Seed> {
     ]
 }
 
-/// Inputs of the target `net`: servers of every manner that answer twice, the first time by half.
+/// Inputs of the target `net`: servers of every kind that answer twice, the first time in part.
 pub fn dialogues() -> Vec<Seed> {
     let half = [0x22, 0x00, 0x02, 0x08];
-    let whole = [0x28, 0x08];
+    let complete = [0x28, 0x08];
     let lie =
         [0x20, 0x04, 0, 0x1f, 1, 1, 0, 0, 0, 0, 1, 0, 2, 0, 1, 5, 40, 41, 42, 43, 44, 0, 0, 0, 3, 9, 9, 9, 1];
     (0..32)
         .map(|manner: u8| {
-            let rest = if manner & 1 == 0 { [&half[..], &half, &whole].concat() } else { lie.repeat(2) };
+            let rest = if manner & 1 == 0 { [&half[..], &half, &complete].concat() } else { lie.repeat(2) };
             seed(&format!("manner-{manner:02}"), manner, &rest)
         })
         .collect()

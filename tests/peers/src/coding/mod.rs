@@ -14,7 +14,7 @@ use studio::export;
 
 use crate::material::Material;
 
-pub(crate) use judge::{Judge, Row, views_of};
+pub(crate) use judge::{CoderRow, Judge, views_of};
 
 /// Codes the material, and its instant at clip time `t`, with every coder. Writes files to `folder`.
 pub(crate) fn compare(
@@ -23,7 +23,7 @@ pub(crate) fn compare(
     folder: &Path,
     rounds: usize,
     progress: &ProgressBar,
-) -> anyhow::Result<Vec<Row>> {
+) -> anyhow::Result<Vec<CoderRow>> {
     let Material { field, info, .. } = material;
     let mut rows = Vec::new();
     let judge = Judge::new(field, info, progress);

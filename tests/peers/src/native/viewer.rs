@@ -14,8 +14,8 @@ use wgpu_3dgs_viewer::core::{
 };
 use wgpu_3dgs_viewer::{CameraTrait, Viewer as Peer};
 
-use super::drawer::Drawer;
-use crate::work::{Frame, Work};
+use super::renderer::PeerRenderer;
+use crate::work::{Work, WorkFrame};
 
 /// 8 bits per channel, as windows have.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -34,7 +34,7 @@ struct Viewer {
 }
 
 /// Opens the PLY file at `path`.
-pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn Drawer>> {
+pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let gaussians = Gaussians::read_from_file(path, GaussiansSource::Ply)?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
     let options = wgpu::RequestAdapterOptions {
@@ -70,13 +70,13 @@ pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn Drawer>> 
     Ok(Box::new(Viewer { adapter: adapter.get_info(), device, queue, peer, size, image, readback }))
 }
 
-impl Drawer for Viewer {
+impl PeerRenderer for Viewer {
     fn device(&self) -> String {
         let wgpu::AdapterInfo { name, driver, driver_info, .. } = &self.adapter;
         format!("{name}, {driver} {driver_info}")
     }
 
-    fn draw(&mut self, frame: &Frame) -> anyhow::Result<()> {
+    fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()> {
         self.peer.update_camera(&self.queue, &Eye(&frame.camera), self.size);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         self.peer.render(&mut encoder, &self.image.create_view(&Default::default()));

@@ -1,4 +1,4 @@
-//! [`Manifest`]: what a backbone's photographs are to be like, and what its values are called.
+//! [`Manifest`]: input size and normalisation of a backbone, and names of its input and output.
 
 use std::path::Path;
 
@@ -9,26 +9,26 @@ use serde::Deserialize;
 /// Name of the file.
 const FILE: &str = "backbone.json";
 
-/// Largest side of a photograph as a network sees it, in pixels.
+/// Largest side of a network's input in pixels.
 const SIDE_MAX: u32 = 1 << 14;
 
 /// See `xtask/CAPTURE.md`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Manifest {
-    /// Name of the photographs.
+    /// Name of the input: the photographs.
     #[serde(default = "image")]
     pub(super) input: String,
-    /// Name of the depths.
+    /// Name of the output: the depths.
     #[serde(default = "depth")]
     pub(super) output: String,
     /// Pixels that photographs are scaled to.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Whether it sees all photographs of an instant at once.
+    /// Whether the network takes all photographs of an instant at once.
     #[serde(default)]
     pub(super) together: bool,
-    /// What red, green and blue, 0 to 1, are diminished and then divided by.
+    /// Normalisation of red, green and blue in `[0, 1]`: subtract `mean`, divide by `std`.
     #[serde(default)]
     mean: [f32; 3],
     #[serde(default = "one")]

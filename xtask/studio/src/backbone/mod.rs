@@ -1,8 +1,8 @@
-//! [`Backbone`]: a network that tells depths, as a folder of ONNX stages on ONNX Runtime.
+//! [`Backbone`]: a depth network, as a folder of ONNX stages on ONNX Runtime.
 //!
-//! The stages are files that run one after the other; what one gives is what later ones take, by
-//! name. There is one session at a time, dropped before the next is made, so that memory is that of
-//! the largest stage and what passes between them, however large the network. The format of the
+//! The stages are files that run one after the other; outputs of a stage are inputs of later ones, by
+//! name. There is one session at a time, dropped before the next one is made, so that memory is bounded
+//! by the largest stage and the values between stages. The format of the
 //! folder is described in `xtask/CAPTURE.md`.
 
 mod manifest;
@@ -33,7 +33,7 @@ pub struct Backbone {
     loaded: Option<(usize, Session)>,
 }
 
-/// What passes between stages.
+/// A value that passes between stages.
 #[derive(Debug)]
 struct Tensor {
     shape: Vec<i64>,
@@ -46,15 +46,15 @@ enum Values {
     Whole(Vec<i64>),
 }
 
-/// What is known so far, by name.
+/// Values so far, by name.
 type Known = BTreeMap<String, Tensor>;
 
 impl Backbone {
     /// Reads the manifest of `folder`, lists its stages and loads ONNX Runtime.
     ///
     /// # Errors
-    /// [`Fault::Data`] where the folder is not a backbone, [`Fault::Device`] where there is no runtime,
-    /// with what to do about it.
+    /// [`Fault::Data`] if the folder is not a backbone, [`Fault::Device`] if there is no runtime, with the
+    /// remedy.
     pub fn open(folder: &Path) -> Result<Backbone, Fault> {
         let manifest = Manifest::load(folder)?;
         let bad = |error: std::io::Error| Fault::Data(format!("{}: {error}", folder.display()));
@@ -74,18 +74,18 @@ impl Backbone {
         Ok(Backbone { folder: folder.to_owned(), manifest, stages, loaded: None })
     }
 
-    /// Depth maps of photographs of one instant, in their order; each as large as the network makes it,
-    /// up to a scale. Photographs are scaled to the network's size as they come.
+    /// Depth maps of photographs of one instant, in their order, each of the network's output size and up to
+    /// a scale. Photographs are scaled to the network's input size one at a time.
     ///
     /// # Errors
-    /// Those of `photographs`; [`Fault::Data`] that names the stage and what does not fit.
+    /// Errors of `photographs`; [`Fault::Data`] that names the stage and the mismatch.
     pub fn depths(
         &mut self,
         photographs: impl Iterator<Item = Result<RgbImage, Fault>>,
     ) -> Result<Vec<DepthMap>, Fault> {
         let Manifest { width, height, .. } = self.manifest;
         let planes = photographs.map(|photograph| {
-            // A cubic that covers what a smaller pixel covers.
+            // A cubic filter as wide as an output pixel.
             let scaled = resize(&photograph?, width, height, FilterType::CatmullRom);
             Ok(self.manifest.planes(&scaled))
         });
@@ -116,8 +116,7 @@ impl Backbone {
         Ok(maps)
     }
 
-    /// Makes the session of a stage, after the one before it is gone; a network of one stage is loaded
-    /// once.
+    /// Makes the session of a stage after dropping the previous one. A network of one stage is loaded once.
     fn load(&mut self, stage: usize) -> Result<(), Fault> {
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != stage) {
             self.loaded = None;
@@ -129,8 +128,7 @@ impl Backbone {
         Ok(())
     }
 
-    /// Runs the stage that is loaded: adds what it gives to what is known, in the place of what had the
-    /// same name.
+    /// Runs the loaded stage and adds its outputs to the known values, replacing those of equal names.
     fn run(&mut self, known: &mut Known) -> Result<(), Fault> {
         let (stage, session) = self.loaded.as_mut().expect("a stage is loaded");
         let path = &self.stages[*stage];
@@ -182,12 +180,12 @@ impl Backbone {
         Ok(())
     }
 
-    /// The maps of so many views.
+    /// Splits an output into the maps of `views` photographs.
     fn maps(&self, Tensor { shape, values }: Tensor, views: usize) -> Result<Vec<DepthMap>, Fault> {
         let output = &self.manifest.output;
         let bad = |what: String| Fault::Data(format!("{}: \"{output}\" {what}", self.folder.display()));
         let Values::Float(values) = values else { return Err(bad("is not float32".into())) };
-        // Channels, batches and scenes of one say nothing.
+        // Channel, batch and scene dimensions may be 1.
         let sides: Vec<usize> = shape.iter().filter(|side| **side != 1).map(|side| *side as usize).collect();
         let [height, width] = match (views, &sides[..]) {
             (1, [height, width]) => [*height, *width],
@@ -208,7 +206,7 @@ impl Backbone {
     }
 }
 
-/// Number of dimensions that a tensor is declared with.
+/// Declared number of dimensions of a tensor.
 fn rank(kind: &ValueType) -> Option<usize> {
     match kind {
         ValueType::Tensor { shape, .. } => Some(shape.len()),

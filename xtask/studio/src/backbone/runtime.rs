@@ -1,4 +1,4 @@
-//! ONNX Runtime: found and loaded when it is needed, and sessions of it.
+//! ONNX Runtime: loaded on first use, and its sessions.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::fmt::Display;
@@ -11,15 +11,15 @@ use ort::logging::LogLevel;
 use ort::session::Session;
 use program::Fault;
 
-/// Variable of the environment that says where the library is.
+/// Environment variable with the path of the library.
 const VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// The runtime, loaded at the first call.
 ///
 /// # Errors
-/// [`Fault::Device`] that says what to install or set.
+/// [`Fault::Device`] with the remedy.
 pub(super) fn environment() -> Result<&'static Environment, Fault> {
-    /// There can be one in a process.
+    /// A process can have only one.
     static ENVIRONMENT: OnceLock<Result<Environment, String>> = OnceLock::new();
     let environment = ENVIRONMENT.get_or_init(|| {
         let builder = ort::init_from(library()).map_err(|error| one_line(&error))?;
@@ -35,7 +35,7 @@ pub(super) fn environment() -> Result<&'static Environment, Fault> {
     })
 }
 
-/// Where the library is, or its name for the system to look for.
+/// Path of the library, or its name for the system's search.
 fn library() -> PathBuf {
     match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
         // Relative paths are the user's, not the program's.
@@ -44,11 +44,10 @@ fn library() -> PathBuf {
     }
 }
 
-/// A session of the model at `path`, which gives back what it takes when it is dropped: no arena that
-/// keeps memory for the next run.
+/// A session of the model at `path` that frees its memory when dropped: it uses no arena.
 ///
 /// # Errors
-/// What the runtime says.
+/// The runtime's message.
 pub(super) fn session(path: &Path) -> Result<Session, String> {
     let environment = environment().map_err(|fault| fault.to_string())?;
     let builder = Session::builder(environment).map_err(|error| error.to_string())?;
@@ -58,7 +57,7 @@ pub(super) fn session(path: &Path) -> Result<Session, String> {
     builder.commit_from_file(path).map_err(|error| error.to_string())
 }
 
-/// A message that may have several lines, in one.
+/// Joins the lines of a message.
 pub(super) fn one_line(message: &impl Display) -> String {
     message.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -9,7 +9,8 @@ use glam::{DMat3, DQuat};
 use program::Fault;
 use refine::capture::Lens;
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// Folders that a model can be in.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
@@ -33,7 +34,7 @@ struct Pose {
     name: String,
 }
 
-pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<Footage> {
+pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> {
     let (cameras, poses) = match model.join("cameras.bin").is_file() {
         true => {
             let (cameras, images) = (model.join("cameras.bin"), model.join("images.bin"));
@@ -45,7 +46,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<Footage> {
         }
     };
     let masks = Some(folder.join("masks")).filter(|path| path.is_dir());
-    let mut builder = Builder::default();
+    let mut builder = CaptureBuilder::default();
     for pose in poses {
         let path = folder.join("images").join(&pose.name);
         if !path.is_file() {
@@ -72,9 +73,9 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<Footage> {
             None => None,
         };
         let index = builder.camera(&name, camera, *lens, false);
-        builder.shot(index, 0, Files { name, image: path, mask });
+        builder.photo(index, 0, PhotoFiles { name, image: path, mask });
     }
-    Ok(builder.footage(vec![0.0]))
+    Ok(builder.build(vec![0.0]))
 }
 
 /// The camera models that are supported, by number and name, with their number of parameters.

@@ -13,7 +13,8 @@ use program::Fault;
 use refine::anchor::DepthMap;
 use refine::capture::{CalibratedCamera, Lens, PhotoId};
 
-use super::{Footage, bad, read};
+use super::capture_files::CaptureFiles;
+use super::image_file::{bad, read};
 
 /// Metres, or whatever the capture's unit is, for each step of a 16-bit image.
 const PNG_STEP: f32 = 1e-3;
@@ -22,7 +23,7 @@ const PNG_STEP: f32 = 1e-3;
 const SIDE_MAX: usize = 1 << 14;
 const BYTES_MAX: u64 = (8 * SIDE_MAX * SIDE_MAX + (1 << 16)) as u64;
 
-impl Footage {
+impl CaptureFiles {
     /// The depths of a photograph from `folder`: `NAME.png`, `.pfm` or `.npy`, where NAME is that of
     /// the photograph. Undistorted as the photograph is. `None` where there is no such file.
     ///
@@ -30,11 +31,11 @@ impl Footage {
     /// [`Fault::Data`] that names the file and what is wrong with it.
     ///
     /// # Panics
-    /// If `shot` is not of this capture.
-    pub fn depth(&self, folder: &Path, shot: PhotoId) -> Result<Option<DepthMap>, Fault> {
-        let CalibratedCamera { camera, lens, .. } = &self.capture.cameras[shot.camera];
+    /// If `photo_id` is not of this capture.
+    pub fn depth(&self, folder: &Path, photo_id: PhotoId) -> Result<Option<DepthMap>, Fault> {
+        let CalibratedCamera { camera, lens, .. } = &self.capture.cameras[photo_id.camera];
         for (ending, read) in [("png", png as fn(&Path) -> _), ("pfm", pfm), ("npy", npy)] {
-            let path = folder.join(format!("{}.{ending}", self.name(shot)));
+            let path = folder.join(format!("{}.{ending}", self.name(photo_id)));
             if path.is_file() {
                 let map = read(&path)?;
                 return Ok(Some(if lens.is_none() { map } else { undistorted(&map, camera, lens) }));

@@ -11,7 +11,8 @@ use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{Lens, even_times};
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, rigid, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// File of the intrinsics, by which the layout is known.
 pub(super) const INTRINSICS: &str = "intri.yml";
@@ -20,7 +21,7 @@ const EXTRINSICS: &str = "extri.yml";
 /// Names that the folder of masks goes by.
 const MASKS: [&str; 2] = ["masks", "mask"];
 
-pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
+pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let storage = |name: &str| {
         let path = folder.join(name);
         let text = read_text(&path)?;
@@ -34,8 +35,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
     }
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
 
-    let mut builder = Builder::default();
-    let mut found: Vec<(usize, String, Files)> = Vec::new();
+    let mut builder = CaptureBuilder::default();
+    let mut found: Vec<(usize, String, PhotoFiles)> = Vec::new();
     for name in &names {
         let images = folder.join("images").join(name);
         let mut frames = frames(&images)?;
@@ -73,16 +74,16 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
                 }
                 None => None,
             };
-            found.push((index, frame, Files { name, image, mask }));
+            found.push((index, frame, PhotoFiles { name, image, mask }));
         }
     }
     let frames: BTreeSet<String> = found.iter().map(|(_, frame, _)| frame.clone()).collect();
     let frames = in_order(frames);
     let numbered: BTreeMap<&String, usize> = frames.iter().enumerate().map(|(i, frame)| (frame, i)).collect();
     for (camera, frame, files) in found {
-        builder.shot(camera, numbered[&frame], files);
+        builder.photo(camera, numbered[&frame], files);
     }
-    Ok(builder.footage(even_times(numbered.len())))
+    Ok(builder.build(even_times(numbered.len())))
 }
 
 /// Names in the order of their numbers where all are numbers, whether or not with leading zeros.

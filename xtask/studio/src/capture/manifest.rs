@@ -6,7 +6,8 @@ use std::path::Path;
 use refine::capture::{Lens, even_times};
 use serde::Deserialize;
 
-use super::{Builder, Files, Footage, bad, pinhole, read_text};
+use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
+use super::image_file::{bad, read_text};
 
 /// The manifest, by which the layout is known.
 pub(super) const FILE: &str = "capture.json";
@@ -26,12 +27,12 @@ struct Manifest {
     first_frame: usize,
     images: String,
     masks: Option<String>,
-    cameras: Vec<Entry>,
+    cameras: Vec<ManifestCamera>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+struct ManifestCamera {
     id: String,
     w: u32,
     h: u32,
@@ -44,11 +45,11 @@ struct Entry {
     held: bool,
 }
 
-pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
+pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
     manifest.check().map_err(|what| bad(&path, what))?;
-    let mut builder = Builder::default();
+    let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
         let lens =
             Lens::from_opencv(&entry.d).map_err(|what| bad(&path, format!("camera {}: {what}", entry.id)))?;
@@ -71,10 +72,10 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<Footage> {
             }
             let name = Path::new(&named(&manifest.images).unwrap_or_default()).with_extension("");
             let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy().into_owned();
-            builder.shot(index, frame, Files { name, image, mask });
+            builder.photo(index, frame, PhotoFiles { name, image, mask });
         }
     }
-    Ok(builder.footage(even_times(manifest.frames)))
+    Ok(builder.build(even_times(manifest.frames)))
 }
 
 impl Manifest {
@@ -88,7 +89,7 @@ impl Manifest {
             return Err(format!("first_frame {first_frame} is too large"));
         }
         let mut names = BTreeSet::new();
-        for Entry { id, k, .. } in cameras {
+        for ManifestCamera { id, k, .. } in cameras {
             if !names.insert(id) {
                 return Err(format!("camera {id} is there twice"));
             }

@@ -5,9 +5,9 @@ use std::ops::Range;
 use codec::Camera;
 use program::Fault;
 
-use super::Footage;
+use super::capture_files::CaptureFiles;
 
-impl Footage {
+impl CaptureFiles {
     /// Keeps the cameras with these names.
     ///
     /// # Errors
@@ -22,11 +22,11 @@ impl Footage {
         cameras.retain(|_| *keep.next().expect("one for each camera"));
         let mut keep = kept.iter();
         self.taken_by.retain(|_| *keep.next().expect("one for each camera"));
-        let files = std::mem::take(&mut self.files).into_iter().filter(|(shot, _)| kept[shot.camera]);
+        let files = std::mem::take(&mut self.files).into_iter().filter(|(photo_id, _)| kept[photo_id.camera]);
         self.files = files
-            .map(|(mut shot, files)| {
-                shot.camera = kept[..shot.camera].iter().filter(|kept| **kept).count();
-                (shot, files)
+            .map(|(mut photo_id, files)| {
+                photo_id.camera = kept[..photo_id.camera].iter().filter(|kept| **kept).count();
+                (photo_id, files)
             })
             .collect();
         self.capture.photos = self.files.keys().copied().collect();
@@ -46,10 +46,10 @@ impl Footage {
         }
         let files = std::mem::take(&mut self.files).into_iter();
         self.files = files
-            .filter(|(shot, _)| frames.contains(&shot.frame))
-            .map(|(mut shot, files)| {
-                shot.frame -= frames.start;
-                (shot, files)
+            .filter(|(photo_id, _)| frames.contains(&photo_id.frame))
+            .map(|(mut photo_id, files)| {
+                photo_id.frame -= frames.start;
+                (photo_id, files)
             })
             .collect();
         capture.photos = self.files.keys().copied().collect();
@@ -60,7 +60,7 @@ impl Footage {
         capture.times = times.iter().map(|t| (t - first) / duration).collect();
         // Of some captures every camera took one photograph.
         let used: Vec<String> = (0..capture.cameras.len())
-            .filter(|camera| capture.photos.iter().any(|shot| shot.camera == *camera))
+            .filter(|camera| capture.photos.iter().any(|photo_id| photo_id.camera == *camera))
             .map(|camera| capture.cameras[camera].name.clone())
             .collect();
         self.keep_cameras(&used)
@@ -97,60 +97,61 @@ fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
 mod tests {
     use refine::capture::{Capture, Lens, PhotoId};
 
-    use super::super::{Builder, Files};
+    use super::super::capture_files::{CaptureBuilder, PhotoFiles};
     use super::*;
 
     /// Two cameras of 40x30 pixels and five frames.
-    fn footage() -> Footage {
-        let mut builder = Builder::default();
+    fn capture_files() -> CaptureFiles {
+        let mut builder = CaptureBuilder::default();
         for name in ["a", "b"] {
             let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 40, 30);
             let index = builder.camera(name, camera, Lens::default(), false);
             for frame in 0..5 {
-                let files = Files { name: format!("{name}/{frame}"), image: Default::default(), mask: None };
-                builder.shot(index, frame, files);
+                let files =
+                    PhotoFiles { name: format!("{name}/{frame}"), image: Default::default(), mask: None };
+                builder.photo(index, frame, files);
             }
         }
-        builder.footage(refine::capture::even_times(5))
+        builder.build(refine::capture::even_times(5))
     }
 
     #[test]
     fn frames_are_cut_out_and_fill_the_clip() {
-        let mut footage = footage();
-        footage.keep_frames(1..4).unwrap();
-        let Capture { times, photos, .. } = &footage.capture;
+        let mut capture_files = capture_files();
+        capture_files.keep_frames(1..4).unwrap();
+        let Capture { times, photos, .. } = &capture_files.capture;
         assert_eq!(times, &[0.0, 0.5, 1.0]);
         assert_eq!(photos.len(), 6);
-        assert_eq!(footage.name(PhotoId { frame: 2, camera: 1 }), "b/3");
-        footage.keep_frames(1..2).unwrap();
-        assert_eq!(footage.capture.times, [0.0]);
+        assert_eq!(capture_files.name(PhotoId { frame: 2, camera: 1 }), "b/3");
+        capture_files.keep_frames(1..2).unwrap();
+        assert_eq!(capture_files.capture.times, [0.0]);
         for wrong in [0..2, 1..1] {
-            assert!(matches!(footage.keep_frames(wrong), Err(Fault::Usage(_))));
+            assert!(matches!(capture_files.keep_frames(wrong), Err(Fault::Usage(_))));
         }
     }
 
     #[test]
     fn cameras_are_picked_by_name() {
-        let mut footage = footage();
-        footage.keep_cameras(&["b".into()]).unwrap();
-        assert_eq!(footage.capture.cameras.len(), 1);
-        assert_eq!(footage.name(PhotoId { frame: 4, camera: 0 }), "b/4");
-        assert_eq!(footage.capture.photos.len(), 5);
-        assert!(matches!(footage.keep_cameras(&["a".into()]), Err(Fault::Usage(_))));
+        let mut capture_files = capture_files();
+        capture_files.keep_cameras(&["b".into()]).unwrap();
+        assert_eq!(capture_files.capture.cameras.len(), 1);
+        assert_eq!(capture_files.name(PhotoId { frame: 4, camera: 0 }), "b/4");
+        assert_eq!(capture_files.capture.photos.len(), 5);
+        assert!(matches!(capture_files.keep_cameras(&["a".into()]), Err(Fault::Usage(_))));
     }
 
     #[test]
     fn a_smaller_camera_sees_the_same() {
-        let mut footage = footage();
-        let before = footage.capture.cameras[0].camera.clone();
-        footage.shrink(20, 10).unwrap();
-        let after = &footage.capture.cameras[0].camera;
+        let mut capture_files = capture_files();
+        let before = capture_files.capture.cameras[0].camera.clone();
+        capture_files.shrink(20, 10).unwrap();
+        let after = &capture_files.capture.cameras[0].camera;
         assert_eq!((after.width, after.height), (20, 10));
         for i in 0..2 {
             let factor = [0.5, 1.0 / 3.0][i];
             assert!((after.k[i][i] - before.k[i][i] * factor).abs() < 1e-12);
             assert!((after.k[i][2] - before.k[i][2] * factor).abs() < 1e-12);
         }
-        assert!(matches!(footage.shrink(21, 10), Err(Fault::Usage(_))));
+        assert!(matches!(capture_files.shrink(21, 10), Err(Fault::Usage(_))));
     }
 }

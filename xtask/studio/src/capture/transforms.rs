@@ -10,7 +10,8 @@ use glam::{DMat4, DVec4};
 use refine::capture::Lens;
 use serde::Deserialize;
 
-use super::{Builder, Files, Footage, bad, find_image, pinhole, read_text, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
+use super::image_file::{bad, find_image, read_text, size_of};
 
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
@@ -64,8 +65,8 @@ pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
     }
 }
 
-pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Footage> {
-    let mut builder = Builder::default();
+pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<CaptureFiles> {
+    let mut builder = CaptureBuilder::default();
     let mut found = Vec::new();
     for (path, held) in files {
         let transforms: Transforms =
@@ -95,7 +96,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Fo
             }
             let name = Path::new(&name).with_extension("").to_string_lossy().into_owned();
             let index = builder.camera(&name, camera, lens, *held);
-            found.push((index, time, Files { name, image, mask }));
+            found.push((index, time, PhotoFiles { name, image, mask }));
         }
     }
     let mut times: Vec<f64> = found.iter().map(|(_, time, _)| *time).collect();
@@ -103,9 +104,9 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Fo
     times.dedup();
     for (camera, time, files) in found {
         let frame = times.partition_point(|other| *other < time);
-        builder.shot(camera, frame, files);
+        builder.photo(camera, frame, files);
     }
-    Ok(builder.footage(from_start_to_end(&times)))
+    Ok(builder.build(from_start_to_end(&times)))
 }
 
 /// Times of frames, rising, as clip times: the first is the start and the last the end, whatever part

@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Once;
 
-use crate::capture::Footage;
-use crate::fit::Shots;
+use crate::capture::CaptureFiles;
+use crate::fit::TrainingViews;
 use crate::scene::DEFAULT_FPS;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -50,23 +50,23 @@ impl From<HeldFrames> for Holdout {
 
 impl FrameSelection {
     /// Opens a capture and selects from it.
-    pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<Footage> {
-        let mut footage = Footage::open(folder)?;
+    pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<CaptureFiles> {
+        let mut capture_files = CaptureFiles::open(folder)?;
         if !self.cameras.is_empty() {
-            footage.keep_cameras(&self.cameras)?;
+            capture_files.keep_cameras(&self.cameras)?;
         }
         if let Some(frames) = &self.frames {
-            footage.keep_frames(frames.clone())?;
+            capture_files.keep_frames(frames.clone())?;
         }
         if let Some((width, height)) = self.size {
-            footage.shrink(width, height)?;
+            capture_files.shrink(width, height)?;
         }
         for name in &self.held_cameras {
-            let found = footage.capture.cameras.iter_mut().find(|camera| camera.name == *name);
+            let found = capture_files.capture.cameras.iter_mut().find(|camera| camera.name == *name);
             let missing = || Fault::Usage(format!("--held-cameras: the capture has no camera \"{name}\""));
             found.ok_or_else(missing)?.held = true;
         }
-        Ok(footage)
+        Ok(capture_files)
     }
 
     /// Whether it selects a whole capture.
@@ -79,9 +79,10 @@ impl FrameSelection {
 }
 
 /// The number of cameras and frames, and of photographs in each split, in one line.
-pub(crate) fn describe(footage: &Footage, holdout: Holdout) -> Result<String, Fault> {
-    let cameras = &footage.capture.cameras;
-    let splits = Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
+pub(crate) fn describe(capture_files: &CaptureFiles, holdout: Holdout) -> Result<String, Fault> {
+    let cameras = &capture_files.capture.cameras;
+    let splits =
+        Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
     let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
     let [train, interp_b, recon, interp_a] = Split::ALL.map(count);
     Ok(format!(
@@ -89,18 +90,21 @@ pub(crate) fn describe(footage: &Footage, holdout: Holdout) -> Result<String, Fa
          held frames, {recon} of held cameras, {interp_a} of both",
         cameras.len(),
         cameras.iter().filter(|camera| camera.held).count(),
-        footage.capture.times.len(),
+        capture_files.capture.times.len(),
         interp_b + recon + interp_a,
     ))
 }
 
 /// Reads the photographs that a fit looks at.
-pub(crate) fn load_shots(footage: &Footage, holdout: Holdout) -> anyhow::Result<Shots> {
+pub(crate) fn load_training_views(
+    capture_files: &CaptureFiles,
+    holdout: Holdout,
+) -> anyhow::Result<TrainingViews> {
     let style = ProgressStyle::with_template("{spinner} {pos} photographs")?;
     let bar = ProgressBar::new_spinner().with_style(style);
-    let shots = Shots::load(footage, holdout, || bar.inc(1))?;
+    let views = TrainingViews::load(capture_files, holdout, || bar.inc(1))?;
     bar.finish_and_clear();
-    Ok(shots)
+    Ok(views)
 }
 
 /// The network of LPIPS, where its weights are given.

@@ -43,20 +43,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use program::{Fault, output};
     use refine::capture::{PhotoId, Split};
 
-    let footage = args.selection.open(&args.capture)?;
-    let splits = Split::assign(&footage.capture, args.holdout.into())
+    let capture_files = args.selection.open(&args.capture)?;
+    let splits = Split::assign(&capture_files.capture, args.holdout.into())
         .map_err(|error| Fault::Data(error.to_string()))?;
     let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
-    let mut shots: Vec<PhotoId> = train.map(|(shot, _)| shot).collect();
-    shots.sort();
+    let mut photo_ids: Vec<PhotoId> = train.map(|(photo_id, _)| photo_id).collect();
+    photo_ids.sort();
     let mut backbone = Backbone::open(&args.backbone)?;
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left")?;
-    let bar = ProgressBar::new(shots.len() as u64).with_style(style);
+    let bar = ProgressBar::new(photo_ids.len() as u64).with_style(style);
     let mut size = (0, 0);
-    for shots in shots.chunk_by(|a, b| a.frame == b.frame) {
-        let maps = backbone.depths(shots.iter().map(|shot| footage.as_taken(*shot)))?;
-        for (shot, map) in shots.iter().zip(&maps) {
-            let path = args.out.join(format!("{}.pfm", footage.name(*shot)));
+    for photo_ids in photo_ids.chunk_by(|a, b| a.frame == b.frame) {
+        let maps = backbone.depths(photo_ids.iter().map(|photo_id| capture_files.as_taken(*photo_id)))?;
+        for (photo_id, map) in photo_ids.iter().zip(&maps) {
+            let path = args.out.join(format!("{}.pfm", capture_files.name(*photo_id)));
             let folder = path.parent().expect("it is a file");
             if let Err(error) = std::fs::create_dir_all(folder) {
                 bail!(Fault::Usage(format!("cannot make {}: {error}", folder.display())));
@@ -67,6 +67,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     bar.finish_and_clear();
-    println!("{} depth maps of {}x{} in {}", shots.len(), size.0, size.1, args.out.display());
+    println!("{} depth maps of {}x{} in {}", photo_ids.len(), size.0, size.1, args.out.display());
     Ok(())
 }

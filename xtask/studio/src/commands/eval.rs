@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::eval::{
     self, Baseline, Ladder, SplitMeasures, Strips, Subject, baseline_rows, csv, free_views, judge,
     judge_baselines, ladder, means, over_scenes, quarter_frames, scenes_table, swiftest, table,
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
-        let scene = Scene { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
+        let scene = Evaluation { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
         let evaluated = scene.evaluate()?;
         match args.json {
             true => println!("{:#}", evaluated.json),
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let (mut scenes, mut means) = (Map::new(), Vec::new());
         for ((subject, capture), name) in subjects.iter().zip(captures).zip(&names) {
             let out = args.out.as_ref().map(|out| out.join(name));
-            let evaluated = Scene { subject, capture, out, args, lpips: lpips.as_ref() }.evaluate()?;
+            let evaluated = Evaluation { subject, capture, out, args, lpips: lpips.as_ref() }.evaluate()?;
             if !args.json {
                 print!("{name}: {}\n\n{}\n", evaluated.about, evaluated.table);
             }
@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// A scene to evaluate.
-struct Scene<'a> {
+struct Evaluation<'a> {
     subject: &'a Path,
     capture: &'a Path,
     /// Folder for tables and pictures.
@@ -124,13 +124,13 @@ struct Evaluated {
     json: Value,
 }
 
-impl Scene<'_> {
+impl Evaluation<'_> {
     fn evaluate(self) -> anyhow::Result<Evaluated> {
-        let Scene { subject: path, capture, out, args, lpips } = self;
-        let footage = args.selection.open(capture)?;
-        let subject = Subject::load(path, &footage)?;
+        let Evaluation { subject: path, capture, out, args, lpips } = self;
+        let capture_files = args.selection.open(capture)?;
+        let subject = Subject::load(path, &capture_files)?;
         let (holdout, note) = held_frames(path, &subject, args.holdout.map(Holdout::from));
-        let about = describe(&footage, holdout)?;
+        let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
             (Subject::Pictures(_), true) => bail!(Fault::Usage(format!(
@@ -143,14 +143,17 @@ impl Scene<'_> {
             std::fs::create_dir_all(out)
                 .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
         }
-        if footage.missing() > 0 {
-            eprintln!("note: {} photographs are missing that others have the like of", footage.missing());
+        if capture_files.missing() > 0 {
+            eprintln!(
+                "note: {} photographs are missing that others have the like of",
+                capture_files.missing()
+            );
         }
         let style =
             ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
-        let progress = ProgressBar::new(footage.capture.photos.len() as u64).with_style(style);
-        let mut strips = Strips::new(&subject, &footage, holdout)?;
-        let judged = judge(&subject, &footage, holdout, lpips, |look| {
+        let progress = ProgressBar::new(capture_files.capture.photos.len() as u64).with_style(style);
+        let mut strips = Strips::new(&subject, &capture_files, holdout)?;
+        let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {
                 strips.look(look);
             }
@@ -161,12 +164,15 @@ impl Scene<'_> {
             eprintln!("note: {note}");
         }
 
-        let missing = footage.capture.photos.len() - judged.len();
+        let missing = capture_files.capture.photos.len() - judged.len();
         if missing > 0 {
-            eprintln!("note: {missing} of {} photographs have no picture", footage.capture.photos.len());
+            eprintln!(
+                "note: {missing} of {} photographs have no picture",
+                capture_files.capture.photos.len()
+            );
         }
         let means = means(&judged);
-        let held = footage.capture.cameras.iter().filter(|camera| camera.held);
+        let held = capture_files.capture.cameras.iter().filter(|camera| camera.held);
         let held: Vec<&str> = held.map(|camera| camera.name.as_str()).collect();
         let mut json = json!({
             "subject": path, "capture": capture, "held_cameras": held,
@@ -178,7 +184,7 @@ impl Scene<'_> {
             let held = judged.iter().filter(|one| one.split.holds_frame()).count();
             progress.reset();
             progress.set_length(held as u64);
-            let guesses = judge_baselines(input, &footage, holdout, lpips, || progress.inc(1))?;
+            let guesses = judge_baselines(input, &capture_files, holdout, lpips, || progress.inc(1))?;
             progress.finish_and_clear();
             let mut baselines = Map::new();
             for (baseline, judged) in Baseline::ALL.into_iter().zip(&guesses) {
@@ -189,7 +195,7 @@ impl Scene<'_> {
             json["baselines"] = baselines.into();
         }
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
-            && let Some(ladder) = more_pictures(out, input, path, holdout, &footage)?
+            && let Some(ladder) = more_pictures(out, input, path, holdout, &capture_files)?
         {
             table += &ladder.table();
             json["ladder"] = serde_json::to_value(&ladder)?;
@@ -197,9 +203,9 @@ impl Scene<'_> {
         if let Some(out) = &out {
             output::write(&out.join("eval.json"), format!("{json:#}\n").as_bytes())?;
             output::write(&out.join("eval.md"), table.as_bytes())?;
-            output::write(&out.join("eval.csv"), csv(&judged, &footage).as_bytes())?;
+            output::write(&out.join("eval.csv"), csv(&judged, &capture_files).as_bytes())?;
             for strip in strips.into_strips() {
-                let name = footage.name(strip.shot).replace(['/', '\\'], "_");
+                let name = capture_files.name(strip.shot).replace(['/', '\\'], "_");
                 write_picture(&out.join(format!("{}_{name}.png", strip.split.name())), &strip.image)?;
             }
         }
@@ -238,18 +244,18 @@ fn more_pictures(
     input: &Input,
     path: &Path,
     holdout: Holdout,
-    footage: &Footage,
+    capture_files: &CaptureFiles,
 ) -> anyhow::Result<Option<Ladder>> {
-    let interval = swiftest(footage, holdout)?;
+    let interval = swiftest(capture_files, holdout)?;
     if let Some(interval) = &interval {
-        write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, footage, interval)?)?;
+        write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, capture_files, interval)?)?;
     }
-    let t = interval.map_or(0.0, |interval| interval.middle(footage));
-    if let Some(views) = free_views(input, footage, t) {
+    let t = interval.map_or(0.0, |interval| interval.middle(capture_files));
+    if let Some(views) = free_views(input, capture_files, t) {
         write_picture(&out.join("free_views.png"), &views)?;
     }
     let Input::Package(clip) = input else { return Ok(None) };
-    let ladder = ladder(clip, path, footage, holdout)?;
+    let ladder = ladder(clip, path, capture_files, holdout)?;
     if let Some(ladder) = &ladder {
         write_picture(&out.join("ladder.png"), &ladder.picture)?;
     }

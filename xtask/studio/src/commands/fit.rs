@@ -4,9 +4,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
-use crate::fit::{self, DepthScale, Fitted, Progress, Runtime, Settings, Shots, Start, log};
+use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
 use crate::input::Input;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
@@ -18,7 +18,7 @@ use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_shots};
+use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_training_views};
 use super::takes::{self, Job, Many};
 
 /// Fit a field to the photographs of a capture.
@@ -152,14 +152,14 @@ fn positive(text: &str) -> Result<f32, String> {
 
 /// Fits a capture as `fit` does where nothing is said.
 pub(super) fn by_default(
-    footage: &Footage,
-    shots: &Shots,
-    settings: &Settings,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
+    plan: &FitPlan,
     out: &Path,
 ) -> anyhow::Result<()> {
     let runtime =
-        Runtime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_to(out, settings, footage, shots, runtime, None).map(drop)
+        FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
+    fit_to(out, plan, capture_files, views, runtime, None).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -171,8 +171,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 fn run_one(args: &Args) -> anyhow::Result<()> {
     let began = Instant::now();
-    let usual = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
-    let out = args.out.clone().unwrap_or_else(usual);
+    let default = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
+    let out = args.out.clone().unwrap_or_else(default);
     let done = make(args, &out)?;
     report(args, &done, &out, began)
 }
@@ -184,7 +184,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         ending: "ply",
         options: format!("{:?}", args.options()),
         inputs: args.lpips_weights.iter().map(PathBuf::as_path).collect(),
-        forget: fit::forget_checkpoint,
+        forget: fit::remove_checkpoint,
         json: args.json,
     };
     takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
@@ -218,26 +218,26 @@ fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
     }
-    let footage = args.selection.open(args.capture())?;
+    let capture_files = args.selection.open(args.capture())?;
     let holdout = Holdout::from(args.holdout);
-    let splits = describe(&footage, holdout)?;
+    let splits = describe(&capture_files, holdout)?;
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
-    let settings = settings(args, &footage)?;
-    fit::check_checkpoint(&settings, out)?;
-    let shots = load_shots(&footage, holdout)?;
+    let plan = plan(args, &capture_files)?;
+    fit::check_checkpoint(&plan, out)?;
+    let views = load_training_views(&capture_files, holdout)?;
     let mut backend = open(args.backend)?;
-    let runtime = Runtime {
+    let runtime = FitRuntime {
         backend: &mut *backend,
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_to(out, &settings, &footage, &shots, runtime, args.fps)?;
-    Ok(Done { settings, fitted, splits })
+    let fitted = fit_to(out, &plan, &capture_files, &views, runtime, args.fps)?;
+    Ok(Done { plan, fitted, splits })
 }
 
 /// A fit that is done.
 struct Done {
-    settings: Settings,
+    plan: FitPlan,
     fitted: Fitted,
     splits: String,
 }
@@ -245,20 +245,20 @@ struct Done {
 /// Fits and writes the field file `out`.
 fn fit_to(
     out: &Path,
-    settings: &Settings,
-    footage: &Footage,
-    shots: &Shots,
-    runtime: Runtime,
+    plan: &FitPlan,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
+    runtime: FitRuntime,
     fps: Option<f32>,
 ) -> anyhow::Result<Fitted> {
-    let bar = ProgressBar::new(settings.steps)
+    let bar = ProgressBar::new(plan.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
-    bar.println(describe(footage, settings.holdout)?);
-    let fitted = fit::fit(settings, footage, shots, runtime, out, &mut |progress| show(&bar, progress))?;
+    bar.println(describe(capture_files, plan.holdout)?);
+    let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::info(footage, frame_rate(fps));
-    output::write(out, &fitted_field_file(&fitted.field, &info, settings.holdout))?;
-    fit::forget_checkpoint(out)?;
+    let info = fit::clip_info(capture_files, frame_rate(fps));
+    output::write(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
+    fit::remove_checkpoint(out)?;
     Ok(fitted)
 }
 
@@ -287,11 +287,11 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
     ))
 }
 
-fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
-    let usual = Settings::usual(footage, args.holdout.into())?;
-    let gaussians = args.gaussians.map_or(usual.gaussians, |n| n as usize);
+fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
+    let default = FitPlan::default_for(capture_files, args.holdout.into())?;
+    let gaussians = args.gaussians.map_or(default.gaussians, |n| n as usize);
     let start = match (&args.depths, &args.from) {
-        (Some(folder), _) => Start::Depths(
+        (Some(folder), _) => FitStart::Depths(
             folder.to_string_lossy().into_owned(),
             match args.depth_scale {
                 Scale::Auto => DepthScale::Auto,
@@ -303,22 +303,22 @@ fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
         (_, Some(path)) => {
             let input = Input::load(path)?;
             let frames = input.frames();
-            fit::check_frames(path, &input.into_field().0, frames, footage)?;
-            Start::Field(path.to_string_lossy().into_owned(), checksum(path)?)
+            fit::check_frames(path, &input.into_field().0, frames, capture_files)?;
+            FitStart::Field(path.to_string_lossy().into_owned(), checksum(path)?)
         }
         _ => match args.anchor {
-            Anchor::Sweep => Start::Sweep,
-            Anchor::Hull => Start::Hull,
-            Anchor::None => Start::Scatter,
+            Anchor::Sweep => FitStart::Sweep,
+            Anchor::Hull => FitStart::Hull,
+            Anchor::None => FitStart::Scatter,
         },
     };
     let lpips = match &args.lpips_weights {
         Some(weights) => Some(format!("{}, {:08x}", weights.display(), checksum(weights)?)),
         None => None,
     };
-    Ok(Settings {
+    Ok(FitPlan {
         lpips,
-        steps: args.steps.unwrap_or(usual.steps),
+        steps: args.steps.unwrap_or(default.steps),
         start,
         anchor_cameras: args.anchor_cameras.clone(),
         mirror: match args.mirror {
@@ -334,7 +334,7 @@ fn settings(args: &Args, footage: &Footage) -> anyhow::Result<Settings> {
         },
         sh_degree: args.sh_degree,
         seed: args.seed,
-        ..usual
+        ..default
     })
 }
 
@@ -343,26 +343,26 @@ fn checksum(path: &Path) -> Result<u32, Fault> {
     bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))
 }
 
-fn show(bar: &ProgressBar, progress: &Progress) {
+fn show(bar: &ProgressBar, progress: &FitProgress) {
     bar.set_position(progress.step);
     let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
 impl Done {
-    fn last(&self) -> anyhow::Result<&log::Entry> {
+    fn last(&self) -> anyhow::Result<&log::LogEntry> {
         self.fitted.entries.last().context("a fit has at least one step")
     }
 
     fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let Done { settings, fitted, splits } = self;
+        let Done { plan, fitted, splits } = self;
         let last = self.last()?;
         Ok(json!({
-            "out": out, "steps": settings.steps, "resumed_at": fitted.resumed_at,
-            "gaussians_at_start": fitted.started_with, "gaussians": fitted.field.len(),
+            "out": out, "steps": plan.steps, "resumed_at": fitted.resumed_at,
+            "gaussians_at_start": fitted.initial_count, "gaussians": fitted.field.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
-            "lpips": settings.lpips, "backend": fitted.backend,
+            "lpips": plan.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
         }))
     }
@@ -373,14 +373,14 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
         println!("{:#}", done.to_json(out)?);
         return Ok(());
     }
-    let Done { settings, fitted, splits } = done;
+    let Done { plan, fitted, splits } = done;
     let (last, ms_per_step) = (done.last()?, fitted.ms_per_step);
     println!("{splits}");
-    match &settings.lpips {
+    match &plan.lpips {
         Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),
         None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
-    println!("Gaussians        {} at the start, {} at the end", fitted.started_with, fitted.field.len());
+    println!("Gaussians        {} at the start, {} at the end", fitted.initial_count, fitted.field.len());
     if let Some(psnr) = last.held_psnr_db {
         println!("held             {psnr:.2} dB, the subject in a few photographs; `eval` measures all");
     }
@@ -390,7 +390,7 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
     if fitted.resumed_at > 0 {
         println!("resumed          at step {}", fitted.resumed_at);
     }
-    println!("steps            {}, {ms_per_step:.1} ms each by {}", settings.steps, fitted.backend);
+    println!("steps            {}, {ms_per_step:.1} ms each by {}", plan.steps, fitted.backend);
     if let Some(bytes) = fitted.peak_device_bytes {
         println!("peak device memory {:.1} MB", bytes as f64 * 1e-6);
     }

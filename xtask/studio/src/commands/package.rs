@@ -5,8 +5,8 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::capture::Footage;
-use crate::fit::{self, Refinement, RefinementReport, Settings, Shots};
+use crate::capture::CaptureFiles;
+use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
 use crate::package::{
     Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
     prefix_quality,
@@ -22,7 +22,7 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, load_shots};
+use super::capture::{FrameSelection, HeldFrames, load_training_views};
 use super::takes::{self, Job, Many};
 
 /// Most that a part of a package may be worse than a package of its size, in dB.
@@ -241,11 +241,11 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         strict: args.strict,
     };
     let progress = StagedProgress::visible();
-    let shots = match (&captured, args.refine) {
+    let views = match (&captured, args.refine) {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
-    let refinement = shots.as_ref().zip(args.refine).map(|(shots, steps)| Refinement { shots, steps });
+    let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement { views, steps });
     let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
     output::write(&out, &package.bytes)?;
     let prefix_steps = match args.ladder {
@@ -262,7 +262,7 @@ fn make(args: &Args) -> anyhow::Result<Made> {
 
 /// The capture that a package is made from, or made to look like.
 struct Captured {
-    footage: Footage,
+    capture_files: CaptureFiles,
     /// Whether the scene has no field, so that one is fitted first.
     is_scene: bool,
 }
@@ -288,58 +288,58 @@ impl Captured {
             }
             (None, _) => args.scene(),
         };
-        let footage = args.selection.open(folder)?;
+        let capture_files = args.selection.open(folder)?;
         // Of a list, records say what may be gone on with and what may be replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
             if field.exists() {
                 bail!(is_there(&field));
             }
-            fit::check_checkpoint(&Settings::usual(&footage, args.holdout_of_fit())?, &field)?;
+            fit::check_checkpoint(&FitPlan::default_for(&capture_files, args.holdout_of_fit())?, &field)?;
         }
-        Ok(Some(Captured { footage, is_scene }))
+        Ok(Some(Captured { capture_files, is_scene }))
     }
 
     /// Fits it, to a field file beside the package; of a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
-        let settings = Settings::usual(&self.footage, args.holdout_of_fit())?;
+        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
         if args.many.list.is_none() {
-            self.fit_to(&out, &settings)?;
+            self.fit_to(&out, &plan)?;
             return Ok(out);
         }
-        let key = key(FIELD_OF_PACKAGE, &format!("{settings:?}"), &[args.scene()])?;
+        let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
         match Record::standing(&out, FIELD_OF_PACKAGE, &key) {
             Standing::Done => return Ok(out),
             Standing::Begun => {}
-            Standing::Stale => fit::forget_checkpoint(&out)?,
+            Standing::Stale => fit::remove_checkpoint(&out)?,
             Standing::Unknown if out.exists() => bail!(is_there(&out)),
             Standing::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
-        self.fit_to(&out, &settings)?;
+        self.fit_to(&out, &plan)?;
         Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
     }
 
-    fn fit_to(&self, out: &Path, settings: &Settings) -> anyhow::Result<()> {
-        let shots = load_shots(&self.footage, settings.holdout)?;
-        super::fit::by_default(&self.footage, &shots, settings, out)
+    fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
+        let views = load_training_views(&self.capture_files, plan.holdout)?;
+        super::fit::by_default(&self.capture_files, &views, plan, out)
     }
 
     /// The photographs that `scene` is to look like.
-    fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<Shots> {
-        fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.footage)?;
+    fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
+        fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
         let recorded = scene.subject.hints.holdout;
         let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(Holdout::None);
-        let shots = load_shots(&self.footage, holdout)?;
-        if scene.plate.is_some() && !shots.train.iter().any(|(_, shot)| shot.photograph.is_masked()) {
+        let views = load_training_views(&self.capture_files, holdout)?;
+        if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
                     .into()
             ));
         }
-        Ok(shots)
+        Ok(views)
     }
 }
 

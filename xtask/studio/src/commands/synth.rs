@@ -16,11 +16,11 @@ use super::render::size;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    scene: Scene,
+    scene: SyntheticScene,
 }
 
 #[derive(Subcommand)]
-enum Scene {
+enum SyntheticScene {
     /// The demo scene: a juggler in a circus ring, 3 seconds that loop, as a field file
     Clip {
         /// File to write (.ply)
@@ -52,10 +52,10 @@ enum Scene {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.scene {
-        Scene::Clip { out } => write_field(out, juggler::clip),
-        Scene::Limbs { out } => write_field(out, limbs::figure),
-        Scene::Stage { out, cameras, frames, size } => {
-            write_stage(out, &stage::Settings { cameras: *cameras, frames: *frames, size: *size })
+        SyntheticScene::Clip { out } => write_field(out, juggler::clip),
+        SyntheticScene::Limbs { out } => write_field(out, limbs::figure),
+        SyntheticScene::Stage { out, cameras, frames, size } => {
+            write_stage(out, &stage::StageSettings { cameras: *cameras, frames: *frames, size: *size })
         }
     }
 }
@@ -69,14 +69,14 @@ fn write_field(out: &Path, scene: fn() -> (Field, ClipInfo)) -> anyhow::Result<(
     Ok(())
 }
 
-fn write_stage(out: &Path, settings: &stage::Settings) -> anyhow::Result<()> {
+fn write_stage(out: &Path, settings: &stage::StageSettings) -> anyhow::Result<()> {
     settings.check()?;
     let start = Instant::now();
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures, {eta} left")?;
-    let progress = ProgressBar::new(settings.pictures() as u64).with_style(style);
+    let progress = ProgressBar::new(settings.images() as u64).with_style(style);
     stage::write(out, settings, || progress.inc(1))?;
     progress.finish_and_clear();
-    let stage::Settings { cameras, frames, size: [width, height] } = settings;
+    let stage::StageSettings { cameras, frames, size: [width, height] } = settings;
     let held = (0..*cameras).filter(|camera| stage::is_held(*camera)).count();
     let seconds = start.elapsed().as_secs_f64();
     println!(

@@ -13,7 +13,7 @@ use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
 use super::{Judged, photo_for, splits};
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::input::Input;
 
 /// A guess at a held frame.
@@ -45,21 +45,21 @@ impl Baseline {
 /// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
 pub fn judge_baselines(
     input: &Input,
-    footage: &Footage,
+    capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
     mut on_shot: impl FnMut(),
 ) -> Result<[Vec<Judged>; 2], Fault> {
-    let splits = splits(footage, holdout)?;
+    let splits = splits(capture_files, holdout)?;
     let fitted = splits.iter().filter(|(_, split)| *split == Split::Train);
-    let mut times: Vec<f64> = fitted.map(|(shot, _)| footage.capture.times[shot.frame]).collect();
+    let mut times: Vec<f64> = fitted.map(|(shot, _)| capture_files.capture.times[shot.frame]).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     let mut judged = [Vec::new(), Vec::new()];
     for (shot, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
-        let photo = photo_for(footage, shot, lpips)?;
-        let camera = &footage.capture.cameras[shot.camera].camera;
-        let guesses = guesses(input, camera, &around(&times, footage.capture.times[shot.frame]));
+        let photo = photo_for(capture_files, shot, lpips)?;
+        let camera = &capture_files.capture.cameras[shot.camera].camera;
+        let guesses = guesses(input, camera, &around(&times, capture_files.capture.times[shot.frame]));
         for (judged, guess) in judged.iter_mut().zip(guesses) {
             judged.push(Judged { shot, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
         }

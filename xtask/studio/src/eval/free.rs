@@ -7,7 +7,7 @@ use refine::image::Image;
 use refine::reference::{self, Order};
 
 use super::sheet::sheet;
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::input::Input;
 
 /// How far above and below the cameras two of the views are, in degrees, and how near the pole they
@@ -20,9 +20,14 @@ const NEAR: f64 = 0.6;
 
 /// What `input` shows at clip time `t`, side by side: halfway between two neighbouring cameras that
 /// are fitted to, above that, below it, and near. `None` where the cameras look at no common point.
-pub fn free_views(input: &Input, footage: &Footage, t: f64) -> Option<Image> {
-    let cameras: Vec<&Camera> =
-        footage.capture.cameras.iter().filter(|camera| !camera.held).map(|camera| &camera.camera).collect();
+pub fn free_views(input: &Input, capture_files: &CaptureFiles, t: f64) -> Option<Image> {
+    let cameras: Vec<&Camera> = capture_files
+        .capture
+        .cameras
+        .iter()
+        .filter(|camera| !camera.held)
+        .map(|camera| &camera.camera)
+        .collect();
     let draw = |camera: &Camera| reference::render(&input.to_reference(), camera, t, Order::Depth);
     Some(sheet(&[views(&cameras)?.iter().map(draw).collect()]))
 }

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::means::mean;
 use super::sheet::{Crop, sheet};
 use super::splits;
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::input::{prefix_bytes, read_package};
 
 /// Most photographs that each layer is compared with.
@@ -61,7 +61,7 @@ pub struct Rung {
 pub fn ladder(
     clip: &Clip,
     path: &Path,
-    footage: &Footage,
+    capture_files: &CaptureFiles,
     holdout: Holdout,
 ) -> anyhow::Result<Option<Ladder>> {
     let layers = clip.layers.len();
@@ -70,7 +70,7 @@ pub fn ladder(
     }
     let contents = codec::contents(&read_package(path)?, &Limits::default())
         .map_err(|error| Fault::Data(format!("{}: {error}", path.display())))?;
-    let splits = splits(footage, holdout)?;
+    let splits = splits(capture_files, holdout)?;
     let of = |wanted: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == wanted).map(|(shot, _)| *shot).collect()
     };
@@ -85,8 +85,8 @@ pub fn ladder(
     let mut measures = vec![Vec::new(); layers];
     let mut row = Vec::new();
     for (i, shot) in shots.iter().enumerate() {
-        let camera = &footage.capture.cameras[shot.camera].camera;
-        let (photo, t) = (footage.photo(*shot)?, footage.capture.times[shot.frame]);
+        let camera = &capture_files.capture.cameras[shot.camera].camera;
+        let (photo, t) = (capture_files.photo(*shot)?, capture_files.capture.times[shot.frame]);
         let draw = |layer: usize| {
             reference::render(&RenderScene::from_layers(clip, layer + 1), camera, t, Order::Depth)
         };

@@ -7,7 +7,7 @@ use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
 use super::{Baseline, Judged};
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 
 /// Mean measures of a split; the fields are keys of the JSON.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -92,12 +92,12 @@ fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
 }
 
 /// Every picture's measures as CSV.
-pub fn csv(judged: &[Judged], footage: &Footage) -> String {
+pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
     let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim,lpips\n");
     for Judged { shot, split, measures } in judged {
-        let camera = &footage.capture.cameras[shot.camera].name;
+        let camera = &capture_files.capture.cameras[shot.camera].name;
         let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
-        let (name, frame, split) = (footage.name(*shot), shot.frame, split.name());
+        let (name, frame, split) = (capture_files.name(*shot), shot.frame, split.name());
         let ImageMetrics { psnr_full, ssim, .. } = measures;
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6},{lpips}")

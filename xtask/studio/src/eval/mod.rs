@@ -23,7 +23,7 @@ use refine::image::Image;
 use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
-use crate::capture::{Footage, find_image, read_picture};
+use crate::capture::{CaptureFiles, find_image, read_picture};
 use crate::input::Input;
 
 pub use baselines::{Baseline, judge_baselines};
@@ -45,35 +45,35 @@ pub enum Subject {
 
 impl Subject {
     /// A field file, a package, a folder that holds one, or else a folder of pictures of the shots
-    /// of `footage`.
+    /// of `capture_files`.
     ///
     /// # Errors
     /// [`Fault::Data`] that says what is there instead.
-    pub fn load(path: &Path, footage: &Footage) -> anyhow::Result<Subject> {
-        let has_picture = |shot: &PhotoId| find_image(&path.join(footage.name(*shot))).is_some();
-        match path.is_dir() && footage.capture.photos.iter().any(has_picture) {
+    pub fn load(path: &Path, capture_files: &CaptureFiles) -> anyhow::Result<Subject> {
+        let has_picture = |shot: &PhotoId| find_image(&path.join(capture_files.name(*shot))).is_some();
+        match path.is_dir() && capture_files.capture.photos.iter().any(has_picture) {
             true => Ok(Subject::Pictures(path.to_owned())),
             false => Ok(Subject::Drawn(Box::new(Input::load(path)?))),
         }
     }
 
     /// Whether it has a picture of a shot.
-    fn shows(&self, footage: &Footage, shot: PhotoId) -> bool {
+    fn shows(&self, capture_files: &CaptureFiles, shot: PhotoId) -> bool {
         match self {
             Subject::Drawn(_) => true,
-            Subject::Pictures(folder) => find_image(&folder.join(footage.name(shot))).is_some(),
+            Subject::Pictures(folder) => find_image(&folder.join(capture_files.name(shot))).is_some(),
         }
     }
 
     /// Its picture of a shot; `None` if there is none.
-    fn picture(&self, footage: &Footage, shot: PhotoId) -> Result<Option<Image>, Fault> {
-        let camera = &footage.capture.cameras[shot.camera].camera;
+    fn picture(&self, capture_files: &CaptureFiles, shot: PhotoId) -> Result<Option<Image>, Fault> {
+        let camera = &capture_files.capture.cameras[shot.camera].camera;
         match self {
             Subject::Drawn(input) => {
-                let t = footage.capture.times[shot.frame];
+                let t = capture_files.capture.times[shot.frame];
                 Ok(Some(reference::render(&input.to_reference(), camera, t, Order::Depth)))
             }
-            Subject::Pictures(folder) => match find_image(&folder.join(footage.name(shot))) {
+            Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(shot))) {
                 Some(path) => read_picture(&path, camera).map(Some),
                 None => Ok(None),
             },
@@ -103,23 +103,27 @@ pub struct Look<'a> {
     pub photo: &'a Photo,
 }
 
-/// The split of each photograph of `footage`.
-fn splits(footage: &Footage, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
-    Split::assign(&footage.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
+/// The split of each photograph of `capture_files`.
+fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
+    Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
 /// A photograph, of which `lpips` can be measured.
-fn photo_for(footage: &Footage, shot: PhotoId, lpips: Option<&Lpips<f32>>) -> Result<Photo, Fault> {
-    let photo = footage.photo(shot)?;
+fn photo_for(
+    capture_files: &CaptureFiles,
+    shot: PhotoId,
+    lpips: Option<&Lpips<f32>>,
+) -> Result<Photo, Fault> {
+    let photo = capture_files.photo(shot)?;
     if let Some(lpips) = lpips {
         let Image { width, height, .. } = photo.image;
-        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", footage.name(shot)));
+        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", capture_files.name(shot)));
         lpips.check_size(width as usize, height as usize).map_err(too_small)?;
     }
     Ok(photo)
 }
 
-/// Compares pictures of `subject` with all photographs of `footage`. Pictures that a folder lacks
+/// Compares pictures of `subject` with all photographs of `capture_files`. Pictures that a folder lacks
 /// are left out. LPIPS is measured where its network is given. `on_shot` is called for each shot, with
 /// its picture where there is one.
 ///
@@ -127,20 +131,20 @@ fn photo_for(footage: &Footage, shot: PhotoId, lpips: Option<&Lpips<f32>>) -> Re
 /// [`Fault::Data`] where a file cannot be read or nothing is left to compare.
 pub fn judge(
     subject: &Subject,
-    footage: &Footage,
+    capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
     mut on_shot: impl FnMut(Option<Look>),
 ) -> anyhow::Result<Vec<Judged>> {
     let mut judged = Vec::new();
-    for (shot, split) in splits(footage, holdout)? {
-        if !subject.shows(footage, shot) {
+    for (shot, split) in splits(capture_files, holdout)? {
+        if !subject.shows(capture_files, shot) {
             on_shot(None);
             continue;
         }
         // First the photograph: it must have the size that the picture is drawn in.
-        let photo = photo_for(footage, shot, lpips)?;
-        if let Some(picture) = subject.picture(footage, shot)? {
+        let photo = photo_for(capture_files, shot, lpips)?;
+        if let Some(picture) = subject.picture(capture_files, shot)? {
             let one = Judged { shot, split, measures: ImageMetrics::of(&picture, &photo, lpips) };
             on_shot(Some(Look { judged: &one, picture: &picture, photo: &photo }));
             judged.push(one);

@@ -8,7 +8,7 @@ use refine::reference::{self, Order};
 
 use super::sheet::{Crop, sheet};
 use super::splits;
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::input::Input;
 
 /// Most frames from one that is fitted to until the next, where some are missing.
@@ -25,8 +25,8 @@ pub struct Interval {
 
 impl Interval {
     /// Clip time in its middle.
-    pub fn middle(&self, footage: &Footage) -> f64 {
-        let [start, end] = self.frames.map(|frame| footage.capture.times[frame]);
+    pub fn middle(&self, capture_files: &CaptureFiles) -> f64 {
+        let [start, end] = self.frames.map(|frame| capture_files.capture.times[frame]);
         0.5 * (start + end)
     }
 }
@@ -36,8 +36,8 @@ impl Interval {
 ///
 /// # Errors
 /// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
-pub fn swiftest(footage: &Footage, holdout: Holdout) -> Result<Option<Interval>, Fault> {
-    let splits = splits(footage, holdout)?;
+pub fn swiftest(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Option<Interval>, Fault> {
+    let splits = splits(capture_files, holdout)?;
     let mut train: Vec<PhotoId> =
         splits.iter().filter(|(_, split)| *split == Split::Train).map(|(shot, _)| *shot).collect();
     train.sort_by_key(|shot| (shot.camera, shot.frame));
@@ -50,7 +50,7 @@ pub fn swiftest(footage: &Footage, holdout: Holdout) -> Result<Option<Interval>,
     let mut swiftest: Option<(f64, Interval)> = None;
     let mut before: Option<Photo> = None;
     for (i, shot) in train.iter().enumerate() {
-        let photo = footage.photo(*shot)?;
+        let photo = capture_files.photo(*shot)?;
         if let (Some(before), Some(last)) = (&before, i.checked_sub(1).map(|i| train[i]))
             && near(&[last, *shot])
         {
@@ -69,15 +69,19 @@ pub fn swiftest(footage: &Footage, holdout: Holdout) -> Result<Option<Interval>,
 ///
 /// # Errors
 /// [`Fault::Data`] where a photograph cannot be read.
-pub fn quarter_frames(input: &Input, footage: &Footage, interval: &Interval) -> Result<Image, Fault> {
+pub fn quarter_frames(
+    input: &Input,
+    capture_files: &CaptureFiles,
+    interval: &Interval,
+) -> Result<Image, Fault> {
     let Interval { camera: number, frames: [start, end] } = *interval;
-    let capture = &footage.capture;
+    let capture = &capture_files.capture;
     let camera = &capture.cameras[number].camera;
     let mut photos = Vec::new();
     for frame in start..=end {
         let shot = PhotoId { camera: number, frame };
         photos.push(match capture.photos.contains(&shot) {
-            true => Some(footage.photo(shot)?),
+            true => Some(capture_files.photo(shot)?),
             false => None,
         });
     }

@@ -6,7 +6,7 @@ use refine::image::Image;
 
 use super::sheet::sheet;
 use super::{Look, Subject, splits};
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 
 /// How much brighter the differences are than they are.
 const DIFFERENCE_GAIN: f64 = 4.0;
@@ -37,9 +37,9 @@ impl Strips {
     ///
     /// # Errors
     /// [`Fault::Data`] if nothing is left to fit to.
-    pub fn new(subject: &Subject, footage: &Footage, holdout: Holdout) -> Result<Strips, Fault> {
-        let mut shots = splits(footage, holdout)?;
-        shots.retain(|(shot, _)| subject.shows(footage, *shot));
+    pub fn new(subject: &Subject, capture_files: &CaptureFiles, holdout: Holdout) -> Result<Strips, Fault> {
+        let mut shots = splits(capture_files, holdout)?;
+        shots.retain(|(shot, _)| subject.shows(capture_files, *shot));
         let middle = |split: Split| {
             let of: Vec<PhotoId> =
                 shots.iter().filter(|(_, of)| *of == split).map(|(shot, _)| *shot).collect();

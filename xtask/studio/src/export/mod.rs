@@ -1,6 +1,6 @@
 //! Exporters: a field as a file, in this project's format or another program's.
 //!
-//! Each takes values and gives the bytes of a file; [`program::output::write`] writes them.
+//! Each turns values into the bytes of a file; [`program::output::write`] writes them.
 
 mod field_file;
 mod ply;
@@ -14,8 +14,8 @@ pub use ply::static_ply;
 pub use splatv::splatv;
 pub use spz::spz;
 
-/// The field as it stands at clip time `t`, static: centres, rotations and opacities of that
-/// instant, without the Gaussians that cannot be seen then (opacity below [`ALPHA_MIN`]).
+/// The field at clip time `t` as a static one: centres, rotations and opacities of that instant, without
+/// Gaussians that are invisible then (opacity below [`ALPHA_MIN`]).
 pub fn frozen(field: &Field, t: f64) -> Field {
     let visible: Vec<usize> = (0..field.len()).filter(|&i| field.opacity_at(i, t) >= ALPHA_MIN).collect();
     Field {

@@ -2,11 +2,11 @@
 
 use codec::{Field, sh_coefficients};
 
-/// Logits beyond this say the same opacity in `f32`; infinite ones would upset other readers.
+/// Larger logits give the same opacity in `f32`; infinite ones would break other readers.
 const LOGIT_MAX: f64 = 16.0;
 
-/// The static columns of a field, with the unused normals that some readers count on. Windows and
-/// motion are left out: see [`super::frozen`].
+/// The static columns of a field, with the unused normals that some readers expect. Windows and motion
+/// are omitted: see [`super::frozen`].
 pub fn static_ply(field: &Field) -> Vec<u8> {
     let mut names = static_names(field.sh_degree);
     names.splice(3..3, ["nx", "ny", "nz"].map(String::from));

@@ -1,5 +1,4 @@
-//! The `.splatv` file of splaTV; its layout is described where it is read, in
-//! [`crate::import`]'s module of that name.
+//! The `.splatv` file of splaTV. The module of that name in [`crate::import`] describes its layout.
 
 use std::f32::consts::SQRT_2;
 
@@ -9,7 +8,7 @@ use serde_json::json;
 
 use crate::import::splatv::{ROW, ROWS_PER_LINE};
 
-/// Size of the image that the header's camera is for; its proportions are the viewer's own matter.
+/// Image size of the header's camera; viewers choose their own aspect ratio.
 const CAMERA_SIZE: (u32, u32) = (1024, 768);
 
 /// A field for splaTV and other readers of its format. Only the constant SH coefficient is kept,
@@ -54,17 +53,17 @@ fn push_row(field: &Field, i: usize, bytes: &mut Vec<u8>) {
     push_halves(bytes, &[0.0]);
     push_halves(bytes, &rate);
     push_halves(bytes, &[tau]);
-    // A width too large for the format is always on, as an infinite one.
+    // A width too large for the format becomes infinite: always on.
     bytes.extend(f16::from_f32(s * SQRT_2).to_le_bytes());
 }
 
-/// Appends numbers, the largest ones cut to what the format holds.
+/// Appends numbers, clamped to the range of the format.
 fn push_halves(bytes: &mut Vec<u8>, values: &[f32]) {
     let largest = f16::MAX.to_f32();
     bytes.extend(values.iter().flat_map(|x| f16::from_f32(x.clamp(-largest, largest)).to_le_bytes()));
 }
 
-/// The first viewpoint in the form that splaTV wants: `rotation` is that of world from camera.
+/// The first viewpoint in splaTV's form: `rotation` is world from camera.
 fn camera(info: &ClipInfo) -> serde_json::Value {
     let (width, height) = CAMERA_SIZE;
     let origin = Viewpoint { name: String::new(), position: [0.0; 3], target: [0.0, 0.0, 1.0], fov_y: 0.9 };

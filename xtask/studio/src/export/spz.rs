@@ -1,5 +1,5 @@
-//! The `.spz` file of Niantic, version 3; its layout is described where it is read, in
-//! [`crate::import`]'s module of that name.
+//! The `.spz` file of Niantic, version 3. The module of that name in [`crate::import`] describes its
+//! layout.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::io::Write;
@@ -13,14 +13,14 @@ use crate::import::spz::{COLOR_SCALE, MAGIC};
 /// Bits of a stored coordinate without its sign.
 const COORDINATE_BITS: i32 = 23;
 
-/// Signs that the SH basis functions, in the order of 3D Gaussian Splatting, take on in a half
-/// turn about x: negative where y and z together have an odd power.
+/// Signs of the SH basis functions, in the order of 3D Gaussian Splatting, under a half turn about x:
+/// negative if the powers of y and z sum to an odd number.
 const HALF_TURN_SH: [f32; 16] =
     [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 
-/// The static columns of a field. Windows and motion are left out: see [`super::frozen`].
+/// The static columns of a field. Windows and motion are omitted: see [`super::frozen`].
 ///
-/// The format wants y up and z back. A field whose `up` is nearer to -y, as after COLMAP, is
+/// The format has y up and z back. A field whose `up` is nearer to -y, as after COLMAP, is
 /// turned by half a turn about x, as Niantic's own converter does; others keep their axes.
 pub fn spz(field: &Field, up: [f32; 3]) -> Vec<u8> {
     let places = binary_places(field);
@@ -56,7 +56,7 @@ pub fn spz(field: &Field, up: [f32; 3]) -> Vec<u8> {
     gzip.write_all(&bytes).and_then(|()| gzip.finish()).expect("a Vec takes every byte")
 }
 
-/// The most binary places with which every coordinate fits.
+/// Largest number of binary places with which every coordinate fits.
 fn binary_places(field: &Field) -> u8 {
     let extent = field.centers.as_flattened().iter().fold(0.0f32, |extent, x| extent.max(x.abs()));
     let bits_before = if extent > 0.0 { extent.log2().floor() as i32 + 1 } else { 0 };
@@ -70,7 +70,7 @@ fn byte(x: f32) -> u8 {
 fn pack_rotation([w, x, y, z]: [f32; 4]) -> u32 {
     let q = [x, y, z, w];
     let largest = (1..4).fold(0, |best, k| if q[k].abs() > q[best].abs() { k } else { best });
-    // The same rotation, with the component that is left out positive.
+    // The same rotation, with a positive omitted component.
     let negate = q[largest] < 0.0;
     (0..4).filter(|&k| k != largest).fold(largest as u32, |word, k| {
         let magnitude = (q[k].abs() / FRAC_1_SQRT_2 * 511.0).round().min(511.0) as u32;

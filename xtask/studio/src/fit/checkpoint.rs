@@ -1,4 +1,4 @@
-//! [`Checkpoint`]: a fit that was interrupted, so that it goes on as if it had not been.
+//! [`Checkpoint`]: the saved state of a fit, from which it resumes with the same result.
 
 use std::path::{Path, PathBuf};
 
@@ -6,22 +6,22 @@ use program::{Fault, output};
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
-use super::log::{Density, Entry, beside};
-use super::{Settings, crc};
+use super::log::{Density, LogEntry, beside};
+use super::plan::{FitPlan, crc};
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
 const MAGIC: [u8; 8] = *b"aarcfit\x02";
 
-/// A fit, and what was asked for.
+/// A fit and its plan.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Checkpoint {
-    pub(super) settings: Settings,
+    pub(super) plan: FitPlan,
     pub(super) fit: Fit,
-    /// Seconds that it took so far.
+    /// Seconds of fitting so far.
     pub(super) seconds: f64,
-    /// Its table so far.
-    pub(super) entries: Vec<Entry>,
-    /// What the next line of the table will say.
+    /// The lines of the table so far.
+    pub(super) entries: Vec<LogEntry>,
+    /// Sums for the next line of the table.
     pub(super) tally: Tally,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Tally {
     pub(super) steps: u32,
 }
 
-/// Where the checkpoint of a field lies: beside it.
+/// Path of the checkpoint of a field, beside the field.
 pub(super) fn path_for(field: &Path) -> PathBuf {
     beside(field, "checkpoint")
 }
@@ -43,9 +43,8 @@ impl Checkpoint {
     /// The checkpoint at `path`, `None` if there is none.
     ///
     /// # Errors
-    /// [`Fault::Data`] where it cannot be read, [`Fault::Usage`] where it is of a fit with other
-    /// `settings`.
-    pub(super) fn load(path: &Path, settings: &Settings) -> Result<Option<Checkpoint>, Fault> {
+    /// [`Fault::Data`] if the checkpoint cannot be read, [`Fault::Usage`] if its plan is not `plan`.
+    pub(super) fn load(path: &Path, plan: &FitPlan) -> Result<Option<Checkpoint>, Fault> {
         if !path.exists() {
             return Ok(None);
         }
@@ -63,7 +62,7 @@ impl Checkpoint {
         if !checkpoint.fit.is_consistent() || checkpoint.fit.is_done() {
             return Err(damaged());
         }
-        match checkpoint.settings == *settings {
+        match checkpoint.plan == *plan {
             true => Ok(Some(checkpoint)),
             false => Err(Fault::Usage(format!(
                 "{} is of a fit with other options: repeat them, remove it, or name another --out",
@@ -72,7 +71,7 @@ impl Checkpoint {
         }
     }
 
-    /// Writes it to `path`, whole or not at all.
+    /// Writes the checkpoint to `path`, whole or not at all.
     ///
     /// # Errors
     /// [`Fault::Usage`] that names the path.

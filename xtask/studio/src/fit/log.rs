@@ -1,4 +1,4 @@
-//! What a fit leaves beside its field as it goes: a table of its progress and a picture.
+//! Files beside a field that a fit updates: the table of its progress and a picture.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -9,38 +9,38 @@ use serde::{Deserialize, Serialize};
 
 /// A line of the table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct LogEntry {
     /// Steps done.
     pub step: u64,
-    /// Seconds since the start, those of an interrupted fit included.
+    /// Seconds of fitting so far, interrupted runs included.
     pub seconds: f64,
     /// Mean loss of the steps since the last line.
     pub loss: f64,
-    /// PSNR of the subject in a few held photographs, in dB; `None` where nothing is held.
+    /// PSNR of the subject in a few held-out photographs, in dB; `None` if none is held out.
     pub held_psnr_db: Option<f64>,
-    /// Gaussians.
+    /// Number of Gaussians.
     pub gaussians: usize,
-    /// Mean number of them in a picture since the last line.
+    /// Mean number of Gaussians drawn in a picture since the last line.
     pub drawn: usize,
-    /// Gaussians that were added, taken and moved to others' places since the last line.
+    /// Gaussians added, pruned and relocated since the last line.
     pub density: Density,
-    /// What drew them, and on which device.
+    /// Name of the back end and its device.
     pub backend: String,
 }
 
-/// What the control of density did over some steps.
+/// Changes by density control over some steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Density {
-    /// Gaussians that were cloned or split: how many more there are for it.
+    /// Gaussians added by cloning and splitting.
     pub added: usize,
-    /// Gaussians that were pruned.
+    /// Pruned Gaussians.
     pub pruned: usize,
-    /// Gaussians that moved to where others live.
+    /// Dead Gaussians relocated to live ones.
     pub relocated: usize,
 }
 
 impl Density {
-    /// Adds what one control did.
+    /// Adds the changes of one step.
     pub(super) fn add(&mut self, change: DensityChange) {
         self.added += change.cloned + change.split;
         self.pruned += change.pruned;
@@ -48,17 +48,17 @@ impl Density {
     }
 }
 
-/// Where the table of a field's fit lies: beside it.
+/// Path of the table of a field's fit, beside the field.
 pub fn table_path(field: &Path) -> PathBuf {
     beside(field, "fit.csv")
 }
 
-/// Where the picture of a field's fit lies.
+/// Path of the picture of a field's fit, beside the field.
 pub fn preview_path(field: &Path) -> PathBuf {
     beside(field, "fit.png")
 }
 
-/// A file beside a field: its path without `.ply`, and this ending.
+/// Path of a file beside a field: the field's path with another extension.
 pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
     let mut name = field.file_stem().unwrap_or_default().to_owned();
     name.push(".");
@@ -67,10 +67,10 @@ pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
 }
 
 /// The table as CSV.
-pub fn csv(entries: &[Entry]) -> String {
+pub fn csv(entries: &[LogEntry]) -> String {
     let mut text =
         String::from("step,seconds,loss,held_psnr_db,gaussians,drawn,added,pruned,relocated,backend\n");
-    for Entry { step, seconds, loss, held_psnr_db, gaussians, drawn, density, backend } in entries {
+    for LogEntry { step, seconds, loss, held_psnr_db, gaussians, drawn, density, backend } in entries {
         let held = held_psnr_db.map_or(String::new(), |psnr| format!("{psnr:.3}"));
         let Density { added, pruned, relocated } = density;
         let backend = backend.replace('"', "'");
@@ -83,11 +83,11 @@ pub fn csv(entries: &[Entry]) -> String {
     text
 }
 
-/// The entries of a table.
+/// Parses a table.
 ///
 /// # Errors
-/// What is wrong, and in which line.
-pub fn parse(text: &str) -> Result<Vec<Entry>, String> {
+/// The problem, with its line number.
+pub fn parse(text: &str) -> Result<Vec<LogEntry>, String> {
     let mut lines = (1..).zip(text.lines());
     if lines.next().is_none_or(|(_, head)| head != csv(&[]).trim_end()) {
         return Err("not the table of a fit: its first line is another".into());
@@ -95,19 +95,19 @@ pub fn parse(text: &str) -> Result<Vec<Entry>, String> {
     lines.map(|(number, line)| parse_line(line).ok_or(format!("line {number} is not one of a fit"))).collect()
 }
 
-fn parse_line(line: &str) -> Option<Entry> {
+fn parse_line(line: &str) -> Option<LogEntry> {
     let mut cells = line.splitn(10, ',');
     let mut cell = || cells.next();
     let number = |cell: Option<&str>| cell?.parse::<f64>().ok().filter(|x| x.is_finite());
     let count = |cell: Option<&str>| cell?.parse::<usize>().ok();
-    Some(Entry {
+    Some(LogEntry {
         step: cell()?.parse().ok()?,
         seconds: number(cell())?,
-        // It is no number where a fit went astray, which its table is there to show.
+        // NaN is valid: the table shows where a fit diverged.
         loss: cell()?.parse().ok()?,
         held_psnr_db: match cell()? {
             "" => None,
-            // Held photographs can be met exactly.
+            // Infinite if a held-out photograph is matched exactly.
             db => Some(db.parse().ok().filter(|db: &f64| !db.is_nan())?),
         },
         gaussians: count(cell())?,
@@ -117,15 +117,15 @@ fn parse_line(line: &str) -> Option<Entry> {
     })
 }
 
-/// The photograph and what is drawn of it, side by side.
-pub(super) fn preview(shot: &TrainingView, picture: &RenderedImage<f32>) -> RgbImage {
+/// The photograph and its rendering, side by side.
+pub(super) fn preview(view: &TrainingView, picture: &RenderedImage<f32>) -> RgbImage {
     let (width, height) = (picture.width, picture.height);
     let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     RgbImage::from_fn(2 * width, height, |x, y| {
         let at = |x: u32| (y * width + x) as usize;
         match x < width {
             true => {
-                let [r, g, b, _] = shot.photograph.pixels[at(x)];
+                let [r, g, b, _] = view.photograph.pixels[at(x)];
                 Rgb([r, g, b])
             }
             false => {
@@ -140,8 +140,8 @@ pub(super) fn preview(shot: &TrainingView, picture: &RenderedImage<f32>) -> RgbI
 mod tests {
     use super::*;
 
-    fn entry() -> Entry {
-        Entry {
+    fn entry() -> LogEntry {
+        LogEntry {
             step: 500,
             seconds: 12.5,
             loss: 0.25,
@@ -154,21 +154,21 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_read_as_they_were_written() {
-        let entries = [entry(), Entry { held_psnr_db: None, ..entry() }];
+    fn tables_round_trip() {
+        let entries = [entry(), LogEntry { held_psnr_db: None, ..entry() }];
         assert_eq!(parse(&csv(&entries)).unwrap(), entries);
         assert_eq!(parse(&csv(&[])).unwrap(), []);
     }
 
     #[test]
-    fn a_loss_may_be_no_number() {
-        let read = |loss| parse(&csv(&[Entry { loss, ..entry() }])).unwrap()[0].loss;
+    fn a_loss_may_be_nan() {
+        let read = |loss| parse(&csv(&[LogEntry { loss, ..entry() }])).unwrap()[0].loss;
         assert!(read(f64::NAN).is_nan());
         assert_eq!(read(f64::INFINITY), f64::INFINITY);
     }
 
     #[test]
-    fn what_is_no_table_is_refused_by_line() {
+    fn errors_name_the_line() {
         let table = csv(&[entry()]);
         assert!(parse("a,b\n").unwrap_err().contains("first line"));
         assert!(parse(&format!("{table}500,1")).unwrap_err().contains("line 3"));

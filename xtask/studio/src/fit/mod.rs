@@ -1,17 +1,18 @@
 //! Fitting: the photographs of a capture become a field.
 //!
 //! ```text
-//! Footage -> Shots -> anchor | field -> Fit -> field
+//! CaptureFiles -> TrainingViews -> anchor | field -> Fit -> field
 //! ```
 //!
-//! Beside the field it leaves a table of its progress, a picture, and, until it is done, a checkpoint
-//! from which it goes on where it was.
+//! Beside the field it writes a table of its progress, a picture and, until it is done, a checkpoint from
+//! which it resumes.
 
 mod checkpoint;
 pub mod log;
+mod plan;
 mod refinement;
-mod shots;
 mod start;
+mod training_views;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -19,139 +20,103 @@ use std::time::{Duration, Instant};
 use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
-use refine::anchor::Mirror;
-use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{self, Backend, DensityRule, DeviceError, Lpips, RenderedImage, Run, TrainingView};
-use serde::{Deserialize, Serialize};
+use refine::capture::CalibratedCamera;
+use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use checkpoint::{Checkpoint, Tally};
-use log::Entry;
+use log::LogEntry;
+pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc};
 pub use refinement::{Refinement, RefinementReport};
-pub use shots::Shots;
-use shots::train_frames;
-pub use start::{DepthScale, Start};
+pub use training_views::TrainingViews;
+use training_views::mean_psnr;
 
-/// Degree of view-dependent colour, unless told otherwise.
-pub const SH_DEGREE: u8 = 3;
-
-/// Time between two checkpoints, unless told otherwise.
+/// Default time between two checkpoints.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
 
-/// Most viewpoints that a clip of a capture suggests: those of a ring show its subject from all sides.
-const VIEWPOINTS: usize = 8;
+/// Maximum number of suggested viewpoints: eight cameras of a ring show the subject from all sides.
+const VIEWPOINTS_MAX: usize = 8;
 
-/// Lines of the table over a whole fit.
+/// Number of lines of the table.
 const LINES: u64 = 50;
 
-/// Time between two calls to the caller, which draws progress.
-const SHOW_EVERY: Duration = Duration::from_millis(200);
+/// Time between two calls of `on_progress`.
+const PROGRESS_EVERY: Duration = Duration::from_millis(200);
 
-/// What decides what a fit ends as, so that a checkpoint of other settings is refused. The pixels of
-/// photographs and depth maps are not compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
-    /// Steps to take.
-    pub steps: u64,
-    /// What the fit starts from.
-    pub start: Start,
-    /// Names of the cameras whose pixels an anchor puts Gaussians at; all where none is named.
-    pub anchor_cameras: Vec<String>,
-    /// When an anchor's back side is mirrored.
-    pub mirror: Mirror,
-    /// Gaussians that the anchor makes about.
-    pub gaussians: usize,
-    /// Fewest Gaussians that pruning leaves, the paper's `N_min`; 0 for no floor.
-    pub floor: usize,
-    /// How Gaussians are made and removed.
-    pub rule: DensityRule,
-    /// Degree of the spherical harmonics.
-    pub sh_degree: u8,
-    /// Seed of all chance.
-    pub seed: u64,
-    /// The frames that are held out.
-    pub holdout: Holdout,
-    /// Network and checksum of the weights of LPIPS, where that is a part of the loss.
-    pub lpips: Option<String>,
-    /// Of the capture as it is cut and shrunk: cameras, frames, photographs and pixels, and a checksum
-    /// of its cameras.
-    pub capture: String,
-}
-
-/// With what a fit is carried out.
-pub struct Runtime<'a> {
-    /// Draws.
+/// The means of a fit, which a checkpoint does not hold.
+pub struct FitRuntime<'a> {
+    /// Renders and computes gradients.
     pub backend: &'a mut dyn Backend,
-    /// The network of LPIPS; without it the loss is without that part.
+    /// The LPIPS network; `None` leaves the LPIPS term out of the loss.
     pub lpips: Option<&'a Lpips<f32>>,
     /// Time between two checkpoints.
     pub checkpoint_every: Duration,
 }
 
-/// How far a fit is.
+/// Progress of a fit.
 #[derive(Clone, Copy, Debug)]
-pub struct Progress {
+pub struct FitProgress {
     /// Steps done.
     pub step: u64,
     /// Loss of the last step.
     pub loss: f64,
-    /// PSNR of the last line of the table.
+    /// Held-out PSNR of the last line of the table, in dB.
     pub held_psnr_db: Option<f64>,
-    /// Gaussians.
+    /// Number of Gaussians.
     pub gaussians: usize,
 }
 
-/// A fitted field, and how it came about.
+/// A fitted field, with the record of its fit.
 #[derive(Debug)]
 pub struct Fitted {
     /// The field.
     pub field: Field,
     /// The table.
-    pub entries: Vec<Entry>,
-    /// Gradients and moments that were not finite, and so were left out.
+    pub entries: Vec<LogEntry>,
+    /// Number of non-finite gradients and moments, which the optimizer skips.
     pub non_finite: u64,
-    /// Steps that were done before this run.
+    /// Steps done by earlier runs.
     pub resumed_at: u64,
-    /// Gaussians at the start.
-    pub started_with: usize,
-    /// Mean time of the steps of this run, without pictures and files between them.
+    /// Number of Gaussians at the start.
+    pub initial_count: usize,
+    /// Mean time of a step of this run in milliseconds, without rendering and writing for the table.
     pub ms_per_step: f64,
-    /// What drew, and on which device.
+    /// Name of the back end and its device.
     pub backend: String,
-    /// Most memory of the device that was taken at once, in bytes; `None` without one.
+    /// Peak device memory in bytes; `None` on the CPU.
     pub peak_device_bytes: Option<u64>,
 }
 
-/// Fits a field to the photographs of `shots`, as `settings` say. `out` is the path of the field,
-/// beside which the table, the picture and the checkpoint go; the field itself is left to the caller.
+/// Fits a field to the photographs of `views`. `out` is the path of the field: the table, the picture and
+/// the checkpoint are written beside it; the caller writes the field.
 ///
 /// # Errors
-/// A [`Fault`] where there is nothing to start from, a file cannot be read or written, or the device
-/// fails; what was done up to the last checkpoint is then kept.
+/// A [`Fault`] if there is no Gaussian to start from, a file cannot be read or written, or the device
+/// fails. The last checkpoint stays.
 pub fn fit(
-    settings: &Settings,
-    footage: &Footage,
-    shots: &Shots,
-    runtime: Runtime,
+    plan: &FitPlan,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
+    runtime: FitRuntime,
     out: &Path,
-    on_progress: &mut dyn FnMut(&Progress),
+    on_progress: &mut dyn FnMut(&FitProgress),
 ) -> anyhow::Result<Fitted> {
-    let Runtime { lpips, backend, checkpoint_every } = runtime;
+    let FitRuntime { lpips, backend, checkpoint_every } = runtime;
     if let Some(lpips) = lpips {
-        for camera in &footage.capture.cameras {
+        for camera in &capture_files.capture.cameras {
             let (width, height) = (camera.camera.width as usize, camera.camera.height as usize);
             lpips.check_size(width, height).map_err(|error| Fault::Usage(error.to_string()))?;
         }
     }
     let path = checkpoint::path_for(out);
-    let Checkpoint { fit, seconds: before, mut entries, mut tally, .. } =
-        match Checkpoint::load(&path, settings)? {
+    let Checkpoint { fit, seconds: earlier_seconds, mut entries, mut tally, .. } =
+        match Checkpoint::load(&path, plan)? {
             Some(checkpoint) => checkpoint,
             None => {
-                let fit = start::start(settings, footage, shots)?;
+                let fit = start::start(plan, capture_files, views)?;
                 Checkpoint {
-                    settings: settings.clone(),
+                    plan: plan.clone(),
                     fit,
                     seconds: 0.0,
                     entries: Vec::new(),
@@ -159,30 +124,30 @@ pub fn fit(
                 }
             }
         };
-    let (resumed_at, started_with) = (fit.steps_done(), fit.initial_count());
+    let (resumed_at, initial_count) = (fit.steps_done(), fit.initial_count());
     let mut run = Run::start(fit, backend).map_err(on_device)?;
-    let train: Vec<&TrainingView> = shots.train.iter().map(|(_, shot)| shot).collect();
+    let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
     let start = Instant::now();
-    let (mut saved, mut shown) = (start, start);
-    let every = (settings.steps / LINES).max(1);
-    let mut stepping = Duration::ZERO;
+    let (mut saved_at, mut reported_at) = (start, start);
+    let every = (plan.steps / LINES).max(1);
+    let mut step_time = Duration::ZERO;
     while !run.is_done() {
-        let begun = Instant::now();
+        let step_start = Instant::now();
         let step = run.step(&train, lpips).map_err(on_device)?;
-        stepping += begun.elapsed();
+        step_time += step_start.elapsed();
         tally.loss += step.loss;
         tally.drawn += step.drawn;
         tally.density.add(run.density_change());
         tally.steps += 1;
         let done = run.steps_done();
         if done % every == 0 || run.is_done() {
-            let seconds = before + start.elapsed().as_secs_f64();
+            let seconds = earlier_seconds + start.elapsed().as_secs_f64();
             let pictures: Result<Vec<RenderedImage<f32>>, DeviceError> =
-                shots.held.iter().map(|shot| run.render(shot)).collect();
+                views.held.iter().map(|view| run.render(view)).collect();
             let pictures = pictures.map_err(on_device)?;
-            let held_psnr_db = mean_psnr(shots, &pictures);
+            let held_psnr_db = mean_psnr(views, &pictures);
             let gaussians = run.len();
-            entries.push(Entry {
+            entries.push(LogEntry {
                 step: done,
                 seconds,
                 loss: tally.loss / f64::from(tally.steps),
@@ -194,21 +159,21 @@ pub fn fit(
             });
             tally = Tally::default();
             output::write(&log::table_path(out), log::csv(&entries).as_bytes())?;
-            let preview = preview(&mut run, shots, &pictures)?;
+            let preview = preview(&mut run, views, &pictures)?;
             output::write_png(&log::preview_path(out), &preview, preview.dimensions())?;
         }
-        if saved.elapsed() >= checkpoint_every && !run.is_done() {
-            let seconds = before + start.elapsed().as_secs_f64();
+        if saved_at.elapsed() >= checkpoint_every && !run.is_done() {
+            let seconds = earlier_seconds + start.elapsed().as_secs_f64();
             let fit = run.pause().map_err(on_device)?;
-            let checkpoint = Checkpoint { settings: settings.clone(), fit, seconds, entries, tally };
+            let checkpoint = Checkpoint { plan: plan.clone(), fit, seconds, entries, tally };
             checkpoint.save(&path)?;
             entries = checkpoint.entries;
             run = Run::start(checkpoint.fit, backend).map_err(on_device)?;
-            saved = Instant::now();
+            saved_at = Instant::now();
         }
-        if shown.elapsed() >= SHOW_EVERY {
-            shown = Instant::now();
-            on_progress(&Progress {
+        if reported_at.elapsed() >= PROGRESS_EVERY {
+            reported_at = Instant::now();
+            on_progress(&FitProgress {
                 step: done,
                 loss: step.loss,
                 held_psnr_db: entries.last().and_then(|entry| entry.held_psnr_db),
@@ -222,8 +187,8 @@ pub fn fit(
         entries,
         non_finite: fit.non_finite(),
         resumed_at,
-        started_with,
-        ms_per_step: 1e3 * stepping.as_secs_f64() / (settings.steps - resumed_at) as f64,
+        initial_count,
+        ms_per_step: 1e3 * step_time.as_secs_f64() / (plan.steps - resumed_at) as f64,
         backend: backend.name(),
         peak_device_bytes: backend.peak_device_bytes(),
     })
@@ -233,104 +198,62 @@ fn on_device(error: DeviceError) -> Fault {
     Fault::Device(error.to_string())
 }
 
-/// Mean PSNR of the subject in the held photographs; `None` where nothing is held.
-fn mean_psnr(shots: &Shots, pictures: &[RenderedImage<f32>]) -> Option<f64> {
-    let psnr =
-        |(shot, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &shot.photograph);
-    let known: Vec<f64> = shots.held.iter().zip(pictures).filter_map(psnr).collect();
-    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
-}
-
-/// The picture that is left beside the field: of a held photograph where there is one. `pictures` are
-/// those of the held ones.
-fn preview(run: &mut Run, shots: &Shots, pictures: &[RenderedImage<f32>]) -> Result<RgbImage, Fault> {
-    let held = shots.held.len() / 2;
-    Ok(match (shots.held.get(held), pictures.get(held)) {
-        (Some(shot), Some(picture)) => log::preview(shot, picture),
+/// The picture beside the field: of a held-out photograph if there is one. `pictures` are the renderings
+/// of the held-out photographs.
+fn preview(run: &mut Run, views: &TrainingViews, pictures: &[RenderedImage<f32>]) -> Result<RgbImage, Fault> {
+    let held = views.held.len() / 2;
+    Ok(match (views.held.get(held), pictures.get(held)) {
+        (Some(view), Some(picture)) => log::preview(view, picture),
         _ => {
-            let shot = &shots.train[shots.train.len() / 2].1;
-            log::preview(shot, &run.render(shot).map_err(on_device)?)
+            let view = &views.train[views.train.len() / 2].1;
+            log::preview(view, &run.render(view).map_err(on_device)?)
         }
     })
 }
 
-impl Settings {
-    /// What is done with a capture where nothing is said.
-    ///
-    /// # Errors
-    /// [`Fault::Data`] where nothing is left to fit to.
-    pub fn usual(footage: &Footage, holdout: Holdout) -> Result<Settings, Fault> {
-        let frames = train_frames(footage, holdout)?.len();
-        let gaussians = usual_gaussians(frames, footage);
-        Ok(Settings {
-            steps: usual_steps(frames),
-            start: Start::Sweep,
-            anchor_cameras: Vec::new(),
-            mirror: Mirror::Auto,
-            gaussians,
-            floor: gaussians,
-            rule: DensityRule::Floor,
-            sh_degree: SH_DEGREE,
-            seed: 0,
-            holdout,
-            lpips: None,
-            capture: fingerprint(footage),
-        })
-    }
-
-    fn of_fit(&self) -> fit::FitSettings {
-        fit::FitSettings {
-            steps: self.steps,
-            floor: self.floor,
-            rule: self.rule,
-            seed: self.seed,
-            ..fit::FitSettings::default()
-        }
-    }
-}
-
-/// Checks, before the photographs are read, that a fit of `out` with `settings` can begin or go on: a
-/// checkpoint that is there is whole and of these settings.
+/// Checks, before the photographs are read, that a checkpoint of the field `out` is intact and has this
+/// plan. No checkpoint is fine.
 ///
 /// # Errors
-/// [`Fault::Data`] where it is damaged, [`Fault::Usage`] where it is of other settings.
-pub fn check_checkpoint(settings: &Settings, out: &Path) -> Result<(), Fault> {
-    Checkpoint::load(&checkpoint::path_for(out), settings).map(drop)
+/// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
+pub fn check_checkpoint(plan: &FitPlan, out: &Path) -> Result<(), Fault> {
+    Checkpoint::load(&checkpoint::path_for(out), plan).map(drop)
 }
 
-/// Checks that `field`, which somebody calls `name`, and a capture count the same frames: its windows
-/// and trajectories would mean other times otherwise. `frames` is what the field says of itself, if
-/// it does. A field without time fits any capture; that it stays so is said on stderr.
+/// Checks that a field and a capture have the same number of frames: otherwise the field's windows and
+/// trajectories would stand for other times. `name` is the path of the field, for messages; `frames` is
+/// the number of frames that its file states. A static field fits any capture; a note on stderr says that
+/// it stays static.
 ///
 /// # Errors
-/// [`Fault::Usage`] that says how many frames there are of each.
+/// [`Fault::Usage`] with both numbers of frames.
 pub fn check_frames(
     name: &Path,
     field: &Field,
     frames: Option<usize>,
-    footage: &Footage,
+    capture_files: &CaptureFiles,
 ) -> Result<(), Fault> {
-    let (name, of_capture) = (name.display(), footage.capture.times.len());
+    let (name, capture_frames) = (name.display(), capture_files.capture.times.len());
     match frames {
         _ if field.temporal.is_none() => {
-            if of_capture > 1 {
+            if capture_frames > 1 {
                 eprintln!("note: {name} does not move, and is not made to");
             }
             Ok(())
         }
-        Some(frames) if frames != of_capture => Err(Fault::Usage(format!(
-            "{name} is of {frames} frames (duration_s times fps), the capture of {of_capture}: choose its \
+        Some(frames) if frames != capture_frames => Err(Fault::Usage(format!(
+            "{name} is of {frames} frames (duration_s times fps), the capture of {capture_frames}: choose its \
              frames with --frames"
         ))),
         _ => Ok(()),
     }
 }
 
-/// Removes the checkpoint of the field at `out`, which is done.
+/// Removes the checkpoint of the finished field at `out`, if there is one.
 ///
 /// # Errors
-/// [`Fault::Usage`] where it is there and cannot be removed.
-pub fn forget_checkpoint(out: &Path) -> Result<(), Fault> {
+/// [`Fault::Usage`] if it cannot be removed.
+pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
     let path = checkpoint::path_for(out);
     match std::fs::remove_file(&path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -340,32 +263,18 @@ pub fn forget_checkpoint(out: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Steps for so many frames that are fitted to: the paper takes 96,000 for 17.
-fn usual_steps(frames: usize) -> u64 {
-    (5_600 * frames as u64).min(96_000)
-}
-
-/// Gaussians for so many frames that are fitted to: the paper takes 200,000 for 17 frames of 512x375
-/// pixels. Smaller photographs show less.
-fn usual_gaussians(frames: usize, footage: &Footage) -> usize {
-    let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
-    let largest = footage.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
-    let part = (largest / (512.0 * 375.0)).min(1.0);
-    (part * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
-}
-
-/// What a clip of this capture is, as far as a capture tells: its frames at `fps`, upwards as its
-/// cameras are held, and the views of its first camera and of a few others, from wherever they stand.
-pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
-    let cameras = &footage.capture.cameras;
+/// Metadata of a clip of this capture: its duration at `fps`, the mean up direction of its cameras, and
+/// viewpoints at its first camera and a few others.
+pub fn clip_info(capture_files: &CaptureFiles, fps: f32) -> ClipInfo {
+    let cameras = &capture_files.capture.cameras;
     let mut up = [0.0; 3];
     for CalibratedCamera { camera, .. } in cameras {
         (0..3).for_each(|axis| up[axis] -= camera.camera_from_world[1][axis]);
     }
     let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
     let up = if length > 1e-6 { up.map(|x| (x / length) as f32) } else { DEFAULT_UP };
-    let frames = footage.capture.times.len();
-    let views = cameras.len().min(VIEWPOINTS);
+    let frames = capture_files.capture.times.len();
+    let views = cameras.len().min(VIEWPOINTS_MAX);
     ClipInfo {
         duration_s: if frames > 1 { (frames - 1) as f32 / fps } else { DEFAULT_DURATION_S },
         fps,
@@ -375,7 +284,7 @@ pub fn info(footage: &Footage, fps: f32) -> ClipInfo {
     }
 }
 
-/// The axis that `up` is nearly along, if there is one: nobody holds a camera exactly level.
+/// Snaps `up` to an axis within about 25 degrees: cameras are rarely exactly level.
 fn upright(up: [f32; 3]) -> [f32; 3] {
     let nearly = (0..3).find(|&axis| up[axis].abs() > 0.9);
     nearly.map_or(up, |axis| std::array::from_fn(|i| if i == axis { up[axis].signum() } else { 0.0 }))
@@ -384,7 +293,7 @@ fn upright(up: [f32; 3]) -> [f32; 3] {
 fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
     let CalibratedCamera { name, camera, .. } = camera;
     let (position, forward) = (camera.position(), camera.camera_from_world[2]);
-    // As far as it stands from the world's origin, which captures put near their subject.
+    // The target is as far away as the world's origin, which captures put near their subject.
     let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
     Viewpoint {
         name: name.clone(),
@@ -392,31 +301,4 @@ fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
         target: std::array::from_fn(|axis| (position[axis] + distance * forward[axis]) as f32),
         fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
     }
-}
-
-/// A checksum.
-pub fn crc(bytes: &[u8]) -> u32 {
-    let mut crc = flate2::Crc::new();
-    crc.update(bytes);
-    crc.sum()
-}
-
-/// What tells a capture, as it is cut and shrunk, from another.
-fn fingerprint(footage: &Footage) -> String {
-    let capture = &footage.capture;
-    let mut crc = flate2::Crc::new();
-    for camera in &capture.cameras {
-        crc.update(format!("{camera:?}").as_bytes());
-    }
-    crc.update(format!("{:?}", capture.times).as_bytes());
-    for shot in &capture.photos {
-        crc.update(footage.name(*shot).as_bytes());
-    }
-    format!(
-        "{} cameras, {} frames, {} photographs, {:08x}",
-        capture.cameras.len(),
-        capture.times.len(),
-        capture.photos.len(),
-        crc.sum()
-    )
 }

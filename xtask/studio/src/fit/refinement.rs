@@ -1,5 +1,5 @@
-//! [`Refinement`]: a pruned field moves until it looks like the photographs again, each Gaussian
-//! where its row is.
+//! [`Refinement`]: optimizes a pruned field against the photographs. The rows keep their number and
+//! order.
 
 use codec::Field;
 use refine::fit::{
@@ -7,35 +7,35 @@ use refine::fit::{
 };
 use serde::Serialize;
 
-use super::{Shots, mean_psnr};
+use super::training_views::{TrainingViews, mean_psnr};
 
-/// What a field is refined by.
+/// Settings of a refinement.
 #[derive(Clone, Copy, Debug)]
 pub struct Refinement<'a> {
     /// The photographs.
-    pub shots: &'a Shots,
+    pub views: &'a TrainingViews,
     /// Steps to take.
     pub steps: u64,
 }
 
-/// What came of refinement; the fields are keys of the JSON.
+/// Results of a refinement; the fields are keys of the JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RefinementReport {
-    /// Steps that were taken.
+    /// Steps taken.
     pub steps: u64,
-    /// Photographs that the field was moved towards.
+    /// Number of photographs in the loss.
     pub photographs: usize,
-    /// PSNR of the subject in a few held photographs, in dB, before the first step and after the
-    /// last; `None` where nothing is held.
+    /// PSNR of the subject in a few held-out photographs, in dB, before the first step; `None` if none is
+    /// held out.
     pub held_before_db: Option<f64>,
-    /// After the last step.
+    /// The same after the last step.
     pub held_after_db: Option<f64>,
-    /// Gradients and moments that were not finite, and so were left out.
+    /// Number of non-finite gradients and moments, which the optimizer skips.
     pub non_finite: u64,
 }
 
 impl Refinement<'_> {
-    /// Moves `field`, which is not empty. The result has its rows in their order. `on_step` is called
+    /// Refines `field`, which is not empty; the result has the same rows in the same order. Calls `on_step`
     /// after each step.
     ///
     /// # Errors
@@ -49,19 +49,19 @@ impl Refinement<'_> {
         backend: &mut dyn Backend,
         mut on_step: impl FnMut(),
     ) -> Result<(Field, RefinementReport), DeviceError> {
-        let Refinement { shots, steps } = *self;
+        let Refinement { views, steps } = *self;
         let settings =
             fit::FitSettings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::FitSettings::default() };
-        let parameters = Parameters::from_field(field, shots.timeline);
-        let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
-        let mut run = Run::start(Fit::new(settings, parameters, shots.timeline, cameras), backend)?;
-        let train: Vec<&TrainingView> = shots.train.iter().map(|(_, shot)| shot).collect();
-        let held_before_db = held_psnr(&mut run, shots)?;
+        let parameters = Parameters::from_field(field, views.timeline);
+        let cameras = views.train.iter().map(|(_, view)| &view.camera);
+        let mut run = Run::start(Fit::new(settings, parameters, views.timeline, cameras), backend)?;
+        let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
+        let held_before_db = held_psnr(&mut run, views)?;
         while !run.is_done() {
             run.step(&train, None)?;
             on_step();
         }
-        let held_after_db = held_psnr(&mut run, shots)?;
+        let held_after_db = held_psnr(&mut run, views)?;
         let fit = run.pause()?;
         let photographs = train.len();
         let non_finite = fit.non_finite();
@@ -72,10 +72,10 @@ impl Refinement<'_> {
     }
 }
 
-fn held_psnr(run: &mut Run, shots: &Shots) -> Result<Option<f64>, DeviceError> {
+fn held_psnr(run: &mut Run, views: &TrainingViews) -> Result<Option<f64>, DeviceError> {
     let pictures: Result<Vec<RenderedImage<f32>>, DeviceError> =
-        shots.held.iter().map(|shot| run.render(shot)).collect();
-    Ok(mean_psnr(shots, &pictures?))
+        views.held.iter().map(|view| run.render(view)).collect();
+    Ok(mean_psnr(views, &pictures?))
 }
 
 #[cfg(test)]
@@ -87,7 +87,7 @@ mod tests {
 
     const TIMELINE: Timeline = Timeline { frames: 3 };
 
-    /// Two blobs, of which one moves.
+    /// Two Gaussians: a static one and a dynamic one.
     fn field() -> Field {
         Field {
             centers: vec![[-0.3, 0.0, 0.0], [0.3, 0.1, 0.0]],
@@ -106,10 +106,10 @@ mod tests {
         }
     }
 
-    /// Photographs of [`field`], of which those of the middle frame are held.
-    fn shots() -> Shots {
+    /// Photographs of [`field`]; the middle frame is held out.
+    fn views() -> TrainingViews {
         let parameters = Parameters::<f32>::from_field(&field(), TIMELINE);
-        let shot = |camera: usize, frame: usize| {
+        let view = |camera: usize, frame: usize| {
             let angle = camera as f64;
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
             let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.9, 32, 32);
@@ -121,29 +121,30 @@ mod tests {
             TrainingView { camera, frame, photograph }
         };
         let train =
-            (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, shot(camera, frame))));
-        Shots {
+            (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, view(camera, frame))));
+        TrainingViews {
             train: train.collect(),
-            held: (0..4).map(|camera| shot(camera, 1)).collect(),
+            held: (0..4).map(|camera| view(camera, 1)).collect(),
             timeline: TIMELINE,
         }
     }
 
     #[test]
-    fn what_was_moved_comes_back_row_by_row() {
+    fn displaced_rows_return_to_their_places() {
         let mut moved = field();
         moved.centers[0][1] += 0.06;
         moved.sh[1] = [0.0; 3];
-        let shots = shots();
+        let views = views();
         let mut steps = 0;
-        let tuning = Refinement { shots: &shots, steps: 400 };
-        let (tuned, report) = tuning.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
+        let refinement = Refinement { views: &views, steps: 400 };
+        let (refined, report) = refinement.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
         assert_eq!((steps, report.steps, report.photographs, report.non_finite), (400, 400, 8, 0));
         let (before, after) = (report.held_before_db.unwrap(), report.held_after_db.unwrap());
         assert!(after > before + 6.0, "{before} {after}");
-        assert_eq!(tuned.len(), 2);
-        let away = |found: [f32; 3], wanted: [f32; 3]| (0..3).all(|i| (found[i] - wanted[i]).abs() < 0.03);
-        assert!(away(tuned.centers[0], field().centers[0]), "{:?}", tuned.centers);
-        assert!((tuned.sh[1][2] - 1.0).abs() < 0.35 && tuned.sh[1][0] < -0.75, "{:?}", tuned.sh);
+        assert_eq!(refined.len(), 2);
+        let is_near =
+            |found: [f32; 3], expected: [f32; 3]| (0..3).all(|i| (found[i] - expected[i]).abs() < 0.03);
+        assert!(is_near(refined.centers[0], field().centers[0]), "{:?}", refined.centers);
+        assert!((refined.sh[1][2] - 1.0).abs() < 0.35 && refined.sh[1][0] < -0.75, "{:?}", refined.sh);
     }
 }

@@ -1,4 +1,4 @@
-//! [`Start`]: what a fit starts from.
+//! Makes the first Gaussians of a fit from its [`FitStart`].
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,44 +10,16 @@ use refine::anchor::{
 };
 use refine::capture::PhotoId;
 use refine::fit::{Fit, Parameters, Photograph, TrainingView};
-use serde::{Deserialize, Serialize};
 
-use super::{Settings, Shots};
-use crate::capture::Footage;
+use super::plan::{DepthScale, FitPlan, FitStart};
+use super::training_views::TrainingViews;
+use crate::capture::CaptureFiles;
 use crate::input::Input;
 
-/// What a fit starts from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Start {
-    /// The visual hull of the masks.
-    Hull,
-    /// The visual hull, refined by plane sweep.
-    Sweep,
-    /// Depth maps in a folder, named as the photographs are.
-    Depths(String, DepthScale),
-    /// Nothing: Gaussians anywhere.
-    Scatter,
-    /// A fitted field or a package, and a checksum of it.
-    Field(String, u32),
-}
-
-/// How depth maps come to the scale of the cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum DepthScale {
-    /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
-    Auto,
-    /// They are in units of the capture.
-    Metric,
-    /// One factor for all: their median becomes the radius of the rig (the paper's rule).
-    Rig,
-    /// A factor and an offset for each, by which it fits the visual hull.
-    Hull,
-}
-
 impl DepthScale {
-    fn alignment(self, shots: &Shots) -> Alignment {
+    fn alignment(self, views: &TrainingViews) -> Alignment {
         match self {
-            DepthScale::Auto if has_hull(shots) => Alignment::Hull,
+            DepthScale::Auto if has_hull(views) => Alignment::Hull,
             DepthScale::Auto | DepthScale::Rig => Alignment::Rig,
             DepthScale::Metric => Alignment::Metric,
             DepthScale::Hull => Alignment::Hull,
@@ -55,12 +27,12 @@ impl DepthScale {
     }
 }
 
-/// Whether masks carve a visual hull in every frame: two cameras or more see the subject, and one of
-/// them what is beside it.
-fn has_hull(shots: &Shots) -> bool {
+/// Whether masks carve a visual hull in every frame: at least two photographs show the subject, and at
+/// least one of these is masked.
+fn has_hull(views: &TrainingViews) -> bool {
     let mut frames: BTreeMap<usize, Vec<&Photograph>> = BTreeMap::new();
-    for (taken, shot) in &shots.train {
-        frames.entry(taken.frame).or_default().push(&shot.photograph);
+    for (photo_id, view) in &views.train {
+        frames.entry(photo_id.frame).or_default().push(&view.photograph);
     }
     frames.values().all(|photographs| {
         let seen: Vec<_> = photographs.iter().filter(|photograph| photograph.has_subject()).collect();
@@ -68,100 +40,115 @@ fn has_hull(shots: &Shots) -> bool {
     })
 }
 
-/// A fit at its first step.
+/// A fit before its first step.
 ///
 /// # Errors
-/// [`Fault::Data`] where there is nothing to start from, or a file cannot be read.
-pub(super) fn start(settings: &Settings, footage: &Footage, shots: &Shots) -> anyhow::Result<Fit> {
-    let wanted = AnchorSettings {
-        views: grounding(settings, footage)?,
-        gaussians: settings.gaussians,
-        mirror: settings.mirror,
-        sh_degree: settings.sh_degree,
+/// [`Fault::Data`] if there is no Gaussian to start from or a file cannot be read.
+pub(super) fn start(
+    plan: &FitPlan,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
+) -> anyhow::Result<Fit> {
+    let anchor_settings = AnchorSettings {
+        views: anchor_cameras(plan, capture_files)?,
+        gaussians: plan.gaussians,
+        mirror: plan.mirror,
+        sh_degree: plan.sh_degree,
         ..AnchorSettings::default()
     };
-    let parameters = match &settings.start {
-        Start::Hull => {
-            anchored(AnchorSettings { source: DepthSource::Hull, ..wanted }, footage, shots, None)?
+    let parameters = match &plan.start {
+        FitStart::Hull => anchored(
+            AnchorSettings { source: DepthSource::Hull, ..anchor_settings },
+            capture_files,
+            views,
+            None,
+        )?,
+        FitStart::Sweep => anchored(
+            AnchorSettings { source: DepthSource::HullAndSweep, ..anchor_settings },
+            capture_files,
+            views,
+            None,
+        )?,
+        FitStart::Depths(folder, scale) => {
+            let source = DepthSource::Given(scale.alignment(views));
+            anchored(
+                AnchorSettings { source, ..anchor_settings },
+                capture_files,
+                views,
+                Some(Path::new(folder)),
+            )?
         }
-        Start::Sweep => {
-            anchored(AnchorSettings { source: DepthSource::HullAndSweep, ..wanted }, footage, shots, None)?
-        }
-        Start::Depths(folder, scale) => {
-            let source = DepthSource::Given(scale.alignment(shots));
-            anchored(AnchorSettings { source, ..wanted }, footage, shots, Some(Path::new(folder)))?
-        }
-        Start::Scatter => {
-            let cameras: Vec<_> = footage.capture.cameras.iter().map(|camera| &camera.camera).collect();
-            scatter(&wanted, shots.timeline, &cameras, settings.seed)
+        FitStart::Scatter => {
+            let cameras: Vec<_> = capture_files.capture.cameras.iter().map(|camera| &camera.camera).collect();
+            scatter(&anchor_settings, views.timeline, &cameras, plan.seed)
                 .map_err(|error| Fault::Data(error.to_string()))?
         }
-        Start::Field(path, _) => {
+        FitStart::Field(path, _) => {
             let (field, _) = Input::load(Path::new(path))?.into_field();
-            Parameters::from_field(&field, shots.timeline)
+            Parameters::from_field(&field, views.timeline)
         }
     };
     if parameters.is_empty() {
         bail!(Fault::Data("there is no Gaussian to start from".into()));
     }
-    let cameras = shots.train.iter().map(|(_, shot)| &shot.camera);
-    Ok(Fit::new(settings.of_fit(), parameters, shots.timeline, cameras))
+    let cameras = views.train.iter().map(|(_, view)| &view.camera);
+    Ok(Fit::new(plan.fit_settings(), parameters, views.timeline, cameras))
 }
 
-/// Numbers of the cameras that are to ground the anchor; `None` for all.
-fn grounding(settings: &Settings, footage: &Footage) -> Result<Option<Vec<usize>>, Fault> {
-    let number = |name: &String| {
-        let found = footage.capture.cameras.iter().position(|camera| camera.name == *name);
+/// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.
+fn anchor_cameras(plan: &FitPlan, capture_files: &CaptureFiles) -> Result<Option<Vec<usize>>, Fault> {
+    let index = |name: &String| {
+        let found = capture_files.capture.cameras.iter().position(|camera| camera.name == *name);
         found.ok_or_else(|| {
             Fault::Usage(format!("--anchor-cameras: the capture has no camera \"{name}\" to look at"))
         })
     };
-    let numbers: Vec<usize> = settings.anchor_cameras.iter().map(number).collect::<Result<_, _>>()?;
-    Ok((!numbers.is_empty()).then_some(numbers))
+    let indices: Vec<usize> = plan.anchor_cameras.iter().map(index).collect::<Result<_, _>>()?;
+    Ok((!indices.is_empty()).then_some(indices))
 }
 
-/// What stops an anchor: itself, or a depth map.
-enum Stop {
+/// An error while making an anchor: of the anchor, or of a depth map.
+enum AnchorFault {
     Anchor(AnchorError),
     Fault(Fault),
 }
 
-impl From<AnchorError> for Stop {
-    fn from(error: AnchorError) -> Stop {
-        Stop::Anchor(error)
+impl From<AnchorError> for AnchorFault {
+    fn from(error: AnchorError) -> AnchorFault {
+        AnchorFault::Anchor(error)
     }
 }
 
 fn anchored(
-    wanted: AnchorSettings,
-    footage: &Footage,
-    shots: &Shots,
+    anchor_settings: AnchorSettings,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
     depths: Option<&Path>,
 ) -> Result<Parameters<f32>, Fault> {
     let mut frames: BTreeMap<usize, Vec<&(PhotoId, TrainingView)>> = BTreeMap::new();
-    for shot in &shots.train {
-        frames.entry(shot.0.frame).or_default().push(shot);
+    for view in &views.train {
+        frames.entry(view.0.frame).or_default().push(view);
     }
-    let view = |(taken, shot): &(PhotoId, TrainingView)| {
+    let anchor_view = |(photo_id, view): &(PhotoId, TrainingView)| {
         let depths = match depths {
-            Some(folder) => footage.depth(folder, *taken).map_err(Stop::Fault)?,
+            Some(folder) => capture_files.depth(folder, *photo_id).map_err(AnchorFault::Fault)?,
             None => None,
         };
-        let (camera, photograph) = (shot.camera.clone(), shot.photograph.clone());
-        Ok(AnchorView { camera_id: taken.camera, camera, photograph, depths })
+        let (camera, photograph) = (view.camera.clone(), view.photograph.clone());
+        Ok(AnchorView { camera_id: photo_id.camera, camera, photograph, depths })
     };
-    let frames = frames.into_iter().map(|(frame, shots)| {
-        let views = shots.into_iter().map(view).collect::<Result<_, Stop>>()?;
+    let frames = frames.into_iter().map(|(frame, views)| {
+        let views = views.into_iter().map(anchor_view).collect::<Result<_, AnchorFault>>()?;
         Ok(AnchorFrame { frame, views })
     });
-    let mut parameters = anchor(&wanted, shots.timeline, frames).map_err(|stop| match stop {
-        Stop::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
-        Stop::Fault(fault) => fault,
+    let mut parameters = anchor(&anchor_settings, views.timeline, frames).map_err(|fault| match fault {
+        AnchorFault::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
+        AnchorFault::Fault(fault) => fault,
     })?;
-    // An anchor counts frames; those of some captures are not at even distances.
-    let times = &footage.capture.times;
+    // The anchor counts frames; the frames of some captures are unevenly spaced in time.
+    let times = &capture_files.capture.times;
     for tau in &mut parameters.tau {
-        *tau = (times[*tau as usize] * shots.timeline.frames_per_clip()) as f32;
+        *tau = (times[*tau as usize] * views.timeline.frames_per_clip()) as f32;
     }
     Ok(parameters)
 }
@@ -173,8 +160,8 @@ mod tests {
 
     use super::*;
 
-    /// A photograph of a frame whose alpha is this, from left to right.
-    fn shot(camera: usize, frame: usize, alpha: [u8; 2]) -> (PhotoId, TrainingView) {
+    /// A photograph of two pixels with these alphas, from left to right.
+    fn view(camera: usize, frame: usize, alpha: [u8; 2]) -> (PhotoId, TrainingView) {
         let photograph = Photograph {
             width: 2,
             height: 1,
@@ -188,15 +175,15 @@ mod tests {
     #[test]
     fn depths_are_scaled_on_the_hull_where_every_frame_has_one() {
         let scale = |train: Vec<_>| {
-            let shots = Shots { train, held: Vec::new(), timeline: Timeline { frames: 2 } };
-            DepthScale::Auto.alignment(&shots)
+            let views = TrainingViews { train, held: Vec::new(), timeline: Timeline { frames: 2 } };
+            DepthScale::Auto.alignment(&views)
         };
         let (cut, full, empty) = ([255, 0], [255, 255], [0, 0]);
-        let both = || vec![shot(0, 0, cut), shot(1, 0, full)];
+        let both = || vec![view(0, 0, cut), view(1, 0, full)];
         assert_eq!(scale(both()), Alignment::Hull);
-        assert_eq!(scale(vec![shot(0, 0, full), shot(1, 0, full)]), Alignment::Rig, "no masks");
-        assert_eq!(scale([both(), vec![shot(0, 1, cut)]].concat()), Alignment::Rig, "a frame of one camera");
-        let left = vec![shot(0, 1, empty), shot(1, 1, empty)];
-        assert_eq!(scale([both(), left].concat()), Alignment::Hull, "nobody is there any more");
+        assert_eq!(scale(vec![view(0, 0, full), view(1, 0, full)]), Alignment::Rig, "no masks");
+        assert_eq!(scale([both(), vec![view(0, 1, cut)]].concat()), Alignment::Rig, "a frame of one camera");
+        let left = vec![view(0, 1, empty), view(1, 1, empty)];
+        assert_eq!(scale([both(), left].concat()), Alignment::Hull, "an empty frame");
     }
 }

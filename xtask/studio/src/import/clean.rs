@@ -1,17 +1,16 @@
-//! Repairs what can be repaired, drops what cannot, and leaves out columns that nothing uses.
+//! Repairs or drops invalid rows, and drops unused columns.
 //!
-//! A row that is in order keeps its bits: a quaternion is normalised only where
-//! [`Field::check`] would not pass it.
+//! A valid row keeps its bits: a quaternion is normalised only if [`Field::check`] would reject it.
 
 use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
 
-use super::Repairs;
+use super::imported::Repairs;
 
-/// Makes a field of raw rows keep the invariants of [`Field`], counting what it does.
+/// Makes a field of raw rows satisfy the invariants of [`Field`], and counts the changes.
 ///
-/// The columns of `raw` have matching lengths; its values may be anything. What comes back is in
-/// normal form: no all-zero top band of SH, no all-zero top power of motion, no all-zero rotation
-/// rates, no temporal columns where every row is always on and none moves.
+/// The columns of `raw` have matching lengths and arbitrary values. The result is in normal form: no
+/// all-zero top band of SH, no all-zero top power of motion, no all-zero angular rates, and no temporal
+/// columns if every row is always on and none moves.
 pub(crate) fn clean(mut raw: Field, repairs: &mut Repairs) -> Field {
     let mut usable = Vec::with_capacity(raw.len());
     for row in 0..raw.len() {
@@ -30,7 +29,7 @@ pub(crate) fn clean(mut raw: Field, repairs: &mut Repairs) -> Field {
     field
 }
 
-/// Why a row cannot be used, if it cannot.
+/// Reason to drop a row; `None` if it is usable.
 fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     let finite = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|x| x.is_finite());
     if !finite(&raw.centers[row..=row]) {
@@ -49,7 +48,7 @@ fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     if !temporal.tau[row].is_finite() {
         return Some("non-finite window centre");
     }
-    // Also where it is NaN.
+    // Also rejects NaN.
     if !matches!(temporal.s[row].partial_cmp(&0.0), Some(std::cmp::Ordering::Greater)) {
         return Some("empty window");
     }
@@ -76,7 +75,7 @@ fn repair_rotation(raw: &mut Field, row: usize, repairs: &mut Repairs) {
     }
     let norm = q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
     if norm > 0.0 && norm.is_finite() {
-        // Length is without meaning in a file, but rates are relative to it.
+        // The length is arbitrary in a file, but rates are relative to it.
         let normalized = |v: [f32; 4]| v.map(|x| (f64::from(x) / norm) as f32);
         *q = normalized(*q);
         if let Some(rate) = rate {

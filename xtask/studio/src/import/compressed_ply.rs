@@ -10,8 +10,9 @@ use std::f64::consts::SQRT_2;
 
 use codec::{Field, sh_coefficients};
 
+use super::imported::{Hints, Imported, Repairs, sh_of_rgb};
+use super::inria;
 use super::ply::{Ply, Table};
-use super::{Hints, Imported, Repairs, inria, sh_of_rgb};
 
 /// Gaussians per chunk.
 const CHUNK: usize = 256;

@@ -5,8 +5,9 @@
 use codec::{MOTION_ORDER_MAX, Temporal, Viewpoint};
 use refine::capture::Holdout;
 
+use super::imported::{Hints, Imported, Repairs};
+use super::inria;
 use super::ply::{Ply, Table};
-use super::{Hints, Imported, Repairs, inria};
 
 /// First word of the comments that hold metadata.
 pub(crate) const MARK: &str = "aarc";

@@ -6,8 +6,8 @@
 
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
+use super::imported::{Hints, Imported, Repairs};
 use super::ply::Table;
-use super::{Hints, Imported, Repairs};
 
 /// Reads the rows of a static field.
 pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {

@@ -1,11 +1,12 @@
 //! Importers: fitted fields in the formats of other programs become [`codec::Field`]s.
 //!
-//! Each format has a file that turns bytes into rows of a field as they are; `clean` then repairs
-//! or drops what does not keep the field's invariants and leaves out columns that nothing uses.
+//! Each format has a file that turns bytes into unchecked rows of a field; `clean` then repairs or drops
+//! rows that violate the field's invariants, and drops unused columns.
 
 mod clean;
 mod compressed_ply;
 pub(crate) mod field_file;
+mod imported;
 mod inria;
 mod ply;
 mod sog;
@@ -14,106 +15,24 @@ mod splat;
 pub(crate) mod splatv;
 pub(crate) mod spz;
 
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use codec::{Field, SH_C0, Viewpoint};
 use program::Fault;
-use refine::capture::Holdout;
 
 pub use field_file::VERSION as FIELD_FILE_VERSION;
+pub use imported::{Hints, Imported, Repairs};
 
 /// The formats that [`import`] reads, for messages.
 pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, compressed, or this tool's own), \
                            .splatv, .spz, SOG (.sog, or meta.json with its images), .splat";
 
-/// Most Gaussians accepted from a compressed file, whose size does not bound their number.
-const GAUSSIANS_MAX: usize = 1 << 24;
-
-/// A field read from a file.
-#[derive(Debug)]
-pub struct Imported {
-    /// The field, with its invariants kept ([`Field::check`]) and at least one Gaussian.
-    pub field: Field,
-    /// What is known about the clip.
-    pub hints: Hints,
-    /// What was changed to keep the field's invariants.
-    pub repairs: Repairs,
-    /// Name of the file's format.
-    pub format: &'static str,
-}
-
-/// What a file says, or its format implies, about the clip; `None` where it does not.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hints {
-    /// Unit vector of the source's axes that points up.
-    pub up: Option<[f32; 3]>,
-    /// Metres per unit of the source.
-    pub metres_per_unit: Option<f32>,
-    /// Length of the clip in seconds.
-    pub duration_s: Option<f32>,
-    /// Captured frames per second.
-    pub fps: Option<f32>,
-    /// Suggested viewpoints, the one to start from first.
-    pub viewpoints: Vec<Viewpoint>,
-    /// Frames that were held out from fitting.
-    pub holdout: Option<Holdout>,
-}
-
-/// Rows changed or left out on import, counted by reason.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Repairs {
-    /// Reason to number of rows that were changed and kept.
-    pub repaired: BTreeMap<&'static str, usize>,
-    /// Reason to number of rows that were left out.
-    pub dropped: BTreeMap<&'static str, usize>,
-}
-
-impl Repairs {
-    /// Whether the file was in order.
-    pub fn is_empty(&self) -> bool {
-        self.repaired.is_empty() && self.dropped.is_empty()
-    }
-
-    fn repair_rows(&mut self, reason: &'static str, rows: usize) {
-        if rows > 0 {
-            *self.repaired.entry(reason).or_default() += rows;
-        }
-    }
-
-    fn drop_rows(&mut self, reason: &'static str, rows: usize) {
-        if rows > 0 {
-            *self.dropped.entry(reason).or_default() += rows;
-        }
-    }
-}
-
-/// One line, such as `repaired 3 (zero quaternion: 3), dropped 1 (non-finite centre: 1)`, or
-/// `nothing to repair`.
-impl fmt::Display for Repairs {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let part = |verb: &str, counts: &BTreeMap<&'static str, usize>| {
-            let reasons: Vec<String> = counts.iter().map(|(reason, n)| format!("{reason}: {n}")).collect();
-            (!counts.is_empty())
-                .then(|| format!("{verb} {} ({})", counts.values().sum::<usize>(), reasons.join(", ")))
-        };
-        let parts: Vec<String> = [part("repaired", &self.repaired), part("dropped", &self.dropped)]
-            .into_iter()
-            .flatten()
-            .collect();
-        f.write_str(if parts.is_empty() { "nothing to repair" } else { "" })?;
-        f.write_str(&parts.join(", "))
-    }
-}
-
 /// Reads a fitted field.
 ///
 /// # Errors
-/// [`Fault::Data`] that names the file and what is wrong with it: missing, empty, of an unknown
-/// format, truncated, without a needed property, or without a usable Gaussian.
+/// [`Fault::Data`] that names the file and the problem: missing, empty, of an unknown format, truncated,
+/// without a required property, or without a usable Gaussian.
 pub fn import(path: &Path) -> anyhow::Result<Imported> {
     let read = || -> Result<Imported, String> {
         let mut imported = read(path)?;
@@ -129,7 +48,7 @@ pub fn import(path: &Path) -> anyhow::Result<Imported> {
     read().map_err(|what| Fault::Data(format!("{}: {what}", path.display())).into())
 }
 
-/// Reads the rows of a file as they are: [`Imported::field`] need not keep its invariants yet.
+/// Reads the rows of a file unchecked: [`Imported::field`] may be invalid.
 fn read(path: &Path) -> Result<Imported, String> {
     let metadata = fs::metadata(path).map_err(|error| error.to_string())?;
     if metadata.is_dir() {
@@ -142,7 +61,7 @@ fn read(path: &Path) -> Result<Imported, String> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match &bytes[..] {
         [] => Err("the file is empty".into()),
-        // The one format without a magic number: what it starts with means nothing.
+        // The only format without a magic number.
         _ if extension == "splat" => splat::read(&bytes),
         [b'p', b'l', b'y', b'\n' | b'\r', ..] => read_ply(&ply::Ply::parse(&bytes)?),
         [0x4b, 0x67, 0, 0, ..] => splatv::read(&bytes),
@@ -172,16 +91,4 @@ fn read_ply(ply: &ply::Ply) -> Result<Imported, String> {
     } else {
         inria::read(vertex)
     }
-}
-
-/// The constant SH coefficient of a channel that has this value in `[0, 1]` from all sides.
-fn sh_of_rgb(value: f64) -> f32 {
-    ((value - 0.5) / SH_C0) as f32
-}
-
-/// The logarithms of standard deviations. Zero, which small ones underflow to where they are
-/// stored in few bits, becomes the smallest positive [`half::f16`].
-fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
-    repairs.repair_rows("zero scale", usize::from(scales.contains(&0.0)));
-    scales.map(|scale| if scale == 0.0 { half::f16::from_bits(1).to_f32() } else { scale }.ln())
 }

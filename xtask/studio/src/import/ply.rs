@@ -1,8 +1,8 @@
 //! The PLY container: header, and elements as tables of scalar columns.
 //!
 //! Reads `binary_little_endian` and `ascii`. Counts in the header are checked against the bytes
-//! that follow it before anything is allocated; rows that the file ends before are reported as
-//! missing, not as an error, so that the whole rows of a truncated file can be kept.
+//! that follow it before anything is allocated. Rows beyond the end of the file are reported as missing,
+//! not as an error, so that the complete rows of a truncated file can be used.
 
 /// Longest header that is searched for its end.
 const HEADER_MAX: usize = 1 << 20;
@@ -20,7 +20,7 @@ pub(crate) struct Table<'a> {
     columns: Vec<Column<'a>>,
     /// Rows that the header announces.
     announced: usize,
-    /// Whole rows that are there.
+    /// Complete rows in the file.
     pub(crate) rows: usize,
     cells: Cells<'a>,
 }
@@ -32,7 +32,7 @@ struct Column<'a> {
     offset: usize,
 }
 
-/// Where the values of a table are.
+/// The values of a table.
 enum Cells<'a> {
     /// Rows of `stride` bytes.
     Binary { bytes: &'a [u8], stride: usize },
@@ -191,7 +191,7 @@ impl<'a> Table<'a> {
     fn take_binary(&mut self, body: &'a [u8]) -> &'a [u8] {
         let stride = self.columns.last().map_or(0, |column| column.offset + column.kind.size());
         self.rows = self.announced.min(body.len().checked_div(stride).unwrap_or(0));
-        // After a truncated element nothing can be where it belongs.
+        // After a truncated element the offsets of later elements are unknown.
         let rest = if self.rows == self.announced { self.rows * stride } else { body.len() };
         self.cells = Cells::Binary { bytes: &body[..self.rows * stride], stride };
         &body[rest..]
@@ -215,7 +215,7 @@ impl<'a> Table<'a> {
         Ok(())
     }
 
-    /// Rows that the header announces and the file does not have.
+    /// Rows that the header announces and the file lacks.
     pub(crate) fn missing_rows(&self) -> usize {
         self.announced - self.rows
     }
@@ -225,7 +225,7 @@ impl<'a> Table<'a> {
         self.columns.iter().any(|column| column.name == name)
     }
 
-    /// How many of the properties `prefix0`, `prefix1`, ... there are, from 0 up to the first gap.
+    /// Number of the properties `prefix0`, `prefix1`, ... up to the first gap.
     pub(crate) fn count_numbered(&self, prefix: &str) -> usize {
         (0..self.columns.len()).take_while(|i| self.has(&format!("{prefix}{i}"))).count()
     }
@@ -270,7 +270,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// A number as its binary form would hold it, so that both forms of a file read the same.
+/// Parses a number with the precision of its binary form, so that both forms of a file read the same.
 fn parse_number(word: &[u8], kind: Kind) -> Option<f64> {
     let word = std::str::from_utf8(word).ok()?;
     if kind == Kind::F32 { word.parse::<f32>().ok().map(f64::from) } else { word.parse().ok() }

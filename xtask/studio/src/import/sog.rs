@@ -1,9 +1,9 @@
-//! SOG version 2 of PlayCanvas: one static field as a handful of images.
+//! SOG version 2 of PlayCanvas: one static field as a set of images.
 //!
 //! `meta.json` names the images and holds ranges and tables; pixel `i` in reading order belongs to
 //! Gaussian `i`. Centres are 16 bits over two images, in a space compressed by
 //! `sign(x) ln(|x| + 1)`. Log-scales and SH are bytes that index tables of 256 values. Quaternions
-//! are three bytes in `[-1, 1] / sqrt(2)` and one that says which component is left out.
+//! are three bytes in `[-1, 1] / sqrt(2)` and one that names the omitted component.
 //! Higher SH comes from a palette: two bytes per Gaussian name an entry, which is a run of pixels,
 //! 64 entries to a line. The files lie in a folder or, bundled, in a ZIP archive.
 
@@ -16,7 +16,7 @@ use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
 
-use super::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
 
 /// Longest file accepted from an archive, whose packed size does not bound the plain one.
 const FILE_MAX: u64 = 1 << 30;
@@ -29,7 +29,7 @@ struct Meta {
     count: usize,
     means: Means,
     scales: Coded,
-    quats: Files<1>,
+    quats: ImageFiles<1>,
     sh0: Coded,
     #[serde(rename = "shN")]
     sh_n: Option<Palette>,
@@ -40,14 +40,14 @@ struct Means {
     mins: [f64; 3],
     maxs: [f64; 3],
     #[serde(flatten)]
-    files: Files<2>,
+    files: ImageFiles<2>,
 }
 
 #[derive(Deserialize)]
 struct Coded {
     codebook: Vec<f32>,
     #[serde(flatten)]
-    files: Files<1>,
+    files: ImageFiles<1>,
 }
 
 #[derive(Deserialize)]
@@ -56,11 +56,11 @@ struct Palette {
     bands: u8,
     codebook: Vec<f32>,
     #[serde(flatten)]
-    files: Files<2>,
+    files: ImageFiles<2>,
 }
 
 #[derive(Deserialize)]
-struct Files<const N: usize>
+struct ImageFiles<const N: usize>
 where
     [String; N]: for<'a> Deserialize<'a>,
 {
@@ -96,7 +96,7 @@ pub(crate) fn read_bundle(bytes: &[u8]) -> Result<Imported, String> {
 fn read(meta: &[u8], mut load: impl FnMut(&str) -> Result<Vec<u8>, String>) -> Result<Imported, String> {
     let meta = parse_meta(meta)?;
     let mut image = |name: &str| -> Result<RgbaImage, String> {
-        // A file set is flat; a path would be somebody else's file.
+        // A file set is flat; a path would lead outside its folder.
         if Path::new(name).file_name() != Some(OsStr::new(name)) {
             return Err(format!("meta.json names `{name}`, which is not a plain file name"));
         }

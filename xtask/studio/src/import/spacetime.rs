@@ -10,8 +10,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use codec::Temporal;
 
+use super::imported::{Hints, Imported, Repairs, sh_of_rgb};
+use super::inria;
 use super::ply::Table;
-use super::{Hints, Imported, Repairs, inria, sh_of_rgb};
 
 /// Reads the rows of a moving field.
 pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {

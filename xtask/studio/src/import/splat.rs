@@ -5,7 +5,7 @@
 
 use codec::Field;
 
-use super::{Hints, Imported, Repairs, log_of_scales, sh_of_rgb};
+use super::imported::{Hints, Imported, Repairs, log_of_scales, sh_of_rgb};
 
 /// Bytes per Gaussian.
 const ROW: usize = 32;

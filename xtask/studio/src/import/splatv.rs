@@ -24,7 +24,7 @@ use codec::{Field, Temporal, Viewpoint};
 use half::f16;
 use serde::Deserialize;
 
-use super::{Hints, Imported, Repairs, log_of_scales, sh_of_rgb};
+use super::imported::{Hints, Imported, Repairs, log_of_scales, sh_of_rgb};
 
 /// Bytes per Gaussian.
 pub(crate) const ROW: usize = 64;

@@ -20,7 +20,7 @@ use std::io::Read;
 
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
-use super::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
 
 /// First four bytes of a plain file.
 pub(crate) const MAGIC: [u8; 4] = *b"NGSP";

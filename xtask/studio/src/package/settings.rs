@@ -38,7 +38,7 @@ pub enum DropPart {
 pub const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
 
 /// PSNR that a package is to have where nobody says it: coding then costs 0.01 dB of a field that
-/// fits its footage to 24.3 dB.
+/// fits its photographs to 24.3 dB.
 pub const QUALITY_DB: f64 = 50.7;
 
 /// How Gaussians are coded.

@@ -1,15 +1,15 @@
-//! A figure with thin limbs, on which the topology floor tells what a ranking cannot.
+//! A figure with thin limbs that a ranking severs and the topology floor preserves.
 //!
-//! A body of large Gaussians, many more than it needs, carries limbs of small ones. By visibility
-//! mass the whole body goes before any limb. Half of the limbs end in a small dense bead, which a
-//! tight budget deletes; the others in a heavy fist, which it keeps but cuts off.
+//! A body of large Gaussians, many more than it needs, carries limbs of small ones. Visibility mass ranks
+//! the whole body before any limb. Half of the limbs end in a small dense bead, which a tight budget
+//! deletes; the others end in a heavy fist, which it keeps but severs.
 
 use std::f64::consts::TAU;
 
 use codec::{ClipInfo, Field, SH_C0, Viewpoint};
 use glam::{DVec3, dvec3};
 
-/// Gaussians of the body, and what it measures in source units.
+/// Gaussians of the body, and its size in source units.
 const BODY: usize = 8_200;
 const BODY_RADIUS: f64 = 0.5;
 const BODY_SIGMA: f64 = 0.04;
@@ -17,15 +17,15 @@ const BODY_SIGMA: f64 = 0.04;
 /// Any two numbers without a common factor: every part of the body is spread over all of it.
 const BODY_STRIDE: usize = 3_571;
 
-/// Number of limbs, their Gaussians per unit of length, and what they measure.
+/// Number of limbs, their Gaussians per unit of length, and their size.
 const LIMBS: usize = 6;
 const LIMB_DENSITY: f64 = 240.0;
 const LIMB_RADIUS: f64 = 0.01;
 const LIMB_SIGMA: f64 = 0.008;
 
-/// What a limb ends in.
+/// The end of a limb.
 struct Tip {
-    /// Distance from the middle of the body.
+    /// Distance from the centre of the body.
     distance: f64,
     radius: f64,
     sigma: f64,
@@ -40,7 +40,7 @@ const FIST: Tip = Tip { distance: 0.95, radius: 0.06, sigma: 0.052 };
 /// Number of Gaussians of a tip.
 const TIP: usize = 60;
 
-/// The figure, which does not move.
+/// The static figure.
 pub fn figure() -> (Field, ClipInfo) {
     let mut figure = Field::default();
     for i in 0..BODY {
@@ -51,7 +51,7 @@ pub fn figure() -> (Field, ClipInfo) {
         let tip = if limb % 2 == 0 { BEAD } else { FIST };
         let outwards = limb_direction(limb);
         let (across, up) = outwards.any_orthonormal_pair();
-        // Where a limb meets what it joins it adds no peak to either.
+        // A limb adds no peak where it meets the body or the tip.
         let (start, end) = (BODY_RADIUS + 2.0 * BODY_SIGMA, tip.distance - tip.radius - 2.0 * tip.sigma);
         let count = ((end - start) * LIMB_DENSITY).round() as usize;
         for i in 0..count {

@@ -1,4 +1,4 @@
-//! Procedural data: scenes made of formulas, without footage and without fitting.
+//! Procedural data: scenes from formulas, without captures and without fitting.
 
 pub mod juggler;
 pub mod limbs;

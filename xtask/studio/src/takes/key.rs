@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use program::Fault;
 use sha2::{Digest, Sha256};
 
-use crate::capture::Footage;
+use crate::capture::CaptureFiles;
 
 /// Bytes that are read at a time.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -37,8 +37,8 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
         if input.is_dir() {
             find(input, 0, &mut files).map_err(|error| fault(input, error))?;
             // What is no capture, or none that can be read, lists nothing.
-            if let Ok(footage) = Footage::open(input) {
-                files.extend(footage.files().map(Path::to_owned));
+            if let Ok(capture_files) = CaptureFiles::open(input) {
+                files.extend(capture_files.files().map(Path::to_owned));
             }
             files.sort();
             files.dedup();

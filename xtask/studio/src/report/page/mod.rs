@@ -1,5 +1,6 @@
 //! The report on one clip or field: a page with everything in it, and the same as CSV and JSON.
 
+mod findings;
 mod front;
 mod rows;
 mod tables;
@@ -9,30 +10,14 @@ use std::fmt::Write;
 
 use anyhow::Context;
 use measure::parameter::{FlowStage, Parameter, ParameterValue};
-use measure::playing::Playing;
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
-use super::fitting::{self, FitLog};
 use super::plot::{self as lines, Line, Panel};
-use crate::fit::log::Entry;
+use crate::fit::log::LogEntry;
+pub use findings::Findings;
 use front::{Chart, Mark, svg};
 use text::{escape, grouped, prose};
-
-/// What was found out about a clip or field.
-#[derive(Debug)]
-pub struct Findings {
-    /// Its name.
-    pub name: String,
-    /// Processor and system.
-    pub machine: String,
-    /// What playing it costs and keeps.
-    pub playing: Playing,
-    /// The parameters of making a package of it.
-    pub packaging: Vec<Parameter>,
-    /// Fits of it.
-    pub fits: Vec<FitLog>,
-}
 
 /// Knobs that a player may have, and why this one has not.
 const NO_PARAMETERS: [(&str, &str); 6] = [
@@ -64,31 +49,6 @@ const NO_PARAMETERS: [(&str, &str); 6] = [
 ];
 
 impl Findings {
-    /// All parameters.
-    fn parameters(&self) -> Vec<Parameter> {
-        let mut parameters = self.playing.parameters.clone();
-        parameters.extend(self.packaging.clone());
-        parameters.extend(fitting::parameter(&self.fits));
-        parameters
-    }
-
-    /// The defaults that are off the front of their parameter, each in a sentence.
-    pub fn beaten_defaults(&self) -> Vec<String> {
-        let told = |(parameter, default, by): (&Parameter, &ParameterValue, Vec<&ParameterValue>)| {
-            let value = |point: &ParameterValue| {
-                let psnr = point.errors.psnr_db.map_or_else(|| "no error".into(), |db| format!("{db:.2} dB"));
-                format!("{} ({psnr} at {:.2} {})", point.value, point.cost.median, parameter.cost)
-            };
-            let by: Vec<String> = by.into_iter().map(value).collect();
-            format!("{}: {} is beaten by {}", parameter.name, value(default), by.join(", "))
-        };
-        let parameters = self.parameters();
-        let beaten = |parameter| {
-            Parameter::beaten_defaults(parameter).map(move |(default, by)| (parameter, default, by))
-        };
-        parameters.iter().flat_map(beaten).map(told).collect()
-    }
-
     /// What a terminal shows: each parameter's values, a line each.
     pub fn table(&self) -> String {
         let setup = &self.playing.setup;
@@ -245,7 +205,7 @@ impl Findings {
 
     /// Held photographs over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
-        let chart = |x: &str, of: fn(&Entry) -> f64| Panel {
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| Panel {
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits

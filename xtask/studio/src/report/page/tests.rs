@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::fit::log::{Density, Entry};
+use crate::fit::log::{Density, LogEntry};
+use crate::report::fitting::FitLog;
 use measure::parameter::{ImageErrors, Quartiles};
-use measure::playing::{ClipFeature, NamedPicture, PlayingSetup, ResourceUse};
+use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
 fn counts(counts: &[(&str, f64)]) -> BTreeMap<String, f64> {
     counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
@@ -63,7 +64,7 @@ fn findings() -> Findings {
     };
     let pictures =
         ["reference", "</script>"].map(|name| NamedPicture { name: name.into(), png: "AAAA".into() });
-    let entry = |step: u64, held: f64| Entry {
+    let entry = |step: u64, held: f64| LogEntry {
         step,
         seconds: step as f64,
         loss: 0.1,

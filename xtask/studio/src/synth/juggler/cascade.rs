@@ -1,4 +1,4 @@
-//! The three-ball cascade: where balls and hands are, and how the body sways.
+//! The three-ball cascade: positions of balls and hands, and sway of the body.
 //!
 //! Throw `n` leaves hand `n % 2` at beat `n` with ball `n % 3`, flies a parabola to the other hand
 //! and is thrown again three beats later. A hand swings with the ball from the catch, outside, to
@@ -18,7 +18,7 @@ pub(super) const BALLS: usize = 3;
 /// Radius of a ball in metres.
 pub(super) const BALL_RADIUS: f64 = 0.042;
 
-/// Throws in the clip: the least after which every ball is back in its first hand.
+/// Throws in the clip: the fewest after which every ball is back in its first hand.
 const BEATS: f64 = 6.0;
 
 /// Time in the air, in beats.
@@ -30,7 +30,7 @@ const DWELL: f64 = BALLS as f64 - FLIGHT;
 /// Height of a throw above the hands in metres.
 const HEIGHT: f64 = 0.28;
 
-/// From the middle of the palm to the ball's centre.
+/// Offset of the ball's centre from the centre of the palm.
 const PALM: DVec3 = DVec3::new(0.0, 0.055, 0.0);
 
 /// Sway of the body at clip time `t`, in `[-1, 1]`: the one cubic, up to its size, that passes
@@ -43,9 +43,9 @@ pub(super) fn sway(t: f64) -> f64 {
 
 /// The pattern.
 pub(super) struct Cascade {
-    /// Where the hand on each side lets go.
+    /// Throwing position of each hand.
     throws: [DVec3; 2],
-    /// Where the hand on each side catches.
+    /// Catching position of each hand.
     catches: [DVec3; 2],
 }
 
@@ -58,7 +58,7 @@ impl Cascade {
         }
     }
 
-    /// Palms in the pose about which the arms move.
+    /// Palms in the rest pose.
     pub(super) fn rest(&self) -> [DVec3; 2] {
         [0, 1].map(|side| 0.5 * (self.throws[side] + self.catches[side]) - PALM)
     }
@@ -89,7 +89,7 @@ impl Cascade {
         DQuat::from_axis_angle(dvec3(0.6, 0.2, 0.77).normalize(), 2.0 * PI * turns)
     }
 
-    /// The hand that threw a ball last, and how many beats ago.
+    /// The hand that threw a ball last, and the beats since.
     fn last_throw(&self, ball: usize, beat: f64) -> (usize, f64) {
         let balls = BALLS as f64;
         let round = ((beat - ball as f64) / balls).floor();
@@ -97,7 +97,7 @@ impl Cascade {
         (throw.rem_euclid(2.0) as usize, beat - throw)
     }
 
-    /// Where the ball is, or would be, in the hand on this side.
+    /// Position of a ball held in the hand on this side.
     fn hand_path(&self, side: usize, beat: f64) -> DVec3 {
         let (throw, catch) = (self.throws[side], self.catches[side]);
         let up = dvec3(0.0, 4.0 * HEIGHT / FLIGHT, 0.0);

@@ -1,5 +1,4 @@
-//! The juggler at rest: the solids he is made of, what they are made of, and which bones carry
-//! them.
+//! The juggler at rest: his solids, their materials, and the bones that carry them.
 
 use glam::{DQuat, DVec3, dvec3};
 
@@ -37,7 +36,7 @@ impl Material {
         Button,
     ];
 
-    /// Distance of neighbouring Gaussians in metres: fine where the eye looks.
+    /// Distance of neighbouring Gaussians in metres: finer where viewers look.
     fn spacing(self) -> f64 {
         match self {
             Shirt => 0.0118,
@@ -65,14 +64,14 @@ struct Part {
     material: Material,
 }
 
-/// Parts that flow into each other.
+/// Parts that blend into each other.
 struct Group {
     parts: Vec<Part>,
     /// Rounding of the seams in metres.
     blend: f64,
-    /// A point of a plane and its normal; what lies on that side is cut away.
+    /// A point of a plane and its normal; the side of the normal is cut away.
     clip_plane: Option<(DVec3, DVec3)>,
-    /// A ball around the parts.
+    /// Bounding sphere of the parts.
     center: DVec3,
     radius: f64,
 }
@@ -101,7 +100,7 @@ impl Group {
     }
 }
 
-/// Corners of a box around a shape.
+/// Corners of the bounding box of a shape.
 fn bounds(shape: &Shape) -> [DVec3; 2] {
     match *shape {
         Shape::Cone { from, to, radii } => {
@@ -115,10 +114,10 @@ fn bounds(shape: &Shape) -> [DVec3; 2] {
     }
 }
 
-/// The figure in the pose about which it moves.
+/// The figure in its rest pose.
 pub(super) struct Figure {
     groups: Vec<Group>,
-    /// The middle of the hat's rim and the hat's axes.
+    /// Centre of the hat's rim, and the hat's axes.
     hat: (DVec3, DQuat),
     feet: [(DVec3, DQuat); 2],
 }
@@ -173,9 +172,9 @@ impl Figure {
         samples
     }
 
-    /// The bones that carry a point of the surface, with weights that sum to 1.
+    /// Skinning weights of a point of the surface, which sum to 1.
     pub(super) fn skin(&self, p: DVec3) -> Vec<(Bone, f64)> {
-        /// How far from a joint both bones still pull, in metres.
+        /// Distance from a joint within which both bones act, in metres.
         const SOFTNESS: f64 = 0.014;
         let nearest = self.part_at(p);
         let d = nearest.shape.distance(p);
@@ -194,7 +193,7 @@ impl Figure {
         skin
     }
 
-    /// What a point of the surface is coloured.
+    /// Colour of a point of the surface.
     pub(super) fn paint(&self, p: DVec3, normal: DVec3) -> Albedo {
         let part = self.part_at(p);
         let spacing = part.material.spacing();
@@ -250,7 +249,7 @@ impl Figure {
         self.groups.iter().flat_map(|group| &group.parts)
     }
 
-    /// The part that the surface at `p` belongs to.
+    /// The part of the surface at `p`.
     fn part_at(&self, p: DVec3) -> &Part {
         let of_group = |group: &Group| match (p - group.center).length() - group.radius > 0.05 {
             true => f64::INFINITY,

@@ -1,8 +1,8 @@
-//! Motions as Gaussians: windows over the clip, in each a polynomial fitted by least squares.
+//! Motions as Gaussians: temporal windows over the clip, each with a polynomial fitted by least squares.
 //!
-//! Within a window paths are parabolas. What is always on sways along a cubic without a square.
-//! Large and small coefficients so never share a power, and a coder that has one scale for each
-//! power keeps both.
+//! Within a window paths are parabolas. Gaussians that are always on sway along a cubic without a
+//! quadratic term. So large and small coefficients never share a power, and a coder with one scale per
+//! power preserves both.
 
 use codec::{Field, Temporal};
 use glam::{DMat3, DQuat, DVec3};
@@ -11,22 +11,22 @@ use glam::{DMat3, DQuat, DVec3};
 /// of neighbours add up to nearly the same everywhere.
 const WIDTH: f64 = 0.5;
 
-/// How far from its middle a window is fitted, in standard deviations: until it is hardly seen.
+/// Half the fitted part of a window, in standard deviations: beyond it the Gaussian is nearly invisible.
 const WINDOW_SIGMAS: f64 = 3.0;
 
 /// Powers of time in a window.
 const WINDOW_POWERS: [usize; 3] = [0, 1, 2];
 
-/// Powers of time in what is always on.
+/// Powers of time of Gaussians that are always on.
 const ALWAYS_POWERS: [usize; 3] = [0, 1, 3];
 
 /// Instants at which a window is fitted.
 const INSTANTS: usize = 21;
 
-/// How far a Gaussian that is always on may be from where it belongs, in metres, root mean square.
+/// Largest root mean square deviation of a Gaussian that is always on, in metres.
 const DEVIATION_WHOLE: f64 = 0.004;
 
-/// The same for one with a window, weighted towards its middle: what deviates most is faint.
+/// The same for one with a window, weighted by the window: the largest deviations are faint.
 const DEVIATION_WINDOW: f64 = 0.012;
 
 /// Peak opacity of a Gaussian of a surface.
@@ -38,30 +38,30 @@ const SPREAD: f64 = 0.64;
 /// Standard deviation across the surface, relative to the spacing.
 const THICKNESS: f64 = 0.12;
 
-/// Where a piece of surface is at an instant, and how it is turned from rest.
+/// Position of a surfel at an instant, and its rotation from rest.
 pub(super) struct SurfelPose {
     pub(super) position: DVec3,
     pub(super) rotation: DQuat,
 }
 
-/// A piece of surface at rest.
+/// A piece of the surface at rest.
 pub(super) struct Surfel<'a> {
     pub(super) normal: DVec3,
     /// Distance of the neighbours in metres.
     pub(super) spacing: f64,
-    /// Display-referred colour of the piece where its normal is this.
+    /// Display-referred colour for a normal.
     pub(super) color: &'a dyn Fn(DVec3) -> DVec3,
 }
 
 /// Equal windows that cover the clip.
 pub(super) struct Windows {
-    /// Middles in clip time.
+    /// Centres in clip time.
     centers: Vec<f64>,
     /// Standard deviation in clip time.
     width: f64,
-    /// Deviation from which the windows are too few, in metres.
+    /// Largest deviation that this number of windows may have, in metres.
     tolerance: f64,
-    /// Instants relative to the middle, and the weight of the deviation there.
+    /// Instants relative to the centre, and the weights of their deviations.
     instants: Vec<(f64, f64)>,
     /// Coefficients of powers 0 to 3 from the values at the instants.
     solve: [[f64; INSTANTS]; 4],
@@ -110,7 +110,7 @@ impl Windows {
         Windows { centers, width, tolerance, instants, solve }
     }
 
-    /// For each window the instants, in clip time, at which a fit looks.
+    /// Fitted instants of each window, in clip time.
     pub(super) fn instants(&self) -> impl Iterator<Item = impl Iterator<Item = f64>> {
         self.centers.iter().map(|center| self.instants.iter().map(move |(d, _)| center + d))
     }
@@ -128,7 +128,7 @@ impl Windows {
         (path, (squares / weights).sqrt())
     }
 
-    /// The quaternion at the middle of a window and its rate: the weighted straight line.
+    /// Quaternion at the centre of a window, and its rate: a weighted linear fit.
     fn fit_rotation(&self, rotations: &[DQuat; INSTANTS]) -> (DQuat, DQuat) {
         let reference = rotations[INSTANTS / 2];
         let zero = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
@@ -186,8 +186,8 @@ impl Gaussians {
         self.push_static(point, facing(normal), disc(spacing), color);
     }
 
-    /// Adds a moving piece of surface, with the first of the sets of windows whose paths stay
-    /// close enough, or the last. `place(set, window, instant)` is where it is.
+    /// Adds a moving surfel, with the first set of windows whose paths deviate little enough, or the
+    /// last. `place(set, window, instant)` is its pose.
     pub(super) fn push_fitted(
         &mut self,
         surfel: &Surfel,
@@ -206,7 +206,7 @@ impl Gaussians {
             let (turn, mut rate) =
                 windows.fit_rotation(&std::array::from_fn(|i| place(set, window, i).rotation));
             if windows.width.is_infinite() {
-                // What turns to and fro has no rate.
+                // An oscillating rotation has no mean rate.
                 rate = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
             }
             self.rows.push(Row {
@@ -223,7 +223,7 @@ impl Gaussians {
         }
     }
 
-    /// Adds a soft dark spot on the floor of this radius and opacity.
+    /// Adds a soft shadow of this radius and opacity on the floor.
     pub(super) fn push_shadow(
         &mut self,
         radius: f64,
@@ -272,8 +272,8 @@ impl Gaussians {
     }
 }
 
-/// Fits all windows of each set in turn until none deviates by more than the set allows; the number
-/// of that set, or of the last, and its paths.
+/// Fits the sets in turn until no window deviates by more than its set allows. Returns the index of
+/// that set, or of the last, and its paths.
 fn fit_first(
     sets: &[Windows],
     place: &dyn Fn(usize, usize, usize) -> SurfelPose,
@@ -291,7 +291,7 @@ fn fit_first(
     last
 }
 
-/// The least rotation that turns the z axis to a normal.
+/// The smallest rotation that turns the z axis to a normal.
 fn facing(normal: DVec3) -> DQuat {
     DQuat::from_rotation_arc(DVec3::Z, normal)
 }

@@ -7,7 +7,7 @@ use glam::{DVec3, dvec3};
 /// Reflectance, linear red, green, blue.
 pub(super) type Albedo = DVec3;
 
-/// How much of the surroundings a point sees.
+/// Visibility of the lights at a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Occlusion {
     /// Part of the key light that arrives, in `[0, 1]`.
@@ -16,7 +16,7 @@ pub(super) struct Occlusion {
     ambient: f64,
 }
 
-/// Nothing in the way.
+/// Unoccluded.
 pub(super) const OPEN: Occlusion = Occlusion { key: 1.0, ambient: 1.0 };
 
 /// Direction to the key light: in front, to the juggler's left, above.
@@ -32,7 +32,7 @@ const RIM_STRENGTH: f64 = 0.55;
 const SKY: DVec3 = DVec3::new(0.36, 0.40, 0.50);
 const FLOOR: DVec3 = DVec3::new(0.28, 0.21, 0.14);
 
-/// The lights and what stands in their way.
+/// The lights and their occluders.
 pub(super) struct Light<'a> {
     distance: &'a dyn Fn(DVec3) -> f64,
 }
@@ -43,9 +43,9 @@ impl<'a> Light<'a> {
         Light { distance }
     }
 
-    /// What the solids keep from a point of a surface.
+    /// Occlusion of a point of a surface by the solids.
     pub(super) fn occlusion(&self, point: DVec3, normal: DVec3) -> Occlusion {
-        // Five looks along the normal: how much nearer than expected is something?
+        // Five samples along the normal: the amount by which the distance falls short of the step.
         let mut ambient = 1.0;
         for (step, weight) in [(0.01, 4.0), (0.03, 3.0), (0.07, 1.9), (0.14, 1.0), (0.28, 0.45)] {
             ambient -= weight * (step - (self.distance)(point + normal * step)).max(0.0);
@@ -79,7 +79,7 @@ impl<'a> Light<'a> {
         encode(albedo * (KEY_COLOR * key + RIM_COLOR * rim + ambient))
     }
 
-    /// Where the key light throws the shadow of a point.
+    /// Shadow of a point on the floor, cast by the key light.
     pub(super) fn on_floor(&self, point: DVec3) -> DVec3 {
         let shadow = point - KEY * (point.y / KEY.y);
         dvec3(shadow.x, 0.004, shadow.z)

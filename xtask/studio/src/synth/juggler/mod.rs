@@ -1,10 +1,10 @@
 //! The demo scene: a juggler in a circus ring, three seconds that loop.
 //!
-//! The figure is a signed distance function in the pose about which it moves (`figure`). Its
+//! The figure is a signed distance function in its rest pose (`figure`). Its
 //! surface is covered with flat Gaussians (`sample`), which follow the bones of an articulated
 //! body (`skeleton`) that plays a three-ball cascade (`cascade`). Each Gaussian's motion is
-//! then written as polynomials in as few windows as it allows (`fit`): one for all that only sways,
-//! a dozen or more for hands and balls. The ring and what stands in it are still, but for a breeze in the flags
+//! then fitted by polynomials in as few windows as possible (`fit`): one for parts that only sway,
+//! a dozen or more for hands and balls. The ring and its objects are static, except for flags in a breeze
 //! (`ring`).
 //! Shading is baked into the colours (`light`).
 //!
@@ -34,17 +34,17 @@ use skeleton::Pose;
 /// Length of the clip in seconds: three turns of each hand, after which every ball is back.
 const DURATION_S: f64 = 3.0;
 
-/// Frames per second that the clip claims.
+/// Frames per second in the clip's metadata.
 const FPS: f32 = 30.0;
 
-/// Numbers of windows from which each Gaussian takes the least that follow its motion. Multiples
-/// of the three turns of the hands.
+/// Numbers of windows; each Gaussian takes the smallest that follows its motion. Multiples of the three
+/// turns of the hands.
 const WINDOWS: [usize; 5] = [6, 9, 12, 15, 18];
 
 /// Number of pieces of surface on a ball.
 const BALL_SURFELS: u32 = 90;
 
-/// Makes the field and what a player should know of it.
+/// Makes the field and its metadata.
 pub fn clip() -> (Field, ClipInfo) {
     let cascade = Cascade::new();
     let rest = skeleton::pose(0.0, cascade.rest());
@@ -63,7 +63,7 @@ pub fn clip() -> (Field, ClipInfo) {
     (gaussians.into_field(), info())
 }
 
-/// Covers the figure and lets the bones carry what lies on it.
+/// Covers the figure with Gaussians that follow its bones.
 fn add_figure(
     figure: &Figure,
     rest: &Pose,
@@ -72,7 +72,7 @@ fn add_figure(
     light: &Light,
     gaussians: &mut Gaussians,
 ) {
-    // The bones' motions at all instants that a fit looks at.
+    // The bones' motions at all fitted instants.
     let motions: Vec<Vec<Vec<skeleton::Motion>>> = windows
         .iter()
         .map(|windows| {
@@ -93,7 +93,7 @@ fn add_figure(
     }
 }
 
-/// A ball and the shadow it throws on the floor.
+/// A ball and its shadow on the floor.
 fn add_ball(ball: usize, cascade: &Cascade, windows: &[Windows], light: &Light, gaussians: &mut Gaussians) {
     let at = |t: f64| (cascade.ball(ball, t), cascade.rotation(ball, t));
     let motions: Vec<Vec<Vec<(DVec3, DQuat)>>> = windows
@@ -175,7 +175,7 @@ mod tests {
                 let t = f64::from(step) / 59.0;
                 let mut sum = DVec3::ZERO;
                 let mut weight = 0.0;
-                // All but the shadow, which is the one thing on the floor.
+                // All but the shadow, which is the only part on the floor.
                 for i in 0..field.len() {
                     let p = DVec3::from_array(field.position_at(i, t));
                     if p.y > 0.2 {

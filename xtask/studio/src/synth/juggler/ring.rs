@@ -1,4 +1,4 @@
-//! The circus ring: floor, curb, podium, bunting. It stands still, but for a breeze in the flags.
+//! The circus ring: floor, curb, podium, bunting. It is static, except for flags in a breeze.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,11 +11,11 @@ use super::{cascade, sample};
 /// Radius of the floor in metres.
 const FLOOR_RADIUS: f64 = 1.14;
 
-/// The curb is half a torus: radius of its middle line and of its section.
+/// The curb is half a torus: its major and minor radius.
 const CURB_RADIUS: f64 = 1.22;
 const CURB_SECTION: f64 = 0.085;
 
-/// The podium: a cone cut off.
+/// The podium: a truncated cone.
 const PODIUM: DVec3 = DVec3::new(-0.72, 0.0, -0.52);
 const PODIUM_HEIGHT: f64 = 0.42;
 const PODIUM_RADII: [f64; 2] = [0.25, 0.20];
@@ -34,7 +34,7 @@ const CREAM: u32 = 0xf6e7c8;
 const GOLD: u32 = 0xe3a92f;
 const TEAL: u32 = 0x1f8a8c;
 
-/// Signed distance from the floor and what stands on it, without the bunting.
+/// Signed distance from the floor and the objects on it, without the bunting.
 pub(super) fn distance(p: DVec3) -> f64 {
     let across = dvec2(p.x, p.z).length();
     let curb = dvec2(across - CURB_RADIUS, p.y).length() - CURB_SECTION;
@@ -50,7 +50,7 @@ fn spares() -> [DVec3; 4] {
     let top = PODIUM + dvec3(0.0, PODIUM_HEIGHT, 0.0);
     let rest_radius = SPARE_RADIUS * 2.0 / 3f64.sqrt();
     let at = |turn: f64| top + dvec3(rest_radius * turn.cos(), SPARE_RADIUS, rest_radius * turn.sin());
-    // Four equal balls in a heap: the fourth lies this much higher.
+    // Four equal balls in a heap: the height of the fourth above the others.
     let rise = SPARE_RADIUS * (1.0 + 2.0 * (2f64 / 3.0).sqrt());
     [at(0.4), at(0.4 + TAU / 3.0), at(0.4 - TAU / 3.0), top + dvec3(0.0, rise, 0.0)]
 }
@@ -225,7 +225,7 @@ fn bunting(light: &Light, gaussians: &mut Gaussians) {
     for flag in 0..flags {
         let (from, to) = (f64::from(flag) + 0.1, f64::from(flag) + 0.9);
         let (a, b) = (rope(from / f64::from(flags)), rope(to / f64::from(flags)));
-        // The breeze takes neighbours in turn.
+        // Neighbours are out of phase.
         let swing = 0.05 * (1.0 + 0.5 * f64::from(flag % 3)) * if flag % 2 == 0 { 1.0 } else { -1.0 };
         let (rows, spacing) = (10, 0.021);
         for row in 0..rows {

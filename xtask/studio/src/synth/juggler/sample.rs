@@ -7,14 +7,14 @@ use glam::{DVec3, IVec3, dvec3};
 
 use super::sdf;
 
-/// Darts thrown in each cell of the size of the spacing.
+/// Darts per cell of one spacing.
 const DARTS: usize = 5;
 
-/// Least distance of two darts, relative to the spacing: a random packing is looser than the
-/// even one it is pushed into.
+/// Smallest distance of two darts, relative to the spacing: a random packing is looser than the even
+/// one that relaxation reaches.
 const PACKING: f64 = 0.78;
 
-/// How often the points push each other.
+/// Relaxation steps.
 const ROUNDS: usize = 8;
 
 /// A point of a surface.
@@ -23,7 +23,7 @@ pub(super) struct Sample {
     pub(super) point: DVec3,
     /// Unit normal, outwards.
     pub(super) normal: DVec3,
-    /// About how far the neighbours are.
+    /// Approximate distance of the neighbours.
     pub(super) spacing: f64,
 }
 
@@ -41,8 +41,7 @@ pub(super) fn fibonacci_sphere(count: u32) -> impl Iterator<Item = DVec3> {
 /// Covers the part of the zero set of `distance` that is `is_covered` with points about `spacing`
 /// apart. That part lies in the box from `low` to `high`, where `near` is small.
 ///
-/// Darts are thrown at the surface and kept where there is room; then the points push each other
-/// into the gaps.
+/// Poisson-disc sampling by dart throwing, followed by relaxation.
 pub(super) fn cover(
     distance: &dyn Fn(DVec3) -> f64,
     [low, high]: [DVec3; 2],
@@ -93,7 +92,7 @@ pub(super) fn cover(
     darts.into_iter().map(|point| Sample { point, normal: sdf::normal(distance, point), spacing }).collect()
 }
 
-/// The point of the surface reached by following the slope from `p`.
+/// Projects `p` onto the surface along the gradient.
 fn onto(distance: &dyn Fn(DVec3) -> f64, mut p: DVec3) -> Option<DVec3> {
     for _ in 0..6 {
         let d = distance(p);

@@ -1,4 +1,4 @@
-//! The articulated body: a pose from the sway of the hips and the places of the palms.
+//! The articulated body: a pose from the sway of the hips and the positions of the palms.
 //!
 //! Arms and legs are solved from their ends (two bones, one hinge); the feet never leave the
 //! floor. The left side (+x) comes first in every pair.
@@ -21,7 +21,7 @@ pub(super) const FOOT: [Bone; 2] = [8, 14];
 /// Number of bones.
 const BONES: usize = 15;
 
-/// The bone that each hangs from; the pelvis hangs from itself.
+/// Parent of each bone; the pelvis is its own.
 const PARENTS: [Bone; BONES] =
     [PELVIS, PELVIS, CHEST, CHEST, 3, 4, PELVIS, 6, 7, CHEST, 9, 10, PELVIS, 12, 13];
 
@@ -30,10 +30,10 @@ const FOREARM_LENGTH: f64 = 0.26;
 const THIGH_LENGTH: f64 = 0.42;
 const SHIN_LENGTH: f64 = 0.415;
 
-/// From the wrist to the middle of the palm.
+/// Offset of the centre of the palm from the wrist.
 const HAND_LENGTH: f64 = 0.075;
 
-/// Where a bone starts and how it is turned.
+/// Origin and rotation of a bone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub(super) origin: DVec3,
@@ -51,7 +51,7 @@ impl Frame {
 /// at rest.
 pub(super) type Pose = [Frame; BONES];
 
-/// What takes points of the figure at rest to another pose, bone by bone: first the rotation.
+/// Transform of each bone from the rest pose to another: rotation, then translation.
 pub(super) type Motion = [(DQuat, DVec3); BONES];
 
 /// The pose with the hips swayed by `sway` in `[-1, 1]` and the palms at `palms`.
@@ -94,7 +94,7 @@ pub(super) fn pose(sway: f64, palms: [DVec3; 2]) -> Pose {
 }
 
 /// Two bones of the given lengths from `root` to `end`, their joint towards `pole`; stretched
-/// where the end is out of reach.
+/// if the end is too far.
 fn bend(root: DVec3, end: DVec3, [first, second]: [f64; 2], pole: DVec3) -> [Frame; 2] {
     let direction = (end - root).normalize();
     let distance = (end - root).length().clamp((first - second).abs() + 1e-6, first + second - 1e-6);
@@ -109,7 +109,7 @@ fn bend(root: DVec3, end: DVec3, [first, second]: [f64; 2], pole: DVec3) -> [Fra
     [frame(root, joint), frame(joint, root + direction * distance)]
 }
 
-/// What takes the figure from pose `rest` to pose `to`.
+/// The transforms from pose `rest` to pose `to`.
 pub(super) fn motion(rest: &Pose, to: &Pose) -> Motion {
     std::array::from_fn(|bone| {
         let rotation = to[bone].rotation * rest[bone].rotation.inverse();
@@ -122,8 +122,8 @@ pub(super) fn joined(a: Bone, b: Bone) -> bool {
     a == b || PARENTS[a] == b || PARENTS[b] == a
 }
 
-/// Linear blend skinning: where `point` of the figure at rest goes, and how its surroundings
-/// turn. `skin` holds bones and weights that sum to 1.
+/// Linear blend skinning: image of `point` of the figure at rest, and the rotation there. `skin` holds
+/// bones and weights that sum to 1.
 pub(super) fn skinned(motion: &Motion, skin: &[(Bone, f64)], point: DVec3) -> (DQuat, DVec3) {
     let first = motion[skin[0].0].0;
     let mut position = DVec3::ZERO;

@@ -1,14 +1,14 @@
-//! [`Drawer`]: a player in Rust.
+//! [`PeerRenderer`]: a player in Rust.
 
-use crate::work::Frame;
+use crate::work::WorkFrame;
 
 /// A field on a graphics device.
-pub(super) trait Drawer {
+pub(super) trait PeerRenderer {
     /// Name and driver of the device.
     fn device(&self) -> String;
 
     /// Draws a frame and waits until it is done.
-    fn draw(&mut self, frame: &Frame) -> anyhow::Result<()>;
+    fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()>;
 
     /// Red, green, blue of every pixel of the frame drawn last, row by row from the top.
     fn read(&mut self) -> anyhow::Result<Vec<u8>>;

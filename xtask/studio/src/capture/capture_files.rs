@@ -1,0 +1,152 @@
+//! [`CaptureFiles`]: the cameras of a capture and the files of its photographs; [`CaptureBuilder`] collects them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use codec::Camera;
+use program::Fault;
+use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
+
+use super::image_file::{bad, check_size, cut_out, read, read_image};
+
+/// A capture, and where its photographs are.
+#[derive(Clone, Debug)]
+pub struct CaptureFiles {
+    /// The cameras and photo_ids.
+    pub capture: Capture,
+    /// The cameras in the pixels of the files.
+    pub(super) taken_by: Vec<Camera>,
+    pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
+}
+
+/// The files of one photograph.
+#[derive(Clone, Debug)]
+pub(super) struct PhotoFiles {
+    /// Path of the photograph within the capture, without its ending.
+    pub(super) name: String,
+    pub(super) image: PathBuf,
+    pub(super) mask: Option<PathBuf>,
+}
+
+impl CaptureFiles {
+    /// Number of photographs that some cameras lack in frames that others have. None where each
+    /// photograph has a camera of its own.
+    pub fn missing(&self) -> usize {
+        let Capture { cameras, times, photos } = &self.capture;
+        match photos.len() == cameras.len() && times.len() > 1 {
+            true => 0,
+            false => cameras.len() * times.len() - photos.len(),
+        }
+    }
+
+    /// The files of photographs and masks.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files
+            .values()
+            .flat_map(|files| [Some(&files.image), files.mask.as_ref()])
+            .flatten()
+            .map(PathBuf::as_path)
+    }
+
+    /// Pixels of the largest photograph, as it was taken.
+    pub fn most_pixels(&self) -> usize {
+        let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+        self.taken_by.iter().map(pixels).max().unwrap_or(1)
+    }
+
+    /// Path of a photograph within the capture, without its ending.
+    ///
+    /// # Panics
+    /// If `photo_id` is not of this capture.
+    pub fn name(&self, photo_id: PhotoId) -> &str {
+        &self.files[&photo_id].name
+    }
+
+    /// A photograph through its lens, with everything around the subject; over black where it is
+    /// transparent.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    ///
+    /// # Panics
+    /// If `photo_id` is not of this capture.
+    #[cfg(feature = "onnx")]
+    pub fn as_taken(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
+        let path = &self.files[&photo_id].image;
+        let taken = read(path)?.into_rgba8();
+        check_size(path, taken.dimensions(), &self.taken_by[photo_id.camera])?;
+        let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
+        Ok(image::RgbImage::from_fn(taken.width(), taken.height(), |x, y| {
+            let [r, g, b, a] = taken.get_pixel(x, y).0;
+            image::Rgb([r, g, b].map(|c| over_black(c, a)))
+        }))
+    }
+
+    /// Reads a photograph, cuts it out, takes the distortion of the lens away, and shrinks it to the
+    /// pixels of its camera.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    ///
+    /// # Panics
+    /// If `photo_id` is not of this capture.
+    pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
+        let PhotoFiles { image, mask, .. } = &self.files[&photo_id];
+        let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[photo_id.camera];
+        let camera = &self.taken_by[photo_id.camera];
+        let mut taken = read_image(image)?;
+        check_size(image, (taken.width, taken.height), camera)?;
+        if let Some(path) = mask {
+            let cut = read(path)?.into_luma16();
+            if cut.dimensions() != (camera.width, camera.height) {
+                let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
+                return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
+            }
+            cut_out(&mut taken, &cut);
+        }
+        let photo = Photo::undistorted(taken, camera, lens);
+        Ok(if wanted == camera { photo } else { photo.shrunk(wanted.width, wanted.height) })
+    }
+}
+
+/// What readers fill in.
+#[derive(Default)]
+pub(super) struct CaptureBuilder {
+    cameras: Vec<CalibratedCamera>,
+    files: BTreeMap<PhotoId, PhotoFiles>,
+}
+
+impl CaptureBuilder {
+    /// Adds a camera; its number.
+    pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
+        self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, held });
+        self.cameras.len() - 1
+    }
+
+    pub(super) fn photo(&mut self, camera: usize, frame: usize, files: PhotoFiles) {
+        self.files.insert(PhotoId { frame, camera }, files);
+    }
+
+    pub(super) fn build(self, times: Vec<f64>) -> CaptureFiles {
+        let photos = self.files.keys().copied().collect();
+        let taken_by = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
+        let capture = Capture { cameras: self.cameras, times, photos };
+        CaptureFiles { capture, taken_by, files: self.files }
+    }
+}
+
+/// A camera with these intrinsics and this rigid transform.
+pub(super) fn pinhole(
+    size: (u32, u32),
+    [fx, fy, cx, cy]: [f64; 4],
+    camera_from_world: [[f64; 4]; 4],
+) -> Camera {
+    let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
+    Camera { width: size.0, height: size.1, k, camera_from_world }
+}
+
+/// A rigid transform of a rotation, row by row, and a translation.
+pub(super) fn rigid(rotation: [[f64; 3]; 3], [x, y, z]: [f64; 3]) -> [[f64; 4]; 4] {
+    let row = |i: usize, last: f64| [rotation[i][0], rotation[i][1], rotation[i][2], last];
+    [row(0, x), row(1, y), row(2, z), [0.0, 0.0, 0.0, 1.0]]
+}

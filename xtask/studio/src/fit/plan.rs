@@ -1,0 +1,148 @@
+//! [`FitPlan`]: the settings that determine the result of a fit, and their defaults.
+
+use program::Fault;
+use refine::anchor::Mirror;
+use refine::capture::{CalibratedCamera, Holdout};
+use refine::fit::{DensityRule, FitSettings};
+use serde::{Deserialize, Serialize};
+
+use super::training_views::train_frames;
+use crate::capture::CaptureFiles;
+
+/// Default degree of view-dependent colour.
+pub const SH_DEGREE: u8 = 3;
+
+/// Settings that determine the result of a fit. A checkpoint with other settings is refused; the pixels
+/// of photographs and depth maps are not compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitPlan {
+    /// Steps to take.
+    pub steps: u64,
+    /// Source of the first Gaussians.
+    pub start: FitStart,
+    /// Names of the cameras whose pixels become Gaussians of the anchor; empty for all cameras.
+    pub anchor_cameras: Vec<String>,
+    /// When the anchor's back side is mirrored.
+    pub mirror: Mirror,
+    /// Approximate number of Gaussians of the anchor.
+    pub gaussians: usize,
+    /// Number of Gaussians below which pruning stops, the paper's `N_min`; 0 for no floor.
+    pub floor: usize,
+    /// How Gaussians are added and removed.
+    pub rule: DensityRule,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u8,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Held-out frames.
+    pub holdout: Holdout,
+    /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
+    pub lpips: Option<String>,
+    /// Fingerprint of the selected part of the capture: number of cameras, frames and photographs, and a
+    /// checksum of its cameras, times and names.
+    pub capture: String,
+}
+
+/// Source of the first Gaussians.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FitStart {
+    /// The visual hull of the masks.
+    Hull,
+    /// The visual hull, refined by plane sweep.
+    Sweep,
+    /// A folder of depth maps with the names of the photographs.
+    Depths(String, DepthScale),
+    /// Gaussians at random positions.
+    Scatter,
+    /// A fitted field or a package, with its checksum.
+    Field(String, u32),
+}
+
+/// How depth maps are scaled to the units of the cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DepthScale {
+    /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
+    Auto,
+    /// The maps are in units of the capture.
+    Metric,
+    /// One factor for all maps: their median depth becomes the radius of the rig (the paper's rule).
+    Rig,
+    /// A factor and an offset for each map, fitted to the visual hull.
+    Hull,
+}
+
+impl FitPlan {
+    /// The default plan for a capture.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if `holdout` leaves no photograph to fit to.
+    pub fn default_for(capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
+        let frames = train_frames(capture_files, holdout)?.len();
+        let gaussians = default_gaussians(frames, capture_files);
+        Ok(FitPlan {
+            steps: default_steps(frames),
+            start: FitStart::Sweep,
+            anchor_cameras: Vec::new(),
+            mirror: Mirror::Auto,
+            gaussians,
+            floor: gaussians,
+            rule: DensityRule::Floor,
+            sh_degree: SH_DEGREE,
+            seed: 0,
+            holdout,
+            lpips: None,
+            capture: fingerprint(capture_files),
+        })
+    }
+
+    pub(super) fn fit_settings(&self) -> FitSettings {
+        FitSettings {
+            steps: self.steps,
+            floor: self.floor,
+            rule: self.rule,
+            seed: self.seed,
+            ..FitSettings::default()
+        }
+    }
+}
+
+/// Default number of steps for a number of training frames; the paper takes 96,000 for 17.
+fn default_steps(frames: usize) -> u64 {
+    (5_600 * frames as u64).min(96_000)
+}
+
+/// Default number of Gaussians for a number of training frames. The paper takes 200,000 for 17 frames of
+/// 512x375 pixels; smaller photographs need fewer in proportion to their pixels.
+fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> usize {
+    let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
+    let largest = capture_files.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
+    let fraction = (largest / (512.0 * 375.0)).min(1.0);
+    (fraction * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
+}
+
+/// CRC-32 of `bytes`.
+pub fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = flate2::Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+/// A text that differs between selections of captures.
+fn fingerprint(capture_files: &CaptureFiles) -> String {
+    let capture = &capture_files.capture;
+    let mut crc = flate2::Crc::new();
+    for camera in &capture.cameras {
+        crc.update(format!("{camera:?}").as_bytes());
+    }
+    crc.update(format!("{:?}", capture.times).as_bytes());
+    for photo_id in &capture.photos {
+        crc.update(capture_files.name(*photo_id).as_bytes());
+    }
+    format!(
+        "{} cameras, {} frames, {} photographs, {:08x}",
+        capture.cameras.len(),
+        capture.times.len(),
+        capture.photos.len(),
+        crc.sum()
+    )
+}

@@ -1,0 +1,120 @@
+//! [`TrainingViews`]: the photographs of a fit, decoded.
+
+use std::collections::BTreeSet;
+
+use codec::Camera;
+use program::Fault;
+use rayon::prelude::*;
+use refine::capture::{Holdout, PhotoId, Split};
+use refine::fit::{self, Photograph, RenderedImage, Timeline, TrainingView};
+
+use crate::capture::CaptureFiles;
+
+/// Maximum number of held-out photographs that the table of a fit measures.
+const CHECKED_MAX: usize = 8;
+
+/// Memory budget for decoding photographs in parallel, and the bytes that decoding a pixel takes: as in
+/// the file, as 16 bits per channel, as doubles, and as doubles without lens distortion. A decoded pixel
+/// takes 4 bytes.
+const DECODING_BYTES: usize = 2 << 30;
+const BYTES_PER_PIXEL: usize = 8 + 8 + 32 + 32;
+
+/// Photographs to fit to, and a few held-out ones.
+#[derive(Debug)]
+pub struct TrainingViews {
+    /// Photographs that the loss compares with.
+    pub train: Vec<(PhotoId, TrainingView)>,
+    /// A few photographs of all held-out splits, for the table; empty if none is held out.
+    pub held: Vec<TrainingView>,
+    /// Number of frames.
+    pub timeline: Timeline,
+}
+
+impl TrainingViews {
+    /// Decodes the photographs of a capture; calls `on_photo` after each.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file, or if `holdout` leaves no photograph to fit to.
+    pub fn load(
+        capture_files: &CaptureFiles,
+        holdout: Holdout,
+        on_photo: impl Fn() + Sync,
+    ) -> Result<TrainingViews, Fault> {
+        let timeline = Timeline { frames: capture_files.capture.times.len() };
+        let splits = splits(capture_files, holdout)?;
+        let load = |photo_id: &PhotoId| {
+            let photograph = Photograph::from(&capture_files.photo(*photo_id)?);
+            on_photo();
+            Ok((*photo_id, view_of(capture_files, *photo_id, timeline, photograph)))
+        };
+        let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.most_pixels())).max(1);
+        let load_all = |photo_ids: &[PhotoId]| -> Result<Vec<(PhotoId, TrainingView)>, Fault> {
+            let mut loaded = Vec::with_capacity(photo_ids.len());
+            for photo_ids in photo_ids.chunks(batch) {
+                loaded.extend(photo_ids.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
+            }
+            Ok(loaded)
+        };
+        let select = |is_selected: &dyn Fn(Split) -> bool| -> Vec<PhotoId> {
+            splits.iter().filter(|(_, split)| is_selected(*split)).map(|(photo_id, _)| *photo_id).collect()
+        };
+        let held = load_all(&evenly(&select(&|split| split != Split::Train), CHECKED_MAX))?;
+        let train = load_all(&select(&|split| split == Split::Train))?;
+        Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })
+    }
+}
+
+fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
+    Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
+}
+
+/// Indices of the frames with photographs to fit to.
+///
+/// # Errors
+/// [`Fault::Data`] if there are none.
+pub(super) fn train_frames(capture_files: &CaptureFiles, holdout: Holdout) -> Result<BTreeSet<usize>, Fault> {
+    let train = splits(capture_files, holdout)?.into_iter().filter(|(_, split)| *split == Split::Train);
+    Ok(train.map(|(photo_id, _)| photo_id.frame).collect())
+}
+
+fn view_of(
+    capture_files: &CaptureFiles,
+    photo_id: PhotoId,
+    timeline: Timeline,
+    photograph: Photograph,
+) -> TrainingView {
+    let camera: Camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
+    TrainingView {
+        camera,
+        frame: capture_files.capture.times[photo_id.frame] * timeline.frames_per_clip(),
+        photograph,
+    }
+}
+
+/// Mean PSNR of the subject in the held-out photographs, in dB; `None` if none is held out.
+pub(super) fn mean_psnr(views: &TrainingViews, pictures: &[RenderedImage<f32>]) -> Option<f64> {
+    let psnr =
+        |(view, picture): (&TrainingView, &RenderedImage<f32>)| fit::subject_psnr(picture, &view.photograph);
+    let known: Vec<f64> = views.held.iter().zip(pictures).filter_map(psnr).collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+}
+
+/// At most `count` evenly spaced items of `all`, with its first and last.
+fn evenly<T: Copy>(all: &[T], count: usize) -> Vec<T> {
+    let count = count.min(all.len());
+    (0..count).map(|i| all[if count == 1 { 0 } else { i * (all.len() - 1) / (count - 1) }]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::evenly;
+
+    #[test]
+    fn evenly_spaced_items_include_both_ends() {
+        let all: Vec<u32> = (0..100).collect();
+        assert_eq!(evenly(&all, 4), [0, 33, 66, 99]);
+        assert_eq!(evenly(&all[..3], 8), [0, 1, 2]);
+        assert_eq!(evenly(&all, 1), [0]);
+        assert!(evenly(&all[..0], 8).is_empty());
+    }
+}

@@ -1,0 +1,98 @@
+//! [`Imported`]: a field read from a file, with the hints and repairs that importers return beside it.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use codec::{Field, SH_C0, Viewpoint};
+use refine::capture::Holdout;
+
+/// Most Gaussians accepted from a compressed file, whose size does not bound their number.
+pub(super) const GAUSSIANS_MAX: usize = 1 << 24;
+
+/// A field read from a file.
+#[derive(Debug)]
+pub struct Imported {
+    /// The field, valid ([`Field::check`]) and with at least one Gaussian.
+    pub field: Field,
+    /// Metadata of the clip.
+    pub hints: Hints,
+    /// Changes made to satisfy the field's invariants.
+    pub repairs: Repairs,
+    /// Name of the file's format.
+    pub format: &'static str,
+}
+
+/// Metadata of the clip that the file states or its format implies; `None` if neither does.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hints {
+    /// Unit vector of the source's axes that points up.
+    pub up: Option<[f32; 3]>,
+    /// Metres per unit of the source.
+    pub metres_per_unit: Option<f32>,
+    /// Length of the clip in seconds.
+    pub duration_s: Option<f32>,
+    /// Captured frames per second.
+    pub fps: Option<f32>,
+    /// Suggested viewpoints, the initial one first.
+    pub viewpoints: Vec<Viewpoint>,
+    /// Frames that were held out from fitting.
+    pub holdout: Option<Holdout>,
+}
+
+/// Rows repaired or dropped on import, counted by reason.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Repairs {
+    /// Reason to number of repaired rows.
+    pub repaired: BTreeMap<&'static str, usize>,
+    /// Reason to number of dropped rows.
+    pub dropped: BTreeMap<&'static str, usize>,
+}
+
+impl Repairs {
+    /// Whether no row was changed.
+    pub fn is_empty(&self) -> bool {
+        self.repaired.is_empty() && self.dropped.is_empty()
+    }
+
+    pub(super) fn repair_rows(&mut self, reason: &'static str, rows: usize) {
+        if rows > 0 {
+            *self.repaired.entry(reason).or_default() += rows;
+        }
+    }
+
+    pub(super) fn drop_rows(&mut self, reason: &'static str, rows: usize) {
+        if rows > 0 {
+            *self.dropped.entry(reason).or_default() += rows;
+        }
+    }
+}
+
+/// One line, such as `repaired 3 (zero quaternion: 3), dropped 1 (non-finite centre: 1)`, or
+/// `nothing to repair`.
+impl fmt::Display for Repairs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let part = |verb: &str, counts: &BTreeMap<&'static str, usize>| {
+            let reasons: Vec<String> = counts.iter().map(|(reason, n)| format!("{reason}: {n}")).collect();
+            (!counts.is_empty())
+                .then(|| format!("{verb} {} ({})", counts.values().sum::<usize>(), reasons.join(", ")))
+        };
+        let parts: Vec<String> = [part("repaired", &self.repaired), part("dropped", &self.dropped)]
+            .into_iter()
+            .flatten()
+            .collect();
+        f.write_str(if parts.is_empty() { "nothing to repair" } else { "" })?;
+        f.write_str(&parts.join(", "))
+    }
+}
+
+/// The constant SH coefficient of a channel with this value in `[0, 1]`.
+pub(super) fn sh_of_rgb(value: f64) -> f32 {
+    ((value - 0.5) / SH_C0) as f32
+}
+
+/// The logarithms of standard deviations. Zero, the result of underflow in formats with few bits,
+/// becomes the smallest positive [`half::f16`].
+pub(super) fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
+    repairs.repair_rows("zero scale", usize::from(scales.contains(&0.0)));
+    scales.map(|scale| if scale == 0.0 { half::f16::from_bits(1).to_f32() } else { scale }.ln())
+}
