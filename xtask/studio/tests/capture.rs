@@ -9,7 +9,7 @@ use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use refine::capture::PhotoId;
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
-use studio::synth::stage::{Settings, write};
+use studio::synth::stage::{StageSettings, write};
 use tempfile::{TempDir, tempdir};
 use tool::{Outcome, aarc_studio};
 
@@ -21,7 +21,7 @@ struct Studio(TempDir);
 impl Studio {
     fn new() -> Studio {
         let folder = tempdir().unwrap();
-        let settings = Settings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
+        let settings = StageSettings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
         write(&folder.path().join("capture"), &settings, || ()).unwrap();
         assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
         Studio(folder)

@@ -1,5 +1,5 @@
-//! `cargo xtask depths` with small networks that are written here, on a real ONNX Runtime: that which
-//! ORT_DYLIB_PATH names. Without one these tests are ignored, but for those of what is said then.
+//! `cargo xtask depths` with small networks built here, on the ONNX Runtime that ORT_DYLIB_PATH names. Without
+//! a runtime, only the tests of error messages run.
 
 mod tool;
 
@@ -16,11 +16,11 @@ const SIZE: [usize; 2] = [24, 16];
 
 fn main() -> ExitCode {
     let trials = vec![
-        Trial::test("what is wrong with a folder", passing(bad_folders)),
-        Trial::test("without a runtime", passing(without_a_runtime)),
-        with_runtime("stages pass values on by name", stages_pass_values_on),
-        with_runtime("all photographs of an instant at once", photographs_together),
-        with_runtime("what does not fit", what_does_not_fit),
+        Trial::test("errors of bad folders", passing(bad_folders)),
+        Trial::test("the error without a runtime", passing(without_a_runtime)),
+        with_runtime("stages pass values by name", stages_pass_values),
+        with_runtime("a network takes all photographs of an instant", photographs_together),
+        with_runtime("errors of bad networks", bad_networks),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
@@ -45,7 +45,7 @@ fn with_runtime(name: &str, test: fn()) -> Trial {
     })
 }
 
-/// The encoding of ONNX files (Protocol Buffers): a field of a message after the other.
+/// Encodes ONNX files (Protocol Buffers): messages are sequences of fields.
 mod onnx {
     fn varint(mut number: u64) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -65,7 +65,7 @@ mod onnx {
         [varint(field << 3 | 2), varint(value.len() as u64), value.to_vec()].concat()
     }
 
-    /// A tensor of a graph's inputs or outputs. Sides of 0 can be any.
+    /// A tensor of a graph's inputs or outputs. A side of 0 is arbitrary.
     fn value(name: &str, element: u64, sides: &[u64]) -> Vec<u8> {
         let side = |i: usize| match sides[i] {
             0 => bytes(1, &bytes(2, format!("{name}_{i}").as_bytes())),
@@ -77,14 +77,19 @@ mod onnx {
     }
 
     pub(crate) const FLOAT: u64 = 1;
-    pub(crate) const WHOLE: u64 = 7;
-    pub(crate) const HALF: u64 = 10;
+    pub(crate) const INT64: u64 = 7;
+    pub(crate) const FLOAT16: u64 = 10;
 
-    /// A value that a model takes or gives: name, type, shape.
-    pub(crate) type Value<'a> = (&'a str, u64, &'a [u64]);
+    /// Name, element type and shape of a model's input or output.
+    pub(crate) type ValueInfo<'a> = (&'a str, u64, &'a [u64]);
 
     /// A model of one operator.
-    pub(crate) fn model(operator: &str, attributes: &[Vec<u8>], inputs: &[Value], output: Value) -> Vec<u8> {
+    pub(crate) fn model(
+        operator: &str,
+        attributes: &[Vec<u8>],
+        inputs: &[ValueInfo],
+        output: ValueInfo,
+    ) -> Vec<u8> {
         let names = inputs.iter().flat_map(|(name, ..)| bytes(1, name.as_bytes()));
         let mut node: Vec<u8> = names.collect();
         node.extend(bytes(2, output.0.as_bytes()));
@@ -92,7 +97,7 @@ mod onnx {
         attributes.iter().for_each(|attribute| node.extend(bytes(5, attribute)));
         let mut graph = [bytes(1, &node), bytes(2, b"stage")].concat();
         for (i, (name, element, sides)) in inputs.iter().enumerate() {
-            // An operator may take a value twice, but a model has it once.
+            // An operator may take a value twice, but a graph declares it once.
             if inputs[..i].iter().all(|(other, ..)| other != name) {
                 graph.extend(bytes(11, &value(name, *element, sides)));
             }
@@ -101,26 +106,26 @@ mod onnx {
         [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat()
     }
 
-    /// An attribute that is a whole number.
-    pub(crate) fn whole(name: &str, value: u64) -> Vec<u8> {
+    /// An integer attribute.
+    pub(crate) fn integer(name: &str, value: u64) -> Vec<u8> {
         [bytes(1, name.as_bytes()), number(3, value), number(20, 2)].concat()
     }
 
-    /// An attribute that is a list of such.
-    pub(crate) fn wholes(name: &str, values: &[u64]) -> Vec<u8> {
+    /// An attribute with a list of integers.
+    pub(crate) fn integers(name: &str, values: &[u64]) -> Vec<u8> {
         let list: Vec<u8> = values.iter().flat_map(|value| number(8, *value)).collect();
         [bytes(1, name.as_bytes()), list, number(20, 7)].concat()
     }
 }
 
-/// A stage that takes the mean over one dimension, which is then 1 or gone.
-fn mean(input: onnx::Value, output: onnx::Value, axis: u64, keep: bool) -> Vec<u8> {
-    let attributes = [onnx::wholes("axes", &[axis]), onnx::whole("keepdims", u64::from(keep))];
+/// A stage that takes the mean over a dimension, and keeps it with size 1 or removes it.
+fn mean(input: onnx::ValueInfo, output: onnx::ValueInfo, axis: u64, keep: bool) -> Vec<u8> {
+    let attributes = [onnx::integers("axes", &[axis]), onnx::integer("keepdims", u64::from(keep))];
     onnx::model("ReduceMean", &attributes, &[input], output)
 }
 
-/// A folder with a stage of two cameras and three frames, and what a backbone's manifest says besides
-/// its size.
+/// A folder with a capture of two cameras and three frames, and a backbone whose manifest has the keys of
+/// `manifest` besides its size.
 fn studio(manifest: serde_json::Value) -> TempDir {
     let folder = tempdir().unwrap();
     let [width, height] = SIZE;
@@ -144,7 +149,7 @@ fn depths(folder: &TempDir) -> Outcome {
     aarc_studio(folder.path(), &ARGS)
 }
 
-/// Values of a PFM file, rows from the top.
+/// Values of a PFM file, in rows from the top.
 fn read(path: &Path) -> Vec<f32> {
     let bytes = fs::read(path).unwrap();
     let head = format!("Pf\n{} {}\n-1.0\n", SIZE[0], SIZE[1]);
@@ -153,7 +158,7 @@ fn read(path: &Path) -> Vec<f32> {
     values.chunks(SIZE[0]).rev().flatten().copied().collect()
 }
 
-/// Means of the normalised channels of a photograph.
+/// Mean of the normalised channels at each pixel of a photograph.
 fn expected(path: &Path, mean: [f32; 3], std: [f32; 3]) -> Vec<f32> {
     let image = image::open(path).unwrap().into_rgb8();
     let pixel = |p: &image::Rgb<u8>| {
@@ -170,15 +175,15 @@ fn assert_close(found: &[f32], expected: &[f32]) {
     }
 }
 
-const IMAGE: onnx::Value = ("image", onnx::FLOAT, &[0, 3, 0, 0]);
+const IMAGE: onnx::ValueInfo = ("image", onnx::FLOAT, &[0, 3, 0, 0]);
 
-fn stages_pass_values_on() {
+fn stages_pass_values() {
     let (mean_of, std_of) = ([0.5, 0.25, 0.0], [0.5, 1.0, 2.0]);
     let folder = studio(json!({"mean": mean_of, "std": std_of, "output": "metres"}));
-    let gray: onnx::Value = ("gray", onnx::FLOAT, &[0, 1, 0, 0]);
-    let twice: onnx::Value = ("twice", onnx::FLOAT, &[0, 1, 0, 0]);
-    // They run in the order of their names, not in that of writing. Each takes what any before it gave,
-    // also whole numbers, and the photograph itself.
+    let gray: onnx::ValueInfo = ("gray", onnx::FLOAT, &[0, 1, 0, 0]);
+    let twice: onnx::ValueInfo = ("twice", onnx::FLOAT, &[0, 1, 0, 0]);
+    // Stages run in the order of their names, not of writing. Each may take any earlier output, integers
+    // included, and the photograph.
     write(
         &folder,
         "3_depth.onnx",
@@ -186,11 +191,11 @@ fn stages_pass_values_on() {
     );
     write(&folder, "1_gray.onnx", &mean(IMAGE, gray, 1, true));
     write(&folder, "2_twice.onnx", &onnx::model("Add", &[], &[gray, gray], twice));
-    write(&folder, "0_shape.onnx", &onnx::model("Shape", &[], &[IMAGE], ("shape", onnx::WHOLE, &[4])));
+    write(&folder, "0_shape.onnx", &onnx::model("Shape", &[], &[IMAGE], ("shape", onnx::INT64, &[4])));
     write(
         &folder,
         "4_again.onnx",
-        &onnx::model("Identity", &[], &[("shape", onnx::WHOLE, &[4])], ("same", onnx::WHOLE, &[4])),
+        &onnx::model("Identity", &[], &[("shape", onnx::INT64, &[4])], ("same", onnx::INT64, &[4])),
     );
     fs::write(folder.path().join("net/weights.bin"), "not a stage").unwrap();
     let outcome = depths(&folder);
@@ -201,14 +206,14 @@ fn stages_pass_values_on() {
         let three: Vec<f32> = expected(&photograph, mean_of, std_of).iter().map(|x| 3.0 * x).collect();
         assert_close(&read(&folder.path().join(format!("maps/{name}.pfm"))), &three);
     }
-    assert!(!folder.path().join("maps/00/000001.pfm").exists(), "a held frame needs none");
+    assert!(!folder.path().join("maps/00/000001.pfm").exists(), "a held-out frame needs none");
 }
 
-/// A network with a dimension for scenes sees both photographs of a frame; the maps go to where they
-/// belong, and from there into a fit.
+/// A network with a dimension for scenes gets both photographs of a frame; each map is written to its path, and
+/// a fit reads them.
 fn photographs_together() {
     let folder = studio(json!({"together": true}));
-    let image: onnx::Value = ("image", onnx::FLOAT, &[1, 2, 3, 0, 0]);
+    let image: onnx::ValueInfo = ("image", onnx::FLOAT, &[1, 2, 3, 0, 0]);
     write(&folder, "net.onnx", &mean(image, ("depth", onnx::FLOAT, &[1, 2, 0, 0]), 2, false));
     assert_eq!(depths(&folder).code, Some(0));
     for name in ["00/000000", "01/000002"] {
@@ -221,16 +226,16 @@ fn photographs_together() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
 }
 
-fn what_does_not_fit() {
+fn bad_networks() {
     let error = |stages: &[(&str, Vec<u8>)]| {
         let folder = studio(json!({}));
         stages.iter().for_each(|(name, model)| write(&folder, name, model));
         let error = depths(&folder).error(3);
-        assert!(!folder.path().join("maps").exists(), "nothing is left");
+        assert!(!folder.path().join("maps").exists(), "no partial output is left");
         error
     };
-    let depth: onnx::Value = ("depth", onnx::FLOAT, &[0, 1, 0, 0]);
-    let features: onnx::Value = ("features", onnx::FLOAT, &[0, 1, 0, 0]);
+    let depth: onnx::ValueInfo = ("depth", onnx::FLOAT, &[0, 1, 0, 0]);
+    let features: onnx::ValueInfo = ("features", onnx::FLOAT, &[0, 1, 0, 0]);
     let unknown = error(&[("a.onnx", onnx::model("Identity", &[], &[features], depth))]);
     assert!(
         unknown.contains("a.onnx: it takes \"features\"") && unknown.contains("there is image"),
@@ -238,17 +243,19 @@ fn what_does_not_fit() {
     );
     let unnamed = error(&[("a.onnx", mean(IMAGE, features, 1, true))]);
     assert!(unnamed.contains("net: no stage gives \"depth\""), "{unnamed}");
-    let small: onnx::Value = ("image", onnx::FLOAT, &[1, 3, 8, 8]);
+    let small: onnx::ValueInfo = ("image", onnx::FLOAT, &[1, 3, 8, 8]);
     let sides = error(&[("a.onnx", mean(small, ("depth", onnx::FLOAT, &[1, 1, 8, 8]), 1, true))]);
     assert!(sides.contains("a.onnx: ") && sides.contains("image"), "{sides}");
     let channels =
         error(&[("a.onnx", onnx::model("Identity", &[], &[IMAGE], ("depth", onnx::FLOAT, &[0, 3, 0, 0])))]);
     assert!(channels.contains("has the shape [1, 3, 16, 24]"), "{channels}");
-    let to_half = [onnx::whole("to", onnx::HALF)];
-    let half =
-        error(&[("a.onnx", onnx::model("Cast", &to_half, &[IMAGE], ("depth", onnx::HALF, &[0, 3, 0, 0])))]);
+    let to_half = [onnx::integer("to", onnx::FLOAT16)];
+    let half = error(&[(
+        "a.onnx",
+        onnx::model("Cast", &to_half, &[IMAGE], ("depth", onnx::FLOAT16, &[0, 3, 0, 0])),
+    )]);
     assert!(half.contains("a.onnx: \"depth\" is neither float32 nor int64"), "{half}");
-    let shape = error(&[("a.onnx", onnx::model("Shape", &[], &[IMAGE], ("depth", onnx::WHOLE, &[4])))]);
+    let shape = error(&[("a.onnx", onnx::model("Shape", &[], &[IMAGE], ("depth", onnx::INT64, &[4])))]);
     assert!(shape.contains("\"depth\" is not float32"), "{shape}");
     let broken = error(&[("a.onnx", b"no model".to_vec())]);
     assert!(broken.contains("a.onnx: "), "{broken}");

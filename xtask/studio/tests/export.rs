@@ -1,4 +1,4 @@
-//! Exporters: what is written reads back.
+//! Exporters: exported files import as the same field.
 
 mod support;
 
@@ -14,7 +14,7 @@ fn field_file_is_lossless() {
         .chain((0..=3u8).flat_map(|order| [false, true].map(|turns| field(9, order, Some(order), turns))));
     for original in fields {
         let mut original = original;
-        // Opacities that a logit does not keep.
+        // Opacities that do not survive conversion to a logit.
         original.opacities[..4].copy_from_slice(&[0.0, 1.0, f32::MIN_POSITIVE, 1.0 - f32::EPSILON]);
         let imported = import_bytes("field.ply", &field_file(&original, &info())).expect("our own file");
         assert_eq!(imported.field, original);
@@ -45,12 +45,12 @@ fn field_file_without_its_comments_is_an_inria_ply() {
 }
 
 #[test]
-fn columns_that_say_nothing_are_left_out() {
+fn zero_columns_are_omitted() {
     let mut original = field(6, 2, Some(3), true);
     for i in 0..6 {
         original.sh[i * 9 + 4..(i + 1) * 9].fill([0.0; 3]);
     }
-    let temporal = original.temporal.as_mut().expect("a moving field");
+    let temporal = original.temporal.as_mut().expect("a dynamic field");
     temporal.motion.iter_mut().skip(2).step_by(3).for_each(|v| *v = [0.0; 3]);
     temporal.rotation_rates.as_mut().expect("rates").fill([0.0; 4]);
     let read =
@@ -58,11 +58,14 @@ fn columns_that_say_nothing_are_left_out() {
     let reduced = read(&original);
     assert_eq!(reduced.sh_degree, 1);
     assert_eq!(reduced.sh_of(5), &original.sh_of(5)[..4]);
-    let temporal = reduced.temporal.expect("still moving");
+    let temporal = reduced.temporal.expect("a dynamic field");
     assert_eq!((temporal.motion_order, &temporal.rotation_rates), (2, &None));
-    assert_eq!(temporal.motion_of(5), &original.temporal.as_ref().expect("moving").motion_of(5)[..2]);
+    assert_eq!(
+        temporal.motion_of(5),
+        &original.temporal.as_ref().expect("a dynamic field").motion_of(5)[..2]
+    );
 
-    let temporal = original.temporal.as_mut().expect("a moving field");
+    let temporal = original.temporal.as_mut().expect("a dynamic field");
     temporal.motion.fill([0.0; 3]);
     temporal.s.fill(f32::INFINITY);
     assert_eq!(read(&original).temporal, None);
@@ -88,7 +91,7 @@ fn bad_metadata_is_refused() {
 }
 
 #[test]
-fn static_ply_keeps_the_static_columns() {
+fn static_ply_preserves_the_static_columns() {
     let original = field(12, 3, Some(2), false);
     let imported = import_bytes("a.ply", &static_ply(&original)).expect("a plain PLY");
     assert_eq!(imported.field.centers, original.centers);
@@ -99,8 +102,8 @@ fn static_ply_keeps_the_static_columns() {
 }
 
 #[test]
-fn splatv_keeps_half_precision() {
-    // More than one line of the texture, so that its padding is in play.
+fn splatv_preserves_half_precision() {
+    // More than one row of the texture, so that padding is needed.
     let original = field(1030, 1, Some(3), true);
     let imported = import_bytes("a.splatv", &splatv(&original, &info())).expect("our own file");
     assert!(imported.repairs.dropped.is_empty(), "{}", imported.repairs);
@@ -113,7 +116,8 @@ fn splatv_keeps_half_precision() {
     assert_close("opacity", &read.opacities, &original.opacities, |_| 0.51 / 255.0);
     let constant: Vec<[f32; 3]> = (0..original.len()).map(|i| original.sh_of(i)[0]).collect();
     assert_close("colour", read.sh.as_flattened(), constant.as_flattened(), |_| 0.51 / 255.0 / 0.2820948);
-    let (read, original) = (read.temporal.expect("moving"), original.temporal.expect("moving"));
+    let (read, original) =
+        (read.temporal.expect("a dynamic field"), original.temporal.expect("a dynamic field"));
     assert_close("tau", &read.tau, &original.tau, half);
     assert_close("s", &read.s, &original.s, half);
     assert_close("motion", read.motion.as_flattened(), original.motion.as_flattened(), half);
@@ -122,7 +126,7 @@ fn splatv_keeps_half_precision() {
 }
 
 #[test]
-fn spz_keeps_its_steps() {
+fn spz_preserves_values_within_its_steps() {
     for degree in 0..=3 {
         let original = field(50, degree, None, false);
         let imported = import_bytes("a.spz", &spz(&original, [0.0, 0.0, 1.0])).expect("our own file");
@@ -143,8 +147,8 @@ fn spz_keeps_its_steps() {
     }
 }
 
-/// Niantic's own file, read and written, gives the same Gaussians; and so does the PLY that it was
-/// made from, within its steps.
+/// Niantic's own file, imported and exported, gives the same Gaussians. The PLY that it was made from gives
+/// them within the quantisation steps.
 #[test]
 fn spz_agrees_with_its_reference() {
     let Some(folder) = support::data("format-fixtures/metalsplatter") else { return };
@@ -169,47 +173,52 @@ fn spz_agrees_with_its_reference() {
 fn frozen_field_is_the_field_at_that_time() {
     let original = field(200, 1, Some(3), true);
     let t = 0.37;
-    let still = frozen(&original, t);
-    still.check().expect("a valid field");
+    let frozen_field = frozen(&original, t);
+    frozen_field.check().expect("a valid field");
     let visible: Vec<usize> = (0..200).filter(|&i| original.opacity_at(i, t) >= ALPHA_MIN).collect();
     assert!(visible.len() > 50 && visible.len() < 200, "a field that fades");
-    assert_eq!(still.len(), visible.len());
-    assert_eq!(still.temporal, None);
+    assert_eq!(frozen_field.len(), visible.len());
+    assert_eq!(frozen_field.temporal, None);
     for (row, &i) in visible.iter().enumerate() {
-        assert_eq!(still.centers[row], original.position_at(i, t).map(|x| x as f32));
-        assert_eq!(still.rotations[row], original.rotation_at(i, t).map(|x| x as f32));
-        assert_eq!(still.opacities[row], original.opacity_at(i, t) as f32);
-        assert_eq!(still.sh_of(row), original.sh_of(i));
-        assert_eq!(still.log_scales[row], original.log_scales[i]);
+        assert_eq!(frozen_field.centers[row], original.position_at(i, t).map(|x| x as f32));
+        assert_eq!(frozen_field.rotations[row], original.rotation_at(i, t).map(|x| x as f32));
+        assert_eq!(frozen_field.opacities[row], original.opacity_at(i, t) as f32);
+        assert_eq!(frozen_field.sh_of(row), original.sh_of(i));
+        assert_eq!(frozen_field.log_scales[row], original.log_scales[i]);
     }
 }
 
-/// A clip's two regions become one field again, in which the still rows are still.
+/// Merging the two regions of a clip gives one field in which static rows are static.
 #[test]
 fn merged_clip_has_both_regions() {
-    let (still, moving) = (field(5, 0, None, false), field(7, 2, Some(2), true));
-    let clip = |still: &Field, moving: &Field| codec::Clip {
+    let (static_field, dynamic_field) = (field(5, 0, None, false), field(7, 2, Some(2), true));
+    let clip = |static_field: &Field, dynamic_field: &Field| codec::Clip {
         info: info(),
         bounds: [[-9.0; 3], [9.0; 3]],
-        static_field: still.clone(),
-        dynamic_field: moving.clone(),
-        layers: vec![codec::LayerEnd { static_count: still.len(), dynamic_count: moving.len() }],
+        static_field: static_field.clone(),
+        dynamic_field: dynamic_field.clone(),
+        layers: vec![codec::LayerEnd {
+            static_count: static_field.len(),
+            dynamic_count: dynamic_field.len(),
+        }],
         layers_announced: 1,
         time_index: codec::TimeIndex::default(),
         plate: None,
     };
-    let both = clip(&still, &moving).merged();
-    both.check().expect("a valid field");
-    for (row, (source, i)) in (0..5).map(|i| (&still, i)).chain((0..7).map(|i| (&moving, i))).enumerate() {
+    let merged = clip(&static_field, &dynamic_field).merged();
+    merged.check().expect("a valid field");
+    for (row, (source, i)) in
+        (0..5).map(|i| (&static_field, i)).chain((0..7).map(|i| (&dynamic_field, i))).enumerate()
+    {
         for t in [0.0, 0.4, 1.0] {
-            assert_eq!(both.position_at(row, t), source.position_at(i, t));
-            assert_eq!(both.rotation_at(row, t), source.rotation_at(i, t));
-            assert_eq!(both.opacity_at(row, t), source.opacity_at(i, t));
+            assert_eq!(merged.position_at(row, t), source.position_at(i, t));
+            assert_eq!(merged.rotation_at(row, t), source.rotation_at(i, t));
+            assert_eq!(merged.opacity_at(row, t), source.opacity_at(i, t));
         }
         let sh = source.sh_of(i);
-        assert_eq!(&both.sh_of(row)[..sh.len()], sh);
-        assert!(both.sh_of(row)[sh.len()..].iter().all(|c| *c == [0.0; 3]));
+        assert_eq!(&merged.sh_of(row)[..sh.len()], sh);
+        assert!(merged.sh_of(row)[sh.len()..].iter().all(|c| *c == [0.0; 3]));
     }
-    let nothing_moves = Field { temporal: Some(codec::Temporal::default()), ..Field::default() };
-    assert_eq!(clip(&still, &nothing_moves).merged(), still);
+    let empty = Field { temporal: Some(codec::Temporal::default()), ..Field::default() };
+    assert_eq!(clip(&static_field, &empty).merged(), static_field);
 }

@@ -1,5 +1,5 @@
-//! Importers on bytes that are cut short, changed, or lie about their counts: no panic, no large
-//! allocation, and whatever is accepted is a valid field.
+//! Importers on truncated and changed bytes and false counts: no panic, no large allocation, and every accepted
+//! field is valid.
 
 mod support;
 
@@ -9,7 +9,7 @@ use support::{Noise, data, field, import_bytes, import_error, info};
 /// An up axis.
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
 
-/// Small files of every format that is one file.
+/// Small files of every single-file format.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let mut samples = vec![
         ("field.ply", field_file(&field(3, 1, Some(2), true), &info())),
@@ -17,9 +17,9 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("a.spz", spz(&field(3, 2, None, false), UP)),
         ("raw.spz", gunzip(&spz(&field(3, 2, None, false), UP))),
     ];
-    let mut moving = splatv(&field(3, 0, Some(3), true), &info());
-    moving.truncate(moving.len() - 1021 * 64);
-    samples.push(("a.splatv", moving));
+    let mut dynamic = splatv(&field(3, 0, Some(3), true), &info());
+    dynamic.truncate(dynamic.len() - 1021 * 64);
+    samples.push(("a.splatv", dynamic));
     for (name, path) in [
         ("v4.spz", "format-fixtures/splat-transform/minimal-v4.spz"),
         ("a.splat", "format-fixtures/splat-transform/minimal.splat"),
@@ -35,7 +35,8 @@ fn gunzip(bytes: &[u8]) -> Vec<u8> {
     plain
 }
 
-fn must_be_valid_if_accepted(name: &str, bytes: &[u8]) -> bool {
+/// Imports `bytes`; a result is a valid field or an error about the data.
+fn is_accepted(name: &str, bytes: &[u8]) -> bool {
     match import_bytes(name, bytes) {
         Ok(imported) => {
             imported.field.check().expect("an accepted field is valid");
@@ -52,9 +53,9 @@ fn must_be_valid_if_accepted(name: &str, bytes: &[u8]) -> bool {
 #[test]
 fn every_prefix() {
     for (name, bytes) in samples() {
-        assert!(must_be_valid_if_accepted(name, &bytes), "{name} itself is good");
+        assert!(is_accepted(name, &bytes), "{name} itself is good");
         for length in 0..bytes.len() {
-            must_be_valid_if_accepted(name, &bytes[..length]);
+            is_accepted(name, &bytes[..length]);
         }
     }
 }
@@ -73,50 +74,52 @@ fn changed_bytes() {
                     _ => noise.bits() as u8,
                 };
             }
-            must_be_valid_if_accepted(name, &changed);
+            is_accepted(name, &changed);
         }
     }
 }
 
 #[test]
-fn truncated_payloads_keep_their_whole_rows() {
+fn truncated_payloads_give_their_complete_rows() {
     let original = field(8, 1, Some(1), false);
     let bytes = field_file(&original, &info());
     let row = 4 * (14 + 9 + 1 + 2 + 3);
-    let imported = import_bytes("a.ply", &bytes[..bytes.len() - 2 * row - 1]).expect("five rows are whole");
+    let imported =
+        import_bytes("a.ply", &bytes[..bytes.len() - 2 * row - 1]).expect("five rows are complete");
     assert_eq!(imported.field.centers, original.centers[..5]);
     assert_eq!(imported.repairs.dropped["truncated payload"], 3);
     let message = import_error("a.ply", &bytes[..bytes.len() - 8 * row + 1]);
     assert!(message.contains("truncated payload: 8"), "{message}");
 
-    // Eight rows and a half of the texture's 1024: a half row is damage, whole ones are the habit.
+    // Writers omit complete rows of the texture's 1024; half a row is damage.
     let bytes = splatv(&original, &info());
     let cut = |bytes_left: usize| {
-        import_bytes("a.splatv", &bytes[..bytes.len() - 1024 * 64 + bytes_left]).expect("some rows are whole")
+        import_bytes("a.splatv", &bytes[..bytes.len() - 1024 * 64 + bytes_left])
+            .expect("some rows are complete")
     };
     assert!(cut(8 * 64).repairs.dropped.is_empty());
     assert_eq!(cut(5 * 64 + 32).field.len(), 5);
     assert!(cut(5 * 64 + 32).repairs.dropped.contains_key("truncated payload"));
 
-    // Half of the SH array, which comes last.
+    // Without half of the SH array, which is last.
     let plain = gunzip(&spz(&field(8, 1, None, false), UP));
-    let imported = import_bytes("a.spz", &plain[..plain.len() - 4 * 9]).expect("four rows are whole");
+    let imported = import_bytes("a.spz", &plain[..plain.len() - 4 * 9]).expect("four rows are complete");
     assert_eq!(imported.field.len(), 4);
     assert_eq!(imported.repairs.dropped["truncated payload"], 4);
 }
 
 #[test]
-fn counts_that_lie_cost_nothing() {
+fn false_counts_allocate_nothing() {
     let one = static_ply(&field(1, 0, None, false));
     let text = String::from_utf8_lossy(&one[..200]).into_owned();
     assert!(text.contains("element vertex 1\n"), "{text}");
     for count in ["18446744073709551615", "4000000000000000000"] {
-        let mut lying = Vec::new();
-        let place = text.find("vertex 1").expect("a count") + "vertex ".len();
-        lying.extend(&one[..place]);
-        lying.extend(count.bytes());
-        lying.extend(&one[place + 1..]);
-        let imported = import_bytes("a.ply", &lying).expect("one row is there");
+        let mut bytes = Vec::new();
+        let start = text.find("vertex 1").expect("a count") + "vertex ".len();
+        bytes.extend(&one[..start]);
+        bytes.extend(count.bytes());
+        bytes.extend(&one[start + 1..]);
+        let imported = import_bytes("a.ply", &bytes).expect("the file has one row");
         assert_eq!(imported.field.len(), 1);
         assert!(imported.repairs.dropped["truncated payload"] > 1 << 60);
     }

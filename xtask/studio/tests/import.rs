@@ -1,4 +1,4 @@
-//! Importers: real files, hand-made ones, dirty and broken ones.
+//! Importers on real, synthetic, dirty and broken files.
 
 mod support;
 
@@ -8,7 +8,7 @@ use image::{ImageFormat, Rgba, RgbaImage};
 use studio::import::import;
 use support::{assert_close, assert_same_rotations, data, import_bytes, import_error};
 
-/// A field turned by half a turn about x, which takes y down, z forward to y up, z back.
+/// Rotates a field by half a turn about x, which maps y down, z forward to y up, z back.
 fn half_turn(mut field: codec::Field) -> codec::Field {
     // Powers of y plus z in the SH basis functions.
     let odd = [0, 1, 1, 0, 1, 2, 2, 1, 2, 3, 2, 3, 3, 2, 3, 2].map(|power| power % 2 == 1);
@@ -21,7 +21,7 @@ fn half_turn(mut field: codec::Field) -> codec::Field {
     field
 }
 
-/// The same three Gaussians in three formats, the third in axes of its own.
+/// The same three Gaussians in three formats, of which SPZ has other axes.
 #[test]
 fn inria_ply_splat_and_spz_agree() {
     let Some(folder) = data("format-fixtures/metalsplatter") else { return };
@@ -45,7 +45,7 @@ fn inria_ply_splat_and_spz_agree() {
         constant(&ply).iter().map(|c| c.clamp(-0.5 / 0.2820948, 0.5 / 0.2820948)).collect();
     assert_close("splat colour", &constant(&splat), &clipped, |_| 1.01 / 255.0 / 0.2820948);
     assert_close("spz colour", &constant(&spz), &constant(&ply), |_| 0.51 / 255.0 / 0.15);
-    // The writer of that file rounds the others to 8 bits and then to 5 or 4.
+    // The writer of that file rounds the higher coefficients to 8 bits and then to 5 or 4.
     assert_eq!(spz.sh_degree, 3);
     assert_close("spz sh", spz.sh.as_flattened(), ply.sh.as_flattened(), |_| 0.07);
 }
@@ -64,7 +64,7 @@ fn spz_versions_agree() {
     assert_eq!(v2.field, raw.field);
     assert_eq!(v3.field, v4.field);
     assert_eq!(v3.field.centers, half_turn(splat.field.clone()).centers);
-    // Its writer did not know the format's axes yet.
+    // The writer of version 2 did not convert the axes.
     assert_eq!(v2.field.centers, splat.field.centers);
     assert_same_rotations(&v2.field.rotations, &v3.field.rotations, 0.01);
     assert_close("opacity", &v4.field.opacities, &splat.field.opacities, |_| 1e-6);
@@ -80,7 +80,7 @@ fn spinach_is_complete() {
     assert_eq!(imported.field.len(), 62_442);
     assert!(imported.repairs.dropped.is_empty(), "{}", imported.repairs);
     assert!(imported.repairs.repaired.contains_key("infinite window width, always on"));
-    let temporal = imported.field.temporal.as_ref().expect("a moving field");
+    let temporal = imported.field.temporal.as_ref().expect("a dynamic field");
     assert_eq!(temporal.motion_order, 3);
     assert!(temporal.rotation_rates.is_some());
     let front = &imported.hints.viewpoints[0];
@@ -99,14 +99,14 @@ fn guitar_is_complete() {
 }
 
 #[test]
-fn playbot_lies_in_the_bounds_it_states() {
+fn playbot_lies_within_its_stated_bounds() {
     let Some(folder) = data("playbot-sog") else { return };
     let imported = import(&folder.join("3_0")).expect("a real field");
     assert_eq!((imported.field.len(), imported.field.sh_degree), (31_000, 2));
     assert!(imported.repairs.is_empty(), "{}", imported.repairs);
-    let by_file = import(&folder.join("3_0/meta.json")).expect("the same, named otherwise");
+    let by_file = import(&folder.join("3_0/meta.json")).expect("the same field by its file");
     assert_eq!(by_file.field, imported.field);
-    // From lod-meta.json, which bounds the Gaussians and not only their centres.
+    // From lod-meta.json, whose bounds include the extent of the Gaussians.
     let (low, high) = ([-1.033496, -1.083135, -1.039343], [1.03509, 0.05205518, 1.042389]);
     for axis in 0..3 {
         let range = imported.field.centers.iter().fold((f32::MAX, f32::MIN), |(least, most), center| {
@@ -119,7 +119,7 @@ fn playbot_lies_in_the_bounds_it_states() {
 
 const INRIA: &str = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
 
-/// An ASCII PLY of one element `vertex`.
+/// An ASCII PLY with one element, `vertex`.
 fn ascii_ply(properties: &str, rows: &[&str]) -> Vec<u8> {
     let properties: String = properties.split(' ').map(|name| format!("property float {name}\n")).collect();
     let rows = rows.join("\n");
@@ -205,7 +205,7 @@ fn spacetime_ply_is_read() {
         "0 0 0  1 0 0.5  0  0 0 0  1 0 0 0   0 0  0 0 0 0 0 0 0 0 0  0 0 0 nan",
     ];
     let imported = import_bytes("a.ply", &ascii_ply(&properties, &rows)).expect("a valid file");
-    let temporal = imported.field.temporal.as_ref().expect("a moving field");
+    let temporal = imported.field.temporal.as_ref().expect("a dynamic field");
     assert_eq!(imported.format, "Spacetime Gaussians PLY");
     assert_eq!(temporal.motion_of(0), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
     assert_eq!(temporal.rotation_rates.as_ref().expect("one row turns")[0], [0.0, 0.1, 0.0, 0.0]);
@@ -226,7 +226,7 @@ fn spacetime_full_model_is_refused() {
     assert!(message.contains("full model"), "{message}");
 }
 
-/// Without colour bounds in its chunks, with SH.
+/// A compressed PLY with SH, without colour bounds in its chunks.
 #[test]
 fn compressed_ply_of_twelve_floats_is_read() {
     let axes = ["x", "y", "z"];
@@ -264,12 +264,11 @@ fn compressed_ply_of_twelve_floats_is_read() {
     assert!(imported.repairs.is_empty());
 }
 
-/// Names and contents.
-type Files = Vec<(&'static str, Vec<u8>)>;
+/// File names and contents.
+type FileSet = Vec<(&'static str, Vec<u8>)>;
 
-/// A SOG file set of three Gaussians at degree 1. PNG in place of WebP,
-/// which the format allows.
-fn sog_files() -> Files {
+/// A SOG file set of three Gaussians of degree 1, with PNG instead of WebP, which the format allows.
+fn sog_files() -> FileSet {
     let png = |width: u32, pixels: &[[u8; 4]]| {
         let height = (pixels.len() as u32).div_ceil(width);
         let pixel = |x, y| Rgba(pixels.get((y * width + x) as usize).copied().unwrap_or_default());
@@ -286,7 +285,7 @@ fn sog_files() -> Files {
         "sh0": {"codebook": codebook(-2.0, 0.015625), "files": ["sh0.webp"]},
         "shN": {"count": 66, "bands": 1, "codebook": codebook(-1.0, 0.0078125), "files": ["centroids.webp", "labels.webp"]},
     });
-    // Entry 65 is the second of the second line.
+    // Entry 65 is the second of the second row.
     let mut centroids = vec![[128, 128, 128, 255]; 2 * 64 * 3];
     centroids[(64 + 1) * 3..(64 + 2) * 3].copy_from_slice(&[[0, 1, 2, 255], [3, 4, 5, 255], [6, 7, 8, 255]]);
     vec![
@@ -317,7 +316,7 @@ fn sog_is_read() {
     let e = std::f32::consts::E;
     let centers = [[1.0 - e, 1.0 - e, 0.0], [e - 1.0, e * e - 1.0, 0.0]];
     assert_close("centre", field.centers[..2].as_flattened(), centers.as_flattened(), |_| 1e-5);
-    assert!(field.centers[2][0].abs() < 1e-2, "the middle of a symmetric range");
+    assert!(field.centers[2][0].abs() < 1e-2, "the centre of a symmetric range");
     assert_eq!(field.log_scales[0], [-10.0, -9.0, 0.0]);
     assert_eq!(field.sh_of(0)[0], [-2.0, 0.0, 1.984375]);
     assert_eq!(field.sh_of(0)[1], [-1.0, -0.9921875, -0.984375]);
@@ -355,14 +354,14 @@ fn sog_bundle_equals_its_folder() {
 
 #[test]
 fn broken_sog_is_refused() {
-    let broken = |change: &dyn Fn(&mut Files), expected: &str| {
+    let broken = |change: &dyn Fn(&mut FileSet), expected: &str| {
         let mut files = sog_files();
         change(&mut files);
         let message = import_sog(&files).expect_err("a broken file set").to_string();
         assert!(message.contains(expected), "{message}");
     };
     let edit = |old: &'static str, new: &'static str| {
-        move |files: &mut Files| {
+        move |files: &mut FileSet| {
             let text = String::from_utf8(files[0].1.clone()).expect("JSON");
             assert!(text.contains(old), "no {old}");
             files[0].1 = text.replace(old, new).into_bytes();
@@ -381,7 +380,7 @@ fn broken_sog_is_refused() {
 }
 
 #[test]
-fn bad_files_say_what_is_wrong() {
+fn errors_of_bad_files_name_the_problem() {
     let expect = |name: &str, bytes: &[u8], parts: &[&str]| {
         let message = import_error(name, bytes);
         for part in parts.iter().chain(&[name]) {

@@ -1,4 +1,4 @@
-//! `cargo xtask inspect`: what it says of a package is so, and bad packages are refused.
+//! `cargo xtask inspect`: its numbers match the package, and bad packages are refused.
 
 mod support;
 mod tool;
@@ -12,7 +12,7 @@ use support::{field, info};
 use tempfile::{TempDir, tempdir};
 use tool::aarc_studio;
 
-/// A folder with the package `clip.aarc` of a field, in layers of 1000.
+/// A folder with `clip.aarc`, a package of the field in layers of 1000.
 fn packaged(field: &Field, plate: Option<&Field>) -> (TempDir, Vec<u8>) {
     let source = Source { info: &info(), field, plate };
     let options = EncodeOptions { layers: vec![1000, 2000], ..EncodeOptions::default() };
@@ -26,7 +26,7 @@ fn inspect(folder: &Path) -> Value {
     aarc_studio(folder, &["inspect", "clip.aarc", "--json"]).json()
 }
 
-/// Windowed, cubic, turning, SH degree 3: every row has every optional part.
+/// A field in which every row has every optional part: window, cubic motion, rotation over time, SH degree 3.
 fn everything(len: usize) -> Field {
     let mut field = field(len, 3, Some(3), true);
     field.opacities.iter_mut().for_each(|opacity| *opacity = opacity.max(0.1));
@@ -36,13 +36,13 @@ fn everything(len: usize) -> Field {
     field
 }
 
-/// The same Gaussians, of which the first `still` never fade or move, and parts removed.
-fn reduced(from: &Field, still: usize, sh_degree: u8, motion_order: u8, rotates: bool) -> Field {
+/// The same Gaussians with optional parts removed; the first `static_count` neither fade nor move.
+fn reduced(from: &Field, static_count: usize, sh_degree: u8, motion_order: u8, rotates: bool) -> Field {
     let mut field = from.clone();
     let coefficients = codec::sh_coefficients(sh_degree);
     field.sh = (0..from.len()).flat_map(|i| from.sh_of(i)[..coefficients].to_vec()).collect();
     field.sh_degree = sh_degree;
-    if still == from.len() {
+    if static_count == from.len() {
         field.temporal = None;
         return field;
     }
@@ -50,10 +50,10 @@ fn reduced(from: &Field, still: usize, sh_degree: u8, motion_order: u8, rotates:
     let order = usize::from(motion_order);
     temporal.motion = temporal.motion.chunks(3).flat_map(|v| v[..order].to_vec()).collect();
     temporal.motion_order = motion_order;
-    temporal.s[..still].fill(f32::INFINITY);
-    temporal.motion[..still * order].fill([0.0; 3]);
+    temporal.s[..static_count].fill(f32::INFINITY);
+    temporal.motion[..static_count * order].fill([0.0; 3]);
     match &mut temporal.rotation_rates {
-        Some(rates) if rotates => rates[..still].fill([0.0; 4]),
+        Some(rates) if rotates => rates[..static_count].fill([0.0; 4]),
         rates => *rates = None,
     }
     field
@@ -64,7 +64,7 @@ fn total(object: &Value, list: &str, key: &str) -> u64 {
 }
 
 #[test]
-fn the_numbers_are_those_of_the_package() {
+fn the_numbers_match_the_package() {
     let original = reduced(&everything(2500), 700, 1, 2, true);
     let plate = field(90, 0, None, false);
     let (folder, bytes) = packaged(&original, Some(&plate));
@@ -136,9 +136,9 @@ fn a_layer_plays_from_the_bytes_it_names() {
     }
 }
 
-/// What is left out, added to what is there, is a package of which every row has every part.
+/// The bytes saved are the difference to a package in which every row has every part.
 #[test]
-fn what_is_left_out_makes_up_the_difference() {
+fn bytes_saved_are_the_difference_to_a_complete_package() {
     let full = everything(2500);
     let (folder, bytes) = packaged(&full, None);
     let everything = inspect(folder.path());
@@ -153,7 +153,7 @@ fn what_is_left_out_makes_up_the_difference() {
         everything["left_out"].as_array().unwrap().iter().map(|part| part["part"].clone()).collect();
     assert_eq!(names, ["plate"]);
 
-    for (still, degree, order, rotates) in [
+    for (static_count, degree, order, rotates) in [
         (0, 0, 3, true),
         (0, 3, 1, true),
         (0, 2, 0, false),
@@ -161,11 +161,13 @@ fn what_is_left_out_makes_up_the_difference() {
         (900, 1, 2, false),
         (2500, 0, 0, false),
     ] {
-        let (folder, smaller) = packaged(&reduced(&full, still, degree, order, rotates), None);
+        let (folder, smaller) = packaged(&reduced(&full, static_count, degree, order, rotates), None);
         let shown = inspect(folder.path());
-        let case =
-            format!("{still} still, SH {degree}, order {order}, rotates {rotates}:\n{:#}", shown["left_out"]);
-        assert_eq!(shown["still"], still, "{case}");
+        let case = format!(
+            "{static_count} static, SH {degree}, order {order}, rotates {rotates}:\n{:#}",
+            shown["left_out"]
+        );
+        assert_eq!(shown["still"], static_count, "{case}");
         let saved = total(&shown, "left_out", "bytes_saved") as usize;
         let difference = raw_bytes(&bytes) - raw_bytes(&smaller);
         assert!(difference.abs_diff(saved) <= slack(&smaller), "{difference} bytes {case}");
@@ -177,7 +179,7 @@ fn what_is_left_out_makes_up_the_difference() {
 }
 
 #[test]
-fn a_file_cut_short_says_what_still_plays() {
+fn a_truncated_file_lists_its_playable_layers() {
     let (folder, bytes) = packaged(&everything(2500), None);
     let whole = inspect(folder.path());
     let second = whole["layers"][1]["bytes"].as_u64().unwrap() as usize;
@@ -222,7 +224,7 @@ fn bad_files_are_refused() {
 }
 
 #[test]
-fn the_table_for_people_has_every_part() {
+fn the_text_has_every_part() {
     let (folder, _) = packaged(&reduced(&everything(2500), 700, 0, 1, false), None);
     let words = aarc_studio(folder.path(), &["inspect", "clip.aarc"]).stdout;
     for part in [
@@ -240,8 +242,7 @@ fn the_table_for_people_has_every_part() {
     }
 }
 
-/// The coder `context` learns that a column is zero, so that leaving one out saves little more than
-/// that, in the package.
+/// The coder `context` adapts to a zero column, so that omitting it saves little.
 #[test]
 fn zeros_cost_the_coder_context_little() {
     let mut full = reduced(&everything(5000), 0, 0, 0, false);
@@ -250,11 +251,11 @@ fn zeros_cost_the_coder_context_little() {
         let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
         codec::encode(&Source { info: &info(), field, plate: None }, &options).expect("a sound field")
     };
-    // A PSNR is shared by all numbers: 15 at first, 60 with the zeros.
+    // The error is spread over all numbers of a row: 15 without the zeros, 60 with them.
     let without = encoded(&full, 60.0);
     full.sh = full.sh.iter().flat_map(|color| [vec![*color], vec![[0.0; 3]; 15]].concat()).collect();
     full.sh_degree = 3;
-    // Too small to be coded, but enough for the column to be there.
+    // Too small to be coded, but it makes the column present.
     full.sh[15] = [1e-30; 3];
     let with = encoded(&full, 60.0 - 10.0 * (60.0f64 / 15.0).log10());
     let folder = tempdir().unwrap();
@@ -268,7 +269,7 @@ fn zeros_cost_the_coder_context_little() {
     assert!((45..=2 * saved as usize).contains(&difference), "{difference} bytes, {saved} expected");
 }
 
-/// The bytes by attribute add up to the file, and coding gains over the entropy of the numbers.
+/// The bytes per attribute add up to the file, and positions take less than their order-0 entropy.
 #[test]
 fn the_bytes_of_the_coder_context_are_accounted_for() {
     let field = everything(2500);
@@ -283,7 +284,7 @@ fn the_bytes_of_the_coder_context_are_accounted_for() {
     for name in ["position", "scale", "rotation", "motion", "rotation rate", "color", "spherical harmonics"] {
         assert!(names.contains(&name), "no {name} in {names:?}");
     }
-    // A chunk has 25 bytes before its symbols, and ends on a whole byte.
+    // A chunk has 25 bytes before its symbols, and is padded to a byte.
     let coded = total(&shown, "attributes", "coded_bytes") as usize;
     let stored = total(&shown, "sections", "bytes") as usize;
     assert!(coded.abs_diff(stored) < stored / 500 + 40, "{coded} of {stored} bytes");
@@ -299,7 +300,7 @@ fn the_bytes_of_the_coder_context_are_accounted_for() {
 /// `inspect | head` ends `inspect` once `head` has seen enough.
 #[cfg(unix)]
 #[test]
-fn who_stops_reading_ends_a_command_quietly() {
+fn a_closed_pipe_ends_a_command_quietly() {
     use std::os::unix::process::ExitStatusExt;
     use std::process::{Command, Stdio};
 

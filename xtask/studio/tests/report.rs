@@ -1,4 +1,4 @@
-//! `cargo xtask report`: what is measured, what is written, and what is refused.
+//! `cargo xtask report`: measurements, files, and refused requests.
 
 mod tool;
 
@@ -8,21 +8,21 @@ use serde_json::Value;
 use tempfile::tempdir;
 use tool::aarc_studio;
 
-/// The number `key` of the row `row`.
+/// The number `key` of the point whose selector is `row`.
 fn number(points: &[Value], row: &str, key: &str) -> f64 {
     let point = points.iter().find(|point| point["row"] == row).unwrap_or_else(|| panic!("no row {row}"));
     point[key].as_f64().unwrap_or_else(|| panic!("no {key} in {point}"))
 }
 
 #[test]
-fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
+fn the_floor_wins_if_a_ranking_severs_limbs() {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
     let report = aarc_studio(folder.path(), &["report", "limbs.ply", "--rd", "-o", "out", "--json"]).json();
     let field = &report["rd"][0];
     assert_eq!((&field["field"], &field["features"]), (&"limbs".into(), &7.into()));
     let points = field["points"].as_array().expect("points");
-    assert_eq!(points.len(), 5, "one budget of the ladder is smaller than the field");
+    assert_eq!(points.len(), 5, "one budget is smaller than the field");
 
     assert!(number(points, "mass", "recall") < 0.6);
     assert_eq!(number(points, "mass + floor", "recall"), 1.0);
@@ -30,7 +30,7 @@ fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
     assert_eq!(number(points, "ours", "recall"), 1.0);
     for row in ["LightGaussian", "RadSplat", "mass", "mass + floor"] {
         assert_eq!(number(points, row, "budget"), 5000.0);
-        // Selection sees other pictures than those that are reported, and those here are few.
+        // Selection uses other images than the report, which has few here.
         assert!(number(points, "ours", "psnr_db") > number(points, row, "psnr_db") - 0.2, "{row}");
         let (bytes, mbps) = (number(points, row, "bytes"), number(points, row, "mbps"));
         assert!((mbps - bytes * 8e-6).abs() < 1e-9, "the clip is one second long");
@@ -42,7 +42,7 @@ fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
         let size = |key: &str| rate["simpler"][key].as_f64().unwrap_or_else(|| panic!("no {key} in {rate}"));
         let bytes = rate["bytes"].as_f64().unwrap();
         assert!(rate["self_psnr_db"].as_f64() >= rate["target_db"].as_f64(), "{rate}");
-        // There is little to predict of so regular a field.
+        // So regular a field leaves little to predict.
         assert!(size("order_0") > size("ordered") && size("predicted") > bytes, "{rate}");
         assert!(size("alike") > bytes || rate["target_db"].as_f64() < Some(50.0), "{rate}");
     }
@@ -55,7 +55,7 @@ fn the_floor_wins_where_a_ranking_cuts_limbs_off() {
 }
 
 #[test]
-fn bad_requests_are_refused_before_work_is_done() {
+fn bad_requests_are_refused_before_any_work() {
     let folder = tempdir().unwrap();
     let run = |args: &[&str]| aarc_studio(folder.path(), args);
     assert!(run(&["report", "none.ply", "--rd"]).error(3).contains("none.ply"));
@@ -70,5 +70,5 @@ fn bad_requests_are_refused_before_work_is_done() {
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
     assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
-    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "no size of --rd");
+    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "--rd has no size");
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask synth stage`: the cameras agree on where the figure is, and nothing is left by halves.
+//! `cargo xtask synth stage`: the views are consistent with one surface, and errors leave no partial capture.
 
 mod tool;
 
@@ -11,11 +11,11 @@ use refine::anchor::DepthMap;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 use studio::capture::CaptureFiles;
-use studio::synth::stage::{Settings, write};
+use studio::synth::stage::{StageSettings, write};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
-/// The files below a folder and what is in them.
+/// Relative paths and contents of all files below a folder.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -33,32 +33,32 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn a_stage_is_a_capture_and_the_same_every_time() {
+fn a_stage_is_a_deterministic_capture() {
     let folder = tempdir().unwrap();
     let folder = folder.path();
     let args = ["synth", "stage", "-o", "stage", "--cameras", "5", "--frames", "3", "--size", "20x16"];
     let outcome = aarc_studio(folder, &args);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("5 cameras, 1 of them held; 3 frames of 20x16"), "{}", outcome.stdout);
-    let made = files(&folder.join("stage"));
-    assert_eq!(made.len(), 1 + 3 * 5 * 3);
-    // An empty folder may be there already.
+    let written = files(&folder.join("stage"));
+    assert_eq!(written.len(), 1 + 3 * 5 * 3);
+    // The folder may exist if it is empty.
     fs::create_dir(folder.join("again")).unwrap();
-    write(&folder.join("again"), &Settings { cameras: 5, frames: 3, size: [20, 16] }, || ()).unwrap();
-    assert!(files(&folder.join("again")) == made, "the same bytes");
-    assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "nothing else is left");
+    write(&folder.join("again"), &StageSettings { cameras: 5, frames: 3, size: [20, 16] }, || ()).unwrap();
+    assert!(files(&folder.join("again")) == written, "the same bytes");
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "no temporary folder is left");
 
     let capture_files = CaptureFiles::open(&folder.join("stage")).unwrap();
     let splits = Split::assign(&capture_files.capture, Holdout::Odd).unwrap();
     let counts = Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
     assert_eq!((counts, capture_files.missing_count()), ([8, 4, 2, 1], 0));
-    // What moves is seen to move.
+    // The figure moves.
     let photo = |frame| capture_files.photo(PhotoId { camera: 1, frame }).unwrap().image;
     assert!(photo(0).psnr(&photo(2)) < 25.0);
 }
 
 #[test]
-fn what_cannot_be_made_is_said_in_one_line() {
+fn bad_requests_end_with_one_line() {
     let folder = tempdir().unwrap();
     let folder = folder.path();
     let error =
@@ -67,7 +67,7 @@ fn what_cannot_be_made_is_said_in_one_line() {
     assert!(error(&["--frames", "99999"]).contains("99999 frames"));
     assert!(error(&["--size", "64x4"]).contains("64x4 pixels"));
     fs::create_dir(folder.join("stage")).unwrap();
-    fs::write(folder.join("stage/mine.txt"), "kept").unwrap();
+    fs::write(folder.join("stage/mine.txt"), "mine").unwrap();
     assert!(error(&[]).contains("cannot write stage"));
     assert_eq!(files(folder).len(), 1);
     assert!(
@@ -75,53 +75,55 @@ fn what_cannot_be_made_is_said_in_one_line() {
     );
 }
 
-/// A shot with its depths.
-struct Seen {
+/// A photograph with its camera and depths.
+struct DepthView {
     camera: Camera,
     photo: Image,
     depths: DepthMap,
 }
 
-fn seen(settings: Settings) -> Vec<Seen> {
+fn depth_views(settings: StageSettings) -> Vec<DepthView> {
     let folder = tempdir().unwrap();
     let stage = folder.path().join("stage");
     write(&stage, &settings, || ()).unwrap();
     let capture_files = CaptureFiles::open(&stage).unwrap();
-    let shot = |shot: &PhotoId| Seen {
-        camera: capture_files.capture.cameras[shot.camera].camera.clone(),
-        photo: capture_files.photo(*shot).unwrap().image,
-        depths: capture_files.depth(&stage.join("depths"), *shot).unwrap().expect("depths"),
+    let view = |id: &PhotoId| DepthView {
+        camera: capture_files.capture.cameras[id.camera].camera.clone(),
+        photo: capture_files.photo(*id).unwrap().image,
+        depths: capture_files.depth(&stage.join("depths"), *id).unwrap().expect("depths"),
     };
-    capture_files.capture.photos.iter().map(shot).collect()
+    capture_files.capture.photos.iter().map(view).collect()
 }
 
 #[test]
 fn masks_agree_with_depths_and_colours() {
-    for Seen { photo, depths, .. } in seen(Settings { cameras: 3, frames: 2, size: [48, 40] }) {
+    for DepthView { photo, depths, .. } in
+        depth_views(StageSettings { cameras: 3, frames: 2, size: [48, 40] })
+    {
         assert_eq!((depths.width, depths.height), (48, 40));
         for (pixel, depth) in photo.pixels.iter().zip(&depths.depths) {
             let [r, g, b, mask] = *pixel;
             assert!(*depth == 0.0 || (1.5..4.5).contains(depth), "{depth}");
-            // All samples hit or none: so does the one in the middle of them.
+            // If all samples hit, or none, so does the pixel's centre.
             assert!(mask < 1.0 || *depth > 0.0);
             assert!(mask > 0.0 || *depth == 0.0);
-            // Colour times coverage, never cut out twice.
+            // Colours are multiplied by coverage once.
             let brightest = r.max(g).max(b);
             assert!(brightest <= mask + 0.5 / 255.0 && brightest >= 0.1 * mask - 1.0 / 255.0, "{pixel:?}");
         }
     }
 }
 
-/// The point of the world that a pixel shows.
-fn point(seen: &Seen, x: u32, y: u32) -> Option<[f64; 3]> {
-    let z = f64::from(seen.depths.depths[(y * seen.camera.width + x) as usize]);
-    let (k, m) = (&seen.camera.k, &seen.camera.camera_from_world);
+/// World position of the surface at a pixel.
+fn point(view: &DepthView, x: u32, y: u32) -> Option<[f64; 3]> {
+    let z = f64::from(view.depths.depths[(y * view.camera.width + x) as usize]);
+    let (k, m) = (&view.camera.k, &view.camera.camera_from_world);
     let at = |i: usize, pixel: u32| (f64::from(pixel) + 0.5 - k[i][2]) / k[i][i] * z;
-    let moved = [at(0, x) - m[0][3], at(1, y) - m[1][3], z - m[2][3]];
-    (z > 0.0).then(|| [0, 1, 2].map(|axis| (0..3).map(|r| m[r][axis] * moved[r]).sum()))
+    let translated = [at(0, x) - m[0][3], at(1, y) - m[1][3], z - m[2][3]];
+    (z > 0.0).then(|| [0, 1, 2].map(|axis| (0..3).map(|r| m[r][axis] * translated[r]).sum()))
 }
 
-/// The pixel in which a camera sees a point, and its depth.
+/// Pixel coordinates and depth of a point.
 fn project(camera: &Camera, point: [f64; 3]) -> [f64; 3] {
     let m = &camera.camera_from_world;
     let p = [0, 1, 2].map(|r| (0..3).map(|axis| m[r][axis] * point[axis]).sum::<f64>() + m[r][3]);
@@ -129,22 +131,22 @@ fn project(camera: &Camera, point: [f64; 3]) -> [f64; 3] {
     [pixel(0), pixel(1), p[2]]
 }
 
-/// What one camera sees lies on what another sees, or behind it; where both see it, it has the same
-/// colour. This knows of cameras and depths only, not of shapes or light.
+/// A point that one camera sees lies on the surface that another sees, or behind it; if both see it, it has the
+/// same colour. The test uses only cameras and depths, not shapes or light.
 #[test]
 fn cameras_agree_on_one_surface() {
     let size = 112;
-    let seen = seen(Settings { cameras: 8, frames: 1, size: [size, size] });
+    let views = depth_views(StageSettings { cameras: 8, frames: 1, size: [size, size] });
     let (mut points, mut through, mut both) = (0, 0, 0);
     let (mut alike, mut unlike) = (0.0, 0.0);
-    for from in 0..seen.len() {
-        let (from, to) = (&seen[from], &seen[(from + 1) % seen.len()]);
+    for from in 0..views.len() {
+        let (from, to) = (&views[from], &views[(from + 1) % views.len()]);
         for (x, y) in (0..size).flat_map(|y| (0..size).map(move |x| (x, y))) {
             let Some(point) = point(from, x, y) else { continue };
             let [u, v, z] = project(&to.camera, point);
             let (u, v) = (u as u32, v as u32);
             let depth = |x: u32, y: u32| f64::from(to.depths.depths[(y * size + x) as usize]);
-            // A pixel aside there may be nothing, but not on all sides.
+            // Neighbouring pixels may miss the figure, but not all of them.
             let around = (v - 1..=v + 1).flat_map(|y| (u - 1..=u + 1).map(move |x| (x, y)));
             let nearest = around.map(|(x, y)| depth(x, y)).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
             points += 1;

@@ -1,7 +1,7 @@
-//! Answers for the players in Rust, each in a process of its own.
+//! Players in Rust, each in a process of its own.
 
-mod drawer;
 mod ours;
+mod renderer;
 mod viewer;
 
 use std::io::{BufRead, Write};
@@ -11,44 +11,44 @@ use std::time::Instant;
 use client::gpu::Cutoff;
 use serde::Serialize;
 
-use crate::player::{Kind, Opened, Played, Request};
+use crate::player::{OpenedField, PlayedFrames, PlayerKind, PlayerRequest};
 use crate::work::Work;
-use drawer::Drawer;
+use renderer::PeerRenderer;
 
 /// Answers the requests on stdin for the player `kind`. The program was started at `start`.
-pub(crate) fn answer(kind: Kind, folder: &Path, start: Instant) -> anyhow::Result<()> {
+pub(crate) fn answer(kind: PlayerKind, folder: &Path, start: Instant) -> anyhow::Result<()> {
     let work = Work::read(folder)?;
-    let mut drawer: Option<Box<dyn Drawer>> = None;
+    let mut renderer: Option<Box<dyn PeerRenderer>> = None;
     for line in std::io::stdin().lock().lines() {
-        match (serde_json::from_str(&line?)?, drawer.as_mut()) {
-            (Request::Open { field }, _) => {
+        match (serde_json::from_str(&line?)?, renderer.as_mut()) {
+            (PlayerRequest::Open { field }, _) => {
                 let path = folder.join(field);
                 let mut opened = match kind {
-                    Kind::Ours => ours::open(&path, &work, Cutoff::Exact)?,
-                    Kind::OursSqrt8 => ours::open(&path, &work, Cutoff::Sqrt8)?,
-                    Kind::Viewer => viewer::open(&path, &work)?,
-                    Kind::Gsplat | Kind::GsplatMended | Kind::Spark => {
+                    PlayerKind::Ours => ours::open(&path, &work, Cutoff::Exact)?,
+                    PlayerKind::OursSqrt8 => ours::open(&path, &work, Cutoff::Sqrt8)?,
+                    PlayerKind::Viewer => viewer::open(&path, &work)?,
+                    PlayerKind::Gsplat | PlayerKind::GsplatMended | PlayerKind::Spark => {
                         anyhow::bail!("{} plays in a browser", kind.name())
                     }
                 };
                 opened.draw(&work.frames[0])?;
                 opened.read()?;
                 let first_ms = start.elapsed().as_secs_f64() * 1e3;
-                reply(&Opened { first_ms, device: opened.device() })?;
-                drawer = Some(opened);
+                reply(&OpenedField { first_ms, device: opened.device() })?;
+                renderer = Some(opened);
             }
-            (Request::Play {}, Some(drawer)) => {
+            (PlayerRequest::Play {}, Some(renderer)) => {
                 let mut frames_ms = Vec::new();
                 for frame in &work.frames {
                     let start = Instant::now();
-                    drawer.draw(frame)?;
+                    renderer.draw(frame)?;
                     frames_ms.push(start.elapsed().as_secs_f64() * 1e3);
                 }
-                reply(&Played { frames_ms })?;
+                reply(&PlayedFrames { frames_ms })?;
             }
-            (Request::Picture { frame, out }, Some(drawer)) => {
-                drawer.draw(&work.frames[frame])?;
-                std::fs::write(out, drawer.read()?)?;
+            (PlayerRequest::Picture { frame, out }, Some(renderer)) => {
+                renderer.draw(&work.frames[frame])?;
+                std::fs::write(out, renderer.read()?)?;
                 reply(&serde_json::json!({}))?;
             }
             (_, None) => anyhow::bail!("no field is open"),

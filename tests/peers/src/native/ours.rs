@@ -7,8 +7,8 @@ use client::clips::load_file;
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 
-use super::drawer::Drawer;
-use crate::work::{Frame, Work};
+use super::renderer::PeerRenderer;
+use crate::work::{Work, WorkFrame};
 
 struct Ours {
     gpu: Gpu,
@@ -18,7 +18,7 @@ struct Ours {
 }
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
-pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<Box<dyn Drawer>> {
+pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let clip = load_file(path)?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
@@ -29,12 +29,12 @@ pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<B
     Ok(Box::new(Ours { gpu, renderer, image, settings }))
 }
 
-impl Drawer for Ours {
+impl PeerRenderer for Ours {
     fn device(&self) -> String {
         format!("{}, {}", self.gpu.adapter_name, self.gpu.driver)
     }
 
-    fn draw(&mut self, frame: &Frame) -> anyhow::Result<()> {
+    fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()> {
         let view = View::from_camera(&frame.camera);
         self.image.render(&self.gpu, &mut self.renderer, frame.t, &[view], &self.settings)?;
         Ok(())

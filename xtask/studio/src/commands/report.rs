@@ -7,7 +7,7 @@ mod page;
 mod stability;
 
 use crate::progress::StagedProgress;
-use crate::report::{ReportFile, Subject, rd};
+use crate::report::{ReportFile, ReportSubject, rd};
 use ::program::{Fault, output};
 use anyhow::bail;
 use serde_json::{Map, Value};
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if page_of.is_none() {
         let subjects =
-            args.fields.iter().map(|path| Subject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
+            args.fields.iter().map(|path| ReportSubject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
             report.add_rd(&subjects)?;
         }
@@ -130,7 +130,7 @@ impl Report {
         Ok(())
     }
 
-    fn add_rd(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
+    fn add_rd(&mut self, subjects: &[ReportSubject]) -> anyhow::Result<()> {
         let progress = StagedProgress::visible();
         let mut measured = Vec::new();
         for subject in subjects {
@@ -146,7 +146,7 @@ impl Report {
     }
 
     #[cfg(feature = "measure")]
-    fn add_stability(&mut self, subjects: &[Subject]) -> anyhow::Result<()> {
+    fn add_stability(&mut self, subjects: &[ReportSubject]) -> anyhow::Result<()> {
         let measured = stability::run(subjects)?;
         self.text += &measured.table();
         self.files.extend(crate::report::stability::files(&measured)?);

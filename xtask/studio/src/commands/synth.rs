@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         SyntheticScene::Clip { out } => write_field(out, juggler::clip),
         SyntheticScene::Limbs { out } => write_field(out, limbs::figure),
         SyntheticScene::Stage { out, cameras, frames, size } => {
-            write_stage(out, &stage::Settings { cameras: *cameras, frames: *frames, size: *size })
+            write_stage(out, &stage::StageSettings { cameras: *cameras, frames: *frames, size: *size })
         }
     }
 }
@@ -69,14 +69,14 @@ fn write_field(out: &Path, scene: fn() -> (Field, ClipInfo)) -> anyhow::Result<(
     Ok(())
 }
 
-fn write_stage(out: &Path, settings: &stage::Settings) -> anyhow::Result<()> {
+fn write_stage(out: &Path, settings: &stage::StageSettings) -> anyhow::Result<()> {
     settings.check()?;
     let start = Instant::now();
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures, {eta} left")?;
-    let progress = ProgressBar::new(settings.pictures() as u64).with_style(style);
+    let progress = ProgressBar::new(settings.images() as u64).with_style(style);
     stage::write(out, settings, || progress.inc(1))?;
     progress.finish_and_clear();
-    let stage::Settings { cameras, frames, size: [width, height] } = settings;
+    let stage::StageSettings { cameras, frames, size: [width, height] } = settings;
     let held = (0..*cameras).filter(|camera| stage::is_held(*camera)).count();
     let seconds = start.elapsed().as_secs_f64();
     println!(

@@ -1,9 +1,9 @@
-//! [`ReportFile`]: a file of a report.
+//! [`ReportFile`]: a text file that a report consists of.
 
-/// A file of a report.
+/// A text file of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReportFile {
-    /// Name in the report's folder.
+    /// File name in the report's folder.
     pub name: String,
     /// Contents.
     pub text: String,

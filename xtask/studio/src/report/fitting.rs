@@ -1,4 +1,4 @@
-//! What fits of fields cost and came to, from the tables that `fit` leaves beside fields.
+//! Time and PSNR of fits, read from the tables that `fit` writes beside fields.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -9,22 +9,22 @@ use crate::fit::log::{LogEntry, parse, table_path};
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use program::Fault;
 
-/// Longest table that is read: a line for each of a million steps.
+/// Largest table accepted, in bytes: enough for a line for each of a million steps.
 const BYTES_MAX: u64 = 100 << 20;
 
-/// What file names of tables end with.
+/// Suffix of table file names.
 const ENDING: &str = ".fit.csv";
 
-/// A fit.
+/// The table of one fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitLog {
-    /// The name of its field.
+    /// Name of the fitted field.
     pub name: String,
-    /// Its table.
+    /// Rows of the table.
     pub entries: Vec<LogEntry>,
 }
 
-/// The tables that lie beside a field, or in a folder that holds one.
+/// Finds the tables beside a field file, or in a folder, in order of their paths.
 ///
 /// # Errors
 /// [`Fault::Data`] if the folder cannot be read.
@@ -42,23 +42,23 @@ pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
     Ok(found)
 }
 
-/// The fits whose tables are `named`; where none is, those whose tables [`find`] finds beside `input`.
-/// Of these, what is no table of a fit is left out, which is said on standard error.
+/// Reads the tables in `named`, or if there are none, the tables that [`find`] finds beside `input`.
+/// Skips files found beside `input` that are not tables of a fit, with a note on stderr.
 ///
 /// # Errors
-/// [`Fault::Data`] if a table that was named cannot be read.
+/// [`Fault::Data`] if a table in `named` cannot be read.
 pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
     if !named.is_empty() {
         return named.iter().map(|path| load(path)).collect();
     }
-    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: left out: {fault}")).ok();
+    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: skipped: {fault}")).ok();
     Ok(find(input)?.into_iter().filter_map(usable).collect())
 }
 
 /// Reads a table.
 ///
 /// # Errors
-/// [`Fault::Data`] that names the file and what is wrong with it.
+/// [`Fault::Data`] that names the file and the problem.
 pub fn load(path: &Path) -> Result<FitLog, Fault> {
     let fault = |what: String| Fault::Data(format!("{}: {what}", path.display()));
     let mut bytes = Vec::new();
@@ -73,7 +73,8 @@ pub fn load(path: &Path) -> Result<FitLog, Fault> {
     Ok(FitLog { name: name.strip_suffix(ENDING).unwrap_or(&name).to_owned(), entries })
 }
 
-/// How far the fits were at each line of their tables, as far as photographs were held.
+/// PSNR over time of the fits: one point for each row that measured held-out photographs. `None` without
+/// such rows.
 pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
     let point = |log: &FitLog, entry: &LogEntry| {
         let psnr_db = entry.held_psnr_db?;
@@ -99,7 +100,7 @@ pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
         Parameter {
             stage: FlowStage::Fitting,
             name: "fit".into(),
-            about: "Held photographs while fits went on: PSNR of the subject.".into(),
+            about: "PSNR of the subject in held-out photographs during a fit.".into(),
             cost: "s".into(),
             points,
         }
@@ -144,15 +145,15 @@ mod tests {
         std::fs::write(&table, "nonsense").unwrap();
         let error = load(&table).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("a.fit.csv"), "{error}");
-        assert_eq!(load_all(folder.path(), &[]).unwrap(), [], "it lies there, and nobody named it");
+        assert_eq!(load_all(folder.path(), &[]).unwrap(), [], "found, but not named");
         assert!(load_all(folder.path(), std::slice::from_ref(&table)).is_err());
-        // A file of holes: no disk is taken.
+        // A sparse file takes no disk space.
         File::create(&table).unwrap().set_len(BYTES_MAX + 1).unwrap();
         assert!(load(&table).unwrap_err().to_string().contains("too long"));
     }
 
     #[test]
-    fn a_fit_that_held_nothing_has_no_points() {
+    fn a_fit_without_held_out_photographs_has_no_points() {
         assert_eq!(parameter(&[FitLog { name: "a".into(), entries: vec![entry(100, None)] }]), None);
     }
 }

@@ -1,6 +1,6 @@
-//! Reports, as a page or text to read, tables for programs, and plots: what packages of every budget
-//! cost and keep, and with the feature `measure` what playing, packaging and fitting a clip costs and
-//! keeps, and how stable the renderer is.
+//! Reports as a page, text, tables for programs, and plots: size and quality of packages at every budget;
+//! with the feature `measure` also the cost and quality of playing, packaging and fitting a clip, and the
+//! stability of the renderer.
 
 mod file;
 #[cfg(feature = "measure")]
@@ -18,4 +18,4 @@ mod subject;
 pub use file::ReportFile;
 #[cfg(feature = "measure")]
 pub use page::Findings;
-pub use subject::Subject;
+pub use subject::ReportSubject;

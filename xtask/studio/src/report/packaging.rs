@@ -1,8 +1,8 @@
-//! The parameters of making a package: how exactly it is coded, what chooses the Gaussians that a budget
-//! keeps, and whether their colours are fitted anew.
+//! Measures the parameters of packaging: coder precision, the ranking that selects the Gaussians of a
+//! budget, and recolouring.
 //!
-//! Coding is held against what was coded, choosing against the whole field, each in the pictures in
-//! which `package` itself compares, in the size of the reports.
+//! Coding is compared with the Gaussians before coding, selection with the whole field, each in the images
+//! that `package` compares, at the size of the reports.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -13,44 +13,44 @@ use refine::prune::{Candidate, Pictures, Ranking, Selection, by_importance, reco
 use refine::reference::{self, sensitivities};
 
 use super::rd::{coded_views, seen_views};
-use super::subject::Subject;
+use super::subject::ReportSubject;
 use crate::package::{
     FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, ranking_views, refused, render_scene,
 };
 use crate::progress::StagedProgress;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
-/// PSNRs to code to, in dB, from the finest to the coarsest.
+/// Target PSNRs in dB, the finest first.
 const TARGETS_DB: [f64; 8] = [55.0, 52.5, QUALITY_DB, 50.0, 47.5, 45.0, 42.5, 40.0];
 
-/// Most Gaussians that are coded.
+/// Maximum number of Gaussians coded.
 const CODED: usize = 40_000;
 
-/// How often each package is decoded for its time.
+/// Number of timed decodings per package.
 const DECODINGS: usize = 5;
 
-/// Measures the parameters.
+/// Measures coder precision, and ranking and recolouring if a budget is smaller than the field.
 ///
 /// # Errors
-/// [`Fault::Data`](program::Fault::Data) where the field cannot be coded. Any other error is a
-/// defect of this program.
-pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Vec<Parameter>> {
+/// [`Fault::Data`](program::Fault::Data) if the field cannot be coded. Any other error is a defect of
+/// this program.
+pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<Vec<Parameter>> {
     let mut parameters = vec![precision(subject, progress)?];
     if let Some(budget) = budget(&subject.field) {
-        parameters.extend(choosing(subject, budget, progress)?);
+        parameters.extend(selection(subject, budget, progress)?);
     }
     Ok(parameters)
 }
 
-/// The largest layer of packages that leaves something out.
+/// The largest layer that is smaller than the field.
 fn budget(field: &Field) -> Option<usize> {
     LAYERS.into_iter().rev().find(|&budget| budget < field.len())
 }
 
-/// What the precision of the coder costs and keeps.
-fn precision(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
+/// Size and PSNR of packages over the coder's target PSNR.
+fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
     progress.stage("coding", (1 + TARGETS_DB.len() * TRIALS) + seen_views(subject).len());
-    let Subject { scene, field, plate } = subject;
+    let ReportSubject { scene, field, plate } = subject;
     let mut rows = by_importance(&Ranking::Mass.scores(field, &[]));
     rows.truncate(CODED);
     let part = field.select(&rows);
@@ -79,9 +79,9 @@ fn precision(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<Par
         stage: FlowStage::Packaging,
         name: "coder precision".into(),
         about: format!(
-            "How exactly the coder `context` keeps the Gaussians, as PSNR of the decoded package against what was \
-             coded: {} of the {} Gaussians, those of the greatest mass. `fixed` is the paper's coder, which has one \
-             precision. The run time is that of decoding on one thread, the median of {DECODINGS} times.",
+            "Precision of the coder `context`: PSNR of the decoded package against the Gaussians before coding, \
+             which are {} of {}, those of the greatest mass. `fixed` is the paper's coder, which has one \
+             precision. The run time is the median of {DECODINGS} decodings on one thread.",
             part.len(),
             field.len()
         ),
@@ -95,7 +95,7 @@ fn decode(bytes: &[u8]) -> anyhow::Result<Clip> {
     Ok(codec::decode(bytes, &Limits::default())?)
 }
 
-/// A package as a point.
+/// The point of a package: its size, decoding time and PSNR.
 fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Result<ParameterValue> {
     let mut times = Vec::new();
     let mut gaussians = 0;
@@ -113,7 +113,7 @@ fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Re
     })
 }
 
-/// A point of which nothing but its error is known.
+/// A point with a PSNR only.
 fn point(value: &str, default: bool, psnr_db: f64) -> ParameterValue {
     ParameterValue {
         value: value.into(),
@@ -131,13 +131,17 @@ fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
     counts.map(|(name, count)| (name.to_owned(), count)).into()
 }
 
-/// What chooses the Gaussians of a budget, and whether their colours are fitted anew.
-fn choosing(subject: &Subject, budget: usize, progress: &StagedProgress) -> anyhow::Result<[Parameter; 2]> {
-    let Subject { scene, field, plate } = subject;
+/// PSNR and topology of the rankings at a budget, and the effect of recolouring on the selected Gaussians.
+fn selection(
+    subject: &ReportSubject,
+    budget: usize,
+    progress: &StagedProgress,
+) -> anyhow::Result<[Parameter; 2]> {
+    let ReportSubject { scene, field, plate } = subject;
     let settings = PackageSettings::default();
-    let whole = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
-    let Selection { candidates, best, .. } = whole.select(budget)?;
-    let chosen = &candidates[best];
+    let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
+    let Selection { candidates, best, .. } = analysis.select(budget)?;
+    let selected = &candidates[best];
     let ranked = |(i, candidate): (usize, &Candidate)| {
         let floor = if candidate.retained.restored > 0 { " with floor" } else { "" };
         let recall = candidate.retained.topology.recall();
@@ -156,32 +160,32 @@ fn choosing(subject: &Subject, budget: usize, progress: &StagedProgress) -> anyh
         stage: FlowStage::Packaging,
         name: "ranking".into(),
         about: format!(
-            "What chooses the {budget} Gaussians of a budget, by itself and with the topology floor where that \
-             changes anything: drafts of packages against the whole field. The default tries all and takes the \
-             one that is marked."
+            "The ranking that selects the {budget} Gaussians of a budget, without the topology floor, and with it \
+             where it changes the selection: draft packages against the whole field. The default tries all and \
+             uses the marked one."
         ),
-        cost: "part of the persistent features that is lost".into(),
+        cost: "fraction of persistent features lost".into(),
         points: candidates.iter().enumerate().map(ranked).collect(),
     };
 
     progress.stage("colours", 1);
     let start = Instant::now();
     let pictures = Pictures::take(&render_scene(field, plate.as_ref()), ranking_views(scene, field), || ());
-    let recolored = recolor(&field.select(&chosen.retained.rows), plate.as_ref(), &pictures, || ());
+    let recolored = recolor(&field.select(&selected.retained.rows), plate.as_ref(), &pictures, || ());
     let seconds = start.elapsed().as_secs_f64();
-    let anew = ParameterValue {
+    let refitted = ParameterValue {
         cost: Quartiles::exactly(seconds),
-        ..point("recolored", false, whole.draft_psnr(&recolored)?)
+        ..point("recolored", false, analysis.draft_psnr(&recolored)?)
     };
     let colours = Parameter {
         stage: FlowStage::Packaging,
         name: "recolor".into(),
         about: format!(
-            "Whether the colours of the {budget} Gaussians are fitted to pictures of the whole field \
+            "Whether the colours of the {budget} Gaussians are fitted to images of the whole field \
              (`--recolor`)."
         ),
         cost: "s of packaging".into(),
-        points: vec![point("as they were", true, chosen.psnr_db), anew],
+        points: vec![point("as they were", true, selected.psnr_db), refitted],
     };
     Ok([ranking, colours].map(Parameter::mark_front))
 }

@@ -3,26 +3,26 @@
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
-/// One chart.
+/// A line chart.
 #[derive(Clone, Debug)]
-pub(crate) struct Panel {
-    /// What goes up.
+pub(crate) struct Chart {
+    /// Title, which names the quantity of the vertical axis.
     pub(crate) title: String,
-    /// The lines, in the order of their colours.
-    pub(crate) lines: Vec<Line>,
+    /// The series, in the order of their colours.
+    pub(crate) lines: Vec<Series>,
 }
 
-/// Points joined by a line. What is not finite is left out.
+/// Points joined by a line. Points that are not finite are skipped.
 #[derive(Clone, Debug)]
-pub(crate) struct Line {
+pub(crate) struct Series {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
 }
 
-/// Size of a panel in pixels.
-const PANEL: (u32, u32) = (560, 420);
+/// Width and height of a chart in pixels.
+const CHART_PX: (u32, u32) = (560, 420);
 
-/// Colours that also people with a colour deficiency can tell apart (Okabe and Ito 2008).
+/// Colours that people with a colour deficiency can tell apart (Okabe and Ito 2008).
 const COLORS: [RGBColor; 5] = [
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
@@ -31,24 +31,23 @@ const COLORS: [RGBColor; 5] = [
     RGBColor(0, 0, 0),
 ];
 
-/// Numbers that are labelled on the logarithmic axis: these times powers of ten.
+/// The logarithmic axis labels these digits times powers of ten.
 const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
 
-/// The panels as one picture, with `x` as the name of their common axis and the names of the lines
-/// in the first.
+/// Draws the charts side by side, with `x` as the title of their horizontal axes and a legend in the first.
 ///
 /// # Errors
 /// If the plot cannot be drawn.
-pub(crate) fn svg(x: &str, panels: &[Panel]) -> anyhow::Result<String> {
+pub(crate) fn svg(x: &str, charts: &[Chart]) -> anyhow::Result<String> {
     let mut text = String::new();
     {
-        let (width, height) = PANEL;
+        let (width, height) = CHART_PX;
         let area =
-            SVGBackend::with_string(&mut text, (width * panels.len() as u32, height)).into_drawing_area();
+            SVGBackend::with_string(&mut text, (width * charts.len() as u32, height)).into_drawing_area();
         area.fill(&WHITE)?;
-        let areas = area.split_evenly((1, panels.len()));
-        for (i, (area, panel)) in areas.iter().zip(panels).enumerate() {
-            draw(area, x, panel, i == 0)?;
+        let areas = area.split_evenly((1, charts.len()));
+        for (i, (area, chart)) in areas.iter().zip(charts).enumerate() {
+            draw(area, x, chart, i == 0)?;
         }
         area.present()?;
     }
@@ -58,33 +57,33 @@ pub(crate) fn svg(x: &str, panels: &[Panel]) -> anyhow::Result<String> {
 fn draw<D: DrawingBackend>(
     area: &DrawingArea<D, plotters::coord::Shift>,
     x: &str,
-    panel: &Panel,
-    names: bool,
+    chart: &Chart,
+    has_legend: bool,
 ) -> anyhow::Result<()>
 where
     D::ErrorType: 'static,
 {
     let is_finite = |(x, y): &(f64, f64)| x.is_finite() && *x > 0.0 && y.is_finite();
     let lines: Vec<Vec<(f64, f64)>> =
-        panel.lines.iter().map(|line| line.points.iter().copied().filter(is_finite).collect()).collect();
+        chart.lines.iter().map(|line| line.points.iter().copied().filter(is_finite).collect()).collect();
     let range = |pick: fn(&(f64, f64)) -> f64| {
         let values = lines.iter().flatten().map(pick);
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
     };
     let (x_low, x_high) = range(|p| p.0);
     let (y_low, y_high) = range(|p| p.1);
-    // Without any point the axes still need a range.
+    // Without points the axes need a range of their own.
     let (x_low, x_high) = if x_low <= x_high { (x_low / 1.15, x_high * 1.15) } else { (1.0, 10.0) };
     let (y_low, y_high) = if y_low <= y_high { (y_low, y_high) } else { (0.0, 1.0) };
     let margin = if y_low < y_high { 0.05 * (y_high - y_low) } else { 0.5 };
 
-    let mut chart = ChartBuilder::on(area)
+    let mut context = ChartBuilder::on(area)
         .margin(14)
-        .caption(&panel.title, ("sans-serif", 17))
+        .caption(&chart.title, ("sans-serif", 17))
         .x_label_area_size(42)
         .y_label_area_size(48)
         .build_cartesian_2d(Logarithmic { low: x_low, high: x_high }, y_low - margin..y_high + margin)?;
-    chart
+    context
         .configure_mesh()
         .light_line_style(TRANSPARENT)
         .bold_line_style(BLACK.mix(0.12))
@@ -92,15 +91,15 @@ where
         .axis_desc_style(("sans-serif", 14))
         .x_desc(x)
         .draw()?;
-    for ((i, line), points) in panel.lines.iter().enumerate().zip(lines) {
+    for ((i, line), points) in chart.lines.iter().enumerate().zip(lines) {
         let color = COLORS[i % COLORS.len()];
-        let drawn = chart
+        let drawn = context
             .draw_series(LineSeries::new(points, color.stroke_width(2)).point_size(4))?
             .label(&line.name);
         drawn.legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(3)));
     }
-    if names {
-        chart
+    if has_legend {
+        context
             .configure_series_labels()
             .position(SeriesLabelPosition::UpperLeft)
             .background_style(WHITE.mix(0.85))
@@ -111,7 +110,7 @@ where
     Ok(())
 }
 
-/// A logarithmic axis with labels also between powers of ten: rates seldom span several.
+/// A logarithmic axis that is also labelled between powers of ten: rates seldom span several.
 struct Logarithmic {
     low: f64,
     high: f64,
@@ -147,23 +146,23 @@ impl ValueFormatter<f64> for Logarithmic {
 mod tests {
     use super::*;
 
-    fn panel(points: Vec<(f64, f64)>) -> Panel {
-        Panel { title: "PSNR <dB>".into(), lines: vec![Line { name: "a & b".into(), points }] }
+    fn chart(points: Vec<(f64, f64)>) -> Chart {
+        Chart { title: "PSNR <dB>".into(), lines: vec![Series { name: "a & b".into(), points }] }
     }
 
     #[test]
     fn every_finite_point_is_drawn() {
         let points = vec![(0.5, 20.0), (1.0, f64::INFINITY), (2.0, 30.0), (4.0, 35.0), (0.0, 1.0)];
-        let svg = svg("Mbps", &[panel(points)]).unwrap();
+        let svg = svg("Mbps", &[chart(points)]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 3, "{svg}");
         assert!(svg.contains("PSNR &lt;dB&gt;") && svg.contains("a &amp; b") && svg.contains("Mbps"));
         assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"));
     }
 
     #[test]
-    fn one_point_or_none_still_make_a_plot() {
+    fn one_point_or_none_makes_a_plot() {
         for points in [vec![], vec![(3.0, 1.0)], vec![(f64::NAN, 1.0)]] {
-            let svg = svg("Mbps", &[panel(points.clone()), panel(points)]).unwrap();
+            let svg = svg("Mbps", &[chart(points.clone()), chart(points)]).unwrap();
             assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"), "{svg}");
         }
     }

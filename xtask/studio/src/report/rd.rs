@@ -1,9 +1,8 @@
-//! Rate and distortion: what every budget of the ladder costs and keeps, by several ways to choose
-//! the Gaussians (the paper's comparison of streaming packages).
+//! Rate and distortion at every budget, for several ways to select the Gaussians (the paper's comparison of
+//! streaming packages).
 //!
-//! All ways rank the same field and share the coder, so they differ in what is kept and in nothing
-//! else. A package is held against the field in pictures that neither the rankings nor the
-//! selection have seen.
+//! All selectors rank the same field and share the coder, so their packages differ only in the retained rows.
+//! Packages are compared with the field in images that neither the rankings nor the selection use.
 
 mod rates;
 mod result;
@@ -15,26 +14,26 @@ use refine::code::{TRIALS, code_knowing};
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference::{self, sensitivities};
 
-use super::subject::Subject;
+use super::subject::ReportSubject;
 use crate::package::{FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, floor, refused, render_scene};
 use crate::progress::StagedProgress;
 
-pub use rates::{Rate, Simpler};
+pub use rates::{CoderRate, SimplerCoders};
 pub use result::{FieldRd, RatePoint, Selector};
 pub use text::files;
 use views::reported_views;
 pub(super) use views::{coded_views, seen_views};
 
-/// Measures every row at every layer end that is smaller than the field.
+/// Measures every selector at every budget below the size of the field.
 ///
 /// # Errors
-/// [`Fault::Data`] where the field cannot be coded. Any other error is a defect of this program.
-pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<FieldRd> {
+/// [`Fault::Data`](program::Fault::Data) if the field cannot be coded. Any other error is a defect of this program.
+pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<FieldRd> {
     let settings = PackageSettings::default();
-    let bench = Bench::new(subject, &settings, progress)?;
+    let bench = RateBench::new(subject, &settings, progress)?;
     let mut points = Vec::new();
     for budget in budgets(&subject.field) {
-        points.extend(bench.rows(budget)?);
+        points.extend(bench.points(budget)?);
     }
     Ok(FieldRd {
         field: subject.scene.name.clone(),
@@ -44,81 +43,81 @@ pub fn measure(subject: &Subject, progress: &StagedProgress) -> anyhow::Result<F
         coder: settings.coding.name(),
         features: bench.recall.features(),
         points,
-        rates: rates::measure(subject, &bench.whole.order(Ranking::BlendSum), progress)?,
+        rates: rates::measure(subject, &bench.analysis.order(Ranking::BlendSum), progress)?,
     })
 }
 
-/// The budgets that make a difference, the largest first.
+/// The budgets below the size of the field, the largest first.
 fn budgets(field: &Field) -> impl Iterator<Item = usize> {
     LAYERS.into_iter().rev().filter(|&budget| budget < field.len())
 }
 
-/// What packages of a field are measured with.
-struct Bench<'a> {
-    subject: &'a Subject,
+/// Measures packages of one field.
+struct RateBench<'a> {
+    subject: &'a ReportSubject,
     progress: &'a StagedProgress,
-    whole: FieldAnalysis<'a>,
-    /// The floor of the paper, which sees what is gone but not what is cut off.
+    analysis: FieldAnalysis<'a>,
+    /// The paper's floor, which detects deleted features but not severed ones.
     recall: Floor,
     reported: Pictures,
-    /// Of the rows of the field, and the blur they were seen with.
+    /// Sensitivity of each row of the field, and the blur at which it was measured.
     sensitivities: Option<(Vec<Sensitivity>, f32)>,
 }
 
-/// A package of some rows of the field, measured.
+/// Size and PSNR of a package of some rows of the field.
 struct CodedRows {
     rows: Vec<usize>,
     bytes: usize,
     psnr_db: f64,
 }
 
-/// Rows kept, and why.
+/// The rows that a selector retains.
 struct SelectedRows {
     row: Selector,
     ranking: Ranking,
-    kept: Retained,
+    retained: Retained,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> RateBench<'a> {
     fn new(
-        subject: &'a Subject,
+        subject: &'a ReportSubject,
         settings: &'a PackageSettings,
         progress: &'a StagedProgress,
-    ) -> anyhow::Result<Bench<'a>> {
-        let Subject { scene, field, plate } = subject;
-        let whole = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
+    ) -> anyhow::Result<RateBench<'a>> {
+        let ReportSubject { scene, field, plate } = subject;
+        let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
         let recall = floor(field, Measure::Recall)?;
         let (reported, seen) = (reported_views(subject), seen_views(subject));
         progress.stage("pictures", reported.len() + seen.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());
         let sensitivities = sensitivities(field, plate.as_ref(), &seen, || progress.step());
-        Ok(Bench { subject, progress, whole, recall, reported, sensitivities })
+        Ok(RateBench { subject, progress, analysis, recall, reported, sensitivities })
     }
 
-    /// The points of one budget.
-    fn rows(&self, budget: usize) -> anyhow::Result<Vec<RatePoint>> {
+    /// The points of all selectors at one budget.
+    fn points(&self, budget: usize) -> anyhow::Result<Vec<RatePoint>> {
         let leave = |row, ranking| {
-            let kept = self.recall.leave(&self.whole.order(ranking), budget);
-            SelectedRows { row, ranking, kept }
+            let retained = self.recall.leave(&self.analysis.order(ranking), budget);
+            SelectedRows { row, ranking, retained }
         };
-        let order = self.whole.order(Ranking::Mass);
+        let order = self.analysis.order(Ranking::Mass);
         self.progress.stage("topology floor", 1 + ROUNDS);
         let floored = self.recall.enforce(&order, budget, || self.progress.step());
-        let Selection { mut candidates, best, .. } = self.whole.select(budget)?;
+        let Selection { mut candidates, best, .. } = self.analysis.select(budget)?;
         let best = candidates.swap_remove(best);
         let choices = [
             leave(Selector::LightGaussian, Ranking::LightGaussian),
             leave(Selector::RadSplat, Ranking::BlendMax),
             leave(Selector::Mass, Ranking::Mass),
-            SelectedRows { row: Selector::MassFloor, ranking: Ranking::Mass, kept: floored },
-            SelectedRows { row: Selector::Ours, ranking: best.ranking, kept: best.retained },
+            SelectedRows { row: Selector::MassFloor, ranking: Ranking::Mass, retained: floored },
+            SelectedRows { row: Selector::Ours, ranking: best.ranking, retained: best.retained },
         ];
         let mut packages = Vec::new();
         choices.into_iter().map(|choice| self.point(choice, &mut packages)).collect()
     }
 
     fn point(&self, choice: SelectedRows, packages: &mut Vec<CodedRows>) -> anyhow::Result<RatePoint> {
-        let SelectedRows { row, ranking, kept: Retained { rows, topology, restored, .. } } = choice;
+        let SelectedRows { row, ranking, retained: Retained { rows, topology, restored, .. } } = choice;
         let same = packages.iter().position(|package| package.rows == rows);
         let package = match same {
             Some(package) => &packages[package],
@@ -144,9 +143,9 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Codes the rows, decodes them again and looks at them.
+    /// Codes the rows, decodes the package and compares its images with the field's.
     fn code(&self, rows: Vec<usize>) -> anyhow::Result<CodedRows> {
-        let Subject { scene, field, plate } = self.subject;
+        let ReportSubject { scene, field, plate } = self.subject;
         let part = field.select(&rows);
         let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
         let visible = self.sensitivities.as_ref().map(|(sensitivities, footprint)| {

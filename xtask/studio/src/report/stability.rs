@@ -1,5 +1,5 @@
-//! Stability of the renderer: stiff and extreme fields, each with how far the GPU's pictures were
-//! from the f64 reference's and how far they may be.
+//! Stability of the renderer: for stiff and extreme fields, the deviation of the GPU's images from the f64
+//! reference, and its bound.
 //!
 //! The crate `measure` runs the suite; this module writes its tables.
 
@@ -24,7 +24,7 @@ pub struct Stability {
 }
 
 impl Stability {
-    /// Number of cases that fail.
+    /// Number of failed cases.
     pub fn failures(&self) -> usize {
         self.stability.iter().filter(|row| row.problem.is_some()).count()
     }
@@ -50,7 +50,7 @@ impl Stability {
     }
 }
 
-/// The files of the report: tables to read and for programs.
+/// The files of the report: Markdown, CSV and JSON.
 ///
 /// # Errors
 /// If the JSON cannot be made.
@@ -72,10 +72,10 @@ fn markdown(run: &Stability) -> String {
 
 {} of {} cases hold. Machine: {machine}. Adapter: {adapter}, {driver}.
 
-Each case is drawn by the GPU into 16-bit floats and compared with the f64 reference; the deviation is the largest of
-all pictures, \"/255\" of all channels, alpha among them. No pixel may be infinite or NaN, nothing may take a minute, nor
-more memory than 64 MiB and 1 KiB for each Gaussian. The GPU gets the very numbers of the case. Where a package can hold
-them, packages by both coders are within the bound as well; where none can, the encoder has to refuse them.
+The GPU draws each case into 16-bit floats. The deviation is the largest difference from the f64 reference over all
+images, for \"/255\" over all channels including alpha. No pixel may be infinite or NaN, no case may take a minute or
+allocate more than 64 MiB plus 1 KiB per Gaussian. The GPU gets the exact numbers of the case. If a package can hold
+them, packages by both coders must be within the bound as well; otherwise the encoder must refuse them.
 ",
         stability.len() - run.failures(),
         stability.len()
@@ -108,12 +108,12 @@ them, packages by both coders are within the bound as well; where none can, the 
     text
 }
 
-/// The deviation as a table shows it.
+/// The deviation as text for a table.
 fn deviation(row: &CaseResult) -> String {
     row.deviation.map_or_else(|| "none".into(), |deviation| format!("{deviation:.3}"))
 }
 
-/// Text that does not end a cell of a table.
+/// Escapes text for a cell of a Markdown table.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_has_a_line_a_case_and_says_what_is_wrong() {
+    fn the_table_has_a_line_per_case_with_its_problem() {
         let run = run();
         assert_eq!(run.failures(), 1);
         let table = run.table();

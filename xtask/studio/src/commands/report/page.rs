@@ -13,12 +13,12 @@ use crate::machine::machine;
 use crate::package::{LAYERS, PackageSettings, package_with};
 use crate::progress::StagedProgress;
 use crate::report::fitting;
-use crate::report::{Findings, Subject, packaging};
+use crate::report::{Findings, ReportSubject, packaging};
 
 /// Measures `path`, a package or a field, in pictures of this `size`, and reads the tables of its
 /// fits: `logs`, or those beside it.
 pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::Result<Findings> {
-    let subject = Subject::load(path)?;
+    let subject = ReportSubject::load(path)?;
     let fits = fitting::load_all(path, logs)?;
     let progress = StagedProgress::visible();
     let bytes = if is_package(path) {

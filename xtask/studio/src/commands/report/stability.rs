@@ -5,14 +5,15 @@ use measure::device::{Passes, device};
 use measure::stability::{along, cases, run_suite};
 
 use crate::machine::machine;
-use crate::report::Subject;
+use crate::report::ReportSubject;
 use crate::report::stability::Stability;
 
 /// Runs all cases, and one along each of `subjects`.
-pub(super) fn run(subjects: &[Subject]) -> anyhow::Result<Stability> {
+pub(super) fn run(subjects: &[ReportSubject]) -> anyhow::Result<Stability> {
     let gpu = device(Passes::Shared)?;
-    let of_subject =
-        |Subject { scene, field, plate }: &Subject| along(&scene.name, &scene.info, field, plate.as_ref());
+    let of_subject = |ReportSubject { scene, field, plate }: &ReportSubject| {
+        along(&scene.name, &scene.info, field, plate.as_ref())
+    };
     let cases: Vec<_> = cases().into_iter().chain(subjects.iter().map(of_subject)).collect();
     // Drawn only where standard error is a terminal.
     let style = ProgressStyle::with_template("{bar:30} {pos} of {len}  {msg}")?;

@@ -1,26 +1,26 @@
-//! [`FieldRd`]: the packages of a field at every budget, measured.
+//! [`FieldRd`]: rate and distortion of the packages of a field at every budget.
 
 use serde::Serialize;
 
-use super::rates::Rate;
+use super::rates::CoderRate;
 
-/// A way to choose which Gaussians a package keeps.
+/// How the Gaussians of a package are selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Selector {
-    /// The first by LightGaussian's global significance.
+    /// Highest global significance (LightGaussian).
     #[serde(rename = "LightGaussian")]
     LightGaussian,
-    /// The first by RadSplat's largest blending contribution.
+    /// Highest largest blending contribution (RadSplat).
     #[serde(rename = "RadSplat")]
     RadSplat,
-    /// The first by visibility mass.
+    /// Highest visibility mass.
     #[serde(rename = "mass")]
     Mass,
-    /// The same with the topology floor, which restores what is gone (the paper's measure).
+    /// Visibility mass with the topology floor that restores deleted features (the paper's measure).
     #[serde(rename = "mass + floor")]
     MassFloor,
-    /// Of all rankings, with and without the topology floor, which also restores what is cut off, the
-    /// one whose package reproduces the field best.
+    /// The ranking whose package reproduces the field best, among all rankings with and without the topology
+    /// floor that also restores severed features.
     #[serde(rename = "ours")]
     Ours,
 }
@@ -40,53 +40,53 @@ impl Selector {
     }
 }
 
-/// What was measured of a field.
+/// Rate and distortion of a field.
 #[derive(Clone, Debug, Serialize)]
 pub struct FieldRd {
     /// The field's name.
     pub field: String,
-    /// Number of Gaussians that can be seen, the plate's not counted.
+    /// Number of visible Gaussians, without the plate's.
     pub gaussians: usize,
     /// Length of the clip in seconds.
     pub duration_s: f32,
-    /// Whether nobody said how long the clip is.
+    /// Whether the source lacks a duration, so that `duration_s` is assumed.
     pub duration_assumed: bool,
-    /// How the packages are coded.
+    /// Name of the packages' coder.
     pub coder: &'static str,
-    /// Number of persistent features of its density, over all reference instants.
+    /// Number of persistent features of the field's density, over all reference instants.
     pub features: usize,
-    /// One per budget and row, the largest budget first.
+    /// One point per budget and selector, the largest budget first.
     pub points: Vec<RatePoint>,
-    /// What the coder takes for how much precision.
-    pub rates: Vec<Rate>,
+    /// Rate of the coder over its precision.
+    pub rates: Vec<CoderRate>,
 }
 
-/// A package, measured.
+/// Rate and distortion of one package.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RatePoint {
-    /// Gaussians kept.
+    /// Number of Gaussians in the package.
     pub budget: usize,
-    /// The way they were chosen.
+    /// How they were selected.
     pub row: Selector,
-    /// The ranking behind it.
+    /// Name of the selector's ranking.
     pub ranking: &'static str,
-    /// Gaussians that the floor kept in spite of their rank.
+    /// Number of Gaussians that the floor restored in spite of their rank.
     pub restored: usize,
-    /// PSNR in dB of pictures of the decoded package against pictures of the field, over all pixels
-    /// of all pictures.
+    /// PSNR in dB of images of the decoded package against images of the field, over all pixels of all
+    /// images.
     pub psnr_db: f64,
-    /// Part of the features that is preserved: the paper's rate.
+    /// Fraction of the field's features that the package preserves: the paper's rate.
     pub recall: f64,
-    /// Part of what is found that is a feature of the field; the rest are pieces cut off.
+    /// Fraction of the package's features that are features of the field; the others are severed pieces.
     pub precision: f64,
-    /// Harmonic mean of both.
+    /// Harmonic mean of recall and precision.
     pub f1: f64,
-    /// Mean change of the density at which a preserved feature ends, in units of the largest.
+    /// Mean change of the density at which a preserved feature ends, as a fraction of the largest density.
     pub saddle_drift: f64,
-    /// Rate of a stream that brings the package while the clip plays once.
+    /// Bit rate in Mbit/s of streaming the package in the duration of the clip.
     pub mbps: f64,
-    /// Size of the package.
+    /// Size of the package in bytes.
     pub bytes: usize,
-    /// The same per Gaussian, the plate's not counted.
+    /// Bytes per Gaussian, without counting the plate's Gaussians.
     pub bytes_per_gaussian: f64,
 }

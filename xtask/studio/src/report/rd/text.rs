@@ -1,21 +1,21 @@
-//! What was measured as Markdown, CSV and plots, field by field and as a mean of the fields.
+//! Writes rate and distortion as Markdown, CSV and plots, per field and as a mean of the fields.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use super::rates::{Rate, Simpler};
+use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{INSTANTS, SIZE};
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
-use crate::report::plot::{Line, Panel, svg};
+use crate::report::plot::{Chart, Series, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
-/// Name of the mean among fields.
+/// Name of the mean in the list of fields.
 const MEAN: &str = "mean of the fields";
 
-/// The files of the report on `fields`, of which there is at least one: the tables, the same
-/// numbers for programs, and a plot of each field and of their mean.
+/// The files of the report on `fields`, of which there is at least one: tables, CSV, and a plot of each field
+/// and of their mean.
 ///
 /// # Errors
 /// If a plot cannot be drawn.
@@ -26,7 +26,7 @@ pub fn files(fields: &[FieldRd]) -> anyhow::Result<Vec<ReportFile>> {
     }
     let mut plots = Vec::new();
     for (i, curve) in curves.iter().enumerate() {
-        // Two fields can have one name, and names can hold anything.
+        // Fields may have equal names, and names may contain any character.
         let name = if i == 0 { "rd.svg".into() } else { format!("rd-{i}.svg") };
         plots.push(ReportFile { name, text: plot(curve)? });
     }
@@ -42,7 +42,7 @@ pub fn files(fields: &[FieldRd]) -> anyhow::Result<Vec<ReportFile>> {
 /// The points of a field, or the means of the points of several.
 struct Curve {
     name: String,
-    /// With the number of fields that a mean is taken of.
+    /// Points, each with the number of fields that it is a mean of.
     points: Vec<(RatePoint, usize)>,
 }
 
@@ -54,7 +54,7 @@ impl Curve {
         }
     }
 
-    /// At each budget the mean of the fields that are larger than it.
+    /// The mean at each budget, over the fields larger than the budget.
     fn mean(fields: &[FieldRd]) -> Curve {
         let points = || fields.iter().flat_map(|field| &field.points);
         let budgets: BTreeSet<usize> = points().map(|point| point.budget).collect();
@@ -90,9 +90,9 @@ impl Curve {
 fn plot(curve: &Curve) -> anyhow::Result<String> {
     let line = |row: Selector, y: fn(&RatePoint) -> f64| {
         let points = curve.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
-        Line { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
+        Series { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
     };
-    let panel = |title: &str, y: fn(&RatePoint) -> f64| Panel {
+    let panel = |title: &str, y: fn(&RatePoint) -> f64| Chart {
         title: title.into(),
         lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
     };
@@ -135,7 +135,7 @@ fn markdown(fields: &[FieldRd], curves: &[Curve], plots: &[&str]) -> String {
     for (curve, plot) in curves.iter().zip(plots) {
         let _ = write!(text, "\n## {}\n\n![PSNR and topology over the rate]({plot})\n\n", curve.name);
         if curve.points.is_empty() {
-            text.push_str("Smaller than the smallest budget of the ladder: nothing to choose.\n");
+            text.push_str("Smaller than the smallest budget: nothing to select.\n");
             continue;
         }
         compact(&mut text, curve);
@@ -144,7 +144,7 @@ fn markdown(fields: &[FieldRd], curves: &[Curve], plots: &[&str]) -> String {
     text
 }
 
-/// What the numbers mean.
+/// The table of fields and the explanation of the numbers.
 fn caption(fields: &[FieldRd]) -> String {
     let settings = FloorSettings::default();
     let mut text = String::from(
@@ -161,41 +161,41 @@ fn caption(fields: &[FieldRd]) -> String {
         "
 All rows rank the same field and share the coder. *LightGaussian*, *RadSplat* (largest blending contribution) and
 *mass* keep the first Gaussians of their ranking. *mass + floor* restores features that are gone, by the paper's
-measure alone. *ours* is what `package --budget` keeps: it tries every ranking, alone and with the floor, which then
-also restores what is cut off, and takes what looks most like the field. Only of those that the pictures cannot tell
-apart ({RESOLUTION_DB} dB) it takes the one that preserves more.
+measure alone. *ours* is the selection of `package --budget`: it tries every ranking, alone and with the floor, which
+then also restores severed features, and uses the one with the highest PSNR. Among those within {RESOLUTION_DB} dB of
+the highest it uses the one that preserves more features.
 
-PSNR is that of the decoded package against pictures of the unpruned field over black, as there is no ground truth
-here: {width}x{height}, at {INSTANTS} instants (one if static), of instants or places that neither the rankings nor
-the selection look at. As `package` does, each row is coded until its pictures come to {QUALITY_DB} dB against those of
-what was coded. Topology is the part of the field's persistent features that the Gaussians kept preserve (the
-paper's rate, a recall): components of the density's superlevel sets on a grid of {} voxels along the longest axis, 26
-neighbours, persistence above {} of the largest density, at {FLOOR_INSTANTS} instants (one if static). Precision is the
-part of what is found that is a feature of the field: what is cut off lowers it. Drift is the mean change of the density
-at which a preserved feature ends, in parts of the largest. Mbps is the size of the package over the duration of the
-clip.
+PSNR compares images of the decoded package with images of the unpruned field over black, because there is no ground
+truth here: {width}x{height}, {INSTANTS} instants (one if static), at instants or camera positions that neither the
+rankings nor the selection use. As in `package`, the coder's precision is chosen so that images of the decoded package
+reach {QUALITY_DB} dB against images of the Gaussians before coding. Topology is the fraction of the field's persistent
+features that the selected Gaussians preserve (the paper's rate, a recall): components of the density's superlevel sets
+on a grid of {} voxels along the longest axis, 26 neighbours, persistence above {} of the largest density, at
+{FLOOR_INSTANTS} instants (one if static). Precision is the fraction of the package's features that are features of the
+field; severed pieces lower it. Drift is the mean change of the density at which a preserved feature ends, as a fraction
+of the largest density. Mbps is the size of the package over the duration of the clip.
 ",
         settings.voxels, settings.epsilon,
     );
     text
 }
 
-/// What the coder takes, field by field.
+/// Rate of the coder, per field.
 fn rates(text: &mut String, fields: &[FieldRd]) {
     text.push_str(
-        "\n## Rate of the coder\n\nThe most visible Gaussians, coded until pictures of the decoded package come to a \
-         PSNR against pictures of what was coded. B/G are bytes of the whole file per Gaussian. Before it, what simpler \
-         coders would make of the same numbers: *order 0* their entropy, *+ order* the same in an order that takes \
-         nothing, *+ prediction* the entropy of what is left of predictions; contexts save the rest. *all alike* is the \
-         whole coder at the same PSNR, but as exact where nobody sees it as where it shows.\n\n\
-         | field | Gaussians | PSNR asked (dB) | PSNR (dB) | Mbps | bytes | order 0 | + order | + prediction | B/G | all alike |\n\
+        "\n## Rate of the coder\n\nThe most visible Gaussians, coded to a target PSNR of images of the decoded package \
+         against images of the Gaussians before coding. B/G is the size of the file in bytes per Gaussian. The columns \
+         before it are sizes by simpler coders: *order 0* is the entropy of the numbers, *+ order* the same with a free \
+         order, *+ prediction* the entropy of the residuals; contexts save the rest. *all alike* is the complete coder \
+         at the same PSNR, with equal precision for visible and invisible Gaussians.\n\n\
+         | field | Gaussians | target PSNR (dB) | PSNR (dB) | Mbps | bytes | order 0 | + order | + prediction | B/G | all alike |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for field in fields {
-        for Rate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
+        for CoderRate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
             &field.rates
         {
-            let Simpler { order_0, ordered, predicted, alike } = *simpler;
+            let SimplerCoders { order_0, ordered, predicted, alike } = *simpler;
             let [order_0, ordered, predicted, alike] =
                 [order_0, ordered, predicted, alike].map(|bytes| format!("{:.2}", bytes / *gaussians as f64));
             let _ = writeln!(
@@ -235,14 +235,14 @@ fn compact(text: &mut String, curve: &Curve) {
     }
 }
 
-/// Every number.
+/// All numbers of a curve.
 fn full(text: &mut String, curve: &Curve) {
     text.push_str(
         "| Gaussians | row | PSNR (dB) | topology | precision | F1 | drift | Mbps | bytes | B/G | ranking | restored |\n\
          |--:|---|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|\n",
     );
     for (p, _) in &curve.points {
-        let ranking = if p.ranking.is_empty() { "the best of each" } else { p.ranking };
+        let ranking = if p.ranking.is_empty() { "best per field" } else { p.ranking };
         let _ = writeln!(
             text,
             "| {} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.4} | {:.2} | {} | {:.1} | {ranking} | {} |",
@@ -291,14 +291,14 @@ mod tests {
             coder: "fixed",
             features: 7,
             points: points.collect(),
-            rates: vec![Rate {
+            rates: vec![CoderRate {
                 gaussians: 5_000,
                 target_db: 45.0,
                 self_psnr_db: 45.06,
                 mbps: 0.25,
                 bytes: 31_250,
                 bytes_per_gaussian: 6.25,
-                simpler: Simpler { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
+                simpler: SimplerCoders { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
             }],
         }
     }
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_is_that_of_the_fields_that_have_the_budget() {
+    fn a_mean_counts_only_fields_that_have_the_budget() {
         let mut other = field("b", &[5_000]);
         other.points.iter_mut().for_each(|point| point.psnr_db += 2.0);
         let files = files(&[field("a", &[10_000, 5_000]), other]).unwrap();
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_below_the_ladder_is_said_to_be() {
+    fn a_field_below_the_smallest_budget_is_reported() {
         let files = files(&[field("tiny", &[])]).unwrap();
         assert!(file(&files, "rd.md").contains("Smaller than the smallest budget"));
         assert_eq!(file(&files, "rd.csv").lines().count(), 1);

@@ -1,33 +1,33 @@
-//! The views of the rate-distortion report: neither those that rank nor those that judge.
+//! The views of the rate-distortion report, which neither rank nor judge.
 
 use refine::prune::{PosedView, instants, posed_views};
 
 use crate::package::{CODED_SIZE, JUDGING_PLACES, Places, RANKING_PLACES, ranking_views, views_of};
-use crate::report::subject::Subject;
+use crate::report::subject::ReportSubject;
 
-/// Size in pixels of the pictures that are reported on.
+/// Width and height in pixels of the images compared.
 pub(super) const SIZE: (u32, u32) = (320, 240);
 
-/// Where they are taken from: not where pictures rank, and not where they judge.
+/// Camera positions, other than those that rank or judge.
 const PLACES: Places = Places { aside: 8.0, turn: 0.25 };
 
-/// Number of instants at which they are taken. Their middles of equal parts are not those of the
-/// pictures that rank and judge.
+/// Number of instants. The centres of two equal parts are not instants that rank or judge.
 pub(super) const INSTANTS: usize = 2;
 
-/// Pictures that tell how exactly a package is coded: one of this many of the places and times that
-/// judge, in the size that is reported on.
+/// [`coded_views`] are every nth of the views that judge, at [`SIZE`].
 const CODED_STRIDE: usize = 4;
 
-/// Pictures that tell the coder what is visible: one of this many of those that tell `package`.
+/// [`seen_views`] are every nth of the views from which `package` measures visibility.
 const SEEN_STRIDE: usize = 3;
 
-pub(super) fn reported_views(subject: &Subject) -> Vec<PosedView> {
-    let Subject { scene, field, .. } = subject;
+/// Views in which packages are compared with the field.
+pub(super) fn reported_views(subject: &ReportSubject) -> Vec<PosedView> {
+    let ReportSubject { scene, field, .. } = subject;
     let placed = views_of(scene, field, PLACES, SIZE);
     // The same cameras at other instants.
     let first = placed.first().map(|view| view.t);
-    let cameras: Vec<_> = placed.into_iter().filter(|view| Some(view.t) == first).map(|s| s.camera).collect();
+    let cameras: Vec<_> =
+        placed.into_iter().filter(|view| Some(view.t) == first).map(|view| view.camera).collect();
     let known = ranking_views(scene, field);
     let is_new = |view: &PosedView| {
         !known.iter().any(|known| known.t == view.t && known.camera.position() == view.camera.position())
@@ -35,13 +35,13 @@ pub(super) fn reported_views(subject: &Subject) -> Vec<PosedView> {
     posed_views(&cameras, &instants(field, INSTANTS)).into_iter().filter(is_new).collect()
 }
 
-/// Pictures that tell how exactly a package is coded.
-pub(in crate::report) fn coded_views(subject: &Subject) -> Vec<PosedView> {
+/// Views in which the precision of the coder is measured.
+pub(in crate::report) fn coded_views(subject: &ReportSubject) -> Vec<PosedView> {
     views_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE).into_iter().step_by(CODED_STRIDE).collect()
 }
 
-/// Pictures that tell the coder what is visible.
-pub(in crate::report) fn seen_views(subject: &Subject) -> Vec<PosedView> {
+/// Views from which visibility is measured for the coder.
+pub(in crate::report) fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
     let views = views_of(&subject.scene, &subject.field, RANKING_PLACES, CODED_SIZE);
     views.into_iter().step_by(SEEN_STRIDE).collect()
 }

@@ -1,22 +1,22 @@
-//! The figure at an instant: a person who steps forward and strikes with a mace. The blow takes the
-//! middle 40 % of the clip; the hand moves about 2 m in it.
+//! The figure at an instant: a person who steps forward and strikes with a mace. The blow lasts from 30 % to
+//! 70 % of the clip and moves the hand by about 2 m.
 //!
-//! It faces +z, its left is +x, y is up; metres. A limb hangs along -y of its axes where nothing is
-//! bent.
+//! The figure faces +z, its left is +x, up is +y; lengths are in metres. An unbent limb hangs along -y of its
+//! axes.
 
 use glam::{DMat3, DVec3, dvec3};
 
-use super::shape::Shape;
+use super::solid::Solid;
 use super::texture::Texture;
 
-/// A part where it is at an instant.
+/// A part of the figure at an instant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
-    pub(super) shape: Shape,
+pub(super) struct FigurePart {
+    pub(super) solid: Solid,
     pub(super) texture: Texture,
-    /// Middle of the shape.
+    /// Centre of the solid.
     pub(super) center: DVec3,
-    /// The shape's axes in the world.
+    /// The solid's axes in the world.
     pub(super) axes: DMat3,
 }
 
@@ -29,8 +29,8 @@ const BOOT: Texture = Texture::Stripes { width: 0.05, colors: [[0.45, 0.28, 0.15
 const SHAFT: Texture = Texture::Stripes { width: 0.08, colors: [[0.55, 0.38, 0.20], [0.90, 0.75, 0.30]] };
 const MACE: Texture = Texture::Checks { side: 0.05, colors: [[0.90, 0.90, 0.95], [0.45, 0.20, 0.55]] };
 
-/// The parts at clip time `t` from 0 to 1; always as many, in one order.
-pub(super) fn figure(t: f64) -> Vec<Part> {
+/// The parts at clip time `t` in `[0, 1]`. Their number and order are the same for every `t`.
+pub(super) fn figure(t: f64) -> Vec<FigurePart> {
     let (step, blow) = (eased(t, 0.05, 0.95), eased(t, 0.3, 0.7));
     // From 0 over 1 back to 0.
     let lift = 4.0 * step * (1.0 - step);
@@ -46,12 +46,12 @@ pub(super) fn figure(t: f64) -> Vec<Part> {
     let head = neck.turned(DVec3::Y, between(25.0, -20.0, blow));
     parts.push(head.part(dvec3(0.0, 0.17, 0.015), ellipsoid(0.095, 0.125, 0.112), Texture::Face));
 
-    // Shoulder and elbow of the left arm, which swings back, and of the right one, which strikes.
+    // The left arm swings back; the right arm strikes.
     let shoulder =
         |side: f64, out: f64| waist.at(dvec3(0.205 * side, 0.46, 0.0)).turned(DVec3::Z, out * side);
     let left = shoulder(1.0, 13.0).turned(DVec3::X, between(-35.0, 25.0, blow));
     arm(&mut parts, left, -35.0);
-    // Leaning outwards, the blow passes the head and stays below the top of the pictures.
+    // The arm leans outwards, so that the mace passes the head and stays below the top of the images.
     let right =
         shoulder(-1.0, 13.0 - 240.0 * blow * (1.0 - blow)).turned(DVec3::X, between(-165.0, -35.0, blow));
     let hand = arm(&mut parts, right, between(-70.0, -12.0, blow));
@@ -59,7 +59,7 @@ pub(super) fn figure(t: f64) -> Vec<Part> {
     parts.push(grip.part(dvec3(0.0, -0.14, 0.0), capsule(0.42, 0.022), SHAFT));
     parts.push(grip.part(dvec3(0.0, -0.40, 0.0), ellipsoid(0.075, 0.09, 0.075), MACE));
 
-    // Hip and knee of the left leg, which goes ahead, and of the right one, which stays behind.
+    // The left leg steps forward; the right leg stays behind.
     let hip = |side: f64| hips.at(dvec3(0.095 * side, -0.03, 0.0)).turned(DVec3::Z, 3.0 * side);
     leg(&mut parts, hip(1.0).turned(DVec3::X, between(16.0, -24.0, step)), 8.0 + 45.0 * lift);
     leg(&mut parts, hip(-1.0).turned(DVec3::X, between(-18.0, 20.0, step)), between(12.0, 6.0, step));
@@ -67,7 +67,7 @@ pub(super) fn figure(t: f64) -> Vec<Part> {
 }
 
 /// Upper arm, forearm and hand; returns the hand.
-fn arm(parts: &mut Vec<Part>, shoulder: Joint, elbow_degrees: f64) -> Joint {
+fn arm(parts: &mut Vec<FigurePart>, shoulder: Joint, elbow_degrees: f64) -> Joint {
     parts.push(shoulder.part(dvec3(0.0, -0.14, 0.0), capsule(0.28, 0.052), SLEEVE));
     let elbow = shoulder.at(dvec3(0.0, -0.28, 0.0)).turned(DVec3::X, elbow_degrees);
     parts.push(elbow.part(dvec3(0.0, -0.12, 0.0), capsule(0.24, 0.043), SKIN));
@@ -76,7 +76,7 @@ fn arm(parts: &mut Vec<Part>, shoulder: Joint, elbow_degrees: f64) -> Joint {
     hand
 }
 
-fn leg(parts: &mut Vec<Part>, hip: Joint, knee_degrees: f64) {
+fn leg(parts: &mut Vec<FigurePart>, hip: Joint, knee_degrees: f64) {
     parts.push(hip.part(dvec3(0.0, -0.20, 0.0), capsule(0.38, 0.078), TROUSERS));
     let knee = hip.at(dvec3(0.0, -0.41, 0.0)).turned(DVec3::X, knee_degrees);
     parts.push(knee.part(dvec3(0.0, -0.19, 0.0), capsule(0.38, 0.058), TROUSERS));
@@ -84,7 +84,7 @@ fn leg(parts: &mut Vec<Part>, hip: Joint, knee_degrees: f64) {
     parts.push(ankle.part(dvec3(0.0, -0.02, 0.06), ellipsoid(0.052, 0.05, 0.13), BOOT));
 }
 
-/// Where a part of the body begins, and how it is turned.
+/// Position and orientation of a joint.
 #[derive(Clone, Copy)]
 struct Joint {
     origin: DVec3,
@@ -106,26 +106,26 @@ impl Joint {
         Joint { axes: self.axes * turned, ..self }
     }
 
-    /// A shape whose middle lies at `offset`.
-    fn part(self, offset: DVec3, shape: Shape, texture: Texture) -> Part {
-        Part { shape, texture, center: self.at(offset).origin, axes: self.axes }
+    /// A part centred at `offset`.
+    fn part(self, offset: DVec3, solid: Solid, texture: Texture) -> FigurePart {
+        FigurePart { solid, texture, center: self.at(offset).origin, axes: self.axes }
     }
 }
 
-/// With `length` between the middles of its round ends.
-fn capsule(length: f64, radius: f64) -> Shape {
-    Shape::Capsule { half: 0.5 * length, radius }
+/// A capsule with `length` between the centres of its round ends.
+fn capsule(length: f64, radius: f64) -> Solid {
+    Solid::Capsule { half: 0.5 * length, radius }
 }
 
-fn ellipsoid(x: f64, y: f64, z: f64) -> Shape {
-    Shape::Ellipsoid { radii: dvec3(x, y, z) }
+fn ellipsoid(x: f64, y: f64, z: f64) -> Solid {
+    Solid::Ellipsoid { radii: dvec3(x, y, z) }
 }
 
 fn between(start: f64, end: f64, u: f64) -> f64 {
     start + (end - start) * u
 }
 
-/// From 0 until `start` to 1 from `end` on, without a jerk.
+/// Smoothstep from 0 at `start` to 1 at `end`.
 fn eased(t: f64, start: f64, end: f64) -> f64 {
     let u = ((t - start) / (end - start)).clamp(0.0, 1.0);
     u * u * (3.0 - 2.0 * u)
@@ -138,11 +138,11 @@ mod tests {
     #[test]
     fn the_figure_is_as_large_as_a_person_and_strikes() {
         let times: Vec<f64> = (0..=32).map(|i| f64::from(i) / 32.0).collect();
-        let figures: Vec<Vec<Part>> = times.iter().map(|&t| figure(t)).collect();
+        let figures: Vec<Vec<FigurePart>> = times.iter().map(|&t| figure(t)).collect();
         for parts in &figures {
             let head = parts[3].center.y + 0.125;
             let sole =
-                parts.iter().map(|part| part.center.y - part.shape.bounding_radius()).fold(1.0, f64::min);
+                parts.iter().map(|part| part.center.y - part.solid.bounding_radius()).fold(1.0, f64::min);
             assert!((1.6..1.8).contains(&head) && (-0.2..0.15).contains(&sole), "{head} {sole}");
             for part in parts {
                 let turns = part.axes.transpose() * part.axes - DMat3::IDENTITY;

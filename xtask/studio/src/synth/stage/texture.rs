@@ -1,28 +1,26 @@
-//! [`Texture`]: colours on the parts of the figure, by formulas of the place on a part, so that they
-//! move with it.
+//! [`Texture`]: procedural colours in the axes of a part, so that they move with the part.
 //!
-//! Every texture has noise over its pattern: no two places look alike, as matching between cameras
-//! needs.
+//! Every texture has noise over its pattern: no two points look alike, which matching between cameras needs.
 
 use glam::{DVec3, dvec3};
 
 /// Red, green, blue from 0 to 1, as displayed.
 type Color = [f64; 3];
 
-/// Colours as a function of the place in the part's own axes, in metres.
+/// Colours as a function of the point in the part's own axes, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Texture {
-    /// Cubes with this side, in turn of one colour and the other.
+    /// Cubes with this side, in alternating colours.
     Checks { side: f64, colors: [Color; 2] },
     /// Stripes around the y axis, each this wide.
     Stripes { width: f64, colors: [Color; 2] },
     /// Spots of the second colour on the first, about this wide.
     Spots { width: f64, colors: [Color; 2] },
-    /// A head that looks along +z: hair, face and eyes.
+    /// A head that faces +z: hair, face and eyes.
     Face,
 }
 
-/// Distance in metres over which the noise changes, and how much it darkens at most.
+/// Wavelength of the noise in metres, and its largest darkening.
 const GRAIN: f64 = 0.035;
 const GRAIN_DEPTH: f64 = 0.4;
 
@@ -31,14 +29,14 @@ const HAIR: Color = [0.30, 0.16, 0.08];
 const EYE: Color = [0.08, 0.10, 0.20];
 
 impl Texture {
-    /// The colour at a place on the part with this number.
+    /// The colour of the part with index `part` at `point`.
     pub(super) fn color(self, part: usize, point: DVec3) -> Color {
         // Parts with the same texture differ.
         let place = point + dvec3(part as f64 * 7.3, 0.0, 0.0);
         let odd = |number: f64| number.rem_euclid(2.0) as usize;
         let flat = match self {
             Texture::Checks { side, colors } => {
-                // Half a cube aside: thin parts lie around the axes.
+                // Shifted by half a cube, because thin parts lie around the axes.
                 let [x, y, z] = (point / side + 0.5).floor().to_array();
                 colors[odd(x + y + z)]
             }
@@ -51,7 +49,7 @@ impl Texture {
     }
 }
 
-/// By angles, as heads differ in size.
+/// The colour by direction from the centre, independent of the head's size.
 fn face(point: DVec3) -> Color {
     let at = point.normalize();
     let eye = |side: f64| at.distance(dvec3(0.36 * side, 0.12, 0.925)) < 0.17;
@@ -64,7 +62,7 @@ fn face(point: DVec3) -> Color {
     }
 }
 
-/// Smooth noise from 0 to 1 with a grain of 1: random numbers at whole places, blended between.
+/// Smooth noise in `[0, 1]`: random numbers at integer points, interpolated between them.
 fn noise(point: DVec3) -> f64 {
     let cell = point.floor();
     let u = point - cell;
@@ -75,14 +73,14 @@ fn noise(point: DVec3) -> f64 {
         let step = [corner & 1, corner >> 1 & 1, corner >> 2];
         let weight = |axis: usize| if step[axis] == 1 { u[axis] } else { 1.0 - u[axis] };
         let at = [x, y, z].into_iter().zip(step).map(|(c, step)| c.wrapping_add(step));
-        let number = at.fold(0, |hash, c| mixed(hash ^ c));
+        let number = at.fold(0, |hash, c| split_mix(hash ^ c));
         sum += weight(0) * weight(1) * weight(2) * (number >> 11) as f64 / (1u64 << 53) as f64;
     }
     sum
 }
 
-/// A number that looks random (the finaliser of SplitMix64).
-fn mixed(number: u64) -> u64 {
+/// A pseudorandom number (the finaliser of SplitMix64).
+fn split_mix(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,54 +1,54 @@
-//! What a camera sees of the figure: one ray per sample, the nearest entry into a part, sun with
-//! shadows and the light of the sky.
+//! Ray tracing of the figure: one ray per sample, its nearest intersection, sun with shadows and sky light.
 
 use codec::Camera;
 use glam::{DMat3, DVec3, dvec3};
 
-use super::figure::Part;
+use super::figure::FigurePart;
 
 /// Samples along a side of a pixel.
 const SAMPLES: u32 = 4;
 
-/// Direction towards the sun, not of length 1, and how bright it and the sky are.
+/// Direction towards the sun (not of length 1), brightness of the sun, and of the sky from below and above.
 const SUN: DVec3 = dvec3(0.45, 0.8, 0.4);
 const SUNLIGHT: f64 = 0.65;
 const SKYLIGHT: [f64; 2] = [0.45, 0.65];
 
-/// How far above the surface rays towards the sun start, in metres.
+/// Height above the surface at which shadow rays start, in metres.
 const CLEARANCE: f64 = 1e-6;
 
-/// A photograph with its mask and depths, row by row from the top left.
+/// An image with its mask and depths, in rows from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Picture {
-    /// Red, green, blue over black: the mean of the samples, of which those beside the figure are
-    /// black.
+pub(super) struct TracedImage {
+    /// Red, green, blue: the mean of the samples, over black.
     pub(super) colors: Vec<[u8; 3]>,
-    /// Part of the samples that show the figure: 255 for all.
+    /// Fraction of samples that hit the figure, times 255.
     pub(super) mask: Vec<u8>,
-    /// Along the camera's axis to what the middle of the pixel shows, in millimetres; 0 for nothing.
+    /// Depth of the pixel's centre along the camera's axis, in millimetres; 0 beside the figure.
     pub(super) depths: Vec<u16>,
 }
 
-/// Where a ray meets the figure.
+/// The intersection of a ray with the figure.
 struct Hit {
-    /// As a multiple of the ray's direction.
+    /// Ray parameter.
     t: f64,
+    /// Index of the part.
     part: usize,
 }
 
-/// What `camera` sees.
-pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
+/// Renders the image of `camera`.
+pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
     let m = &camera.camera_from_world;
     let row = |r: usize| dvec3(m[r][0], m[r][1], m[r][2]);
     let world_from_camera = DMat3::from_cols(row(0), row(1), row(2));
     let origin = DVec3::from(camera.position());
-    // Of length 1 along the camera's axis: multiples of it are depths.
+    // The component along the camera's axis is 1, so that ray parameters are depths.
     let ray = |x: f64, y: f64| {
-        let seen = dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
-        world_from_camera * seen
+        let direction =
+            dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
+        world_from_camera * direction
     };
     let pixels = camera.width as usize * camera.height as usize;
-    let mut picture = Picture {
+    let mut image = TracedImage {
         colors: Vec::with_capacity(pixels),
         mask: Vec::with_capacity(pixels),
         depths: Vec::with_capacity(pixels),
@@ -67,17 +67,17 @@ pub(super) fn picture(parts: &[Part], camera: &Camera) -> Picture {
                     hits += 1;
                 }
             }
-            let byte = |part: f64| (part / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
-            picture.colors.push(sum.map(byte));
-            picture.mask.push(byte(f64::from(hits)));
+            let byte = |sum: f64| (sum / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
+            image.colors.push(sum.map(byte));
+            image.mask.push(byte(f64::from(hits)));
             let at_center = nearest(parts, origin, ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
-            picture.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
+            image.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
         }
     }
-    picture
+    image
 }
 
-fn nearest(parts: &[Part], origin: DVec3, direction: DVec3) -> Option<Hit> {
+fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     for (part, found) in parts.iter().enumerate().map(|(i, part)| (i, enter(part, origin, direction))) {
         if let Some(t) = found.filter(|t| nearest.as_ref().is_none_or(|hit| *t < hit.t)) {
@@ -87,25 +87,25 @@ fn nearest(parts: &[Part], origin: DVec3, direction: DVec3) -> Option<Hit> {
     nearest
 }
 
-/// Where a ray enters a part.
-fn enter(part: &Part, origin: DVec3, direction: DVec3) -> Option<f64> {
+/// Ray parameter at which a ray enters a part.
+fn enter(part: &FigurePart, origin: DVec3, direction: DVec3) -> Option<f64> {
     let from = origin - part.center;
-    // Most rays miss most parts by far.
+    // The bounding sphere rejects most rays.
     let along = from.dot(direction) / direction.length_squared();
     if (from - along * direction).length_squared()
-        > part.shape.bounding_radius() * part.shape.bounding_radius()
+        > part.solid.bounding_radius() * part.solid.bounding_radius()
     {
         return None;
     }
     let part_from_world = part.axes.transpose();
-    part.shape.enter(part_from_world * from, part_from_world * direction)
+    part.solid.enter(part_from_world * from, part_from_world * direction)
 }
 
-/// The colour of a point on a part, from 0 to 1 as displayed.
-fn shaded(parts: &[Part], number: usize, point: DVec3) -> [f64; 3] {
+/// Display-referred colour, in `[0, 1]`, of a point on the part with index `number`.
+fn shaded(parts: &[FigurePart], number: usize, point: DVec3) -> [f64; 3] {
     let part = &parts[number];
     let local = part.axes.transpose() * (point - part.center);
-    let normal = part.axes * part.shape.normal(local);
+    let normal = part.axes * part.solid.normal(local);
     let sun = SUN.normalize();
     let facing = normal.dot(sun);
     let start = point + CLEARANCE * normal;
@@ -118,7 +118,7 @@ fn shaded(parts: &[Part], number: usize, point: DVec3) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::super::figure::figure;
-    use super::super::shape::Shape;
+    use super::super::solid::Solid;
     use super::super::texture::Texture;
     use super::*;
 
@@ -126,20 +126,20 @@ mod tests {
         Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 40, 40)
     }
 
-    /// A ball of radius 1 in front of the camera: all is known in closed form.
+    /// A unit ball in front of the camera, whose image has a closed form.
     #[test]
-    fn a_ball_is_a_disc_with_the_right_depths() {
+    fn a_ball_has_the_outline_and_depths_of_its_closed_form() {
         let colors = [[1.0; 3]; 2];
-        let ball = Part {
-            shape: Shape::Ellipsoid { radii: DVec3::ONE },
+        let ball = FigurePart {
+            solid: Solid::Ellipsoid { radii: DVec3::ONE },
             texture: Texture::Checks { side: 1.0, colors },
             center: DVec3::ZERO,
             axes: DMat3::IDENTITY,
         };
         let camera = camera();
-        let picture = picture(&[ball], &camera);
+        let image = trace(&[ball], &camera);
         let focal = camera.k[0][0];
-        for (i, &depth) in picture.depths.iter().enumerate() {
+        for (i, &depth) in image.depths.iter().enumerate() {
             let [x, y] = [i % 40, i / 40].map(|at| (at as f64 + 0.5 - 20.0) / focal);
             // |(x, y, 1) z - (0, 0, 4)| = 1.
             let a = x * x + y * y + 1.0;
@@ -149,20 +149,20 @@ mod tests {
         }
         // The silhouette is the cone with sin = 1/4.
         let radius = focal * 0.25 / (1.0 - 0.0625f64).sqrt();
-        let covered: f64 = picture.mask.iter().map(|m| f64::from(*m) / 255.0).sum();
+        let covered: f64 = image.mask.iter().map(|m| f64::from(*m) / 255.0).sum();
         let disc = std::f64::consts::PI * radius * radius;
         assert!((covered / disc - 1.0).abs() < 0.005, "{covered} of {disc}");
         // The sun shines from the upper right.
         let brightness =
-            |x: usize, y: usize| picture.colors[y * 40 + x].iter().map(|c| u32::from(*c)).sum::<u32>();
+            |x: usize, y: usize| image.colors[y * 40 + x].iter().map(|c| u32::from(*c)).sum::<u32>();
         assert!(brightness(23, 15) > brightness(16, 25) + 50);
     }
 
     #[test]
     fn one_part_shades_another() {
         let white = Texture::Checks { side: 1.0, colors: [[1.0; 3]; 2] };
-        let ball = |center: DVec3, radius: f64| Part {
-            shape: Shape::Ellipsoid { radii: DVec3::splat(radius) },
+        let ball = |center: DVec3, radius: f64| FigurePart {
+            solid: Solid::Ellipsoid { radii: DVec3::splat(radius) },
             texture: white,
             center,
             axes: DMat3::IDENTITY,
@@ -176,18 +176,18 @@ mod tests {
         assert_eq!(shaded(&alone, 0, aside), shaded(&shaded_too, 0, aside));
     }
 
-    /// What is in front of a depth is empty, what is right behind it is not.
+    /// Points in front of a depth are outside the figure; points directly behind it are inside.
     #[test]
     fn depths_lie_on_the_surface_of_the_figure() {
         let parts = figure(0.5);
         let camera = Camera::look_at([1.5, 1.6, 2.6], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.8, 48, 48);
         let side = |point: DVec3| {
-            let of = |part: &Part| part.shape.side(part.axes.transpose() * (point - part.center));
+            let of = |part: &FigurePart| part.solid.side(part.axes.transpose() * (point - part.center));
             parts.iter().map(of).fold(f64::INFINITY, f64::min)
         };
-        let picture = picture(&parts, &camera);
+        let image = trace(&parts, &camera);
         let m = &camera.camera_from_world;
-        let seen = picture.depths.iter().enumerate().filter(|(_, depth)| **depth > 0);
+        let seen = image.depths.iter().enumerate().filter(|(_, depth)| **depth > 0);
         for (i, &depth) in seen.clone() {
             let [x, y] = [i % 48, i / 48].map(|at| (at as f64 + 0.5 - 24.0) / camera.k[0][0]);
             let at = |z: f64| {

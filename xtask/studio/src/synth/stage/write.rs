@@ -1,4 +1,4 @@
-//! The stage as a folder with this project's manifest, see `xtask/CAPTURE.md`.
+//! Writes the stage as a capture folder with this project's manifest, see `xtask/CAPTURE.md`.
 
 use std::io::{Cursor, Error};
 use std::path::Path;
@@ -11,19 +11,19 @@ use rayon::prelude::*;
 use refine::capture::even_times;
 use serde_json::json;
 
-use super::figure::{Part, figure};
-use super::trace::picture;
-use super::{Settings, is_held, rig};
+use super::figure::{FigurePart, figure};
+use super::trace::trace;
+use super::{StageSettings, is_held, rig};
 
-/// Where a picture lies in each of the folders `images`, `masks` and `depths`.
+/// Path of an image in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";
 
-/// Makes the capture in `folder`, which must be new or empty: all of it or nothing. `on_picture` is
-/// called for each picture, from any thread.
+/// Writes the capture to `folder`, which must be new or empty; on an error nothing is written. Calls
+/// `on_image` after each image, from any thread.
 ///
 /// # Errors
-/// [`Fault::Usage`] where the settings are out of range or `folder` cannot be written.
-pub fn write(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -> Result<(), Fault> {
+/// [`Fault::Usage`] if the settings are out of range or `folder` cannot be written.
+pub fn write(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> Result<(), Fault> {
     settings.check()?;
     let fault = |error: Error| Fault::Usage(format!("cannot write {}: {error}", folder.display()));
     if folder.exists() {
@@ -34,30 +34,30 @@ pub fn write(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -
     }
     let beside = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     let temporary = tempfile::Builder::new().prefix(".writing-").tempdir_in(beside).map_err(fault)?;
-    let whole = temporary.path().join("capture");
-    fill(&whole, settings, on_picture).map_err(fault)?;
+    let complete = temporary.path().join("capture");
+    fill(&complete, settings, on_image).map_err(fault)?;
     if folder.exists() {
         fs::remove_dir(folder).map_err(fault)?;
     }
-    fs::rename(&whole, folder).map_err(fault)
+    fs::rename(&complete, folder).map_err(fault)
 }
 
-fn fill(folder: &Path, settings: &Settings, on_picture: impl Fn() + Sync) -> io::Result<()> {
+fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> io::Result<()> {
     let cameras = rig(settings);
     for kind in ["images", "masks", "depths"] {
         (0..cameras.len()).try_for_each(|camera| fs::create_dir_all(folder.join(kind).join(name(camera))))?;
     }
-    let figures: Vec<Vec<Part>> = even_times(settings.frames).into_iter().map(figure).collect();
-    (0..settings.pictures()).into_par_iter().try_for_each(|index| {
+    let figures: Vec<Vec<FigurePart>> = even_times(settings.frames).into_iter().map(figure).collect();
+    (0..settings.images()).into_par_iter().try_for_each(|index| {
         let (camera, frame) = (index % cameras.len(), index / cameras.len());
-        let picture = picture(&figures[frame], &cameras[camera]);
+        let image = trace(&figures[frame], &cameras[camera]);
         let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
         let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
-        png("images", picture.colors.as_flattened(), ExtendedColorType::Rgb8)?;
-        png("masks", &picture.mask, ExtendedColorType::L8)?;
-        // As the encoder takes them: in the machine's order.
-        png("depths", bytemuck::cast_slice(&picture.depths), ExtendedColorType::L16)?;
-        on_picture();
+        png("images", image.colors.as_flattened(), ExtendedColorType::Rgb8)?;
+        png("masks", &image.mask, ExtendedColorType::L8)?;
+        // The encoder takes native byte order.
+        png("depths", bytemuck::cast_slice(&image.depths), ExtendedColorType::L16)?;
+        on_image();
         Ok::<_, Error>(())
     })?;
     fs::write(folder.join("capture.json"), manifest(settings, &cameras))
@@ -70,7 +70,7 @@ fn save(path: &Path, camera: &Camera, bytes: &[u8], color: ExtendedColorType) ->
     fs::write(path, png.get_ref())
 }
 
-fn manifest(settings: &Settings, cameras: &[Camera]) -> String {
+fn manifest(settings: &StageSettings, cameras: &[Camera]) -> String {
     let camera = |(number, camera): (usize, &Camera)| {
         json!({
             "id": name(number), "w": camera.width, "h": camera.height, "K": camera.k,
@@ -86,7 +86,7 @@ fn manifest(settings: &Settings, cameras: &[Camera]) -> String {
     format!("{manifest:#}\n")
 }
 
-/// Name of the camera with this number.
+/// Name of the camera with index `camera`.
 fn name(camera: usize) -> String {
     format!("{camera:02}")
 }

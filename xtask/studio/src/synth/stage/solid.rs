@@ -1,27 +1,27 @@
-//! [`Shape`]: what the figure is made of, and where a ray meets it, in closed form.
+//! [`Solid`]: the solids of the figure, and their intersections with rays in closed form.
 
 use glam::{DVec3, dvec3};
 
 /// A convex solid around the origin of its own axes. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Shape {
-    /// All points within `radius` of the piece of the y axis from `-half` to `half`.
+pub(super) enum Solid {
+    /// All points within `radius` of the segment of the y axis from `-half` to `half`.
     Capsule { half: f64, radius: f64 },
-    /// An ellipsoid with these half axes.
+    /// An ellipsoid with these semi-axes.
     Ellipsoid { radii: DVec3 },
 }
 
-impl Shape {
-    /// Where the ray from `origin` along `direction` enters, as a multiple of `direction` above 0;
-    /// none where it starts inside. `direction` need not have length 1.
+impl Solid {
+    /// Ray parameter, above 0, at which the ray from `origin` along `direction` enters; `None` if it misses or
+    /// starts inside. `direction` need not have length 1.
     pub(super) fn enter(self, origin: DVec3, direction: DVec3) -> Option<f64> {
         match self {
-            Shape::Ellipsoid { radii } => first_root(origin / radii, direction / radii, 1.0),
-            Shape::Capsule { half, radius } => {
+            Solid::Ellipsoid { radii } => first_root(origin / radii, direction / radii, 1.0),
+            Solid::Capsule { half, radius } => {
                 let flat = |v: DVec3| dvec3(v.x, 0.0, v.z);
                 let around = flat(direction).length_squared();
-                // The end that the ray can enter through: the one on whose side it meets the endless
-                // cylinder. Along the axis it meets none.
+                // The ray can only enter through the end on whose side it meets the infinite cylinder. A ray
+                // along the axis does not meet the cylinder.
                 let end = if around > 1e-12 * direction.length_squared() {
                     let t = smaller_root(flat(origin), flat(direction), radius)?;
                     let y = origin.y + t * direction.y;
@@ -37,38 +37,38 @@ impl Shape {
         }
     }
 
-    /// The direction outwards at a point of the surface, of length 1.
+    /// Outward unit normal at a point of the surface.
     pub(super) fn normal(self, point: DVec3) -> DVec3 {
         match self {
-            Shape::Ellipsoid { radii } => (point / (radii * radii)).normalize(),
-            Shape::Capsule { half, .. } => (point - dvec3(0.0, point.y.clamp(-half, half), 0.0)).normalize(),
+            Solid::Ellipsoid { radii } => (point / (radii * radii)).normalize(),
+            Solid::Capsule { half, .. } => (point - dvec3(0.0, point.y.clamp(-half, half), 0.0)).normalize(),
         }
     }
 
     /// Distance from the origin to the farthest point.
     pub(super) fn bounding_radius(self) -> f64 {
         match self {
-            Shape::Ellipsoid { radii } => radii.max_element(),
-            Shape::Capsule { half, radius } => half + radius,
+            Solid::Ellipsoid { radii } => radii.max_element(),
+            Solid::Capsule { half, radius } => half + radius,
         }
     }
 
-    /// Negative inside, 0 on the surface, positive outside; no distance.
+    /// Negative inside, 0 on the surface, positive outside; not a distance.
     #[cfg(test)]
     pub(super) fn side(self, point: DVec3) -> f64 {
         match self {
-            Shape::Ellipsoid { radii } => (point / radii).length() - 1.0,
-            Shape::Capsule { half, radius } => {
+            Solid::Ellipsoid { radii } => (point / radii).length() - 1.0,
+            Solid::Capsule { half, radius } => {
                 point.distance(dvec3(0.0, point.y.clamp(-half, half), 0.0)) / radius - 1.0
             }
         }
     }
 }
 
-/// Where a line enters the sphere around the origin.
+/// Ray parameter at which a line enters the sphere around the origin.
 fn smaller_root(origin: DVec3, direction: DVec3, radius: f64) -> Option<f64> {
     let (a, b) = (direction.length_squared(), origin.dot(direction));
-    // From the foot of the perpendicular, which loses less than b^2 - ac.
+    // The foot of the perpendicular loses less to cancellation than b^2 - ac.
     let foot = origin - direction * (b / a);
     let inside = radius * radius - foot.length_squared();
     (inside >= 0.0).then(|| (-b - (inside * a).sqrt()) / a)
@@ -82,34 +82,34 @@ fn first_root(origin: DVec3, direction: DVec3, radius: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    const CAPSULE: Shape = Shape::Capsule { half: 0.5, radius: 0.2 };
+    const CAPSULE: Solid = Solid::Capsule { half: 0.5, radius: 0.2 };
 
     #[test]
     fn rays_enter_where_the_surface_is() {
-        let egg = Shape::Ellipsoid { radii: dvec3(1.0, 2.0, 0.5) };
+        let egg = Solid::Ellipsoid { radii: dvec3(1.0, 2.0, 0.5) };
         let mut random = fastrand::Rng::with_seed(7);
         let mut point = |extent: f64| dvec3(random.f64(), random.f64(), random.f64()) * 2.0 * extent - extent;
-        let mut met = 0;
+        let mut entered = 0;
         for _ in 0..2000 {
             let (origin, direction) = (point(3.0), point(2.0));
-            for shape in [CAPSULE, egg].into_iter().filter(|shape| shape.side(origin) > 0.0) {
-                let found = shape.enter(origin, direction);
-                // A walk along the ray, in steps that no entry within 10 directions escapes for long.
+            for solid in [CAPSULE, egg].into_iter().filter(|solid| solid.side(origin) > 0.0) {
+                let found = solid.enter(origin, direction);
+                // Walks along the ray in small steps up to ten times `direction`.
                 let walked =
-                    (0..10_000).map(|i| i as f64 * 1e-3).find(|t| shape.side(origin + *t * direction) < 0.0);
+                    (0..10_000).map(|i| i as f64 * 1e-3).find(|t| solid.side(origin + *t * direction) < 0.0);
                 if let Some(t) = found {
                     let at = origin + t * direction;
-                    assert!(shape.side(at).abs() < 1e-9, "{shape:?} {origin} {direction}");
-                    assert!(shape.normal(at).dot(direction) <= 1e-6, "outwards is against the ray");
+                    assert!(solid.side(at).abs() < 1e-9, "{solid:?} {origin} {direction}");
+                    assert!(solid.normal(at).dot(direction) <= 1e-6, "the normal faces the ray");
                 }
                 if let Some(walked) = walked {
-                    let t = found.expect("the walk went in");
+                    let t = found.expect("the walk entered");
                     assert!(t <= walked + 1e-9 && walked - t <= 1e-3 + 1e-9, "{t} {walked}");
-                    met += 1;
+                    entered += 1;
                 }
             }
         }
-        assert!(met > 100, "{met}");
+        assert!(entered > 100, "{entered}");
     }
 
     #[test]
