@@ -3,8 +3,9 @@
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use program::Fault;
+use program::generate::{self, Generated};
 
 use crate::commands;
 
@@ -19,11 +20,8 @@ pub static VERSION: LazyLock<String> = LazyLock::new(|| {
     )
 });
 
-/// The end of the long help of `program`: exit codes and examples.
-pub fn after_help(program: &str) -> String {
-    let demo = if program == "cargo xtask" { "  cargo xtask demo\n" } else { "" };
-    format!(
-        "\
+/// The end of the long help: exit codes and examples.
+const AFTER_HELP: &str = "\
 Exit codes:
   0  done
   1  a check failed, or a defect of the program
@@ -36,25 +34,39 @@ Exit codes:
   it was.
 
 Examples:
-{demo}  {program} package scene/ -o clip.aarc --budget 40000
-  {program} fit studio/ -o field.ply
-  {program} inspect clip.aarc --json
-  {program} render clip.aarc --time 0.5 --size 640x480 --out reference.png
+  aarc-studio package scene/ -o clip.aarc --budget 40000
+  aarc-studio fit studio/ -o field.ply
+  aarc-studio inspect clip.aarc --json
+  aarc-studio render clip.aarc --time 0.5 --size 640x480 --out reference.png
+  aarc-studio --generate bash > ~/.local/share/bash-completion/completions/aarc-studio
 
-README.md says more."
-    )
-}
-
-static AFTER_HELP: LazyLock<String> = LazyLock::new(|| after_help("aarc-studio"));
+xtask/README.md says more.";
 
 /// Makes, inspects and renders clips of 4D Gaussians.
 #[derive(Parser)]
 #[command(name = "aarc-studio", bin_name = "aarc-studio", version, long_version = VERSION.as_str())]
-#[command(after_long_help = AFTER_HELP.as_str())]
+#[command(after_long_help = AFTER_HELP, arg_required_else_help = true)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Cli {
-    /// The command to run.
+    /// Print the man page, or completions for a shell, and exit.
+    #[arg(long, value_enum, value_name = "WHAT")]
+    generate: Option<Generated>,
+
     #[command(subcommand)]
-    pub command: Command,
+    command: Option<Command>,
+}
+
+impl Cli {
+    /// Runs the command, or prints the document of `--generate`.
+    ///
+    /// # Errors
+    /// [`Fault`] with an exit code of its own; any other error is a failed check or a defect.
+    pub fn run(&self) -> anyhow::Result<()> {
+        if let Some(document) = self.generate {
+            generate::print(document, Cli::command())?;
+        }
+        self.command.as_ref().map_or(Ok(()), Command::run)
+    }
 }
 
 /// The commands of the host tool.
@@ -74,11 +86,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Runs the command.
-    ///
-    /// # Errors
-    /// [`Fault`] with an exit code of its own; any other error is a failed check or a defect.
-    pub fn run(&self) -> anyhow::Result<()> {
+    fn run(&self) -> anyhow::Result<()> {
         match self {
             Command::Package(args) => commands::package::run(args),
             Command::Fit(args) => commands::fit::run(args),
@@ -99,4 +107,32 @@ pub fn exit_code(result: anyhow::Result<()>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     eprintln!("error: {error:#}");
     ExitCode::from(error.downcast_ref::<Fault>().map_or(1, Fault::exit_code))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum;
+
+    use super::*;
+
+    #[test]
+    fn every_generated_document_knows_every_command() {
+        for &document in Generated::value_variants() {
+            let text = String::from_utf8(generate::render(document, Cli::command())).expect("text");
+            for command in Cli::command().get_subcommands() {
+                let name = command.get_name();
+                assert!(text.contains(name), "{document:?} lacks {name}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_document_is_generated_without_a_command() {
+        let parse = |line: &str| Cli::try_parse_from(line.split(' '));
+        assert!(parse("aarc-studio --generate man").is_ok());
+        assert!(parse("aarc-studio serve clips").is_ok());
+        for line in ["aarc-studio", "aarc-studio --generate", "aarc-studio --generate man serve clips"] {
+            assert!(parse(line).is_err(), "{line}");
+        }
+    }
 }

@@ -12,5 +12,5 @@ static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    cli::exit_code(Cli::parse().command.run())
+    cli::exit_code(Cli::parse().run())
 }

@@ -1,4 +1,4 @@
-//! Other coders: the size and error of their files, against this project's packages of the same error.
+//! Compares the files of other coders with this project's packages of the same error.
 
 mod fourdgs;
 mod judge;
@@ -16,7 +16,7 @@ use crate::material::Material;
 
 pub(crate) use judge::{CoderRow, Judge, views_of};
 
-/// Codes the material, and its instant at clip time `t`, with every coder. Writes files to `folder`.
+/// Compares all coders on the material and on its instant at clip time `t`. Writes the files to `folder`.
 pub(crate) fn compare(
     material: &Material,
     t: f64,
