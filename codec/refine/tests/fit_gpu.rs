@@ -146,7 +146,7 @@ fn relative(a: &[f32], b: &[f32]) -> f64 {
 fn assert_gradients(found: &Gradient<f32>, expected: &Gradient<f32>, what: &str) {
     assert_eq!(found.rows, expected.rows, "{what}");
     assert_eq!(found.non_finite, expected.non_finite, "{what}");
-    for ((name, a), (_, b)) in columns(&found.values).into_iter().zip(columns(&expected.values)) {
+    for ((name, a), (_, b)) in columns(&found.values).zip(columns(&expected.values)) {
         let error = relative(a, b);
         println!("{what}: {name} {error:e}");
         assert!(error <= 1e-3, "{what}: {name} {error:e}");
@@ -241,7 +241,7 @@ fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
         let found = fitted(&mut gpu, &start, &views, [1, 100], None)?.0;
         let none = parameters_of(&fitted(&mut Cpu::default(), &start, &views, [0, 100], None)?.0);
         let (found, expected) = (parameters_of(&found), parameters_of(&expected));
-        let all = columns(&found).into_iter().zip(columns(&expected)).zip(columns(&none));
+        let all = columns(&found).zip(columns(&expected)).zip(columns(&none));
         for (((name, a), (_, b)), (_, before)) in all {
             let moved = |to: &[f32]| -> Vec<f32> { to.iter().zip(before).map(|(x, y)| x - y).collect() };
             let error = relative(&moved(a), &moved(b));
@@ -362,7 +362,7 @@ fn contained(mut gpu: Gpu) -> Result<(), DeviceError> {
     let others: Vec<usize> = (0..bad.rows.len()).filter(|row| !cleared.contains(row)).collect();
     assert!(others.len() > 50, "{} are left", others.len());
     let (bad, good) = (bad.values.select(&others), good.values.select(&others));
-    for ((name, a), (_, b)) in columns(&bad).into_iter().zip(columns(&good)) {
+    for ((name, a), (_, b)) in columns(&bad).zip(columns(&good)) {
         assert!(relative(a, b) < 1e-5, "{name}");
     }
     Ok(())
