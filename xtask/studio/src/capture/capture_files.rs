@@ -100,7 +100,7 @@ impl CaptureFiles {
             let cut = read(path)?.into_luma16();
             if cut.dimensions() != (camera.width, camera.height) {
                 let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
-                return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
+                return Err(bad(path, format!("{width}x{height} pixels, but its photograph has {w}x{h}")));
             }
             apply_mask(&mut taken, &cut);
         }

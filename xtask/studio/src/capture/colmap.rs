@@ -53,7 +53,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             return Err(bad(&path, "this photograph is missing").into());
         }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(bad(model, format!("{}: there is no camera {}", pose.name, pose.camera)).into());
+            return Err(bad(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into());
         };
         let [w, x, y, z] = pose.rotation;
         let turn = DQuat::from_xyzw(x, y, z, w).normalize();

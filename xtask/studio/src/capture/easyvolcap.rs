@@ -31,7 +31,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
     let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
     if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        return Err(bad(&intrinsics_path, format!("camera {name} is there twice")).into());
+        return Err(bad(&intrinsics_path, format!("camera {name} is listed twice")).into());
     }
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
 

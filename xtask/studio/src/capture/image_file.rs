@@ -82,7 +82,7 @@ pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Resu
         return Ok(());
     }
     let is = format!("{}x{} pixels", size.0, size.1);
-    Err(bad(path, format!("{is} where its camera has {}x{}", camera.width, camera.height)))
+    Err(bad(path, format!("{is}, but its camera has {}x{}", camera.width, camera.height)))
 }
 
 pub(super) fn bad(path: &Path, what: impl std::fmt::Display) -> Fault {

@@ -82,7 +82,7 @@ impl Manifest {
     fn check(&self) -> Result<(), String> {
         let Manifest { frames, first_frame, images, cameras, .. } = self;
         if !(1..=FRAMES_MAX).contains(frames) {
-            return Err(format!("{frames} frames: there can be 1 to {FRAMES_MAX}"));
+            return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
         }
         if first_frame.checked_add(*frames).is_none() {
             return Err(format!("first_frame {first_frame} is too large"));
@@ -90,7 +90,7 @@ impl Manifest {
         let mut names = BTreeSet::new();
         for ManifestCamera { id, k, .. } in cameras {
             if !names.insert(id) {
-                return Err(format!("camera {id} is there twice"));
+                return Err(format!("camera {id} is listed twice"));
             }
             if k[0][1].abs() > SKEW_MAX {
                 return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
@@ -103,7 +103,7 @@ impl Manifest {
             .find(|(what, many)| needs(what, *many))
         {
             Some((what, _)) if expand(images, "", 0).is_ok() => {
-                Err(format!("images \"{images}\" has no {{{what}}}: all would be the same photograph"))
+                Err(format!("images \"{images}\" has no {{{what}}}: all would share one photograph"))
             }
             _ => Ok(()),
         }

@@ -40,7 +40,7 @@ impl CaptureFiles {
             colmap::open(folder, &model)?
         } else {
             bail!(Fault::Data(format!(
-                "{}: no capture: none of {}, {}, transforms.json or a COLMAP model is there",
+                "{}: no capture: it has no {}, {}, transforms.json or COLMAP model",
                 folder.display(),
                 manifest::FILE,
                 easyvolcap::INTRINSICS
@@ -54,7 +54,7 @@ impl CaptureFiles {
             }
         }
         match capture_files.files.is_empty() {
-            true => Err(bad(folder, "not one photograph of its cameras is there").into()),
+            true => Err(bad(folder, "no camera has a photograph").into()),
             false => Ok(capture_files),
         }
     }
