@@ -56,7 +56,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         };
         let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
         let d = matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 0).unwrap_or_default();
-        let lens = Lens::from_opencv(&d).map_err(|what| bad(&intrinsics_path, format!("{name}: {what}")))?;
+        let lens =
+            Lens::from_opencv(&d).map_err(|problem| bad(&intrinsics_path, format!("{name}: {problem}")))?;
         let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
         let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {
             Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],

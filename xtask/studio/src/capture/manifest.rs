@@ -48,22 +48,22 @@ struct ManifestCamera {
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
-    manifest.check().map_err(|what| bad(&path, what))?;
+    manifest.check().map_err(|problem| bad(&path, problem))?;
     let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
-        let lens =
-            Lens::from_opencv(&entry.d).map_err(|what| bad(&path, format!("camera {}: {what}", entry.id)))?;
+        let lens = Lens::from_opencv(&entry.d)
+            .map_err(|problem| bad(&path, format!("camera {}: {problem}", entry.id)))?;
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         for frame in 0..manifest.frames {
             let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
-            let image = folder.join(named(&manifest.images).map_err(|what| bad(&path, what))?);
+            let image = folder.join(named(&manifest.images).map_err(|problem| bad(&path, problem))?);
             if !image.is_file() {
                 continue;
             }
             let mask = match &manifest.masks {
-                Some(pattern) => Some(folder.join(named(pattern).map_err(|what| bad(&path, what))?)),
+                Some(pattern) => Some(folder.join(named(pattern).map_err(|problem| bad(&path, problem))?)),
                 None => None,
             };
             if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
@@ -97,13 +97,13 @@ impl Manifest {
             }
         }
         // Without the placeholder, all cameras or frames would share one file.
-        let needs = |what: &str, many: bool| many && !images.contains(&format!("{{{what}"));
+        let needs = |placeholder: &str, many: bool| many && !images.contains(&format!("{{{placeholder}"));
         match [("camera", cameras.len() > 1), ("frame", *frames > 1)]
             .iter()
-            .find(|(what, many)| needs(what, *many))
+            .find(|(placeholder, many)| needs(placeholder, *many))
         {
-            Some((what, _)) if expand(images, "", 0).is_ok() => {
-                Err(format!("images \"{images}\" has no {{{what}}}: all would share one photograph"))
+            Some((placeholder, _)) if expand(images, "", 0).is_ok() => {
+                Err(format!("images \"{images}\" has no {{{placeholder}}}: all would share one photograph"))
             }
             _ => Ok(()),
         }

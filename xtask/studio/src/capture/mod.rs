@@ -47,7 +47,7 @@ impl CaptureFiles {
             )));
         };
         for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
-            camera.check().map_err(|what| bad(folder, format!("camera {name}: {what}")))?;
+            camera.check().map_err(|problem| bad(folder, format!("camera {name}: {problem}")))?;
             if camera.width.max(camera.height) > SIDE_MAX {
                 let size = format!("{}x{}", camera.width, camera.height);
                 return Err(bad(folder, format!("camera {name}: image size {size} is too large")).into());
