@@ -108,7 +108,7 @@ fn check_cameras_and_photos(capture_files: &CaptureFiles) {
     let exists =
         |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(capture_files.missing() <= capture.cameras.len() * capture.times.len());
+    assert!(capture_files.missing_count() <= capture.cameras.len() * capture.times.len());
 }
 
 /// A folder with the photographs that the initial corpus names.
