@@ -2,13 +2,13 @@
 //! image sizes. `README.md` describes the comparison.
 
 mod coding;
-mod material;
+mod compared_field;
 mod median_range;
 mod native;
 mod player;
 mod playing;
 mod report;
-mod work;
+mod workload;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,10 +21,10 @@ use program::Fault;
 use studio::export;
 use studio::machine::machine;
 
-use material::Material;
+use compared_field::ComparedField;
 use player::{PlayerKind, WebGl, web_folder};
 use report::PeerReport;
-use work::Work;
+use workload::Workload;
 
 /// Clip time of the frozen instant.
 const INSTANT: f64 = 0.5;
@@ -45,7 +45,7 @@ const FROZEN: [PlayerKind; 4] =
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Cli {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<PeerCommand>,
     #[command(flatten)]
     measure: Option<MeasureArgs>,
 }
@@ -72,7 +72,7 @@ struct MeasureArgs {
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum PeerCommand {
     /// Runs one player; started by a measurement
     #[command(hide = true)]
     Play { kind: PlayerKind, folder: PathBuf },
@@ -81,7 +81,7 @@ enum Command {
 fn main() -> ExitCode {
     let start = Instant::now();
     let result = match Cli::parse() {
-        Cli { command: Some(Command::Play { kind, folder }), .. } => native::answer(kind, &folder, start),
+        Cli { command: Some(PeerCommand::Play { kind, folder }), .. } => native::answer(kind, &folder, start),
         Cli { measure: Some(measure), .. } => run(&measure),
         Cli { command: None, measure: None } => unreachable!("one of both is required"),
     };
@@ -105,11 +105,11 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     progress.set_style(ProgressStyle::with_template("{elapsed_precise} {msg}")?);
     progress.enable_steady_tick(Duration::from_secs(1));
 
-    let material = Material::load(&args.input, args.budget, &progress)?;
-    let Material { name, info, field: _, package, clip } = &material;
+    let compared = ComparedField::load(&args.input, args.budget, &progress)?;
+    let ComparedField { name, info, field: _, package, clip } = &compared;
     let viewpoint = &info.viewpoints[0];
-    let dynamic = Work::swinging(viewpoint, info, args.size, FRAMES, |part| part);
-    let frozen = Work::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
+    let dynamic = Workload::swinging(viewpoint, info, args.size, FRAMES, |part| part);
+    let frozen = Workload::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
     let played = clip.merged();
     let splatv = export::splatv(&played, info);
     let ply = export::static_ply(&export::frozen(&played, INSTANT));
@@ -136,7 +136,7 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
         rounds,
         dynamic: playing::compare(&DYNAMIC, (clip, &dynamic), &dynamic_folder, options, &progress)?,
         frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, options, &progress)?,
-        coding: coding::compare(&material, INSTANT, &coded, rounds, &progress)?,
+        coding: coding::compare(&compared, INSTANT, &coded, rounds, &progress)?,
     };
     progress.finish_and_clear();
     fs::write(args.out.join("peers.json"), serde_json::to_vec_pretty(&report)?)?;

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::median_range::{MedianRange, in_turn};
 use crate::player::{PeerPlayer, PlayerKind, WebGl};
-use crate::work::{Work, WorkFrame};
+use crate::workload::{WorkFrame, Workload};
 
 /// Rounds of opening a field, which takes seconds in a browser.
 const OPENINGS: usize = 3;
@@ -44,7 +44,7 @@ pub(crate) struct PlayerRow {
 /// to `folder`.
 pub(crate) fn compare(
     kinds: &[PlayerKind],
-    (clip, work): (&Clip, &Work),
+    (clip, work): (&Clip, &Workload),
     folder: &Path,
     (rounds, web_gl): (usize, WebGl),
     progress: &ProgressBar,
@@ -89,7 +89,7 @@ pub(crate) fn compare(
 fn judge(
     players: &mut [PeerPlayer],
     clip: &Clip,
-    work: &Work,
+    work: &Workload,
     folder: &Path,
     progress: &ProgressBar,
 ) -> anyhow::Result<Vec<f64>> {
@@ -114,13 +114,13 @@ fn judge(
     Ok(squares.into_iter().map(|squares| -10.0 * (squares / values).log10()).collect())
 }
 
-fn image_of(rgb: &[u8], work: &Work) -> Image {
+fn image_of(rgb: &[u8], work: &Workload) -> Image {
     let unit = |byte: u8| f64::from(byte) / 255.0;
     let pixels = rgb.chunks_exact(3).map(|c| [unit(c[0]), unit(c[1]), unit(c[2]), 1.0]).collect();
     Image { width: work.width, height: work.height, pixels }
 }
 
-fn side_by_side(pictures: &[Vec<u8>], work: &Work) -> RgbImage {
+fn side_by_side(pictures: &[Vec<u8>], work: &Workload) -> RgbImage {
     let row = 3 * work.width as usize;
     let rows = (0..work.height as usize)
         .flat_map(|y| pictures.iter().map(move |picture| &picture[y * row..][..row]));
@@ -131,7 +131,7 @@ fn side_by_side(pictures: &[Vec<u8>], work: &Work) -> RgbImage {
 
 /// Mean number of fragments per frame, if the player draws every Gaussian as a quad of the support radius in its
 /// shaders, at the Gaussian's position in the reference.
-fn fragments(kind: PlayerKind, clip: &Clip, work: &Work) -> f64 {
+fn fragments(kind: PlayerKind, clip: &Clip, work: &Workload) -> f64 {
     let sqrt_8 = 8f64.sqrt();
     let radius = match kind {
         PlayerKind::Ours => Radius::Exact,

@@ -169,10 +169,10 @@ struct Breaks {
 }
 
 /// Status, headers and body.
-type Answer = (u16, Vec<(&'static str, String)>, Vec<u8>);
+type ScriptedAnswer = (u16, Vec<(&'static str, String)>, Vec<u8>);
 
 /// An answer that follows RFC 9110.
-fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: bool) -> Answer {
+fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: bool) -> ScriptedAnswer {
     let file = &versions()[version];
     let tag = tag(script.tags(), version);
     let mut headers: Vec<(&'static str, String)> = tag.iter().map(|tag| ("etag", tag.clone())).collect();
@@ -197,7 +197,7 @@ fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: 
 }
 
 /// An arbitrary answer.
-fn dishonest(script: &mut Script, version: usize) -> Answer {
+fn dishonest(script: &mut Script, version: usize) -> ScriptedAnswer {
     let status = STATUSES[usize::from(script.u8()) % STATUSES.len()];
     let present = script.u8();
     let mut headers = Vec::new();

@@ -9,12 +9,10 @@ use refine::code::{CodeError, Coded, code};
 use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
 use refine::reference::RenderScene;
 use serde::Serialize;
+use studio::package::LAYERS;
 
 use super::peer_file::PeerFile;
 use crate::median_range::{MedianRange, in_turn};
-
-/// Layers of packages, as `cargo xtask package` makes them.
-const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
 
 /// Size of the judged images in pixels.
 const SIZE: (u32, u32) = (640, 480);

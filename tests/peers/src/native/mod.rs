@@ -12,12 +12,12 @@ use client::gpu::Cutoff;
 use serde::Serialize;
 
 use crate::player::{OpenedField, PlayedFrames, PlayerKind, PlayerRequest};
-use crate::work::Work;
+use crate::workload::Workload;
 use renderer::PeerRenderer;
 
 /// Answers the requests on stdin for the player `kind`. The program was started at `start`.
 pub(crate) fn answer(kind: PlayerKind, folder: &Path, start: Instant) -> anyhow::Result<()> {
-    let work = Work::read(folder)?;
+    let work = Workload::read(folder)?;
     let mut renderer: Option<Box<dyn PeerRenderer>> = None;
     for line in std::io::stdin().lock().lines() {
         match (serde_json::from_str(&line?)?, renderer.as_mut()) {

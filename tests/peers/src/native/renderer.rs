@@ -1,6 +1,6 @@
 //! [`PeerRenderer`]: the interface of players in Rust.
 
-use crate::work::WorkFrame;
+use crate::workload::WorkFrame;
 
 /// A player with an open field.
 pub(super) trait PeerRenderer {

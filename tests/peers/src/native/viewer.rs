@@ -15,7 +15,7 @@ use wgpu_3dgs_viewer::core::{
 use wgpu_3dgs_viewer::{CameraTrait, Viewer};
 
 use super::renderer::PeerRenderer;
-use crate::work::{Work, WorkFrame};
+use crate::workload::{WorkFrame, Workload};
 
 /// 8 bits per channel, as windows have.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -34,7 +34,7 @@ struct PeerViewer {
 }
 
 /// Opens the PLY file at `path`.
-pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn PeerRenderer>> {
+pub(super) fn open(path: &Path, work: &Workload) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let gaussians = Gaussians::read_from_file(path, GaussiansSource::Ply)?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
     let options = wgpu::RequestAdapterOptions {
@@ -77,7 +77,7 @@ impl PeerRenderer for PeerViewer {
     }
 
     fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()> {
-        self.peer.update_camera(&self.queue, &Eye(&frame.camera), self.size);
+        self.peer.update_camera(&self.queue, &ViewerCamera(&frame.camera), self.size);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         self.peer.render(&mut encoder, &self.image.create_view(&Default::default()));
         self.queue.submit([encoder.finish()]);
@@ -115,9 +115,9 @@ fn bytes_per_row(size: UVec2) -> u32 {
 }
 
 /// Converts a camera to the viewer's axes: y up, z forward.
-struct Eye<'a>(&'a Camera);
+struct ViewerCamera<'a>(&'a Camera);
 
-impl CameraTrait for Eye<'_> {
+impl CameraTrait for ViewerCamera<'_> {
     fn view(&self) -> Mat4 {
         let m = self.0.camera_from_world.map(|row| row.map(|x| x as f32));
         let view_from_world = Mat4::from_cols_array_2d(&m).transpose();

@@ -1,4 +1,4 @@
-//! [`Material`]: the compared field, and this project's package of it.
+//! [`ComparedField`]: the compared field, and this project's package of it.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::coding::{Judge, views_of};
 const ASIDE: f64 = 10.0;
 
 /// The input of all players and coders.
-pub(crate) struct Material {
+pub(crate) struct ComparedField {
     /// Name of the field's scene.
     pub(crate) name: String,
     pub(crate) info: ClipInfo,
@@ -27,14 +27,14 @@ pub(crate) struct Material {
     pub(crate) clip: Clip,
 }
 
-impl Material {
+impl ComparedField {
     /// Reads a field or a package, and selects the `budget` Gaussians that contribute most to images. A package
     /// without a background is played unchanged if there is no budget.
     pub(crate) fn load(
         path: &Path,
         budget: Option<usize>,
         progress: &ProgressBar,
-    ) -> anyhow::Result<Material> {
+    ) -> anyhow::Result<ComparedField> {
         progress.set_message("reading");
         let is_played_unchanged =
             budget.is_none() && matches!(Input::load(path)?, Input::Package(clip) if clip.plate.is_none());
@@ -59,6 +59,6 @@ impl Material {
             let coded = Judge::new(&field, &info, progress).ours(QUALITY_DB)?;
             (coded.bytes, coded.clip)
         };
-        Ok(Material { name: scene.name, info, field, package, clip })
+        Ok(ComparedField { name: scene.name, info, field, package, clip })
     }
 }

@@ -1,4 +1,4 @@
-//! [`Work`]: the frames that every player draws.
+//! [`Workload`]: the frames that every player draws.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ const SWING: f64 = 10.0;
 
 /// Frames of one size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Work {
+pub(crate) struct Workload {
     /// Width of the images in pixels.
     pub(crate) width: u32,
     /// Height of the images in pixels.
@@ -29,7 +29,7 @@ pub(crate) struct WorkFrame {
     pub(crate) camera: Camera,
 }
 
-impl Work {
+impl Workload {
     /// `count` frames while the camera swings around the target of `viewpoint`. `t` maps the progress of the
     /// swing, in `[0, 1]`, to clip time.
     pub(crate) fn swinging(
@@ -38,7 +38,7 @@ impl Work {
         [width, height]: [u32; 2],
         count: usize,
         t: impl Fn(f64) -> f64,
-    ) -> Work {
+    ) -> Workload {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let (target, up) = (vector(viewpoint.target), vector(info.up).normalize_or(DVec3::Y));
         let arm = vector(viewpoint.position) - target;
@@ -56,11 +56,11 @@ impl Work {
             );
             WorkFrame { t: t(progress), camera }
         };
-        Work { width, height, frames: (0..count).map(frame).collect() }
+        Workload { width, height, frames: (0..count).map(frame).collect() }
     }
 
     /// Reads the work from a folder.
-    pub(crate) fn read(folder: &Path) -> anyhow::Result<Work> {
+    pub(crate) fn read(folder: &Path) -> anyhow::Result<Workload> {
         Ok(serde_json::from_slice(&std::fs::read(folder.join(FILE))?)?)
     }
 
