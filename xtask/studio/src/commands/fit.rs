@@ -19,7 +19,7 @@ use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_training_views};
-use super::takes::{self, Job, Many};
+use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
 #[derive(clap::Args, Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    many: Many,
+    many: TakeOptions,
     /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
@@ -179,7 +179,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 
 /// Fits a field to each capture of a list.
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
-    let job = Job {
+    let job = TakeCommand {
         command: "fit",
         ending: "ply",
         options: format!("{:?}", args.options()),
@@ -202,7 +202,7 @@ impl Args {
         Args {
             capture: None,
             out: None,
-            many: Many::default(),
+            many: TakeOptions::default(),
             // Its contents count, see the inputs.
             lpips_weights: None,
             checkpoint_every: 0.0,
