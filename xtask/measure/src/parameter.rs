@@ -1,16 +1,15 @@
-//! [`Parameter`]: something that trades error for time or bytes, and what each of its values costs and
-//! keeps.
+//! [`Parameter`]: a setting that trades error for time or bytes, with the cost and error of each value.
 //!
-//! A point is on the Pareto front where no other point of its parameter is better in one, beyond what the
-//! measurement can tell, and no worse in the other: a cost is less where the middle halves of what was
-//! measured do not overlap, an error where pictures can tell.
+//! A point is on the Pareto front if no other point of its parameter is significantly better in cost or error
+//! and no worse in the other. A cost is significantly lower if the interquartile ranges do not overlap, a
+//! PSNR significantly higher by more than `RESOLUTION_DB`.
 
 use std::collections::BTreeMap;
 
 use refine::prune::RESOLUTION_DB;
 use serde::{Deserialize, Serialize};
 
-/// What a parameter belongs to.
+/// The stage that a parameter belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlowStage {
@@ -25,7 +24,7 @@ pub enum FlowStage {
 /// A parameter, measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
-    /// What it belongs to.
+    /// The stage that it belongs to.
     pub stage: FlowStage,
     /// Its name.
     pub name: String,
@@ -42,24 +41,24 @@ pub struct Parameter {
 pub struct ParameterValue {
     /// The value.
     pub value: String,
-    /// Whether it is what is taken where nobody says.
+    /// Whether it is the default.
     pub default: bool,
     /// Whether no other value is better, see [`Parameter::mark_front`].
     pub on_front: bool,
-    /// What it costs, in the unit of the parameter.
+    /// Cost in the unit of the parameter.
     pub cost: Quartiles,
-    /// How far it is from the field.
+    /// Error against the field.
     pub errors: ImageErrors,
     /// Milliseconds: of a frame where clips are played, of decoding where packages are made, of the
     /// fit so far where one is made.
     pub run_time_ms: Option<Quartiles>,
     /// Milliseconds of parts of it.
     pub stages_ms: BTreeMap<String, Quartiles>,
-    /// What no machine changes.
+    /// Counts that are the same on every machine.
     pub counts: BTreeMap<String, f64>,
 }
 
-/// How far pictures are from those of the reference.
+/// Errors of pictures against the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImageErrors {
     /// PSNR in dB over all pixels of all pictures; `None` where they are the same.
@@ -73,19 +72,19 @@ pub struct ImageErrors {
     pub flicker: Option<f64>,
 }
 
-/// The middle of several measurements and of their halves.
+/// Quartiles of several measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quartiles {
-    /// A quarter are no larger.
+    /// 25th percentile.
     pub low: f64,
-    /// Half are no larger.
+    /// 50th percentile.
     pub median: f64,
-    /// Three quarters are no larger.
+    /// 75th percentile.
     pub high: f64,
 }
 
 impl Quartiles {
-    /// Of `values`, in any order; 0 where there are none.
+    /// Quartiles of `values`, in any order; 0 if empty.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Quartiles {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
@@ -96,7 +95,7 @@ impl Quartiles {
         Quartiles { low: at(0.25), median: at(0.5), high: at(0.75) }
     }
 
-    /// What is counted rather than measured.
+    /// An exact value.
     pub fn exactly(value: f64) -> Quartiles {
         Quartiles { low: value, median: value, high: value }
     }
@@ -113,11 +112,11 @@ impl ParameterValue {
     }
 
     fn is_more_exact(&self, other: &ParameterValue) -> bool {
-        // Infinities are as exact as each other.
+        // Infinity is not greater than infinity.
         self.psnr_db() > other.psnr_db() + RESOLUTION_DB
     }
 
-    /// Whether it is better than `other` in one and no worse in the other.
+    /// Whether it is better than `other` in cost or error and no worse in the other.
     fn beats(&self, other: &ParameterValue) -> bool {
         (self.is_cheaper(other) && !other.is_more_exact(self))
             || (self.is_more_exact(other) && self.cost.median <= other.cost.median)

@@ -1,4 +1,4 @@
-//! [`Input`]: what a command is given to look at, a package or a scene.
+//! [`Input`]: the input of a command, a package or a scene.
 
 use std::fmt::Display;
 use std::fs::{self, File};
@@ -15,7 +15,7 @@ use program::Fault;
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
 
-/// Longest package there can be: offsets in it have 32 bits.
+/// Maximum size of a package: its offsets have 32 bits.
 const PACKAGE_BYTES_MAX: u64 = u32::MAX as u64;
 
 /// A package, or a scene that one can be made from.
@@ -28,8 +28,8 @@ pub enum Input {
 }
 
 impl Input {
-    /// Reads a package, a fitted field file or a folder holding one; says on stderr what was
-    /// repaired.
+    /// Reads a package, a fitted field file or a folder holding one; prints repairs on
+    /// stderr.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file and what is wrong with it.
@@ -55,7 +55,7 @@ impl Input {
         }
     }
 
-    /// Number of captured frames, as far as it is known; a package always says.
+    /// Number of captured frames, if known; packages always record it.
     pub fn frames(&self) -> Option<usize> {
         match self {
             Input::Package(clip) => Some(frames_of(&clip.info)),
@@ -79,7 +79,7 @@ impl Input {
         }
     }
 
-    /// What the reference renderer draws of it.
+    /// The scene for the reference renderer.
     pub fn to_reference(&self) -> reference::RenderScene<'_> {
         match self {
             Input::Package(clip) => (&**clip).into(),
@@ -111,10 +111,10 @@ impl Input {
         }
     }
 
-    /// The viewpoint with this name, or else this number; the first one where none is asked for.
+    /// The viewpoint with this name or index; by default the first.
     ///
     /// # Errors
-    /// [`Fault::Usage`] that lists the viewpoints there are.
+    /// [`Fault::Usage`] that lists the viewpoints.
     pub fn viewpoint(&self, name: Option<&str>) -> Result<Viewpoint, Fault> {
         let mut viewpoints = self.info().viewpoints.clone();
         if let (Input::Package(clip), true) = (self, viewpoints.is_empty()) {
@@ -133,11 +133,11 @@ impl Input {
     }
 }
 
-/// Seconds as clip time. Times are often rounded in text: half a captured frame beyond the end is
-/// still the end.
+/// Converts seconds to clip time. Up to half a captured frame beyond the end counts as the end, because
+/// times in text are often rounded.
 ///
 /// # Errors
-/// [`Fault::Usage`] that names `option` where the clip does not run at that time.
+/// [`Fault::Usage`] that names `option` if the time is outside the clip.
 pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fault> {
     let duration = f64::from(info.duration_s);
     let slack = if info.fps > 0.0 { 0.5 / f64::from(info.fps) } else { 0.0 };
@@ -147,7 +147,7 @@ pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fau
     Ok((seconds / duration).min(1.0))
 }
 
-/// The bytes of a package, not yet looked at.
+/// Reads the bytes of a package without decoding.
 ///
 /// # Errors
 /// [`Fault::Data`] if the file cannot be read or is larger than a package can be.
@@ -162,7 +162,7 @@ pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
     fs::read(path).map_err(|error| bad(path, &error))
 }
 
-/// Bytes of a package up to the end of its layer with this number, from 0.
+/// Number of bytes of a package up to the end of layer `layer`, counted from 0.
 pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
     let sections = contents.sections.iter().filter(|section| {
         usize::from(section.layer) <= layer && !matches!(section.kind, SectionKind::Unknown(_))
@@ -170,7 +170,7 @@ pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
     sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
 }
 
-/// Whether a file begins as packages do.
+/// Whether a file begins with the magic number of packages.
 pub fn is_package(path: &Path) -> bool {
     let mut magic = [0; 4];
     // Opening a pipe would wait for its other end.

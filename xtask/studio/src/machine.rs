@@ -1,4 +1,4 @@
-//! [`machine`]: what a measurement was taken on.
+//! [`machine`]: describes the machine of a measurement.
 
 use std::fs;
 use std::thread;

@@ -1,18 +1,18 @@
-//! A playlist, as the player reads it: see `xtask/PLAYLIST.md`.
+//! Writes playlists for the player, see `xtask/PLAYLIST.md`.
 
 use program::Fault;
 use serde_json::json;
 
-/// Most bytes of a playlist that the player reads.
+/// Maximum size in bytes of a playlist in the player.
 const BYTES_MAX: usize = 1 << 20;
 
-/// What a playlist is called beside its clips.
+/// File name of a playlist beside its clips.
 pub const FILE: &str = "playlist.json";
 
-/// The contents of a playlist of clips, which are named by their paths from its folder.
+/// Contents of a playlist; `clips` are paths relative to its folder.
 ///
 /// # Errors
-/// [`Fault::Data`] if the player would not read it: a name has control characters, or it is too large.
+/// [`Fault::Data`] if a path has control characters or the playlist is too large for the player.
 pub fn of(clips: impl IntoIterator<Item = String>) -> Result<Vec<u8>, Fault> {
     let clips: Vec<String> = clips.into_iter().collect();
     if let Some(clip) = clips.iter().find(|clip| clip.chars().any(char::is_control)) {

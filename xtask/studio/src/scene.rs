@@ -15,8 +15,8 @@
 //! }
 //! ```
 //!
-//! `up`, `position` and `target` are in the axes and units of the field file. What `scene.json`
-//! says goes before what the field file says, which goes before the defaults below.
+//! `up`, `position` and `target` are in the axes and units of the field file. Keys of
+//! `scene.json` override the field file, which overrides the defaults below.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -29,20 +29,20 @@ use serde::Deserialize;
 
 use crate::import::{FORMATS, Hints, Imported, Repairs, import};
 
-/// Length of a clip in seconds where nobody says it: clip time then reads as seconds.
+/// Default duration in seconds: clip time then equals seconds.
 pub const DEFAULT_DURATION_S: f32 = 1.0;
 
-/// Frames per second where nobody says them.
+/// Default frames per second.
 pub const DEFAULT_FPS: f32 = 30.0;
 
-/// Up axis where nobody says it: that of cameras in COLMAP's and OpenCV's axes, held upright.
+/// Default up axis: that of upright cameras in COLMAP's and OpenCV's axes.
 pub const DEFAULT_UP: [f32; 3] = [0.0, -1.0, 0.0];
 
-/// Scale where nobody says it.
+/// Default scale.
 pub const DEFAULT_METRES_PER_UNIT: f32 = 1.0;
 
-/// Part of the Gaussians, at either end of an axis, that a viewpoint made where nobody suggests
-/// one need not show: fits leave strays far outside.
+/// Fraction of the Gaussians, at either end of an axis, that the default viewpoint need not show: fits
+/// leave strays far outside.
 const STRAYS: f64 = 0.02;
 
 /// Clouds of points without Gaussians that captures and fitting programs put beside a field.
@@ -65,7 +65,7 @@ pub struct Scene {
     pub plate: Option<Imported>,
     /// Duration, axes and viewpoints. There is at least one viewpoint.
     pub info: ClipInfo,
-    /// Keys of `scene.json` that nobody gave, so that `info` holds their defaults.
+    /// Keys of `scene.json` for which `info` holds the defaults.
     pub assumed: Vec<&'static str>,
 }
 
@@ -83,7 +83,7 @@ impl Scene {
         Scene::in_folder(path, &path.join(field_in(path, &names)?), &names)
     }
 
-    /// Reads the scene of a folder that has no field itself, but everything else: `field` is its field.
+    /// Reads the scene of a folder without a field, with the field file `field`.
     ///
     /// # Errors
     /// Those of [`Scene::load`].
@@ -98,14 +98,14 @@ impl Scene {
             true => Some(load_plate(&folder.join(PLATE))?),
             false => None,
         };
-        let (told_by, overrides) = if names.iter().any(|name| name == OVERRIDES) {
+        let (source, overrides) = if names.iter().any(|name| name == OVERRIDES) {
             let path = folder.join(OVERRIDES);
             let overrides = Overrides::load(&path)?;
             (path, overrides)
         } else {
             (field.to_owned(), Overrides::default())
         };
-        Ok(Scene::new(&told_by, name_of_folder(folder), subject, plate, overrides)?)
+        Ok(Scene::new(&source, name_of_folder(folder), subject, plate, overrides)?)
     }
 
     /// Whether `path` is a folder with a capture and no field.
@@ -114,9 +114,9 @@ impl Scene {
         !names.iter().any(|name| is_field_name(name)) && names.iter().any(|name| is_capture_name(name))
     }
 
-    /// Overrides before hints before defaults. What a package cannot hold is the fault of `told_by`.
+    /// Combines overrides, hints and defaults, in this precedence. Errors name `source`.
     fn new(
-        told_by: &Path,
+        source: &Path,
         name: String,
         subject: Imported,
         plate: Option<Imported>,
@@ -147,19 +147,19 @@ impl Scene {
             ),
             viewpoints,
         };
-        let fault = |(field, value)| Fault::Data(format!("{}: bad {field}: {value}", told_by.display()));
+        let fault = |(field, value)| Fault::Data(format!("{}: bad {field}: {value}", source.display()));
         info.check().map_err(fault)?;
         Ok(Scene { name, subject, plate, info, assumed })
     }
 
-    /// Number of captured frames, the first at the start and the last at the end, where the field says
-    /// it of itself; `scene.json` says how fast they are played.
+    /// Number of captured frames, the first at the start and the last at the end, if the field file records
+    /// it; `scene.json` changes only the playback rate.
     pub fn frames(&self) -> Option<usize> {
         let (duration_s, fps) = self.subject.hints.duration_s.zip(self.subject.hints.fps)?;
         Some(frames_in(duration_s, fps))
     }
 
-    /// A scene that was made rather than read.
+    /// A scene of a field in memory.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let subject = Imported { field, hints, repairs, format: "made up" };
@@ -184,12 +184,12 @@ struct Overrides {
     fps: Option<f32>,
     up: Option<[f32; 3]>,
     metres_per_unit: Option<f32>,
-    viewpoints: Option<Vec<View>>,
+    viewpoints: Option<Vec<ViewpointEntry>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct View {
+struct ViewpointEntry {
     name: String,
     position: [f32; 3],
     target: [f32; 3],
@@ -243,7 +243,7 @@ impl Overrides {
     }
 }
 
-/// The value, or its default, which is then noted.
+/// The value, or its default, whose key is then added to `assumed`.
 fn known<T>(value: Option<T>, key: &'static str, default: T, assumed: &mut Vec<&'static str>) -> T {
     value.unwrap_or_else(|| {
         assumed.push(key);
@@ -251,7 +251,7 @@ fn known<T>(value: Option<T>, key: &'static str, default: T, assumed: &mut Vec<&
     })
 }
 
-/// Corners of a box around nearly all Gaussians in the middle of the clip.
+/// Corners of a box around nearly all Gaussians, halfway through the clip.
 fn box_without_strays(field: &Field) -> [[f32; 3]; 2] {
     let visible = (0..field.len()).filter(|&i| field.opacity_at(i, 0.5) >= ALPHA_MIN);
     let centers: Vec<[f64; 3]> = visible.map(|i| field.position_at(i, 0.5)).collect();
@@ -269,8 +269,8 @@ fn box_without_strays(field: &Field) -> [[f32; 3]; 2] {
     corners
 }
 
-impl From<View> for Viewpoint {
-    fn from(view: View) -> Viewpoint {
+impl From<ViewpointEntry> for Viewpoint {
+    fn from(view: ViewpointEntry) -> Viewpoint {
         Viewpoint {
             name: view.name,
             position: view.position,
@@ -324,12 +324,12 @@ fn is_field_name(name: &str) -> bool {
     is_field_file(name)
 }
 
-/// Whether a file of this name is of a format that fields have.
+/// Whether a file of this name has a field format.
 fn is_field_file(name: &str) -> bool {
     name == "meta.json" || ["ply", "splatv", "spz", "sog", "splat"].contains(&extension_of(name).as_str())
 }
 
-/// Whether an entry with this name says that a folder holds photographs or its calibration.
+/// Whether an entry of this name marks a folder as a capture.
 fn is_capture_name(name: &str) -> bool {
     let extension = extension_of(name);
     let known = [
@@ -351,8 +351,8 @@ fn extension_of(name: &str) -> String {
     Path::new(name).extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// What a scene or a capture is called: its folder or file, without the ending of a field. So far as the
-/// path has a name, that alone decides, and not what is there.
+/// Name of a scene or capture: its folder or file, without the extension of a field. Derived from the path
+/// alone unless it ends in `.` or `..`.
 pub fn name_of(path: &Path) -> String {
     match path.file_name().and_then(OsStr::to_str) {
         Some(name) if is_field_file(name) => name_of_file(path),
@@ -361,7 +361,7 @@ pub fn name_of(path: &Path) -> String {
     }
 }
 
-/// The stem of a file; for a `meta.json`, which never has a name of its own, that of its folder.
+/// The stem of a file; for a `meta.json` the name of its folder.
 fn name_of_file(path: &Path) -> String {
     match path.file_name() == Some(OsStr::new("meta.json")) {
         true => name_of_folder(&path.with_file_name("")),
@@ -369,7 +369,7 @@ fn name_of_file(path: &Path) -> String {
     }
 }
 
-/// The last component of a folder's path, also where it is written as `.` or `..`.
+/// The last component of a folder's path, with `.` and `..` resolved.
 fn name_of_folder(folder: &Path) -> String {
     let folder = if folder == Path::new("") { Path::new(".") } else { folder };
     let absolute: PathBuf = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());

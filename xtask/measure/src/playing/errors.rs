@@ -1,4 +1,4 @@
-//! How far pictures are from those of the reference.
+//! Errors of pictures against the reference.
 
 use crate::parameter::ImageErrors;
 use codec::Camera;
@@ -6,16 +6,16 @@ use glam::{DMat3, DVec2, DVec3};
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
 
-/// Width and height in pixels of the tiles of which the worst is told.
+/// Width and height in pixels of the tiles.
 const TILE: u32 = 32;
 
-/// What the reference draws of the whole field.
+/// The reference's pictures of the whole field.
 pub(super) struct Expected {
     /// Its pictures.
     pub(super) pictures: Vec<Image>,
     /// Those of the turning head, sorted by distance from the eye.
     pub(super) turn: Vec<Image>,
-    /// What they were taken by: cameras at one place.
+    /// Their cameras, all at one position.
     pub(super) cameras: Vec<Camera>,
 }
 

@@ -1,8 +1,8 @@
 //! The optional features of clips: what this clip needs of each, and what it saves by doing without.
 //!
-//! What is saved is measured: the feature is switched on, in columns that say nothing, and the clip is
-//! drawn, counted and packaged with it. In a package a column of zeros is left out whatever anybody
-//! asks for, so that there one Gaussian is made to need it.
+//! Savings are measured: the feature is switched on with columns of zeros, and the clip is drawn, counted and
+//! packaged with it. A package always drops columns of zeros, so there one Gaussian is made to need the
+//! feature.
 
 use std::collections::BTreeMap;
 
@@ -235,7 +235,7 @@ fn plate(clip: &Clip) -> FeatureToggle {
         return needed(name, format!("{} Gaussians are behind all others", plate.len()));
     }
     let with = pad::with_plate(clip);
-    let mut feature = left_out(name, "no: there is none".into(), "one Gaussian that nobody sees", clip, with);
+    let mut feature = left_out(name, "no: there is none".into(), "one invisible Gaussian", clip, with);
     feature.package = Some(Box::new(|clip| Packable {
         plate: pad::with_plate(clip).plate,
         ..packable(clip, ordered(clip))

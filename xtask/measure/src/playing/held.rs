@@ -1,8 +1,8 @@
-//! The parameter that the renderer does not have: in how many frames Gaussians are found and sorted.
+//! A simulated parameter: the number of frames between two sorts, which the renderer does not offer.
 //!
-//! What holding an order changes is told by the reference, and put on top of the player's pictures:
-//! `player + (reference in the held order - reference)`. What it saves is the part of the stages
-//! `alive` and `sort` that a frame then has no share in.
+//! The reference renders the effect of a held order, which is added to the player's pictures:
+//! `player + (reference in the held order - reference)`. The saved time is the share of the stages `alive`
+//! and `sort` that a frame then skips.
 
 use crate::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use anyhow::Context;

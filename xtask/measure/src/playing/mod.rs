@@ -1,5 +1,5 @@
-//! What playing a clip costs and keeps: sweeps every parameter of the renderer, and switches on every
-//! optional feature that the clip does without.
+//! Measures cost and error of playing a clip: sweeps every parameter of the renderer, and switches on every
+//! optional feature that the clip lacks.
 //!
 //! Each way to draw is a `Variant`, and all variants do the same work: the same clip, views, times and
 //! size. Errors compare pictures with the f64 reference of the whole field. Times are taken in rounds

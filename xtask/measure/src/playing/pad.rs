@@ -1,5 +1,4 @@
-//! Clips with more in them than they need: what looks the same and takes what a clip takes that
-//! needs it.
+//! Padded clips: the same picture, with the cost of a feature that the clip does not need.
 
 use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
 
@@ -69,7 +68,7 @@ pub(super) fn all_moving(clip: &Clip) -> Clip {
     }
 }
 
-/// The clip without a time index: all that moves is asked at every instant.
+/// The clip without a time index: all dynamic Gaussians are tested at every instant.
 pub(super) fn without_index(clip: &Clip) -> Clip {
     let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
     Clip {

@@ -1,12 +1,12 @@
-//! Clips with less in them: what a player would draw that knew less of each Gaussian.
+//! Reduced clips: without some columns of the Gaussians.
 
 use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
 
 /// The clip with view-dependent colour up to `degree`.
 pub(super) fn to_sh_degree(clip: &Clip, degree: u8) -> Clip {
     let cut = |field: &Field| {
-        let kept = sh_coefficients(degree.min(field.sh_degree));
-        let sh = (0..field.len()).flat_map(|i| field.sh_of(i)[..kept].iter().copied()).collect();
+        let coefficients = sh_coefficients(degree.min(field.sh_degree));
+        let sh = (0..field.len()).flat_map(|i| field.sh_of(i)[..coefficients].iter().copied()).collect();
         Field { sh, sh_degree: degree.min(field.sh_degree), ..field.clone() }
     };
     Clip { static_field: cut(&clip.static_field), dynamic_field: cut(&clip.dynamic_field), ..clip.clone() }
@@ -62,7 +62,7 @@ pub(super) fn without_rotation(clip: &Clip) -> Clip {
     reduced
 }
 
-/// Of the clip those Gaussians whose opacity at `t` is at least `least`, as one layer.
+/// The Gaussians whose opacity at `t` is at least `least`, as one layer.
 pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
     let alive = |field: &Field| {
         let rows: Vec<usize> = (0..field.len()).filter(|&i| field.opacity_at(i, t) >= least).collect();

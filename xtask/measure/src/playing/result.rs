@@ -1,4 +1,4 @@
-//! [`Playing`]: what playing a clip costs and keeps.
+//! [`Playing`]: cost and error of playing a clip.
 
 use std::collections::BTreeMap;
 

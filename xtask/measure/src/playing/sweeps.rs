@@ -17,7 +17,7 @@ pub(super) struct Sweep {
 /// One of its values.
 pub(super) struct Value {
     pub(super) label: String,
-    /// Whether the player takes it where nobody says.
+    /// Whether it is the player's default.
     pub(super) default: bool,
     /// How it is drawn; `None` for the player as it is.
     pub(super) variant: Option<Variant>,
@@ -175,8 +175,8 @@ fn levels(clip: &Clip, size: UVec2) -> Sweep {
     };
     Sweep {
         name: "quality",
-        about: "The ladder that the player goes down in a headset while frames take too long; several of \
-                the other parameters at once.",
+        about: "Quality levels of the player in a headset, lowered while frames take too long; each sets \
+                several of the other parameters.",
         values: with_default(Level::Exact.name(), Level::ALL.into_iter().skip(1).map(variant)),
     }
 }

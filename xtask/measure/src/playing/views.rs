@@ -1,4 +1,4 @@
-//! From where and when variants are looked at.
+//! The views in which variants are measured.
 
 use client::viewpoint::viewpoints;
 use codec::{Camera, Clip};

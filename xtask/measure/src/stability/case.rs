@@ -124,7 +124,7 @@ impl StabilityScene {
     }
 }
 
-/// A field as a clip, to the last bit, whatever its numbers: no coder is between.
+/// A field as a clip, bit-exact: not coded.
 pub(super) fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
     let (still, moving) =

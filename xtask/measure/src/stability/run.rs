@@ -22,7 +22,7 @@ const SECONDS_MAX: f64 = 60.0;
 /// Bytes that drawing a case may take beyond those for its Gaussians.
 const BYTES_MAX: u64 = 64 << 20;
 
-/// Bytes that a Gaussian may take: its record, what is kept of it for sorting, and room to sort it.
+/// Bytes of GPU memory per Gaussian: its record, its sort key, and scratch space for sorting.
 const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
 
 /// What packages are made by.

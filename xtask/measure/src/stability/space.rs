@@ -171,7 +171,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "larger than the screen",
             2.0,
-            "no side of a rectangle reaches beyond the farthest corner of the image",
+            "no side of a quad reaches beyond the farthest corner of the image",
             || {
                 let large = |i: usize| Gaussian {
                     center: [i as f32 - 2.0, 0.5 * i as f32, 3.0 + i as f32],

@@ -1,11 +1,12 @@
-//! `cargo xtask eval`: a field, a package or pictures against the photographs of a capture.
+//! `aarc-studio eval`: compares a field, a package or pictures with the photographs of a capture.
 
 use std::path::{Path, PathBuf};
 
 use crate::capture::CaptureFiles;
 use crate::eval::{
-    self, Baseline, Ladder, SplitMeasures, Strips, Subject, baseline_rows, csv, free_views, judge,
-    judge_baselines, ladder, means, over_scenes, quarter_frames, scenes_table, swiftest, table,
+    self, Baseline, PrefixEval, SplitMeasures, Strips, Subject, baseline_rows, csv, eval_prefixes,
+    fastest_interval, free_views, judge, judge_baselines, means, over_scenes, quarter_frames, scenes_table,
+    table,
 };
 use crate::input::Input;
 use anyhow::bail;
@@ -22,8 +23,8 @@ use super::fit::name_of;
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Package, fitted field, or folder of pictures named as the photographs are; several are of
-    /// several scenes, of which the means are then averaged
+    /// Package, fitted field, or folder of pictures named as the photographs are; the means of several
+    /// SUBJECTs, one per scene, are averaged
     #[arg(required = true, value_name = "SUBJECT")]
     subjects: Vec<PathBuf>,
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md); once for each
@@ -36,8 +37,8 @@ pub struct Args {
     /// where SUBJECT has no record
     #[arg(long, value_enum)]
     holdout: Option<HeldFrames>,
-    /// Measure held frames, too, as the nearest frame that is fitted to shows them, and a blend of the
-    /// two around them; SUBJECT is a field or package
+    /// Also compare held frames with two baselines: SUBJECT at the nearest fitted frame, and a blend of the
+    /// two fitted frames around; SUBJECT is a field or package
     #[arg(long)]
     baselines: bool,
     /// Weights of LPIPS (AlexNet or VGG16) as safetensors; without them it is not measured
@@ -115,7 +116,7 @@ struct Evaluation<'a> {
     lpips: Option<&'a Lpips<f32>>,
 }
 
-/// What came of a scene.
+/// The results of a scene.
 struct Evaluated {
     /// Its cameras, frames and photographs.
     about: String,
@@ -155,7 +156,7 @@ impl Evaluation<'_> {
         let mut strips = Strips::new(&subject, &capture_files, holdout)?;
         let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {
-                strips.look(look);
+                strips.add(look);
             }
             progress.inc(1);
         })?;
@@ -195,17 +196,17 @@ impl Evaluation<'_> {
             json["baselines"] = baselines.into();
         }
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
-            && let Some(ladder) = more_pictures(out, input, path, holdout, &capture_files)?
+            && let Some(prefixes) = more_pictures(out, input, path, holdout, &capture_files)?
         {
-            table += &ladder.table();
-            json["ladder"] = serde_json::to_value(&ladder)?;
+            table += &prefixes.table();
+            json["ladder"] = serde_json::to_value(&prefixes)?;
         }
         if let Some(out) = &out {
             output::write(&out.join("eval.json"), format!("{json:#}\n").as_bytes())?;
             output::write(&out.join("eval.md"), table.as_bytes())?;
             output::write(&out.join("eval.csv"), csv(&judged, &capture_files).as_bytes())?;
             for strip in strips.into_strips() {
-                let name = capture_files.name(strip.shot).replace(['/', '\\'], "_");
+                let name = capture_files.name(strip.photo_id).replace(['/', '\\'], "_");
                 write_picture(&out.join(format!("{}_{name}.png", strip.split.name())), &strip.image)?;
             }
         }
@@ -245,21 +246,21 @@ fn more_pictures(
     path: &Path,
     holdout: Holdout,
     capture_files: &CaptureFiles,
-) -> anyhow::Result<Option<Ladder>> {
-    let interval = swiftest(capture_files, holdout)?;
+) -> anyhow::Result<Option<PrefixEval>> {
+    let interval = fastest_interval(capture_files, holdout)?;
     if let Some(interval) = &interval {
         write_picture(&out.join("quarter_frames.png"), &quarter_frames(input, capture_files, interval)?)?;
     }
-    let t = interval.map_or(0.0, |interval| interval.middle(capture_files));
+    let t = interval.map_or(0.0, |interval| interval.center(capture_files));
     if let Some(views) = free_views(input, capture_files, t) {
         write_picture(&out.join("free_views.png"), &views)?;
     }
     let Input::Package(clip) = input else { return Ok(None) };
-    let ladder = ladder(clip, path, capture_files, holdout)?;
-    if let Some(ladder) = &ladder {
-        write_picture(&out.join("ladder.png"), &ladder.picture)?;
+    let prefixes = eval_prefixes(clip, path, capture_files, holdout)?;
+    if let Some(prefixes) = &prefixes {
+        write_picture(&out.join("ladder.png"), &prefixes.picture)?;
     }
-    Ok(ladder)
+    Ok(prefixes)
 }
 
 fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {

@@ -1,4 +1,4 @@
-//! `cargo xtask export`: a clip or field in another program's format.
+//! `aarc-studio export`: writes a clip or field in another format.
 
 use std::path::PathBuf;
 

@@ -19,7 +19,7 @@ use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_training_views};
-use super::takes::{self, Job, Many};
+use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
 #[derive(clap::Args, Clone, Debug)]
@@ -33,8 +33,13 @@ pub struct Args {
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
+<<<<<<< HEAD
     many: Many,
     /// Number of steps; 5600 per training frame, at most 96000, by default
+=======
+    many: TakeOptions,
+    /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
+>>>>>>> h-studio
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     #[command(flatten)]
@@ -166,7 +171,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 
 /// Fits a field to each capture of a list.
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
-    let job = Job {
+    let job = TakeCommand {
         command: "fit",
         ending: "ply",
         options: format!("{:?}", args.options()),
@@ -189,8 +194,13 @@ impl Args {
         Args {
             capture: None,
             out: None,
+<<<<<<< HEAD
             many: Many::default(),
             // `Job::inputs` holds it, as its contents count.
+=======
+            many: TakeOptions::default(),
+            // Its contents count, see the inputs.
+>>>>>>> h-studio
             lpips_weights: None,
             checkpoint_every: 0.0,
             json: false,

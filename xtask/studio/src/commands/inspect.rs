@@ -1,6 +1,6 @@
-//! `cargo xtask inspect`: what a package holds, and what it does without.
+//! `aarc-studio inspect`: the contents of a package, and the optional parts that it lacks.
 //!
-//! The whole file is decoded, so what is shown is also valid.
+//! Decodes the whole file, and so validates it.
 
 mod left_out;
 
@@ -13,10 +13,10 @@ use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
 
-/// Clip times at which the living are counted.
+/// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// Show what a package holds, what it leaves out, and whether it is valid.
+/// Show the contents of a package and the parts that it lacks, and validate it.
 #[derive(clap::Args)]
 pub struct Args {
     /// Package
@@ -42,7 +42,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is shown of a package; the fields are the keys of the JSON.
+/// Description of a package; the fields are the keys of the JSON.
 #[derive(Serialize)]
 struct Inspection {
     format_version: String,
@@ -89,14 +89,14 @@ struct Plate {
     sh_degree: u8,
 }
 
-/// What it takes to play up to and with a layer.
+/// Cost of playing up to and including a layer.
 #[derive(Serialize)]
 struct Layer {
     /// Gaussians of this layer and those before it.
     gaussians: usize,
     /// Bytes of the file up to its end.
     bytes: usize,
-    /// Whether the file reaches that far.
+    /// Whether the file holds the whole layer.
     complete: bool,
 }
 
@@ -109,7 +109,7 @@ struct Attribute {
     order_0_bytes: usize,
     /// By the frequencies of the distances from their predictions, the order left to the coder.
     predicted_bytes: usize,
-    /// As coded.
+    /// Coded bytes.
     coded_bytes: usize,
 }
 

@@ -1,4 +1,4 @@
-//! `cargo xtask package`: a fitted field, or a capture, becomes a package.
+//! `aarc-studio package`: makes a package from a fitted field or a capture.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -14,7 +14,7 @@ use crate::package::{
 use crate::playlist;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
-use crate::takes::{List, Record, Standing, Take, key};
+use crate::takes::{List, OutputState, Record, Take, key};
 use anyhow::bail;
 use clap::ValueEnum;
 use program::{Fault, output};
@@ -23,20 +23,20 @@ use refine::prune::Ranking;
 use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, load_training_views};
-use super::takes::{self, Job, Many};
+use super::takes::{self, TakeCommand, TakeOptions};
 
-/// Most that a part of a package may be worse than a package of its size, in dB.
+/// Maximum loss in dB of a prefix of a package against a package of its size.
 const PREFIX_LOSS_DB: f64 = 0.5;
 
 /// Fidelity in dB below which the report suggests `--recolor`.
 const RECOLOR_BELOW_DB: f64 = 40.0;
 
-/// What `--help` says of scenes, at its end.
+/// The section of `--help` about scenes.
 const SCENE_HELP: &str = r#"A scene folder may hold scene.json, every key optional, in the axes and units of the field:
   {"duration_s": 1.32, "fps": 25, "up": [0, -1, 0], "metres_per_unit": 1, "viewpoints": [
     {"name": "front", "position": [0, 0, -3], "target": [0, 0, 0], "fov_y_deg": 50}]}"#;
 
-/// Who made a field that lies beside a package, in its record.
+/// The command in the record of a field that is fitted for a package.
 const FIELD_OF_PACKAGE: &str = "package: field";
 
 /// Make a package from a fitted field, or from a capture that it fits one to first.
@@ -51,41 +51,41 @@ pub struct Args {
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    many: Many,
+    many: TakeOptions,
     /// Most Gaussians to keep; all that can be seen by default
     #[arg(long, value_name = "N")]
     budget: Option<NonZeroUsize>,
-    /// What decides which Gaussians a budget keeps: auto tries all rankings, with and without the
-    /// topology floor, and takes the one whose package looks most like the whole field
+    /// Ranking that selects Gaussians for a budget: auto tries all, with and without the topology floor, and
+    /// takes the one whose package looks most like the whole field
     #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = rank)]
     rank: Rank,
-    /// Let the ranking alone decide, though limbs break off
+    /// Prune by the ranking alone, although limbs may break off
     #[arg(long)]
     no_floor: bool,
-    /// Fit the colours of the kept Gaussians to pictures of the whole field
+    /// Fit the colours of the retained Gaussians to pictures of the whole field
     #[arg(long, requires = "budget")]
     recolor: bool,
-    /// Move what is kept, for N steps, until it looks like the photographs of the capture that the
-    /// field was fitted to
+    /// Refine the retained Gaussians for N steps on the photographs of the capture that the field was
+    /// fitted to
     #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "ladder"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Folder of that capture; SCENE itself by default
     #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
     capture: Option<PathBuf>,
-    /// How the Gaussians are coded
+    /// Coder of the Gaussians
     #[arg(long, value_enum, default_value_t = Coder::Context)]
     coder: Coder,
-    /// PSNR that the coder context is to reach, in dB, against the field before coding: 20 to 100
+    /// Target PSNR of the coder context against the field before coding, in dB: 20 to 100
     #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
     quality: f64,
-    /// Remove a part; may be given several times
+    /// Remove a part; repeatable
     #[arg(long, value_enum, value_name = "PART")]
     drop: Vec<DropPart>,
-    /// Refuse a field of which a row needs a repair or has to be left out
+    /// Refuse a field with rows that need a repair or have to be dropped
     #[arg(long)]
     strict: bool,
-    /// Then check that each first part of the package is as good as a package of its size
+    /// Check that each prefix of the package is as good as a package of its size
     #[arg(long)]
     ladder: bool,
     /// Print the report as JSON
@@ -114,7 +114,7 @@ fn rank(text: &str) -> Result<Rank, String> {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Coder {
-    /// As coarsely as nobody sees, and an adaptive range coder
+    /// Adaptive range coder, quantisation below visibility
     Context,
     /// FP16 and INT8 attributes, motion at 10 bits, zstd
     Fixed,
@@ -134,16 +134,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
-    let made = make(args)?;
+    let written = write_package(args)?;
     if args.json {
-        println!("{:#}", made.to_json()?);
+        println!("{:#}", written.to_json()?);
     } else {
-        println!("{}", made.scene);
-        print_report(&made.report);
-        print_prefixes(made.prefix_steps.as_deref().unwrap_or_default());
-        println!("{}, written in {:.1} s", made.out.display(), start.elapsed().as_secs_f64());
+        println!("{}", written.scene);
+        print_report(&written.report);
+        print_prefixes(written.prefix_steps.as_deref().unwrap_or_default());
+        println!("{}, written in {:.1} s", written.out.display(), start.elapsed().as_secs_f64());
     }
-    made.check_prefixes()
+    written.check_prefixes()
 }
 
 /// Makes a package of each take of a list, and a playlist of all.
@@ -151,7 +151,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let list = List::read(list)?;
     let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
     takes::make_folder(folder)?;
-    let job = Job {
+    let job = TakeCommand {
         command: "package",
         ending: "aarc",
         options: format!("{:?}", args.options()),
@@ -159,17 +159,18 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         forget: |_| Ok(()),
         json: args.json,
     };
-    // All shards write the same one: which of them ends last does not matter.
+    // All shards write the same playlist, in any order.
     output::write(&folder.join(playlist::FILE), &playlist)?;
     takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
-        let made = make(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
-        made.check_prefixes()?;
-        made.to_json()
+        let written =
+            write_package(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
+        written.check_prefixes()?;
+        written.to_json()
     })
 }
 
 /// A package that was written.
-struct Made {
+struct WrittenPackage {
     /// The scene and its format.
     scene: String,
     out: PathBuf,
@@ -177,7 +178,7 @@ struct Made {
     prefix_steps: Option<Vec<PrefixStep>>,
 }
 
-impl Made {
+impl WrittenPackage {
     fn to_json(&self) -> anyhow::Result<Value> {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
@@ -187,7 +188,7 @@ impl Made {
         Ok(object)
     }
 
-    /// Whether all first parts are as good as they should be.
+    /// Checks that no prefix loses more than `PREFIX_LOSS_DB`.
     fn check_prefixes(&self) -> anyhow::Result<()> {
         let mut failed = self.prefix_steps.iter().flatten().filter(|step| step.loss_db > PREFIX_LOSS_DB);
         match failed.next() {
@@ -205,19 +206,19 @@ impl Args {
         self.scene.as_deref().expect("there is a scene where there is no list")
     }
 
-    /// The holdout of a fit to a capture.
+    /// Holdout of the fit to a capture.
     fn holdout_of_fit(&self) -> Holdout {
         self.holdout.unwrap_or(HeldFrames::None).into()
     }
 
-    /// What decides what becomes of any scene.
+    /// The options that apply to every take.
     fn options(&self) -> Args {
-        Args { scene: None, out: None, many: Many::default(), json: false, ..self.clone() }
+        Args { scene: None, out: None, many: TakeOptions::default(), json: false, ..self.clone() }
     }
 }
 
 /// Makes and writes a package.
-fn make(args: &Args) -> anyhow::Result<Made> {
+fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     if let Some(out) = &args.out {
         output::check(out)?;
     }
@@ -252,7 +253,7 @@ fn make(args: &Args) -> anyhow::Result<Made> {
         true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
         false => None,
     };
-    Ok(Made {
+    Ok(WrittenPackage {
         scene: format!("{}: {}", scene.name, scene.subject.format),
         out,
         report: package.report,
@@ -260,7 +261,7 @@ fn make(args: &Args) -> anyhow::Result<Made> {
     })
 }
 
-/// The capture that a package is made from, or made to look like.
+/// The capture that a field is fitted to or refined on.
 struct Captured {
     capture_files: CaptureFiles,
     /// Whether the scene has no field, so that one is fitted first.
@@ -268,7 +269,7 @@ struct Captured {
 }
 
 impl Captured {
-    /// Opens the capture that the arguments ask for, if they do.
+    /// Opens the capture that the arguments need, if any.
     fn open(args: &Args) -> anyhow::Result<Option<Captured>> {
         let is_scene = Scene::is_capture(args.scene());
         let folder = match (&args.capture, args.refine) {
@@ -289,18 +290,18 @@ impl Captured {
             (None, _) => args.scene(),
         };
         let capture_files = args.selection.open(folder)?;
-        // Of a list, records say what may be gone on with and what may be replaced.
+        // With a list, records decide what is resumed and what is replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
             if field.exists() {
-                bail!(is_there(&field));
+                bail!(already_exists(&field));
             }
             fit::check_checkpoint(&FitPlan::default_for(&capture_files, args.holdout_of_fit())?, &field)?;
         }
         Ok(Some(Captured { capture_files, is_scene }))
     }
 
-    /// Fits it, to a field file beside the package; of a list, unless that is done.
+    /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
         let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
@@ -309,12 +310,12 @@ impl Captured {
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
-        match Record::standing(&out, FIELD_OF_PACKAGE, &key) {
-            Standing::Done => return Ok(out),
-            Standing::Begun => {}
-            Standing::Stale => fit::remove_checkpoint(&out)?,
-            Standing::Unknown if out.exists() => bail!(is_there(&out)),
-            Standing::Unknown => {}
+        match Record::state(&out, FIELD_OF_PACKAGE, &key) {
+            OutputState::Done => return Ok(out),
+            OutputState::Begun => {}
+            OutputState::Stale => fit::remove_checkpoint(&out)?,
+            OutputState::Unknown if out.exists() => bail!(already_exists(&out)),
+            OutputState::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
         self.fit_to(&out, &plan)?;
@@ -327,7 +328,7 @@ impl Captured {
         super::fit::by_default(&self.capture_files, &views, plan, out)
     }
 
-    /// The photographs that `scene` is to look like.
+    /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
         let recorded = scene.subject.hints.holdout;
@@ -343,7 +344,7 @@ impl Captured {
     }
 }
 
-/// Where the field of a capture goes.
+/// Path of the field of a capture.
 fn field_path(args: &Args) -> PathBuf {
     match &args.out {
         Some(out) => out.with_extension("ply"),
@@ -351,7 +352,7 @@ fn field_path(args: &Args) -> PathBuf {
     }
 }
 
-fn is_there(field: &Path) -> Fault {
+fn already_exists(field: &Path) -> Fault {
     let field = field.display();
     Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
 }

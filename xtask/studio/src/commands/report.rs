@@ -1,5 +1,5 @@
-//! `cargo xtask report`: what playing, packaging and fitting a clip costs and keeps, what the
-//! packages of fields do at every budget, and how stable the renderer is, measured.
+//! `aarc-studio report`: measures cost and error of playing, packaging and fitting a clip, rate and
+//! distortion of packages, and the stability of the renderer.
 
 #[cfg(feature = "measure")]
 mod page;
@@ -17,8 +17,8 @@ use std::time::Instant;
 
 use super::render::size;
 
-/// Most pixels of a picture that is measured: some 60 of them, of 32 bytes a pixel, are held at once,
-/// which makes a gigabyte.
+/// Maximum number of pixels of a measured picture: about 60 pictures of 32 bytes per pixel are in memory at
+/// once, a gigabyte.
 const PIXELS_MAX: u64 = 1 << 19;
 
 /// Measure a clip, and write a page of error against run time and of what it does without.

@@ -1,7 +1,7 @@
-//! `cargo xtask serve`: the files of a folder over HTTP, for trying addresses at the desk.
+//! `aarc-studio serve`: serves the files of a folder over HTTP, to try URLs locally.
 //!
-//! One request per connection, one thread per connection: enough for a few players, not for the
-//! world, for which any static host does better. It answers as those do: versions (`ETag`), parts
+//! One request per connection, one thread per connection: enough for a few players; for
+//! the public use any static host. It answers as those do: versions (`ETag`), parts
 //! (`Range`), conditions (`If-None-Match`, `If-Range`), after RFC 9110.
 
 use std::fs::File;
@@ -15,25 +15,24 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use program::Fault;
 
-/// Most bytes of a request.
+/// Maximum size of a request in bytes.
 const REQUEST_BYTES: u64 = 16 << 10;
 
-/// Bytes that are handed to the network at a time.
+/// Bytes per write.
 const PIECE_BYTES: usize = 16 << 10;
 
-/// Longest to wait for a client.
+/// Timeout of a client.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Serve the files of a folder over HTTP, for trying out addresses. For the world, use any static
-/// host.
+/// Serve the files of a folder over HTTP, to try URLs. For the public, use any static host.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder; everybody who reaches the address can read all of it
+    /// The folder; all of it is readable for everyone who reaches the address
     folder: PathBuf,
     /// Where to listen: 0.0.0.0:8000 for the whole network, a headset for one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8000")]
     address: SocketAddr,
-    /// Send at most so many megabits per second on each connection [default: all that goes]
+    /// Send at most so many megabits per second on each connection [default: unlimited]
     #[arg(long, value_name = "N", value_parser = positive)]
     mbit: Option<f64>,
 }
@@ -74,7 +73,7 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What matters of a request.
+/// The evaluated fields of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Request {
     method: String,
@@ -86,7 +85,7 @@ struct Request {
 }
 
 impl Request {
-    /// Reads a request; `None` if it is none.
+    /// Reads a request; `None` if it is malformed.
     fn read(stream: impl Read) -> Option<Request> {
         let mut lines = BufReader::new(stream.take(REQUEST_BYTES)).lines().map_while(Result::ok);
         let first = lines.next()?;
@@ -109,7 +108,7 @@ impl Request {
     }
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
 struct Reply {
     status: &'static str,
@@ -123,7 +122,7 @@ impl Reply {
         Reply { status, headers: vec![("Content-Length", "0".into())], body: None }
     }
 
-    /// Sends it, the bytes at so many per second.
+    /// Sends the response at a limited number of bytes per second.
     fn send(self, mut stream: impl Write, bytes_per_s: Option<f64>) -> std::io::Result<()> {
         let mut head = format!("HTTP/1.1 {}\r\nConnection: close\r\n", self.status);
         for (name, value) in self.headers {
@@ -155,7 +154,7 @@ fn answer(request: &Request, folder: &Path) -> Reply {
         return Reply::empty("405 Method Not Allowed");
     }
     let opened = file_path(&request.path, folder).and_then(|path| {
-        // Before it is opened: that of a pipe waits for somebody to write.
+        // Check before opening: opening a pipe blocks until a writer opens it.
         let about = path.metadata().ok().filter(|about| about.is_file())?;
         let file = File::open(path).ok()?;
         Some((file, about))
@@ -190,14 +189,14 @@ fn answer(request: &Request, folder: &Path) -> Reply {
     Reply { status, headers, body: (request.method == "GET").then_some((file, part)) }
 }
 
-/// The file at the path of a request; `None` for what may lie outside the folder.
+/// The file at the path of a request; `None` if it may lie outside the folder.
 fn file_path(path: &str, folder: &Path) -> Option<PathBuf> {
     let decoded = percent_decoded(path.strip_prefix('/')?)?;
     let inside = Path::new(&decoded).components().all(|part| matches!(part, Component::Normal(_)));
     inside.then(|| folder.join(decoded))
 }
 
-/// Text with `%41` and the like replaced.
+/// Decodes percent-encoded bytes.
 fn percent_decoded(text: &str) -> Option<String> {
     let mut bytes = Vec::new();
     let mut rest = text.bytes();

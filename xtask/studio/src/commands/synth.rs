@@ -1,4 +1,4 @@
-//! `cargo xtask synth`: procedural data, made of formulas.
+//! `aarc-studio synth`: procedural data.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

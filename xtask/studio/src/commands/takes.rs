@@ -1,6 +1,6 @@
-//! `--list`: a command for each of many takes, and what came of them.
+//! `--list`: runs a command for each take of a list and writes a summary.
 
-use crate::takes::{List, Record, Shard, Standing, Take, key};
+use crate::takes::{List, OutputState, Record, Shard, Take, key};
 use anyhow::{anyhow, bail};
 use program::{Fault, output};
 use serde::Serialize;
@@ -11,34 +11,34 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Which takes.
+/// Options that select takes.
 #[derive(clap::Args, Clone, Debug, Default)]
-pub(super) struct Many {
-    /// Do it for many: a text file with a path in each line, relative to its folder. --out is then the
-    /// folder for NAME's output, a record beside each, by which it is not made again until the take or
-    /// an option changes, and the summary. A take that fails holds no other up
+pub(super) struct TakeOptions {
+    /// Run for each take of a list: a text file with a path in each line, relative to its folder. --out is
+    /// then the folder for the outputs, a record beside each, and a summary. An output is made again only if
+    /// its take or an option changes. A failed take does not stop the others
     #[arg(long, value_name = "FILE", requires = "out")]
     pub(super) list: Option<PathBuf>,
-    /// Do only the I-th of N equal parts of the list, from 0/N to N-1/N
+    /// Run only the I-th of N equal shares of the list, from 0/N to N-1/N
     #[arg(long, value_name = "I/N", requires = "list")]
     pub(super) shard: Option<Shard>,
 }
 
-/// What is done with each take.
-pub(super) struct Job<'a> {
+/// A command that is run for each take.
+pub(super) struct TakeCommand<'a> {
     pub(super) command: &'static str,
-    /// Ending of its output.
+    /// Extension of its outputs.
     pub(super) ending: &'static str,
-    /// All that the output depends on besides the take.
+    /// Everything that the output depends on besides the take and `inputs`.
     pub(super) options: String,
     pub(super) inputs: Vec<&'a Path>,
-    /// Forgets half a work on an output, of something else.
+    /// Removes unfinished work on an output that was begun from other inputs.
     pub(super) forget: fn(&Path) -> Result<(), Fault>,
     /// Whether the summary is printed as JSON.
     pub(super) json: bool,
 }
 
-/// What came of a take.
+/// The outcome of a take.
 #[derive(Serialize)]
 struct Outcome<'a> {
     scene: &'a Path,
@@ -49,17 +49,16 @@ struct Outcome<'a> {
     exit_code: u8,
 }
 
-/// Has `make` make the output, at the path that comes second, of each take of a list that is not done yet,
-/// and writes a summary. What `make` returns is kept in the record.
+/// Calls `make` with each unfinished take of a shard and the path of its output, records the returned report,
+/// and writes a summary.
 ///
 /// # Errors
-/// [`Fault::Usage`] where the folder is unusable; the kind of the first failure, after all takes,
-/// where any failed.
+/// [`Fault::Usage`] if the folder is unusable; after all takes, a fault of the kind of the first failure.
 pub(super) fn run(
     takes: &List,
     shard: Option<Shard>,
     folder: &Path,
-    job: &Job,
+    job: &TakeCommand,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<()> {
     make_folder(folder)?;
@@ -68,7 +67,7 @@ pub(super) fn run(
     for take in takes.of(shard) {
         let out = folder.join(format!("{}.{}", take.name, job.ending));
         let start = Instant::now();
-        let result = catch_unwind(AssertUnwindSafe(|| one(take, &out, job, make)));
+        let result = catch_unwind(AssertUnwindSafe(|| run_take(take, &out, job, make)));
         let result =
             result.unwrap_or_else(|panic| Err(anyhow!("a defect of this program: {}", text(&*panic))));
         let (outcome, error) = match result {
@@ -86,7 +85,7 @@ pub(super) fn run(
             exit_code,
         };
         if !job.json {
-            tell(&outcome)?;
+            print_outcome(&outcome)?;
         }
         outcomes.push(outcome);
     }
@@ -118,20 +117,20 @@ pub(super) fn run(
     }
 }
 
-/// Makes the folder of the outputs, if it is not there.
+/// Creates the folder of the outputs if it does not exist.
 pub(super) fn make_folder(folder: &Path) -> Result<(), Fault> {
     std::fs::create_dir_all(folder)
         .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display())))
 }
 
-/// Makes the output of a take, unless it is done.
-fn one(
+/// Makes the output of a take unless it is done.
+fn run_take(
     take: &Take,
     out: &Path,
-    job: &Job,
+    job: &TakeCommand,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<&'static str> {
-    // The images of such a file are beside it.
+    // A meta.json needs the images beside it.
     let is_index = take.path.file_name().is_some_and(|name| name == "meta.json");
     let scene = match take.path.parent().filter(|_| is_index) {
         Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
@@ -141,10 +140,10 @@ fn one(
     check_apart(scene, out)?;
     let inputs: Vec<&Path> = [scene].into_iter().chain(job.inputs.iter().copied()).collect();
     let key = key(job.command, &job.options, &inputs)?;
-    match Record::standing(out, job.command, &key) {
-        Standing::Done => return Ok("skipped"),
-        Standing::Stale => (job.forget)(out)?,
-        Standing::Begun | Standing::Unknown => {}
+    match Record::state(out, job.command, &key) {
+        OutputState::Done => return Ok("skipped"),
+        OutputState::Stale => (job.forget)(out)?,
+        OutputState::Begun | OutputState::Unknown => {}
     }
     Record::begin(out, job.command, &key)?;
     let report = make(take, out)?;
@@ -152,7 +151,7 @@ fn one(
     Ok("done")
 }
 
-/// Checks that an output is not within its take, which it would change.
+/// Checks that an output is not inside its take: writing it would change the take.
 fn check_apart(scene: &Path, out: &Path) -> Result<(), Fault> {
     let within = || {
         let folder = std::fs::canonicalize(out.parent()?).ok()?;
@@ -168,8 +167,8 @@ fn check_apart(scene: &Path, out: &Path) -> Result<(), Fault> {
     }
 }
 
-/// A line for people, as soon as there is something to say.
-fn tell(outcome: &Outcome) -> anyhow::Result<()> {
+/// Prints a line about a take.
+fn print_outcome(outcome: &Outcome) -> anyhow::Result<()> {
     let Outcome { scene, out, outcome, seconds, error, .. } = outcome;
     match error {
         Some(error) => println!("{outcome:8} {}: {error}", scene.display()),
@@ -182,7 +181,7 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
 }
 
-/// What a panic says.
+/// The message of a panic.
 fn text(panic: &(dyn Any + Send)) -> &str {
     let owned = panic.downcast_ref::<String>().map(String::as_str);
     owned.or(panic.downcast_ref::<&str>().copied()).unwrap_or("it ended early")

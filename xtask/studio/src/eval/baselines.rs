@@ -1,8 +1,7 @@
-//! [`judge_baselines`]: what held frames look like to who knows only the frames around them.
+//! [`judge_baselines`]: predictions of held frames from the fitted frames around them.
 //!
-//! A field that moves has to show more in a held frame than it shows in the nearest frame that it was
-//! fitted to, and more than the pictures of the two such frames around it, faded from one to the
-//! other.
+//! A dynamic field must predict a held frame better than its own picture at the nearest fitted frame,
+//! and better than a blend of its pictures at the two fitted frames around the held one.
 
 use codec::Camera;
 use program::Fault;
@@ -16,17 +15,17 @@ use super::{Judged, photo_for, splits};
 use crate::capture::CaptureFiles;
 use crate::input::Input;
 
-/// A guess at a held frame.
+/// A prediction of a held frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Baseline {
-    /// What is drawn at the nearest frame that is fitted to, the earlier of two.
+    /// The picture at the nearest fitted frame; the earlier one of a tie.
     Nearest,
-    /// What is drawn at the two around it, blended by time.
+    /// The pictures at the two fitted frames around it, blended linearly in time.
     Blend,
 }
 
 impl Baseline {
-    /// All of them.
+    /// All baselines.
     pub const ALL: [Baseline; 2] = [Baseline::Nearest, Baseline::Blend];
 
     /// Key in JSON.
@@ -38,41 +37,42 @@ impl Baseline {
     }
 }
 
-/// Compares both guesses, in the order of [`Baseline::ALL`], with all photographs of held frames.
-/// `on_shot` is called for each of these. Nothing where no frame is held.
+/// Compares both baselines, in the order of [`Baseline::ALL`], with all photographs of held frames; empty
+/// if no frame is held. Calls `on_photo` after each photograph.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
+/// [`Fault::Data`] where a file cannot be read or no photograph is left for fitting.
 pub fn judge_baselines(
     input: &Input,
     capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
-    mut on_shot: impl FnMut(),
+    mut on_photo: impl FnMut(),
 ) -> Result<[Vec<Judged>; 2], Fault> {
     let splits = splits(capture_files, holdout)?;
     let fitted = splits.iter().filter(|(_, split)| *split == Split::Train);
-    let mut times: Vec<f64> = fitted.map(|(shot, _)| capture_files.capture.times[shot.frame]).collect();
+    let mut times: Vec<f64> =
+        fitted.map(|(photo_id, _)| capture_files.capture.times[photo_id.frame]).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     let mut judged = [Vec::new(), Vec::new()];
-    for (shot, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
-        let photo = photo_for(capture_files, shot, lpips)?;
-        let camera = &capture_files.capture.cameras[shot.camera].camera;
-        let guesses = guesses(input, camera, &around(&times, capture_files.capture.times[shot.frame]));
+    for (photo_id, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
+        let photo = photo_for(capture_files, photo_id, lpips)?;
+        let camera = &capture_files.capture.cameras[photo_id.camera].camera;
+        let guesses = guesses(input, camera, &around(&times, capture_files.capture.times[photo_id.frame]));
         for (judged, guess) in judged.iter_mut().zip(guesses) {
-            judged.push(Judged { shot, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
+            judged.push(Judged { photo_id, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
         }
-        on_shot();
+        on_photo();
     }
     Ok(judged)
 }
 
-/// An instant and how much of it is shown.
+/// A clip time and its weight in a blend.
 type Weighted = (f64, f64);
 
-/// The last of `times`, which rise, up to `t` and the first after it, by how near they are; twice the
-/// same beyond either end.
+/// The last of `times`, sorted ascending, at or before `t`, and the first after it, with the weights of
+/// linear interpolation. Beyond either end, that end twice, with weights 1 and 0.
 fn around(times: &[f64], t: f64) -> [Weighted; 2] {
     let after = times.partition_point(|time| *time <= t);
     match (after.checked_sub(1).map(|i| times[i]), times.get(after)) {

@@ -1,4 +1,4 @@
-//! [`free_views`]: pictures from where no camera stood (the paper's appendix "The Transmitted Package
+//! [`free_views`]: pictures from new viewpoints (the paper's appendix "The Transmitted Package
 //! from Free Viewpoints").
 
 use codec::Camera;
@@ -10,16 +10,16 @@ use super::sheet::sheet;
 use crate::capture::CaptureFiles;
 use crate::input::Input;
 
-/// How far above and below the cameras two of the views are, in degrees, and how near the pole they
-/// get at most.
+/// Elevation of two of the views above and below the cameras, and the highest absolute elevation, in
+/// degrees.
 const RAISED: f64 = 30.0;
 const POLE: f64 = 80.0;
 
-/// Distance of the near view, as a part of the cameras'.
+/// Distance of the near view relative to the cameras'.
 const NEAR: f64 = 0.6;
 
-/// What `input` shows at clip time `t`, side by side: halfway between two neighbouring cameras that
-/// are fitted to, above that, below it, and near. `None` where the cameras look at no common point.
+/// Renders `input` at clip time `t` from four views, side by side: halfway between two neighbouring
+/// fitted cameras, above that, below it, and near. `None` if the cameras look at no common point.
 pub fn free_views(input: &Input, capture_files: &CaptureFiles, t: f64) -> Option<Image> {
     let cameras: Vec<&Camera> = capture_files
         .capture
@@ -39,7 +39,7 @@ fn views(cameras: &[&Camera]) -> Option<[Camera; 4]> {
     let up = up.try_normalize()?;
     let offset = |camera: &Camera| DVec3::from(camera.position()) - target;
     let first = offset(cameras[0]);
-    // The neighbour is the nearest that stands elsewhere.
+    // The nearest camera in another direction.
     let others =
         cameras.iter().map(|camera| offset(camera)).filter(|other| first.angle_between(*other) > 1e-3);
     let next = others.min_by(|a, b| first.angle_between(*a).total_cmp(&first.angle_between(*b)))?;
@@ -72,7 +72,7 @@ fn common_point(cameras: &[&Camera]) -> Option<DVec3> {
     let (mut across, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let forward = axis(camera, 2);
-        // Takes away what lies along the line.
+        // Projects onto the plane across the line of sight.
         let outer = DMat3::from_cols(forward * forward.x, forward * forward.y, forward * forward.z);
         let part = DMat3::IDENTITY - outer;
         across += part;

@@ -1,4 +1,4 @@
-//! The measures as means of each split and as tables.
+//! Mean measures of each split, and their tables.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ use crate::capture::CaptureFiles;
 pub struct SplitMeasures {
     /// Name of the split.
     pub split: &'static str,
-    /// PSNR in dB over the subject, mean over images that show it, and standard deviation.
+    /// PSNR in dB over the subject, mean over the images that show it.
     pub psnr_fg: Option<f64>,
     /// Standard deviation of `psnr_fg`.
     pub psnr_fg_deviation: Option<f64>,
@@ -26,7 +26,7 @@ pub struct SplitMeasures {
     pub lpips: Option<f64>,
     /// Number of images.
     pub images: usize,
-    /// Number of images that show no subject, and so count for nothing in `psnr_fg`.
+    /// Number of images that show no subject; `psnr_fg` excludes them.
     pub without_subject: usize,
 }
 
@@ -67,7 +67,7 @@ pub fn table(means: &[SplitMeasures]) -> String {
     text
 }
 
-/// More rows for that table: what the frames around the held ones show of these.
+/// Rows of a baseline for that table.
 pub fn baseline_rows(baseline: Baseline, means: &[SplitMeasures]) -> String {
     let what = match baseline {
         Baseline::Nearest => "nearest fitted frame",
@@ -81,7 +81,7 @@ pub fn baseline_rows(baseline: Baseline, means: &[SplitMeasures]) -> String {
 fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
     let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
         (Some(psnr), Some(deviation)) if psnr.is_finite() => format!("{psnr:.2} ± {deviation:.2}"),
-        // Some picture is exact: nothing deviates from infinity.
+        // An exact picture makes the mean infinite and the deviation undefined.
         (Some(psnr), _) => format!("{psnr:.2}"),
         (None, _) => "–".into(),
     };
@@ -94,10 +94,10 @@ fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
 /// Every picture's measures as CSV.
 pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
     let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim,lpips\n");
-    for Judged { shot, split, measures } in judged {
-        let camera = &capture_files.capture.cameras[shot.camera].name;
+    for Judged { photo_id, split, measures } in judged {
+        let camera = &capture_files.capture.cameras[photo_id.camera].name;
         let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
-        let (name, frame, split) = (capture_files.name(*shot), shot.frame, split.name());
+        let (name, frame, split) = (capture_files.name(*photo_id), photo_id.frame, split.name());
         let ImageMetrics { psnr_full, ssim, .. } = measures;
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6},{lpips}")
@@ -113,7 +113,7 @@ mod tests {
 
     fn judged(psnr_fg: &[Option<f64>]) -> Vec<Judged> {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
-            shot: PhotoId { frame, camera: 0 },
+            photo_id: PhotoId { frame, camera: 0 },
             split: Split::Train,
             measures: ImageMetrics { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5, lpips: None },
         };

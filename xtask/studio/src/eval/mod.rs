@@ -1,13 +1,13 @@
-//! How well a field, a package or anybody's pictures show what a capture's cameras saw: measures
-//! (`means`), those of who knows only the frames around a held one (`baselines`), those of several
-//! scenes (`scenes`), and pictures to look at, as in the paper's appendices: beside the photographs
-//! (`strips`), between captured frames (`quarter`), from where no camera stood (`free`), and of the
-//! first layers of a package (`ladder`).
+//! Compares a field, a package or a folder of pictures with the photographs of a capture.
+//!
+//! Measures: means of each split (`means`), baselines for held frames (`baselines`), means over scenes
+//! (`scenes`), prefixes of a package (`prefixes`). Pictures, as in the paper's appendices: beside the
+//! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
 
 mod baselines;
 mod free;
-mod ladder;
 mod means;
+mod prefixes;
 mod quarter;
 mod scenes;
 mod sheet;
@@ -28,9 +28,9 @@ use crate::input::Input;
 
 pub use baselines::{Baseline, judge_baselines};
 pub use free::free_views;
-pub use ladder::{Ladder, Rung, ladder};
 pub use means::{SplitMeasures, baseline_rows, csv, means, table};
-pub use quarter::{Interval, quarter_frames, swiftest};
+pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
+pub use quarter::{Interval, fastest_interval, quarter_frames};
 pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};
 pub use strips::{Strip, Strips};
 
@@ -44,36 +44,37 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// A field file, a package, a folder that holds one, or else a folder of pictures of the shots
+    /// Loads a field file, a package, a folder that holds one, or a folder of pictures of the photographs
     /// of `capture_files`.
     ///
     /// # Errors
-    /// [`Fault::Data`] that says what is there instead.
+    /// [`Fault::Data`] if `path` is none of them.
     pub fn load(path: &Path, capture_files: &CaptureFiles) -> anyhow::Result<Subject> {
-        let has_picture = |shot: &PhotoId| find_image(&path.join(capture_files.name(*shot))).is_some();
+        let has_picture =
+            |photo_id: &PhotoId| find_image(&path.join(capture_files.name(*photo_id))).is_some();
         match path.is_dir() && capture_files.capture.photos.iter().any(has_picture) {
             true => Ok(Subject::Pictures(path.to_owned())),
             false => Ok(Subject::Drawn(Box::new(Input::load(path)?))),
         }
     }
 
-    /// Whether it has a picture of a shot.
-    fn shows(&self, capture_files: &CaptureFiles, shot: PhotoId) -> bool {
+    /// Whether it has a picture of a photograph's view.
+    fn shows(&self, capture_files: &CaptureFiles, photo_id: PhotoId) -> bool {
         match self {
             Subject::Drawn(_) => true,
-            Subject::Pictures(folder) => find_image(&folder.join(capture_files.name(shot))).is_some(),
+            Subject::Pictures(folder) => find_image(&folder.join(capture_files.name(photo_id))).is_some(),
         }
     }
 
-    /// Its picture of a shot; `None` if there is none.
-    fn picture(&self, capture_files: &CaptureFiles, shot: PhotoId) -> Result<Option<Image>, Fault> {
-        let camera = &capture_files.capture.cameras[shot.camera].camera;
+    /// Its picture of a photograph's view, if any.
+    fn picture(&self, capture_files: &CaptureFiles, photo_id: PhotoId) -> Result<Option<Image>, Fault> {
+        let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         match self {
             Subject::Drawn(input) => {
-                let t = capture_files.capture.times[shot.frame];
+                let t = capture_files.capture.times[photo_id.frame];
                 Ok(Some(reference::render(&input.to_reference(), camera, t, Order::Depth)))
             }
-            Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(shot))) {
+            Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(photo_id))) {
                 Some(path) => read_picture(&path, camera).map(Some),
                 None => Ok(None),
             },
@@ -85,21 +86,21 @@ impl Subject {
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// Camera and frame.
-    pub shot: PhotoId,
-    /// What the photograph is to a fit.
+    pub photo_id: PhotoId,
+    /// The split of the photograph.
     pub split: Split,
-    /// How alike both are.
+    /// Similarity of picture and photograph.
     pub measures: ImageMetrics,
 }
 
-/// A picture that was just judged.
+/// A picture, its photograph and their measures.
 #[derive(Clone, Copy, Debug)]
-pub struct Look<'a> {
-    /// What came of it.
+pub struct Comparison<'a> {
+    /// The measures.
     pub judged: &'a Judged,
     /// The picture.
     pub picture: &'a Image,
-    /// The photograph that it was compared with.
+    /// The photograph.
     pub photo: &'a Photo,
 }
 
@@ -108,45 +109,45 @@ fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId
     Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
-/// A photograph, of which `lpips` can be measured.
+/// Reads a photograph and checks that it is large enough for `lpips`.
 fn photo_for(
     capture_files: &CaptureFiles,
-    shot: PhotoId,
+    photo_id: PhotoId,
     lpips: Option<&Lpips<f32>>,
 ) -> Result<Photo, Fault> {
-    let photo = capture_files.photo(shot)?;
+    let photo = capture_files.photo(photo_id)?;
     if let Some(lpips) = lpips {
         let Image { width, height, .. } = photo.image;
-        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", capture_files.name(shot)));
+        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", capture_files.name(photo_id)));
         lpips.check_size(width as usize, height as usize).map_err(too_small)?;
     }
     Ok(photo)
 }
 
-/// Compares pictures of `subject` with all photographs of `capture_files`. Pictures that a folder lacks
-/// are left out. LPIPS is measured where its network is given. `on_shot` is called for each shot, with
-/// its picture where there is one.
+/// Compares pictures of `subject` with all photographs of `capture_files`; skips photographs whose picture a
+/// folder lacks. Measures LPIPS if its network is given. Calls `on_photo` for each photograph, with `None`
+/// if it is skipped.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or nothing is left to compare.
+/// [`Fault::Data`] where a file cannot be read or no picture is left to compare.
 pub fn judge(
     subject: &Subject,
     capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
-    mut on_shot: impl FnMut(Option<Look>),
+    mut on_photo: impl FnMut(Option<Comparison>),
 ) -> anyhow::Result<Vec<Judged>> {
     let mut judged = Vec::new();
-    for (shot, split) in splits(capture_files, holdout)? {
-        if !subject.shows(capture_files, shot) {
-            on_shot(None);
+    for (photo_id, split) in splits(capture_files, holdout)? {
+        if !subject.shows(capture_files, photo_id) {
+            on_photo(None);
             continue;
         }
-        // First the photograph: it must have the size that the picture is drawn in.
-        let photo = photo_for(capture_files, shot, lpips)?;
-        if let Some(picture) = subject.picture(capture_files, shot)? {
-            let one = Judged { shot, split, measures: ImageMetrics::of(&picture, &photo, lpips) };
-            on_shot(Some(Look { judged: &one, picture: &picture, photo: &photo }));
+        // The photograph first: reading it checks its size against the camera's.
+        let photo = photo_for(capture_files, photo_id, lpips)?;
+        if let Some(picture) = subject.picture(capture_files, photo_id)? {
+            let one = Judged { photo_id, split, measures: ImageMetrics::of(&picture, &photo, lpips) };
+            on_photo(Some(Comparison { judged: &one, picture: &picture, photo: &photo }));
             judged.push(one);
         }
     }

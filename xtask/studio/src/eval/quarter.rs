@@ -11,61 +11,61 @@ use super::splits;
 use crate::capture::CaptureFiles;
 use crate::input::Input;
 
-/// Most frames from one that is fitted to until the next, where some are missing.
+/// Maximum number of frames from one fitted frame to the next.
 const FRAMES_MAX: usize = 4;
 
-/// From a frame that is fitted to until the next.
+/// The time from one fitted frame to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interval {
-    /// Number of a camera that is fitted to.
+    /// Index of a fitted camera.
     pub camera: usize,
     /// The two frames.
     pub frames: [usize; 2],
 }
 
 impl Interval {
-    /// Clip time in its middle.
-    pub fn middle(&self, capture_files: &CaptureFiles) -> f64 {
+    /// Clip time halfway.
+    pub fn center(&self, capture_files: &CaptureFiles) -> f64 {
         let [start, end] = self.frames.map(|frame| capture_files.capture.times[frame]);
         0.5 * (start + end)
     }
 }
 
-/// The interval in which the photographs of the first camera that is fitted to change most; `None`
-/// where there are not two frames to fit to.
+/// The interval in which the photographs of the first fitted camera change most; `None` if there are fewer
+/// than two fitted frames.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
-pub fn swiftest(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Option<Interval>, Fault> {
+/// [`Fault::Data`] where a file cannot be read or no photograph is left for fitting.
+pub fn fastest_interval(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Option<Interval>, Fault> {
     let splits = splits(capture_files, holdout)?;
     let mut train: Vec<PhotoId> =
-        splits.iter().filter(|(_, split)| *split == Split::Train).map(|(shot, _)| *shot).collect();
-    train.sort_by_key(|shot| (shot.camera, shot.frame));
+        splits.iter().filter(|(_, split)| *split == Split::Train).map(|(photo_id, _)| *photo_id).collect();
+    train.sort_by_key(|photo_id| (photo_id.camera, photo_id.frame));
     let near =
         |pair: &[PhotoId]| pair[0].camera == pair[1].camera && pair[1].frame - pair[0].frame <= FRAMES_MAX;
     let Some(camera) = train.windows(2).find(|pair| near(pair)).map(|pair| pair[0].camera) else {
         return Ok(None);
     };
-    train.retain(|shot| shot.camera == camera);
-    let mut swiftest: Option<(f64, Interval)> = None;
+    train.retain(|photo_id| photo_id.camera == camera);
+    let mut fastest_interval: Option<(f64, Interval)> = None;
     let mut before: Option<Photo> = None;
-    for (i, shot) in train.iter().enumerate() {
-        let photo = capture_files.photo(*shot)?;
+    for (i, photo_id) in train.iter().enumerate() {
+        let photo = capture_files.photo(*photo_id)?;
         if let (Some(before), Some(last)) = (&before, i.checked_sub(1).map(|i| train[i]))
-            && near(&[last, *shot])
+            && near(&[last, *photo_id])
         {
             let change = photo.image.squared_error(&before.image);
-            if swiftest.is_none_or(|(most, _)| change > most) {
-                swiftest = Some((change, Interval { camera, frames: [last.frame, shot.frame] }));
+            if fastest_interval.is_none_or(|(most, _)| change > most) {
+                fastest_interval = Some((change, Interval { camera, frames: [last.frame, photo_id.frame] }));
             }
         }
         before = Some(photo);
     }
-    Ok(swiftest.map(|(_, interval)| interval))
+    Ok(fastest_interval.map(|(_, interval)| interval))
 }
 
-/// Two rows, cut to the subject: the photographs of the interval, black where no frame is, and what
-/// `input` shows at each quarter of a frame.
+/// Two rows of pictures, one column per quarter of a frame, cropped to the subject: the photographs of the
+/// interval, black between frames, and `input` rendered at that time.
 ///
 /// # Errors
 /// [`Fault::Data`] where a photograph cannot be read.
@@ -79,9 +79,9 @@ pub fn quarter_frames(
     let camera = &capture.cameras[number].camera;
     let mut photos = Vec::new();
     for frame in start..=end {
-        let shot = PhotoId { camera: number, frame };
-        photos.push(match capture.photos.contains(&shot) {
-            true => Some(capture_files.photo(shot)?),
+        let photo_id = PhotoId { camera: number, frame };
+        photos.push(match capture.photos.contains(&photo_id) {
+            true => Some(capture_files.photo(photo_id)?),
             false => None,
         });
     }

@@ -1,4 +1,4 @@
-//! [`over_scenes`]: the measures of several scenes as one table, as the paper's tables have them.
+//! [`over_scenes`]: the measures of several scenes in one table, as in the paper.
 
 use std::fmt::Write;
 
@@ -7,8 +7,7 @@ use serde::Serialize;
 
 use super::means::{SplitMeasures, mean};
 
-/// A measure's mean over scenes and its standard deviation from scene to scene (of these scenes, not
-/// of all that they stand for: divided by their number). The fields are keys of the JSON.
+/// Mean and population standard deviation of a measure over scenes. The fields are keys of the JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// Mean of the scenes' means.
@@ -36,7 +35,7 @@ pub struct SceneMeasures {
     pub images: usize,
 }
 
-/// Means and deviations of each split over `scenes`, of which each counts as much as any other.
+/// Means and deviations of each split over `scenes`, equally weighted.
 pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
     let of = |split: Split| {
         let rows: Vec<&SplitMeasures> =
@@ -57,7 +56,7 @@ pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
     Split::ALL.into_iter().filter_map(of).collect()
 }
 
-/// `None` of nothing.
+/// `None` if `numbers` is empty.
 fn spread(numbers: &[f64]) -> Option<Spread> {
     let center = mean(numbers);
     let squares: Vec<f64> = numbers.iter().map(|x| (x - center).powi(2)).collect();
@@ -81,7 +80,7 @@ pub fn scenes_table(rows: &[SceneMeasures]) -> String {
     text
 }
 
-/// Nothing deviates from infinity, which exact pictures have.
+/// Without a deviation if the mean is infinite, as it is for exact pictures.
 fn show(Spread { mean, deviation }: &Spread, digits: usize) -> String {
     match mean.is_finite() {
         true => format!("{mean:.digits$} ± {deviation:.digits$}"),

@@ -3,10 +3,10 @@
 use refine::capture::Photo;
 use refine::image::Image;
 
-/// Width of the edge that is left around a subject, as a part of its size.
+/// Margin around a subject relative to its longer side.
 const MARGIN: f64 = 0.1;
 
-/// A part of a picture: columns and rows from the first to before the second.
+/// A crop: half-open ranges of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Crop {
     pub(super) x: [u32; 2],
@@ -14,11 +14,11 @@ pub(super) struct Crop {
 }
 
 impl Crop {
-    /// What shows the subject in any of these photographs of one size, with an edge; all where none
-    /// shows it.
+    /// Bounds of the subject over photographs of one size, with a margin; the whole picture if none
+    /// shows the subject.
     ///
     /// # Panics
-    /// If there are none.
+    /// If `photos` is empty.
     pub(super) fn around(photos: &[&Photo]) -> Crop {
         let (width, height) = (photos[0].image.width, photos[0].image.height);
         let mut found: Option<[[u32; 2]; 2]> = None;
@@ -50,7 +50,7 @@ impl Crop {
 /// Pictures of one size in rows and columns.
 ///
 /// # Panics
-/// If there are none, or the sizes or the numbers of columns differ.
+/// If there are no pictures, or sizes or numbers of columns differ.
 pub(super) fn sheet(rows: &[Vec<Image>]) -> Image {
     let (width, height) = (rows[0][0].width, rows[0][0].height);
     let columns = rows[0].len();
@@ -73,7 +73,7 @@ pub(super) fn sheet(rows: &[Vec<Image>]) -> Image {
 mod tests {
     use super::*;
 
-    /// Each pixel says where it is.
+    /// An image whose red and green are each pixel's coordinates.
     fn ramp(width: u32, height: u32, alpha: impl Fn(u32, u32) -> f64) -> Image {
         let mut image = Image::new(width, height);
         for (i, pixel) in image.pixels.iter_mut().enumerate() {

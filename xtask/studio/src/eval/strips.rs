@@ -5,58 +5,58 @@ use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 
 use super::sheet::sheet;
-use super::{Look, Subject, splits};
+use super::{Comparison, Subject, splits};
 use crate::capture::CaptureFiles;
 
-/// How much brighter the differences are than they are.
+/// Gain of the displayed differences.
 const DIFFERENCE_GAIN: f64 = 4.0;
 
-/// A photograph, the picture and four times their difference, side by side.
+/// A photograph, the picture and their amplified difference, side by side.
 #[derive(Clone, Debug)]
 pub struct Strip {
     /// Camera and frame.
-    pub shot: PhotoId,
-    /// What the photograph is to a fit.
+    pub photo_id: PhotoId,
+    /// The split of the photograph.
     pub split: Split,
-    /// The three in a row.
+    /// The strip.
     pub image: Image,
 }
 
-/// Keeps what is worth a look while pictures are judged, so that none is drawn twice: of each split
-/// the picture in the middle, which is the same for every field, and the one with the lowest PSNR.
+/// Collects strips while pictures are compared, so that none is drawn twice: the central photograph of each
+/// split, the same for every field, and the one with the lowest PSNR.
 #[derive(Clone, Debug)]
 pub struct Strips {
-    middles: Vec<PhotoId>,
-    kept: Vec<Strip>,
-    /// Of each split, the lowest PSNR so far.
+    central: Vec<PhotoId>,
+    strips: Vec<Strip>,
+    /// The lowest PSNR of each split so far, and its strip.
     worst: Vec<(f64, Strip)>,
 }
 
 impl Strips {
-    /// Before the pictures of `subject` are judged.
+    /// Selects the central photographs that `subject` shows.
     ///
     /// # Errors
-    /// [`Fault::Data`] if nothing is left to fit to.
+    /// [`Fault::Data`] if no photograph is left for fitting.
     pub fn new(subject: &Subject, capture_files: &CaptureFiles, holdout: Holdout) -> Result<Strips, Fault> {
-        let mut shots = splits(capture_files, holdout)?;
-        shots.retain(|(shot, _)| subject.shows(capture_files, *shot));
-        let middle = |split: Split| {
+        let mut photo_ids = splits(capture_files, holdout)?;
+        photo_ids.retain(|(photo_id, _)| subject.shows(capture_files, *photo_id));
+        let central_photo = |split: Split| {
             let of: Vec<PhotoId> =
-                shots.iter().filter(|(_, of)| *of == split).map(|(shot, _)| *shot).collect();
+                photo_ids.iter().filter(|(_, of)| *of == split).map(|(photo_id, _)| *photo_id).collect();
             of.get(of.len() / 2).copied()
         };
-        let middles = Split::ALL.into_iter().filter_map(middle).collect();
-        Ok(Strips { middles, kept: Vec::new(), worst: Vec::new() })
+        let central = Split::ALL.into_iter().filter_map(central_photo).collect();
+        Ok(Strips { central, strips: Vec::new(), worst: Vec::new() })
     }
 
-    /// Looks at a picture.
-    pub fn look(&mut self, look: Look) {
-        let (shot, split) = (look.judged.shot, look.judged.split);
-        let measures = &look.judged.measures;
+    /// Adds the strip of a picture if it is central or the worst so far.
+    pub fn add(&mut self, comparison: Comparison) {
+        let (photo_id, split) = (comparison.judged.photo_id, comparison.judged.split);
+        let measures = &comparison.judged.measures;
         let psnr = measures.psnr_fg.unwrap_or(measures.psnr_full);
-        let strip = || Strip { shot, split, image: strip(look.picture, &look.photo.image) };
-        if self.middles.contains(&shot) {
-            self.kept.push(strip());
+        let strip = || Strip { photo_id, split, image: strip(comparison.picture, &comparison.photo.image) };
+        if self.central.contains(&photo_id) {
+            self.strips.push(strip());
         }
         match self.worst.iter_mut().find(|(_, worst)| worst.split == split) {
             Some((lowest, _)) if psnr >= *lowest => {}
@@ -65,11 +65,11 @@ impl Strips {
         }
     }
 
-    /// One or two of each split.
+    /// The strips: one or two of each split.
     pub fn into_strips(mut self) -> Vec<Strip> {
-        let is_new = |(_, worst): &(f64, Strip)| !self.middles.contains(&worst.shot);
-        self.kept.extend(self.worst.into_iter().filter(is_new).map(|(_, strip)| strip));
-        self.kept
+        let is_new = |(_, worst): &(f64, Strip)| !self.central.contains(&worst.photo_id);
+        self.strips.extend(self.worst.into_iter().filter(is_new).map(|(_, strip)| strip));
+        self.strips
     }
 }
 

@@ -12,7 +12,7 @@ use crate::fit::{Refinement, RefinementReport};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
-/// Steps of refinement to one step of the progress.
+/// Refinement steps per progress step.
 const STEPS_PER_PROGRESS: u64 = 16;
 
 /// A finished package.
@@ -35,7 +35,7 @@ pub fn package(scene: &Scene, settings: &PackageSettings) -> anyhow::Result<Pack
     package_with(scene, settings, None, &StagedProgress::hidden())
 }
 
-/// Makes a package as [`package`] does, moves the kept Gaussians towards photographs by `refinement`,
+/// Makes a package as [`package`] does, refines the retained Gaussians on photographs,
 /// and draws `progress`.
 ///
 /// # Errors
@@ -76,7 +76,7 @@ pub fn package_with(
     Ok(Package { bytes: coded.bytes, report })
 }
 
-/// Moves `field` towards the photographs; its rows stay in order.
+/// Refines `field` on the photographs; its rows stay in order.
 fn refine_field(field: &mut Field, refinement: &Refinement, progress: &StagedProgress) -> RefinementReport {
     progress.stage("refining", (refinement.steps / STEPS_PER_PROGRESS) as usize);
     let mut steps = 0;

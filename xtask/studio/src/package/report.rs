@@ -24,20 +24,20 @@ pub struct PackageReport {
     /// PSNR in dB between pictures of the decoded package and of the whole field; `None` where
     /// nothing was left out for the budget.
     pub whole_psnr_db: Option<f64>,
-    /// What was tried for the budget.
+    /// The candidates for the budget.
     pub tried: Vec<TriedCandidate>,
-    /// Why the package holds what it holds of them; `None` where nothing was left out for the budget.
+    /// Why the chosen candidate won; `None` if all Gaussians fit in the budget.
     pub why: Option<String>,
     /// Gain in dB of the recolouring, if asked for; it is used if above 0.
     #[serde(rename = "refit_gain_db")]
     pub recolor_gain_db: Option<f64>,
-    /// What came of moving them towards photographs, if asked for.
+    /// Result of the refinement on photographs, if requested.
     pub refined: Option<RefinementReport>,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
     /// Length of the clip in seconds.
     pub duration_s: f32,
-    /// Keys of `scene.json` that nobody gave, so that the package has their defaults.
+    /// Keys of `scene.json` for which the package has the defaults.
     pub assumed: Vec<&'static str>,
     /// Size of the package.
     pub bytes: usize,
@@ -69,12 +69,12 @@ impl Counts {
     }
 }
 
-/// A way to meet the budget that was tried, and how it did.
+/// A candidate for the budget, and its measures.
 #[derive(Clone, Debug, Serialize)]
 pub struct TriedCandidate {
     /// The ranking.
     pub ranking: &'static str,
-    /// Whether the topology floor changed what it keeps.
+    /// Whether the topology floor changed its selection.
     pub floor: bool,
     /// Whether this is what the package holds.
     pub chosen: bool,
@@ -90,9 +90,9 @@ pub struct TriedCandidate {
 /// How much of the topology of the whole field a package preserves, before coding.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PreservedTopology {
-    /// Part of the persistent features that is preserved.
+    /// Fraction of the persistent features that is preserved.
     pub recall: f64,
-    /// Part of the features of what is kept that is not merely a piece cut off.
+    /// Fraction of the retained Gaussians' features that are not cut-off pieces.
     pub precision: f64,
     /// Harmonic mean of both.
     pub f1: f64,
@@ -124,7 +124,7 @@ pub(super) fn tried(selection: &Selection) -> Vec<TriedCandidate> {
     selection.candidates.iter().enumerate().map(tried).collect()
 }
 
-/// Why the best candidate is the best, and why the floor has a part in it or not.
+/// Explains the choice of the best candidate, with or without the floor.
 pub(super) fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
     let chosen = &candidates[*best];
     let name = |candidate: &Candidate| match candidate.retained.restored {

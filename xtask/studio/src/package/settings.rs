@@ -1,19 +1,19 @@
-//! [`PackageSettings`]: what a package keeps of a scene, and how exactly.
+//! [`PackageSettings`]: budget, ranking and coding of a package.
 
 use clap::ValueEnum;
 use codec::Coder;
 use refine::prune::Ranking;
 
-/// What to make of a scene.
+/// Settings of packaging.
 #[derive(Clone, Debug, Default)]
 pub struct PackageSettings {
     /// Most Gaussians to keep, the plate's not counted; `None` keeps all that can be seen.
     pub budget: Option<usize>,
     /// The ranking that decides what a budget keeps; `None` tries all and takes the best.
     pub rank: Option<Ranking>,
-    /// Let the ranking alone decide, whatever the topology loses.
+    /// Prune by the ranking alone, without the topology floor.
     pub no_floor: bool,
-    /// Fit the colours of what a budget keeps to pictures of the whole.
+    /// Fit the colours of the retained Gaussians to pictures of the whole field.
     pub recolor: bool,
     /// How the Gaussians are coded.
     pub coding: Coding,
@@ -34,11 +34,11 @@ pub enum DropPart {
     Plate,
 }
 
-/// Where layers end, as far as there are Gaussians; the last one ends at the last Gaussian.
+/// Numbers of Gaussians at which layers end; the last layer ends at the last Gaussian.
 pub const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
 
-/// PSNR that a package is to have where nobody says it: coding then costs 0.01 dB of a field that
-/// fits its photographs to 24.3 dB.
+/// Default of [`Coding::Context::quality_db`]: coding then costs 0.01 dB of a field that fits its
+/// photographs to 24.3 dB.
 pub const QUALITY_DB: f64 = 50.7;
 
 /// How Gaussians are coded.
@@ -48,7 +48,7 @@ pub enum Coding {
     Fixed,
     /// The coder `context`.
     Context {
-        /// PSNR in dB that the package is to have, against the field before coding.
+        /// Target PSNR in dB against the field before coding.
         quality_db: f64,
     },
 }

@@ -1,5 +1,5 @@
-//! The views in which packages are ranked, judged and compared. Rankings see other places than the
-//! pictures that judge them.
+//! The views that rank Gaussians, judge rankings and measure coding errors. Judging views differ from
+//! ranking views, so that no ranking is judged by the pictures that it has seen.
 
 use codec::{Camera, Field};
 use refine::prune::{PosedView, dome, instants, posed_views, steps_aside};
@@ -7,48 +7,48 @@ use refine::reference::RenderScene;
 
 use crate::scene::Scene;
 
-/// Size in pixels of the pictures that rank and judge.
+/// Size in pixels of the ranking and judging pictures.
 const SIZE: (u32, u32) = (256, 192);
 
-/// About how many pictures rank, and how many judge, where all are taken at the same instants.
+/// Approximate number of pictures where all cameras share the same instants.
 const PICTURES: usize = 20;
 
-/// Most instants at which pictures are taken.
+/// Maximum number of shared instants.
 const INSTANTS: usize = 4;
 
-/// Most viewpoints from which pictures are taken with all their steps aside.
+/// Maximum number of viewpoints that are used with all their steps aside.
 const VIEWPOINTS: usize = 2;
 
-/// Viewpoints from which pictures are taken with one step aside each, where so many are suggested: those
-/// of a capture, whose cameras may stand all around. As many as a dome has.
+/// Number of viewpoints, with one step aside each, where a scene suggests at least so many: those of a
+/// capture may surround the subject. Equals the number of cameras of a dome.
 const AROUND: usize = 8;
 
-/// How many pictures rank and judge what moves and is looked at from all around.
+/// Number of pictures of a dynamic field from all around.
 const AROUND_PICTURES: usize = 24;
 
-/// Pictures that a package is compared in with what was coded. Errors of trajectories are largest at
-/// both ends of a clip, so that each picture has an instant of its own.
+/// Number of pictures that measure the coding error. Errors of trajectories are largest at both ends of a
+/// clip, so each picture has an instant of its own.
 const COMPARED: usize = 8;
 
-/// Step through the cameras from one picture to the next where each has an instant of its own; shares
-/// no factor with their number, 5, 8 or 10.
+/// Increment of the camera index from picture to picture where each has its own instant; coprime to the
+/// number of cameras, 5, 8 or 10.
 const CAMERA_STEP: usize = 3;
 
-/// Size in pixels of the pictures that tell what an error of coding looks like.
+/// Size in pixels of the pictures that measure the coding error.
 pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
 
-/// Where pictures are taken from: steps aside in degrees, or turn of the dome in parts of the angle
-/// from camera to camera.
+/// Camera placement: steps aside in degrees, or rotation of the dome relative to the angle between
+/// its cameras.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Places {
     pub(crate) aside: f64,
     pub(crate) turn: f64,
 }
 
-/// For rankings.
+/// Placement of the ranking views.
 pub(crate) const RANKING_PLACES: Places = Places { aside: 10.0, turn: 0.0 };
 
-/// For judging between them.
+/// Placement of the judging views.
 pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, turn: 0.5 };
 
 pub(crate) fn ranking_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
@@ -59,12 +59,12 @@ pub(crate) fn judging_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, JUDGING_PLACES, SIZE)
 }
 
-/// Pictures to compare a package in with the field that was coded.
+/// Views that compare a package with the field before coding.
 pub(crate) fn compared_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     paired(&cameras(scene, field, JUDGING_PLACES, CODED_SIZE), &instants(field, COMPARED), COMPARED)
 }
 
-/// So many pictures, each from the next place and at the next instant.
+/// `count` views, each with the next camera and the next instant.
 fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<PosedView> {
     let view = |i: usize| PosedView {
         camera: cameras[i * CAMERA_STEP % cameras.len()].clone(),
@@ -73,8 +73,8 @@ fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<PosedView> 
     (0..count).map(view).collect()
 }
 
-/// From where and when to look at a field: what moves is looked at from all around at an instant of its
-/// own from each place, as Gaussians that live for a few frames are missed between few instants.
+/// Views of a field. A dynamic field seen from all around gets an instant per view, because a few shared
+/// instants miss Gaussians that live for a few frames.
 pub(crate) fn views_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<PosedView> {
     let cameras = cameras(scene, field, places, size);
     if cameras.len() == AROUND && field.temporal.is_some() {
@@ -84,8 +84,8 @@ pub(crate) fn views_of(scene: &Scene, field: &Field, places: Places, size: (u32,
     posed_views(&cameras, &instants(field, count))
 }
 
-/// Where to look at a field from: the viewpoints that somebody suggested and steps aside of them, a
-/// step aside of each where there are many, or else a dome. Never empty.
+/// Cameras for a field: the suggested viewpoints and steps aside of them, one step aside of each if there are
+/// many, or a dome if there are none. Never empty.
 fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Camera> {
     let up = scene.info.up;
     let viewpoints = &scene.info.viewpoints;

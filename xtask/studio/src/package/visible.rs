@@ -10,7 +10,7 @@ use super::settings::{DropPart, PackageSettings};
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 
-/// What can be seen of a scene, without the parts to remove.
+/// The visible Gaussians of a scene, without the dropped parts.
 pub(super) struct VisibleScene {
     pub(super) field: Field,
     pub(super) subject: Counts,
@@ -49,7 +49,7 @@ pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
         return Err(Fault::Data(format!("{}: no Gaussian that can be seen", scene.name)));
     }
     let (plate, plate_counts) = background.unzip();
-    // A plate of which nothing can be seen is no plate.
+    // A plate without a visible Gaussian is dropped.
     let plate = plate.filter(|plate| !plate.is_empty());
     Ok(VisibleScene { field, subject, plate, plate_counts, parts_removed })
 }
@@ -64,7 +64,7 @@ fn check_repairs(scene: &Scene) -> Result<(), Fault> {
     scene.plate.as_ref().map_or(Ok(()), |plate| refused("the background plate", &plate.repairs))
 }
 
-/// The rows that can be seen at some instant of the clip, and the account of the others.
+/// The rows that are visible at some instant of the clip, and counts of the others.
 pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
     let Imported { field, repairs, .. } = imported;
     let rows: Vec<usize> = (0..field.len()).filter(|&i| field.alive_interval(i).is_some()).collect();
@@ -74,13 +74,13 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
         dropped: repairs.dropped.clone(),
         repaired: repairs.repaired.clone(),
     };
-    let faint = field.opacities.iter().filter(|&&opacity| f64::from(opacity) < ALPHA_MIN).count();
-    counts.drop("opacity below 1/255", faint);
-    counts.drop("never visible within the clip", field.len() - rows.len() - faint);
+    let culled = field.opacities.iter().filter(|&&opacity| f64::from(opacity) < ALPHA_MIN).count();
+    counts.drop("opacity below 1/255", culled);
+    counts.drop("never visible within the clip", field.len() - rows.len() - culled);
     (field.select(&rows), counts)
 }
 
-/// Removes a part of every Gaussian; how many of them had it.
+/// Removes a part of every Gaussian; returns how many had it.
 fn remove(part: DropPart, field: &mut Field) -> usize {
     match part {
         DropPart::Angular => {

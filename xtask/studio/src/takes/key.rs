@@ -1,4 +1,4 @@
-//! [`key`]: what an output follows from, as one short text.
+//! [`key`]: a hash of everything that an output depends on.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -12,13 +12,12 @@ use crate::capture::CaptureFiles;
 /// Bytes that are read at a time.
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// Deepest nesting of folders: a link that leads back up has no end.
+/// Maximum nesting of folders; ends cycles of links.
 const DEPTH_MAX: usize = 32;
 
-/// The SHA-256 of what a command makes an output from: this program's version, the command, its
-/// options as text, and its inputs, names and contents of all files of a folder (hidden ones left
-/// out), and of the photographs and masks that a capture there lists, wherever they are. Where the
-/// inputs are does not count.
+/// SHA-256 over the version of this program, the command, its options as text, and the inputs: names and
+/// contents of all files of a folder except hidden ones, and of the photographs and masks that a capture
+/// in it lists, in any folder. The location of the inputs is not hashed.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file that cannot be read.
@@ -36,7 +35,7 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
         let mut files = Vec::new();
         if input.is_dir() {
             find(input, 0, &mut files).map_err(|error| fault(input, error))?;
-            // What is no capture, or none that can be read, lists nothing.
+            // A folder that is no readable capture lists no files.
             if let Ok(capture_files) = CaptureFiles::open(input) {
                 files.extend(capture_files.files().map(Path::to_owned));
             }
@@ -79,7 +78,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// All files below a folder but hidden ones.
+/// Finds all files below a folder except hidden ones.
 fn find(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> io::Result<()> {
     if depth > DEPTH_MAX {
         return Err(io::Error::other(format!("folders nested more than {DEPTH_MAX} deep")));

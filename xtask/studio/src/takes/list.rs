@@ -1,4 +1,4 @@
-//! [`List`]: a text file that names takes, and [`Shard`], the part of it that is one machine's.
+//! [`List`]: a text file that names takes, and [`Shard`]: one machine's share of it.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -10,33 +10,33 @@ use program::Fault;
 
 use crate::scene::name_of;
 
-/// Most takes of a list: as many as a playlist may hold.
+/// Maximum number of takes in a list: that of clips in a playlist.
 pub const TAKES_MAX: usize = 10_000;
 
-/// Most bytes of a list.
+/// Maximum size of a list in bytes.
 const LIST_BYTES: u64 = 4 << 20;
 
 /// One of many scenes or captures.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Take {
-    /// Where it is.
+    /// Path of the scene or capture.
     pub path: PathBuf,
-    /// What its output is called, without an ending. No two takes of a list share one.
+    /// Name of its output without extension, unique in the list.
     pub name: String,
 }
 
 /// The takes of a list, in its order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct List {
-    /// Where it was read from.
+    /// Path of the list.
     pub path: PathBuf,
     /// At least one.
     pub takes: Vec<Take>,
 }
 
 impl List {
-    /// Reads a list: a path in each line, relative to the folder of the list; empty lines and lines
-    /// that begin with `#` count for nothing.
+    /// Reads a list: a path in each line, relative to the folder of the list; skips empty
+    /// lines and lines that begin with `#`.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the list and the line: unreadable, too long, empty, or two takes
@@ -74,13 +74,13 @@ impl List {
         }
     }
 
-    /// The takes that are a shard's.
+    /// The takes of a shard.
     pub fn of(&self, shard: Shard) -> impl Iterator<Item = &Take> {
         self.takes.iter().skip(shard.index).step_by(shard.count)
     }
 }
 
-/// One of several equal parts: takes are dealt out one after the other.
+/// One of several equal shares of a list; takes are dealt out in turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     index: usize,
@@ -88,10 +88,10 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Everything.
+    /// All takes.
     pub const ALL: Shard = Shard { index: 0, count: 1 };
 
-    /// As part of the name of a file.
+    /// The shard as part of a file name.
     pub fn file_name(&self) -> String {
         format!("{}-of-{}", self.index, self.count)
     }

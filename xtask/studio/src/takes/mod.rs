@@ -1,10 +1,10 @@
-//! Many takes, one command: which of them are whose, and which are done.
+//! One command over many takes: shards of a list, and records of finished outputs.
 //!
 //! ```text
 //! list -> shard -> take -> key, of its inputs and options -> record beside its output: done, begun or neither
 //! ```
 //!
-//! Nobody schedules here: each of several machines is given a [`Shard`], and looks at outputs alone.
+//! There is no scheduler: each machine gets a [`Shard`] and reads only the records of its outputs.
 
 mod key;
 mod list;
@@ -12,4 +12,4 @@ mod record;
 
 pub use key::key;
 pub use list::{List, Shard, TAKES_MAX, Take};
-pub use record::{Record, Standing, record_path};
+pub use record::{OutputState, Record, record_path};

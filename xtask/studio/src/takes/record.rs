@@ -14,36 +14,36 @@ use serde_json::Value;
 
 use super::key::file_sum;
 
-/// Most bytes of a record.
+/// Maximum size of a record in bytes.
 const RECORD_BYTES: u64 = 16 << 20;
 
-/// What an output is, or is to become.
+/// The record of an output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Who makes it.
+    /// The command that makes it.
     command: String,
-    /// What it follows from.
+    /// The hash of its inputs, see [`super::key`].
     key: String,
     /// SHA-256 of the output, once it is done.
     sha256: Option<String>,
-    /// What the command has to say of it.
+    /// The command's report.
     report: Value,
 }
 
-/// How an output stands to what it should be.
+/// State of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
-    /// It is that.
+pub enum OutputState {
+    /// Complete, and made from the same inputs.
     Done,
-    /// Work on it began.
+    /// Begun from the same inputs.
     Begun,
-    /// The command made, or began, it from something else.
+    /// Made or begun by the same command from other inputs.
     Stale,
-    /// The command has nothing to do with it.
+    /// Without a record of the command.
     Unknown,
 }
 
-/// Where the record of an output is.
+/// Path of the record of an output.
 pub fn record_path(out: &Path) -> PathBuf {
     let mut name = out.file_name().unwrap_or_default().to_owned();
     name.push(".done.json");
@@ -51,20 +51,20 @@ pub fn record_path(out: &Path) -> PathBuf {
 }
 
 impl Record {
-    /// How the output `out` of `command` stands to `key`. A record that cannot be read is none.
-    pub fn standing(out: &Path, command: &str, key: &str) -> Standing {
+    /// State of the output `out` of `command` with `key`. An unreadable record counts as absent.
+    pub fn state(out: &Path, command: &str, key: &str) -> OutputState {
         match read(&record_path(out)) {
-            Some(record) if record.command != command => Standing::Unknown,
-            Some(record) if record.key != key => Standing::Stale,
+            Some(record) if record.command != command => OutputState::Unknown,
+            Some(record) if record.key != key => OutputState::Stale,
             Some(Record { sha256: Some(sum), .. }) if file_sum(out).is_ok_and(|actual| actual == sum) => {
-                Standing::Done
+                OutputState::Done
             }
-            Some(_) => Standing::Begun,
-            None => Standing::Unknown,
+            Some(_) => OutputState::Begun,
+            None => OutputState::Unknown,
         }
     }
 
-    /// Notes that work on `out` begins.
+    /// Records that work on `out` begins.
     ///
     /// # Errors
     /// [`Fault::Usage`] that names the record, if it cannot be written.
@@ -73,7 +73,7 @@ impl Record {
         Record { command, key, sha256: None, report: Value::Null }.write(out)
     }
 
-    /// Notes that `out` is done.
+    /// Records that `out` is complete.
     ///
     /// # Errors
     /// [`Fault::Usage`] that names the file, if `out` cannot be read or the record not be written.
@@ -104,23 +104,29 @@ mod tests {
     fn an_output_is_done_if_it_is_the_one_of_its_record() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("walk.v2.aarc");
-        let standing = |command: &str, key: &str| Record::standing(&out, command, key);
-        assert_eq!(standing("package", "k"), Standing::Unknown);
+        let standing = |command: &str, key: &str| Record::state(&out, command, key);
+        assert_eq!(standing("package", "k"), OutputState::Unknown);
         fs::write(&out, "someone's").unwrap();
-        assert_eq!(standing("package", "k"), Standing::Unknown);
+        assert_eq!(standing("package", "k"), OutputState::Unknown);
         Record::begin(&out, "package", "k").unwrap();
         assert!(folder.path().join("walk.v2.aarc.done.json").is_file());
-        assert_eq!((standing("package", "k"), standing("package", "l")), (Standing::Begun, Standing::Stale));
-        assert_eq!(standing("fit", "k"), Standing::Unknown);
+        assert_eq!(
+            (standing("package", "k"), standing("package", "l")),
+            (OutputState::Begun, OutputState::Stale)
+        );
+        assert_eq!(standing("fit", "k"), OutputState::Unknown);
         fs::write(&out, "whole").unwrap();
-        assert_eq!(standing("package", "k"), Standing::Begun, "interrupted between output and record");
+        assert_eq!(standing("package", "k"), OutputState::Begun, "interrupted between output and record");
         Record::complete(&out, "package", "k", serde_json::json!({"bytes": 5})).unwrap();
-        assert_eq!((standing("package", "k"), standing("package", "l")), (Standing::Done, Standing::Stale));
+        assert_eq!(
+            (standing("package", "k"), standing("package", "l")),
+            (OutputState::Done, OutputState::Stale)
+        );
         fs::write(&out, "who1e").unwrap();
-        assert_eq!(standing("package", "k"), Standing::Begun, "damaged");
+        assert_eq!(standing("package", "k"), OutputState::Begun, "damaged");
         fs::remove_file(&out).unwrap();
-        assert_eq!(standing("package", "k"), Standing::Begun, "gone");
+        assert_eq!(standing("package", "k"), OutputState::Begun, "gone");
         fs::write(record_path(&out), "{").unwrap();
-        assert_eq!(standing("package", "k"), Standing::Unknown);
+        assert_eq!(standing("package", "k"), OutputState::Unknown);
     }
 }

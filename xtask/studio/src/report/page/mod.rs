@@ -13,7 +13,11 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
+<<<<<<< HEAD
 use super::plot::{self as lines, Chart, Series};
+=======
+use super::plot::{self, Series};
+>>>>>>> h-studio
 use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -203,7 +207,11 @@ impl Findings {
 
     /// Plots of the held-out PSNR over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
+<<<<<<< HEAD
         let chart = |x: &str, of: fn(&LogEntry) -> f64| Chart {
+=======
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| plot::Chart {
+>>>>>>> h-studio
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits
@@ -220,7 +228,7 @@ impl Findings {
         };
         let steps = chart("steps", |entry| entry.step as f64);
         let seconds = chart("seconds", |entry| entry.seconds);
-        Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
+        Ok(plot::svg("steps", &[steps])? + &plot::svg("seconds", &[seconds])?)
     }
 }
 

@@ -1,4 +1,4 @@
-//! [`ladder`]: what the first layers of a package show of the photographs (the paper's appendix
+//! [`eval_prefixes`]: the first layers of a package against photographs (the paper's appendix
 //! "Degradation Along the Budget Ladder").
 
 use std::fmt::Write;
@@ -18,32 +18,33 @@ use super::splits;
 use crate::capture::CaptureFiles;
 use crate::input::{prefix_bytes, read_package};
 
-/// Most photographs that each layer is compared with.
+/// Maximum number of photographs that each prefix is compared with.
 const PHOTOS_MAX: usize = 16;
 
-/// Splits by how telling they are.
+/// Splits, the hardest to predict first.
 const SPLITS: [Split; 4] = [Split::InterpA, Split::InterpB, Split::Recon, Split::Train];
 
-/// How good each prefix of the layers is.
+/// Quality of each prefix of the layers.
 #[derive(Clone, Debug, Serialize)]
-pub struct Ladder {
-    /// Name of the split that the photographs are of.
+pub struct PrefixEval {
+    /// Name of the photographs' split.
     pub split: &'static str,
-    /// Number of photographs, evenly taken from the split.
+    /// Number of photographs, taken evenly from the split.
     pub images: usize,
-    /// The least budget first.
-    pub rungs: Vec<Rung>,
-    /// A photograph, and what the layers show of it: all of them first.
+    /// One step per prefix, the shortest first.
+    #[serde(rename = "rungs")]
+    pub steps: Vec<PrefixEvalStep>,
+    /// A photograph, then the picture of each prefix, the longest first.
     #[serde(skip)]
     pub picture: Image,
 }
 
-/// The first layers of a package against photographs: means.
+/// Mean measures of a prefix against the photographs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Rung {
-    /// Gaussians in these layers.
+pub struct PrefixEvalStep {
+    /// Number of Gaussians in the prefix.
     pub gaussians: usize,
-    /// Bytes of the package up to their end.
+    /// Bytes of the package up to the end of the prefix.
     pub bytes: usize,
     /// PSNR in dB over the subject, of the photographs that show it.
     pub psnr_fg: Option<f64>,
@@ -53,17 +54,17 @@ pub struct Rung {
     pub ssim: f64,
 }
 
-/// Compares what the first layers of `clip` show with photographs of its most held split; `path` is
-/// the package that it was read from. `None` where it has but one layer.
+/// Compares each prefix of the layers of `clip` with photographs of the first non-empty split of
+/// `SPLITS`; `path` is the package of the clip. `None` if the clip has one layer.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or nothing is left to fit to.
-pub fn ladder(
+/// [`Fault::Data`] where a file cannot be read or no photograph is left for fitting.
+pub fn eval_prefixes(
     clip: &Clip,
     path: &Path,
     capture_files: &CaptureFiles,
     holdout: Holdout,
-) -> anyhow::Result<Option<Ladder>> {
+) -> anyhow::Result<Option<PrefixEval>> {
     let layers = clip.layers.len();
     if layers < 2 {
         return Ok(None);
@@ -71,22 +72,23 @@ pub fn ladder(
     let contents = codec::contents(&read_package(path)?, &Limits::default())
         .map_err(|error| Fault::Data(format!("{}: {error}", path.display())))?;
     let splits = splits(capture_files, holdout)?;
-    let of = |wanted: Split| -> Vec<PhotoId> {
-        splits.iter().filter(|(_, split)| *split == wanted).map(|(shot, _)| *shot).collect()
+    let of = |target: Split| -> Vec<PhotoId> {
+        splits.iter().filter(|(_, split)| *split == target).map(|(photo_id, _)| *photo_id).collect()
     };
-    let (split, shots) = SPLITS
+    let (split, photo_ids) = SPLITS
         .map(|split| (split, of(split)))
         .into_iter()
-        .find(|(_, shots)| !shots.is_empty())
-        .expect("there is something to fit to");
-    let count = shots.len().min(PHOTOS_MAX);
-    // In the middles of equal parts: not all of the first camera.
-    let shots: Vec<PhotoId> = (0..count).map(|i| shots[(2 * i + 1) * shots.len() / (2 * count)]).collect();
+        .find(|(_, photo_ids)| !photo_ids.is_empty())
+        .expect("a photograph is left for fitting");
+    let count = photo_ids.len().min(PHOTOS_MAX);
+    // Evenly spaced, so that not all are of the first camera.
+    let photo_ids: Vec<PhotoId> =
+        (0..count).map(|i| photo_ids[(2 * i + 1) * photo_ids.len() / (2 * count)]).collect();
     let mut measures = vec![Vec::new(); layers];
     let mut row = Vec::new();
-    for (i, shot) in shots.iter().enumerate() {
-        let camera = &capture_files.capture.cameras[shot.camera].camera;
-        let (photo, t) = (capture_files.photo(*shot)?, capture_files.capture.times[shot.frame]);
+    for (i, photo_id) in photo_ids.iter().enumerate() {
+        let camera = &capture_files.capture.cameras[photo_id.camera].camera;
+        let (photo, t) = (capture_files.photo(*photo_id)?, capture_files.capture.times[photo_id.frame]);
         let draw = |layer: usize| {
             reference::render(&RenderScene::from_layers(clip, layer + 1), camera, t, Order::Depth)
         };
@@ -102,9 +104,9 @@ pub fn ladder(
                 .collect();
         }
     }
-    let rung = |(layer, measures): (usize, &Vec<ImageMetrics>)| {
+    let step = |(layer, measures): (usize, &Vec<ImageMetrics>)| {
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
-        Rung {
+        PrefixEvalStep {
             gaussians: clip.layers[layer].total(),
             bytes: prefix_bytes(&contents, layer),
             psnr_fg: (!subject.is_empty()).then(|| mean(&subject)),
@@ -112,19 +114,19 @@ pub fn ladder(
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
         }
     };
-    let rungs = measures.iter().enumerate().map(rung).collect();
-    Ok(Some(Ladder { split: split.name(), images: count, rungs, picture: sheet(&[row]) }))
+    let steps = measures.iter().enumerate().map(step).collect();
+    Ok(Some(PrefixEval { split: split.name(), images: count, steps, picture: sheet(&[row]) }))
 }
 
-impl Ladder {
-    /// The rungs as a table in Markdown.
+impl PrefixEval {
+    /// The steps as a table in Markdown.
     pub fn table(&self) -> String {
         let mut text = format!(
             "\nThe first layers of the package, against {} photographs of {}:\n\n\
              | Gaussians | bytes | PSNR of the subject, dB | whole frame, dB | SSIM |\n|---|---|---|---|---|\n",
             self.images, self.split
         );
-        for Rung { gaussians, bytes, psnr_fg, psnr_full, ssim } in &self.rungs {
+        for PrefixEvalStep { gaussians, bytes, psnr_fg, psnr_full, ssim } in &self.steps {
             let subject = psnr_fg.map_or("–".into(), |psnr| format!("{psnr:.2}"));
             writeln!(text, "| {gaussians} | {bytes} | {subject} | {psnr_full:.2} | {ssim:.4} |")
                 .expect("text grows");
