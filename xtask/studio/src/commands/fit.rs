@@ -33,13 +33,8 @@ pub struct Args {
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
-<<<<<<< HEAD
-    many: Many,
-    /// Number of steps; 5600 per training frame, at most 96000, by default
-=======
     many: TakeOptions,
     /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
->>>>>>> h-studio
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     #[command(flatten)]
@@ -194,13 +189,8 @@ impl Args {
         Args {
             capture: None,
             out: None,
-<<<<<<< HEAD
-            many: Many::default(),
-            // `Job::inputs` holds it, as its contents count.
-=======
             many: TakeOptions::default(),
             // Its contents count, see the inputs.
->>>>>>> h-studio
             lpips_weights: None,
             checkpoint_every: 0.0,
             json: false,

@@ -13,11 +13,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
-<<<<<<< HEAD
-use super::plot::{self as lines, Chart, Series};
-=======
-use super::plot::{self, Series};
->>>>>>> h-studio
+use super::plot::{self, LineChart, PlotLine};
 use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -207,16 +203,12 @@ impl Findings {
 
     /// Plots of the held-out PSNR over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
-<<<<<<< HEAD
-        let chart = |x: &str, of: fn(&LogEntry) -> f64| Chart {
-=======
-        let chart = |x: &str, of: fn(&LogEntry) -> f64| plot::Chart {
->>>>>>> h-studio
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| LineChart {
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits
                 .iter()
-                .map(|fit| Series {
+                .map(|fit| PlotLine {
                     name: fit.name.clone(),
                     points: fit
                         .entries
