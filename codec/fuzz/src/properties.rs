@@ -7,7 +7,7 @@ use codec::{
     SH_C0, Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
 };
 
-/// Limits small enough for fast inputs that reach and exceed them.
+/// Limits that small, fast inputs can reach and exceed.
 pub const LIMITS: Limits = Limits { max_gaussians: 1 << 14, max_bytes: 2 << 20 };
 
 /// Largest number that the encoder accepts.
@@ -17,10 +17,10 @@ const MAGNITUDE_MAX: f32 = 1e9;
 const FP16_MAX: f32 = 65504.0;
 const FP16_INFINITE: f32 = 65520.0;
 
-/// Largest colour of the coder `context` in steps: a coded number combines up to three channels.
+/// Largest colour that the coder `context` encodes, in steps. A coded number combines up to three channels.
 const CODES: f64 = (1u32 << 22) as f64;
 
-/// Largest number of Gaussians of an [`Input`].
+/// Largest number of Gaussians of an [`RoundTripInput`].
 const ROWS_MAX: usize = 24;
 
 /// Checks the result of decoding `bytes` within [`LIMITS`].
@@ -75,7 +75,7 @@ fn check_clip(clip: &Clip, head: &Contents, available: usize) {
 
 /// A source of the round trip.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Input {
+pub struct RoundTripInput {
     /// Gaussians; valid, except that numbers may be too large to package.
     pub field: Field,
     /// Ends of up to two layers before the last.
@@ -85,9 +85,9 @@ pub struct Input {
 }
 
 /// Reads numbers from bytes, then zeros.
-struct Numbers<'a>(std::slice::Iter<'a, u8>);
+struct NumberReader<'a>(std::slice::Iter<'a, u8>);
 
-impl Numbers<'_> {
+impl NumberReader<'_> {
     fn u8(&mut self) -> u8 {
         self.0.next().copied().unwrap_or(0)
     }
@@ -108,11 +108,11 @@ impl Numbers<'_> {
     }
 }
 
-impl Input {
+impl RoundTripInput {
     /// The input that `bytes` encode: a byte each for the number of Gaussians, the columns and two ends
     /// of layers, then the numbers of each Gaussian.
-    pub fn from_bytes(bytes: &[u8]) -> Input {
-        let mut numbers = Numbers(bytes.iter());
+    pub fn from_bytes(bytes: &[u8]) -> RoundTripInput {
+        let mut numbers = NumberReader(bytes.iter());
         let rows = 1 + usize::from(numbers.u8()) % ROWS_MAX;
         let columns = numbers.u8();
         let mut layers = [numbers.u8(), numbers.u8()].map(|end| usize::from(end) % rows).to_vec();
@@ -140,10 +140,10 @@ impl Input {
                 }
             }
         }
-        Input { field, layers, plate: columns & 0x40 != 0 }
+        RoundTripInput { field, layers, plate: columns & 0x40 != 0 }
     }
 
-    /// The bytes of this input of at most [`ROWS_MAX`] Gaussians, for [`Input::from_bytes`].
+    /// The bytes of this input of at most [`ROWS_MAX`] Gaussians, for [`RoundTripInput::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let field = &self.field;
         let temporal = field.temporal.as_ref();
@@ -178,7 +178,7 @@ impl Input {
 /// If a valid field is refused, the package differs between two runs, or the decoded clip is invalid or
 /// too far from the source.
 pub fn check_round_trip(bytes: &[u8]) {
-    let Input { field, layers, plate } = Input::from_bytes(bytes);
+    let RoundTripInput { field, layers, plate } = RoundTripInput::from_bytes(bytes);
     let plate = plate.then(|| Field { temporal: None, ..field.clone() });
     let info = ClipInfo {
         duration_s: 1.0,
@@ -194,11 +194,11 @@ pub fn check_round_trip(bytes: &[u8]) {
         let package = encode(&source, &options);
         assert_eq!(package, encode(&source, &options), "encoding is deterministic");
         let package = match package {
-            Ok(package) if !has_too_large(&field) => package,
-            Err(_) if has_too_large(&field) => continue,
+            Ok(package) if !exceeds_magnitude(&field) => package,
+            Err(_) if exceeds_magnitude(&field) => continue,
             // The other coder moves windows that are far from the clip.
-            Err(_) if coder == Coder::Context && leaves_finite_space(&field) => continue,
-            other => panic!("numbers too large: {}, encoding gives {other:?}", has_too_large(&field)),
+            Err(_) if coder == Coder::Context && has_infinite_bounds(&field) => continue,
+            other => panic!("numbers too large: {}, encoding gives {other:?}", exceeds_magnitude(&field)),
         };
         let decoded = decode(&package, &LIMITS);
         check_decoding(&package, &decoded);
@@ -209,10 +209,15 @@ pub fn check_round_trip(bytes: &[u8]) {
         for (k, end) in clip.layers.iter().enumerate() {
             let first = if k == 0 { 0 } else { layers[k - 1] };
             let last = layers.get(k).copied().unwrap_or(field.len());
-            let fixed = clip.static_field.select(&(start.static_count..end.static_count).collect::<Vec<_>>());
-            let dynamic =
+            let static_rows =
+                clip.static_field.select(&(start.static_count..end.static_count).collect::<Vec<_>>());
+            let dynamic_rows =
                 clip.dynamic_field.select(&(start.dynamic_count..end.dynamic_count).collect::<Vec<_>>());
-            check_rows(coder, &field.select(&(first..last).collect::<Vec<_>>()), &[&fixed, &dynamic]);
+            check_rows(
+                coder,
+                &field.select(&(first..last).collect::<Vec<_>>()),
+                &[&static_rows, &dynamic_rows],
+            );
             start = *end;
         }
         if let Some(plate) = &plate {
@@ -277,7 +282,7 @@ fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usi
 }
 
 /// Whether a number of the field is too large to package.
-fn has_too_large(field: &Field) -> bool {
+fn exceeds_magnitude(field: &Field) -> bool {
     let temporal = field.temporal.as_ref();
     let motion = temporal.map_or(&[][..], |temporal| &temporal.motion);
     let rates = temporal.and_then(|temporal| temporal.rotation_rates.as_deref()).unwrap_or_default();
@@ -286,7 +291,7 @@ fn has_too_large(field: &Field) -> bool {
 }
 
 /// Whether the bounds of the field are infinite.
-fn leaves_finite_space(field: &Field) -> bool {
+fn has_infinite_bounds(field: &Field) -> bool {
     let [low, high] = field.bounds();
     (0..3).any(|axis| !(high[axis] - low[axis]).is_finite())
 }
@@ -298,7 +303,7 @@ fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
     if coder != Coder::Fixed {
         return;
     }
-    let bounds = Bounds::of(source);
+    let bounds = ErrorBounds::of(source);
     let decoded = || parts.iter().flat_map(|&part| (0..part.len()).map(move |i| (part, i)));
     for i in 0..source.len() {
         let found = decoded().any(|(part, j)| bounds.hold(source, i, part, j));
@@ -312,7 +317,7 @@ fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
 
 /// Largest errors of the coder `fixed` on a chunk, from the table in FORMAT.md. A chunk with fewer rows
 /// has narrower ranges and smaller errors.
-struct Bounds {
+struct ErrorBounds {
     center: f64,
     log_scale: f64,
     /// Lower log-scales may be raised to this.
@@ -324,8 +329,8 @@ struct Bounds {
     rate: f64,
 }
 
-impl Bounds {
-    fn of(rows: &Field) -> Bounds {
+impl ErrorBounds {
+    fn of(rows: &Field) -> ErrorBounds {
         let extent = (0..3).map(|axis| span(rows.centers.iter().map(|c| c[axis]))).fold(0.0, f64::max);
         let log_scales = || rows.log_scales.as_flattened().iter().copied();
         let band = |degree: u8| {
@@ -334,7 +339,7 @@ impl Bounds {
         };
         let half_step =
             |steps: f64, largest: f64, finest: f64| 0.501 * (largest / steps).max(finest) + rounding(largest);
-        let mut bounds = Bounds {
+        let mut bounds = ErrorBounds {
             center: extent / 4096.0 + rounding(largest(rows.centers.iter().flatten().copied())),
             log_scale: 0.501 * span(log_scales()).min(16.0) / 255.0 + rounding(largest(log_scales())),
             log_scale_floor: log_scales().fold(f64::MIN, |high, x| high.max(x.into())) - 16.0,

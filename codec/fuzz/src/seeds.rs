@@ -5,14 +5,14 @@ use codec::Coder;
 
 use crate::{
     common::{Shape, field, options, package, static_field},
-    properties::Input,
+    properties::RoundTripInput,
 };
 
 /// Named packages of all coders.
 pub fn packages() -> Vec<(String, Vec<u8>)> {
     let mut packages = Vec::new();
     for coder in Coder::ALL {
-        for (name, Input { field, layers, plate }) in inputs() {
+        for (name, RoundTripInput { field, layers, plate }) in inputs() {
             let plate = plate.then(|| static_field(3, field.sh_degree ^ 1, 3));
             let package = package(&field, plate.as_ref(), &options(coder, &layers));
             packages.push((format!("{}-{name}.aarc", coder.name()), package));
@@ -34,8 +34,8 @@ pub fn sources() -> Vec<(String, Vec<u8>)> {
 }
 
 /// A field of each combination of columns, half of them with layers, half of them with a plate.
-fn inputs() -> Vec<(String, Input)> {
-    let input = Input { field: static_field(7, 1, 1), layers: vec![2], plate: true };
+fn inputs() -> Vec<(String, RoundTripInput)> {
+    let input = RoundTripInput { field: static_field(7, 1, 1), layers: vec![2], plate: true };
     let mut inputs = vec![("static".to_owned(), input)];
     for sh_degree in 0..=3 {
         for motion_order in 0..=3 {
@@ -46,7 +46,7 @@ fn inputs() -> Vec<(String, Input)> {
                 let plate = (sh_degree / 2 + motion_order) % 2 == 0;
                 let rates = if rotation_rates { "-rates" } else { "" };
                 let name = format!("sh{sh_degree}-motion{motion_order}{rates}");
-                inputs.push((name, Input { field, layers, plate }));
+                inputs.push((name, RoundTripInput { field, layers, plate }));
             }
         }
     }

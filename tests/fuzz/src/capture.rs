@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use refine::capture::PhotoId;
 use studio::capture::CaptureFiles;
 
-use crate::files::{Desk, check_refusal};
+use crate::files::{InputFiles, check_refusal};
 use crate::parts;
 use crate::seeds::{easyvolcap, manifest, photograph};
 
@@ -29,54 +29,54 @@ const FRAMES_MAX: u64 = 50;
 /// # Panics
 /// If an accepted file is invalid, or a refusal is not one line.
 pub fn check_capture(bytes: &[u8]) {
-    static DESK: OnceLock<Desk> = OnceLock::new();
-    let Some((kind, bytes)) = parts::kind(bytes, KINDS) else { return };
-    let desk = DESK.get_or_init(prepared);
+    static FILES: OnceLock<InputFiles> = OnceLock::new();
+    let Some((kind, bytes)) = parts::split_kind(bytes, KINDS) else { return };
+    let files = FILES.get_or_init(files_of_corpus);
     let folder = match kind {
         MANIFEST => {
-            let frames = serde_json::from_slice::<serde_json::Value>(bytes).ok();
-            if frames.and_then(|value| value["frames"].as_u64()).is_some_and(|frames| frames > FRAMES_MAX) {
+            let manifest = serde_json::from_slice::<serde_json::Value>(bytes).ok();
+            if manifest.and_then(|value| value["frames"].as_u64()).is_some_and(|frames| frames > FRAMES_MAX) {
                 return;
             }
-            desk.put("manifest/capture.json", bytes);
+            files.put("manifest/capture.json", bytes);
             "manifest"
         }
         EASYVOLCAP => {
-            let (intrinsics, extrinsics) = parts::two(bytes);
-            desk.put("easyvolcap/intri.yml", intrinsics);
-            desk.put("easyvolcap/extri.yml", extrinsics);
+            let (intrinsics, extrinsics) = parts::split(bytes);
+            files.put("easyvolcap/intri.yml", intrinsics);
+            files.put("easyvolcap/extri.yml", extrinsics);
             "easyvolcap"
         }
         TRANSFORMS => {
-            desk.put("transforms/transforms.json", bytes);
+            files.put("transforms/transforms.json", bytes);
             "transforms"
         }
         COLMAP_BINARY | COLMAP_TEXT => {
-            let (cameras, images) = parts::two(bytes);
-            let ending = if kind == COLMAP_BINARY { "bin" } else { "txt" };
-            desk.remove("colmap/sparse/0/cameras.bin");
-            desk.put(format!("colmap/sparse/0/cameras.{ending}"), cameras);
-            desk.put(format!("colmap/sparse/0/images.{ending}"), images);
+            let (cameras, images) = parts::split(bytes);
+            let extension = if kind == COLMAP_BINARY { "bin" } else { "txt" };
+            files.remove("colmap/sparse/0/cameras.bin");
+            files.put(format!("colmap/sparse/0/cameras.{extension}"), cameras);
+            files.put(format!("colmap/sparse/0/images.{extension}"), images);
             "colmap"
         }
         PHOTOGRAPH => {
-            desk.put("photograph/images/00/0.png", bytes);
+            files.put("photograph/images/00/0.png", bytes);
             "photograph"
         }
         _ => {
-            let ending = ["pfm", "npy", "png"][usize::from(kind - DEPTH_PFM)];
+            let extension = ["pfm", "npy", "png"][usize::from(kind - DEPTH_PFM)];
             for other in ["pfm", "npy", "png"] {
-                desk.remove(format!("depths/00/0.{other}"));
+                files.remove(format!("depths/00/0.{other}"));
             }
-            desk.put(format!("depths/00/0.{ending}"), bytes);
+            files.put(format!("depths/00/0.{extension}"), bytes);
             "depth"
         }
     };
-    let capture_files = match CaptureFiles::open(&desk.path(folder)) {
+    let capture_files = match CaptureFiles::open(&files.path(folder)) {
         Ok(capture_files) => capture_files,
         Err(error) => return check_refusal(&error),
     };
-    check_capture(&capture_files);
+    check_cameras_and_photos(&capture_files);
     for &photo_id in capture_files.capture.photos.iter().take(2) {
         match capture_files.photo(photo_id) {
             Ok(photo) => {
@@ -88,7 +88,7 @@ pub fn check_capture(bytes: &[u8]) {
         }
     }
     if folder == "depth" {
-        match capture_files.depth(&desk.path("depths"), PhotoId { frame: 0, camera: 0 }) {
+        match capture_files.depth(&files.path("depths"), PhotoId { frame: 0, camera: 0 }) {
             Ok(map) => {
                 let map = map.expect("the file exists");
                 assert_eq!(map.depths.len(), map.width as usize * map.height as usize);
@@ -98,20 +98,21 @@ pub fn check_capture(bytes: &[u8]) {
     }
 }
 
-fn check_capture(capture_files: &CaptureFiles) {
+fn check_cameras_and_photos(capture_files: &CaptureFiles) {
     let capture = &capture_files.capture;
     for camera in &capture.cameras {
         camera.camera.check().expect("accepted cameras are valid");
     }
     assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
     assert!(capture.times.is_sorted());
-    let exists = |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
+    let exists =
+        |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(capture_files.missing() <= capture.cameras.len() * capture.times.len());
+    assert!(capture_files.missing_count() <= capture.cameras.len() * capture.times.len());
 }
 
 /// A folder with the photographs that the initial corpus names.
-fn prepared() -> Desk {
+fn files_of_corpus() -> InputFiles {
     let photograph = photograph();
     let images = ["00/0", "00/1", "01/0", "01/1"];
     let numbered = ["manifest", "easyvolcap", "photograph", "depth"];
@@ -121,14 +122,14 @@ fn prepared() -> Desk {
     let masks = ["manifest", "photograph"]
         .into_iter()
         .flat_map(|layout| images.map(|image| (format!("{layout}/masks/{image}.png"), photograph.clone())));
-    let flat =
+    let flat_paths =
         ["transforms/images/a.png", "transforms/images/b.png", "colmap/images/a.png", "colmap/images/b.png"];
-    let flat = flat.map(|path| (path.to_owned(), photograph.clone()));
+    let flat_photographs = flat_paths.map(|path| (path.to_owned(), photograph.clone()));
     let (intrinsics, extrinsics) = easyvolcap();
     let cameras = [
         ("photograph/capture.json".to_owned(), manifest().into_bytes()),
         ("depth/intri.yml".to_owned(), intrinsics.into_bytes()),
         ("depth/extri.yml".to_owned(), extrinsics.into_bytes()),
     ];
-    Desk::with(photographs.chain(masks).chain(flat).chain(cameras))
+    InputFiles::new(photographs.chain(masks).chain(flat_photographs).chain(cameras))
 }

@@ -1,4 +1,4 @@
-//! [`Desk`]: a temporary folder for the files of an input, in memory if possible.
+//! [`InputFiles`]: a temporary folder for the files of an input, in memory if possible.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,18 +9,19 @@ use tempfile::{Builder, TempDir};
 const MEMORY: &str = "/dev/shm";
 
 /// A temporary folder, removed with the process.
-pub(crate) struct Desk(TempDir);
+pub(crate) struct InputFiles(TempDir);
 
-impl Desk {
+impl InputFiles {
     /// Creates a folder with these files.
-    pub(crate) fn with(files: impl IntoIterator<Item = (impl AsRef<Path>, Vec<u8>)>) -> Desk {
+    pub(crate) fn new(files: impl IntoIterator<Item = (impl AsRef<Path>, Vec<u8>)>) -> InputFiles {
         let memory = Path::new(MEMORY);
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
-        let desk = Desk(Builder::new().prefix("aarc-fuzz-").tempdir_in(parent).expect("a temporary folder"));
+        let folder =
+            InputFiles(Builder::new().prefix("aarc-fuzz-").tempdir_in(parent).expect("a temporary folder"));
         for (path, bytes) in files {
-            desk.put(path, &bytes);
+            folder.put(path, &bytes);
         }
-        desk
+        folder
     }
 
     /// The path of a file in the folder.
@@ -42,10 +43,10 @@ impl Desk {
     }
 }
 
-/// Checks that an error reports bad data, in one line.
+/// Checks that an error reports bad data in one line.
 ///
 /// # Panics
-/// Otherwise.
+/// If it is a defect, or has several lines.
 pub(crate) fn check_refusal(error: &anyhow::Error) {
     let fault = error.downcast_ref::<program::Fault>().unwrap_or_else(|| panic!("a defect: {error:?}"));
     assert_eq!(fault.exit_code(), 3, "{fault}");

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use studio::import::import;
 
-use crate::files::{Desk, check_refusal};
+use crate::files::{InputFiles, check_refusal};
 use crate::parts;
 use crate::seeds::sog_files;
 
@@ -19,34 +19,34 @@ pub(crate) const SOG_IMAGE: u8 = 3;
 /// # Panics
 /// If an accepted field is invalid, or a refusal is not one line.
 pub fn check_import(bytes: &[u8]) {
-    static DESK: OnceLock<Desk> = OnceLock::new();
+    static FILES: OnceLock<InputFiles> = OnceLock::new();
     let sog = || sog_files().into_iter().map(|(name, bytes)| (format!("sog/{name}"), bytes));
-    let desk = DESK.get_or_init(|| Desk::with(sog()));
-    let Some((kind, bytes)) = parts::kind(bytes, 4) else { return };
+    let files = FILES.get_or_init(|| InputFiles::new(sog()));
+    let Some((kind, bytes)) = parts::split_kind(bytes, 4) else { return };
     // No extension, so that the bytes determine the format.
     let mut name = "field".to_owned();
     let mut restored = None;
     match kind {
-        FILE => desk.put("field", bytes),
+        FILE => files.put("field", bytes),
         SPLAT => {
             name.push_str(".splat");
-            desk.put(&name, bytes);
+            files.put(&name, bytes);
         }
         SOG_META => {
             name = "sog".into();
-            desk.put("sog/meta.json", bytes);
+            files.put("sog/meta.json", bytes);
             restored = sog().find(|(path, _)| path == "sog/meta.json");
         }
         _ => {
             name = "sog".into();
             let Some((which, bytes)) = bytes.split_first() else { return };
             restored = sog().skip(1).nth(usize::from(*which) % (sog().count() - 1));
-            desk.put(&restored.as_ref().expect("the index is in range").0, bytes);
+            files.put(&restored.as_ref().expect("the index is in range").0, bytes);
         }
     }
-    let imported = import(&desk.path(name));
+    let imported = import(&files.path(name));
     if let Some((path, bytes)) = restored {
-        desk.put(path, &bytes);
+        files.put(path, &bytes);
     }
     match imported {
         Ok(imported) => {

@@ -6,7 +6,7 @@ use codec::{Camera, EncodeOptions, Source, encode};
 use studio::export::field_file;
 use studio::scene::Scene;
 
-use crate::files::{Desk, check_refusal};
+use crate::files::{InputFiles, check_refusal};
 use crate::parts;
 use crate::seeds;
 
@@ -20,8 +20,8 @@ pub(crate) const CAMERA: u8 = 1;
 /// If an accepted scene cannot be packaged, a refusal is not one line, or an accepted camera has no
 /// finite position.
 pub fn check_scene(bytes: &[u8]) {
-    static DESK: OnceLock<Desk> = OnceLock::new();
-    let Some((kind, bytes)) = parts::kind(bytes, 2) else { return };
+    static FILES: OnceLock<InputFiles> = OnceLock::new();
+    let Some((kind, bytes)) = parts::split_kind(bytes, 2) else { return };
     if kind == CAMERA {
         if let Ok(camera) = serde_json::from_slice::<Camera>(bytes)
             && camera.check().is_ok()
@@ -30,9 +30,10 @@ pub fn check_scene(bytes: &[u8]) {
         }
         return;
     }
-    let desk = DESK.get_or_init(|| Desk::with([("field.ply", field_file(&seeds::field(1), &seeds::info()))]));
-    desk.put("scene.json", bytes);
-    match Scene::load(&desk.path("")) {
+    let files =
+        FILES.get_or_init(|| InputFiles::new([("field.ply", field_file(&seeds::field(1), &seeds::info()))]));
+    files.put("scene.json", bytes);
+    match Scene::load(&files.path("")) {
         Ok(scene) => {
             let source = Source { info: &scene.info, field: &scene.subject.field, plate: None };
             encode(&source, &EncodeOptions::default()).expect("an accepted scene can be packaged");

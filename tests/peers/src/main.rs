@@ -1,14 +1,14 @@
-//! Measures other players and coders in turn with this project's: the same fields, cameras, times and
-//! pixels. `README.md` says what is compared and how.
+//! Measures other players and coders, interleaved with this project's, on the same fields, cameras, times and
+//! image sizes. `README.md` describes the comparison.
 
 mod coding;
-mod material;
+mod compared_field;
+mod median_range;
 mod native;
 mod player;
 mod playing;
 mod report;
-mod spread;
-mod work;
+mod workload;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,31 +21,31 @@ use program::Fault;
 use studio::export;
 use studio::machine::machine;
 
-use material::Material;
+use compared_field::ComparedField;
 use player::{PlayerKind, WebGl, web_folder};
 use report::PeerReport;
-use work::Work;
+use workload::Workload;
 
-/// The clip time that is frozen.
+/// Clip time of the frozen instant.
 const INSTANT: f64 = 0.5;
 
-/// Frames of a round.
+/// Frames per round.
 const FRAMES: usize = 12;
 
-/// Players of moving fields.
+/// Players of dynamic fields.
 const DYNAMIC: [PlayerKind; 4] =
     [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Gsplat, PlayerKind::GsplatMended];
 
-/// Players of static fields; ours plays the clip, at one instant.
+/// Players of static fields; ours plays the clip at one instant.
 const FROZEN: [PlayerKind; 4] =
     [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Viewer, PlayerKind::Spark];
 
-/// Measures other players and coders in turn with this project's.
+/// Measures other players and coders, interleaved with this project's.
 #[derive(Parser)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Cli {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<PeerCommand>,
     #[command(flatten)]
     measure: Option<MeasureArgs>,
 }
@@ -54,26 +54,26 @@ struct Cli {
 struct MeasureArgs {
     /// Fitted field file, folder holding one, or package
     input: PathBuf,
-    /// Folder for the tables, the pictures and all that was played and coded
+    /// Folder for the tables, the images, and the played and coded files
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
-    /// Keep the N Gaussians that contribute most to pictures
+    /// Use only the N Gaussians that contribute most to images
     #[arg(long, value_name = "N")]
     budget: Option<usize>,
-    /// Size of the pictures
+    /// Size of the images
     #[arg(long, value_name = "WxH", value_parser = size, default_value = "640x480")]
     size: [u32; 2],
     /// Rounds of playing and decoding
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..))]
     rounds: u8,
-    /// What draws for WebGL
+    /// WebGL driver
     #[arg(long, value_enum, default_value_t)]
     webgl: WebGl,
 }
 
 #[derive(Subcommand)]
-enum Command {
-    /// Answers for a player; what a measurement starts by itself
+enum PeerCommand {
+    /// Runs one player; started by a measurement
     #[command(hide = true)]
     Play { kind: PlayerKind, folder: PathBuf },
 }
@@ -81,7 +81,7 @@ enum Command {
 fn main() -> ExitCode {
     let start = Instant::now();
     let result = match Cli::parse() {
-        Cli { command: Some(Command::Play { kind, folder }), .. } => native::answer(kind, &folder, start),
+        Cli { command: Some(PeerCommand::Play { kind, folder }), .. } => native::answer(kind, &folder, start),
         Cli { measure: Some(measure), .. } => run(&measure),
         Cli { command: None, measure: None } => unreachable!("one of both is required"),
     };
@@ -105,17 +105,17 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     progress.set_style(ProgressStyle::with_template("{elapsed_precise} {msg}")?);
     progress.enable_steady_tick(Duration::from_secs(1));
 
-    let material = Material::load(&args.input, args.budget, &progress)?;
-    let Material { name, info, field: _, package, clip } = &material;
+    let compared = ComparedField::load(&args.input, args.budget, &progress)?;
+    let ComparedField { name, info, field: _, package, clip } = &compared;
     let viewpoint = &info.viewpoints[0];
-    let moving = Work::swinging(viewpoint, info, args.size, FRAMES, |part| part);
-    let frozen = Work::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
+    let dynamic = Workload::swinging(viewpoint, info, args.size, FRAMES, |part| part);
+    let frozen = Workload::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
     let played = clip.merged();
     let splatv = export::splatv(&played, info);
     let ply = export::static_ply(&export::frozen(&played, INSTANT));
-    let coded = made(&args.out.join("coding"))?;
-    let [dynamic_folder, frozen_folder] = [("moving", &moving), ("frozen", &frozen)].map(|(name, work)| {
-        let folder = made(&args.out.join(name))?;
+    let coded = created(&args.out.join("coding"))?;
+    let [dynamic_folder, frozen_folder] = [("moving", &dynamic), ("frozen", &frozen)].map(|(name, work)| {
+        let folder = created(&args.out.join(name))?;
         fs::write(folder.join(PlayerKind::Ours.field()), package)?;
         work.write(&folder)?;
         anyhow::Ok(folder)
@@ -124,7 +124,7 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     fs::write(dynamic_folder.join(PlayerKind::Gsplat.field()), &splatv)?;
     fs::write(frozen_folder.join(PlayerKind::Viewer.field()), ply)?;
 
-    let how = (rounds, args.webgl);
+    let options = (rounds, args.webgl);
     let report = PeerReport {
         name: name.clone(),
         gaussians: clip.len(),
@@ -134,9 +134,9 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
         size: args.size,
         frames: FRAMES,
         rounds,
-        moving: playing::compare(&DYNAMIC, (clip, &moving), &dynamic_folder, how, &progress)?,
-        frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, how, &progress)?,
-        coding: coding::compare(&material, INSTANT, &coded, rounds, &progress)?,
+        dynamic: playing::compare(&DYNAMIC, (clip, &dynamic), &dynamic_folder, options, &progress)?,
+        frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, options, &progress)?,
+        coding: coding::compare(&compared, INSTANT, &coded, rounds, &progress)?,
     };
     progress.finish_and_clear();
     fs::write(args.out.join("peers.json"), serde_json::to_vec_pretty(&report)?)?;
@@ -145,14 +145,14 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The folder, made if it is missing, by a path that other programs can use from elsewhere.
-fn made(folder: &Path) -> anyhow::Result<PathBuf> {
+/// Creates the folder if it is missing, and returns its absolute path.
+fn created(folder: &Path) -> anyhow::Result<PathBuf> {
     let fault = |error: std::io::Error| Fault::Data(format!("{}: {error}", folder.display()));
     fs::create_dir_all(folder).map_err(fault)?;
     Ok(folder.canonicalize().map_err(fault)?)
 }
 
-/// A size of pictures, as WxH.
+/// Parses an image size, as WxH.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let size = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     size.filter(|size| size.iter().all(|side| (1..=8192).contains(side)))

@@ -1,7 +1,7 @@
-//! [`PeerPlayer`]: a player in a process of its own, and what it is asked to do.
+//! [`PeerPlayer`]: a player in a process of its own, and its requests.
 //!
-//! A request is a line of JSON on its stdin, the reply one on its stdout. `native` answers for
-//! players in Rust, `web/driver.mjs` for those in a browser.
+//! Each request is a line of JSON on stdin, each reply a line on stdout. `native` implements players in Rust,
+//! `web/driver.mjs` players in a browser.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -12,52 +12,52 @@ use clap::ValueEnum;
 use program::Fault;
 use serde::{Deserialize, Serialize};
 
-/// What a player is asked.
+/// A request to a player.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum PlayerRequest {
     /// Opens a field of the folder and draws the first frame of the work. Reply: [`OpenedField`].
     Open {
-        /// Name of its file.
+        /// File name of the field.
         field: String,
     },
     /// Draws all frames of the work. Reply: [`PlayedFrames`].
     Play {},
-    /// Draws one frame, in the order that belongs to it, and writes it. Reply: `{}`.
+    /// Draws one frame, sorted for this frame, and writes it. Reply: `{}`.
     Picture {
         /// Number of the frame.
         frame: usize,
-        /// The file to write: red, green, blue of every pixel, row by row from the top.
+        /// The file to write: red, green, blue of every pixel, in rows from the top.
         out: PathBuf,
     },
 }
 
-/// A field is open, and its first frame is drawn.
+/// The field is open and its first frame drawn.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct OpenedField {
-    /// Milliseconds from the start of the program, in a browser of the page, to the first picture.
+    /// Milliseconds from the start of the program (in a browser, of the page) to the first image.
     pub(crate) first_ms: f64,
-    /// What draws.
+    /// Name and driver of the graphics device.
     pub(crate) device: String,
 }
 
-/// All frames are drawn.
+/// All frames were drawn.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct PlayedFrames {
-    /// Milliseconds of each, from handing it over until the GPU was done.
+    /// Milliseconds of each frame, from submission until the GPU has finished.
     pub(crate) frames_ms: Vec<f64>,
 }
 
-/// Which player.
+/// A player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PlayerKind {
-    /// This project's, as its window draws: 8 bits, every Gaussian to where its alpha is 1/255.
+    /// This project's, drawing as in its window: 8 bits, every Gaussian up to an alpha of 1/255.
     Ours,
-    /// The same with `--cutoff 8`, as far as other players draw.
+    /// This project's with `--cutoff 8`, the support radius of other players.
     OursSqrt8,
-    /// npm `gsplat`, as it is.
+    /// npm `gsplat`, unchanged.
     Gsplat,
-    /// The same with the coordinates that it should sort by.
+    /// npm `gsplat`, sorting by the correct coordinates.
     GsplatMended,
     /// crates.io `wgpu-3dgs-viewer`.
     Viewer,
@@ -66,7 +66,7 @@ pub(crate) enum PlayerKind {
 }
 
 impl PlayerKind {
-    /// Its name in tables.
+    /// Name in tables.
     pub(crate) fn name(self) -> &'static str {
         match self {
             PlayerKind::Ours => "ours",
@@ -78,7 +78,7 @@ impl PlayerKind {
         }
     }
 
-    /// The file that it plays.
+    /// Name of the file that it plays.
     pub(crate) fn field(self) -> &'static str {
         match self {
             PlayerKind::Ours | PlayerKind::OursSqrt8 => "field.aarc",
@@ -92,10 +92,10 @@ impl PlayerKind {
     }
 }
 
-/// What draws for WebGL.
+/// WebGL driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum WebGl {
-    /// Mesa's OpenGL ES: without a GPU the rasteriser that also is this machine's Vulkan.
+    /// Mesa's OpenGL ES: without a GPU, the rasteriser that Vulkan uses too.
     #[default]
     Mesa,
     /// Chromium's own software driver.
@@ -117,12 +117,12 @@ struct PlayerProcess {
 }
 
 impl PeerPlayer {
-    /// A player of the fields and the work in `folder`; nothing runs yet.
+    /// A player of the fields and the work in `folder`, not yet started.
     pub(crate) fn new(kind: PlayerKind, folder: &Path, web_gl: WebGl) -> PeerPlayer {
         PeerPlayer { kind, folder: folder.to_owned(), web_gl, process: None }
     }
 
-    /// Opens its field anew: in a program that has just been started, or in a new page of the browser.
+    /// Opens its field in a new process, or in a new page of the browser.
     pub(crate) fn open(&mut self) -> anyhow::Result<OpenedField> {
         if self.process.is_none() || !self.kind.in_browser() {
             self.process = None;
@@ -171,7 +171,7 @@ impl PeerPlayer {
         let mut line = serde_json::to_vec(request)?;
         line.push(b'\n');
         let mut reply = String::new();
-        // A player that ended says on stderr why.
+        // A player that fails prints the reason on stderr.
         let sent = requests.write_all(&line).and_then(|()| requests.flush());
         if sent.is_err() || process.replies.read_line(&mut reply)? == 0 {
             return Err(Fault::Device(format!("{name} ended without a reply")).into());
@@ -182,22 +182,22 @@ impl PeerPlayer {
 
 impl Drop for PlayerProcess {
     fn drop(&mut self) {
-        // They leave when nothing more can be asked. What fails here has failed before.
+        // A player exits at the end of its stdin. An error here was reported before.
         self.requests = None;
         let _ = self.child.wait();
     }
 }
 
-/// A reply that says nothing.
+/// A reply without content.
 #[derive(Deserialize)]
 struct EmptyReply {}
 
-/// The name of a value on command lines; of a player in a browser also that of its module in `web`.
+/// Name of a value on command lines; for a player in a browser, also of its module in `web`.
 fn name_of(value: impl ValueEnum) -> String {
     value.to_possible_value().expect("no value is hidden").get_name().to_owned()
 }
 
-/// The folder of what runs in Node and the browser.
+/// Folder of the scripts for Node and the browser.
 pub(crate) fn web_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("web")
 }

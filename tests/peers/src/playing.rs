@@ -1,4 +1,4 @@
-//! Players in turn: how long frames and first pictures take, and how right the pictures are.
+//! Measures frame times, start-up times and image errors of interleaved players.
 
 use std::path::Path;
 
@@ -10,41 +10,41 @@ use refine::image::Image;
 use refine::reference::{Order, Radius, RenderScene, coverage, render};
 use serde::Serialize;
 
+use crate::median_range::{MedianRange, in_turn};
 use crate::player::{PeerPlayer, PlayerKind, WebGl};
-use crate::spread::{MedianRange, in_turn};
-use crate::work::Work;
+use crate::workload::{WorkFrame, Workload};
 
-/// Rounds of opening: a browser takes seconds to each.
+/// Rounds of opening a field, which takes seconds in a browser.
 const OPENINGS: usize = 3;
 
-/// Pictures that are compared with the reference.
-const PICTURES: usize = 3;
+/// Number of images compared with the reference.
+const COMPARED_IMAGES: usize = 3;
 
-/// A player against this project's.
+/// A player compared with this project's.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct PlayerRow {
     pub(crate) player: &'static str,
-    /// What drew.
+    /// Name and driver of the graphics device.
     pub(crate) device: String,
-    /// Milliseconds of the middle frame of each round.
+    /// Median frame time of each round in milliseconds.
     pub(crate) frame_ms: MedianRange,
-    /// Its time by ours, round by round.
+    /// Its frame time divided by ours, within each round.
     pub(crate) frame_ratio: MedianRange,
-    /// Milliseconds from the start to the first picture.
+    /// Milliseconds from the start to the first image.
     pub(crate) first_ms: MedianRange,
-    /// Its time by ours, round by round.
+    /// Its `first_ms` divided by ours, within each round.
     pub(crate) first_ratio: MedianRange,
-    /// Mean over the frames of the pixel centres in rectangles of its reach.
+    /// Mean number of pixel centres per frame in quads of its support radius.
     pub(crate) fragments: f64,
-    /// PSNR in dB against the reference, over all pixels of all compared pictures.
+    /// PSNR in dB against the reference, over all pixels of all compared images.
     pub(crate) psnr_db: f64,
 }
 
-/// Has `kinds` play the work and the fields in `folder`, which belong to `clip`; the first is ours.
-/// Pictures are left in `folder`.
+/// Measures `kinds`, of which the first is ours, on the work and the fields of `clip` in `folder`. Writes images
+/// to `folder`.
 pub(crate) fn compare(
     kinds: &[PlayerKind],
-    (clip, work): (&Clip, &Work),
+    (clip, work): (&Clip, &Workload),
     folder: &Path,
     (rounds, web_gl): (usize, WebGl),
     progress: &ProgressBar,
@@ -85,25 +85,26 @@ pub(crate) fn compare(
     Ok((0..players.len()).map(row).collect())
 }
 
-/// PSNR in dB of the pictures of each player. Each frame is left as a strip, the reference at its left.
+/// PSNR in dB of each player's images. Writes each frame as a strip with the reference at the left.
 fn judge(
     players: &mut [PeerPlayer],
     clip: &Clip,
-    work: &Work,
+    work: &Workload,
     folder: &Path,
     progress: &ProgressBar,
 ) -> anyhow::Result<Vec<f64>> {
     let mut squares = vec![0.0; players.len()];
-    let frames: Vec<usize> = (0..PICTURES).map(|k| k * (work.frames.len() - 1) / (PICTURES - 1)).collect();
+    let frames: Vec<usize> =
+        (0..COMPARED_IMAGES).map(|k| k * (work.frames.len() - 1) / (COMPARED_IMAGES - 1)).collect();
     for &frame in &frames {
         progress.set_message(format!("reference of frame {frame}"));
-        let shot = &work.frames[frame];
-        let truth = render(&RenderScene::from(clip), &shot.camera, shot.t, Order::Depth);
+        let WorkFrame { t, camera } = &work.frames[frame];
+        let truth = render(&RenderScene::from(clip), camera, *t, Order::Depth);
         let mut strip = vec![truth.to_rgb8()];
         for (i, player) in players.iter_mut().enumerate() {
-            progress.set_message(format!("{}: picture of frame {frame}", player.kind.name()));
+            progress.set_message(format!("{}: image of frame {frame}", player.kind.name()));
             let rgb = player.picture(frame)?;
-            ensure!(rgb.len() == strip[0].len(), "{}: a picture of another size", player.kind.name());
+            ensure!(rgb.len() == strip[0].len(), "{}: an image of another size", player.kind.name());
             squares[i] += truth.squared_error(&image_of(&rgb, work));
             strip.push(rgb);
         }
@@ -113,13 +114,13 @@ fn judge(
     Ok(squares.into_iter().map(|squares| -10.0 * (squares / values).log10()).collect())
 }
 
-fn image_of(rgb: &[u8], work: &Work) -> Image {
+fn image_of(rgb: &[u8], work: &Workload) -> Image {
     let unit = |byte: u8| f64::from(byte) / 255.0;
     let pixels = rgb.chunks_exact(3).map(|c| [unit(c[0]), unit(c[1]), unit(c[2]), 1.0]).collect();
     Image { width: work.width, height: work.height, pixels }
 }
 
-fn side_by_side(pictures: &[Vec<u8>], work: &Work) -> RgbImage {
+fn side_by_side(pictures: &[Vec<u8>], work: &Workload) -> RgbImage {
     let row = 3 * work.width as usize;
     let rows = (0..work.height as usize)
         .flat_map(|y| pictures.iter().map(move |picture| &picture[y * row..][..row]));
@@ -128,15 +129,15 @@ fn side_by_side(pictures: &[Vec<u8>], work: &Work) -> RgbImage {
         .expect("all have the size of the work")
 }
 
-/// What a player shades, as far as it draws every Gaussian as a rectangle of the reach that its
-/// shaders give it; counted where the reference sees the Gaussians.
-fn fragments(kind: PlayerKind, clip: &Clip, work: &Work) -> f64 {
+/// Mean number of fragments per frame, if the player draws every Gaussian as a quad of the support radius in its
+/// shaders, at the Gaussian's position in the reference.
+fn fragments(kind: PlayerKind, clip: &Clip, work: &Workload) -> f64 {
     let sqrt_8 = 8f64.sqrt();
     let radius = match kind {
         PlayerKind::Ours => Radius::Exact,
         PlayerKind::OursSqrt8 => Radius::AtMost(sqrt_8),
         PlayerKind::Gsplat | PlayerKind::GsplatMended | PlayerKind::Spark => Radius::Fixed(sqrt_8),
-        // Its reach counts twice: in the length of the axes, and in how far along them it goes.
+        // Its support radius counts twice: in the length of the axes, and in the extent along them.
         PlayerKind::Viewer => Radius::Fixed(sqrt_8 * sqrt_8 / 2.0),
     };
     let scene = RenderScene::from(clip);

@@ -1,36 +1,37 @@
-//! What was measured, as tables to read and as JSON.
+//! The measurements as Markdown tables and as JSON.
 
 use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::spread::MedianRange;
+use crate::median_range::MedianRange;
 use crate::{coding, playing};
 
-/// All that was measured of a field.
+/// The measurements of a field.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct PeerReport {
-    /// Where the field comes from.
+    /// Name of the field's scene.
     pub(crate) name: String,
-    /// Gaussians played.
+    /// Number of Gaussians in the played package.
     pub(crate) gaussians: usize,
-    /// Bytes of the package that was played.
+    /// Size of the played package in bytes.
     pub(crate) package_bytes: usize,
-    /// Bytes of the `.splatv` file that was played.
+    /// Size of the played `.splatv` file in bytes.
     pub(crate) splatv_bytes: usize,
-    /// What it was measured on.
+    /// Processor and system of the measurement.
     pub(crate) machine: String,
-    /// Width and height of the pictures.
+    /// Width and height of the images in pixels.
     pub(crate) size: [u32; 2],
-    /// Frames that are played in each round.
+    /// Number of frames per round.
     pub(crate) frames: usize,
-    /// Rounds of playing.
+    /// Number of rounds of playing.
     pub(crate) rounds: usize,
-    /// The clip, playing, while the camera moves.
-    pub(crate) moving: Vec<playing::PlayerRow>,
-    /// An instant of it, while the camera moves.
+    /// The players of the playing clip.
+    #[serde(rename = "moving")]
+    pub(crate) dynamic: Vec<playing::PlayerRow>,
+    /// The players of an instant of the clip, while the camera moves.
     pub(crate) frozen: Vec<playing::PlayerRow>,
-    /// Files.
+    /// The coders.
     pub(crate) coding: Vec<coding::CoderRow>,
 }
 
@@ -40,12 +41,12 @@ impl PeerReport {
         let PeerReport { name, gaussians, machine, size: [width, height], frames, rounds, .. } = self;
         let mut text = format!(
             "## {name}: {gaussians} Gaussians\n\n\
-             {machine}; {frames} frames of {width}x{height} in {rounds} rounds, one player after the other and in \
-             the next round the other way round. Medians of rounds, least and most in brackets; \"of ours\" is the \
-             ratio within a round. Played were a package of {} bytes and a .splatv of {}.\n\n",
+             {machine}; {frames} frames of {width}x{height} in {rounds} rounds. The order of the players is \
+             reversed in every second round. Medians of rounds, minimum and maximum in brackets; \"of ours\" is the \
+             ratio within a round. The played package has {} bytes, the .splatv file {}.\n\n",
             self.package_bytes, self.splatv_bytes,
         );
-        players(&mut text, "The clip, playing", &self.moving);
+        players(&mut text, "The clip, playing", &self.dynamic);
         players(&mut text, "An instant of it", &self.frozen);
         coders(&mut text, &self.coding);
         text
@@ -53,7 +54,7 @@ impl PeerReport {
 }
 
 fn players(text: &mut String, title: &str, rows: &[playing::PlayerRow]) {
-    let head = "| frame, ms | of ours | first picture, ms | of ours | fragments | PSNR, dB |";
+    let head = "| frame, ms | of ours | first image, ms | of ours | fragments | PSNR, dB |";
     let _ = writeln!(text, "| {title} {head}\n|---|--:|--:|--:|--:|--:|--:|");
     for row in rows {
         let _ = writeln!(
@@ -80,7 +81,7 @@ fn coders(text: &mut String, rows: &[coding::CoderRow]) {
         "| leaves out | Gaussians | PSNR, dB | bytes | ours | of ours | decoded in ms | ours | of ours |";
     let _ = writeln!(text, "| Coder {head}\n|---|---|--:|--:|--:|--:|--:|--:|--:|--:|");
     for row in rows {
-        // A package may not reach what another file has.
+        // A package may have a lower PSNR than the peer's file.
         let reached = if row.our_psnr_db < row.psnr_db {
             format!(" at {:.1} dB", row.our_psnr_db)
         } else {
@@ -103,7 +104,7 @@ fn coders(text: &mut String, rows: &[coding::CoderRow]) {
     }
 }
 
-/// `median [least, most]`.
+/// `median [minimum, maximum]`.
 fn spread(MedianRange { median, least, most }: MedianRange, digits: usize) -> String {
     format!("{median:.digits$} [{least:.digits$}, {most:.digits$}]")
 }

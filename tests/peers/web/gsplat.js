@@ -1,4 +1,4 @@
-// gsplat.js with its program for moving fields.
+// gsplat.js with its program for dynamic fields.
 //
 // As shipped, its reader of .splatv loses the x coordinates that it sorts by; `open` does the same
 // as a user's page. `gsplat-mended.js` puts them back.
@@ -12,7 +12,7 @@ export async function open(canvas, field, work) {
   return show(canvas, work, await load(field));
 }
 
-/** The scene of a .splatv file, and what is moving in it. */
+/** The scene of a .splatv file, and its animation. */
 export async function load(field) {
   const scene = new Scene();
   const splatv = await SplatvLoader.LoadAsync(field, scene, null);

@@ -1,4 +1,4 @@
-// Spark, on three.js: a static field, such as an instant of a moving one.
+// Spark, on three.js: a static field, such as an instant of a dynamic one.
 //
 // Blur and order are set to what fields are fitted with: 0.3 square pixels without making up for it
 // in opacity, and depth. All else is as it comes.

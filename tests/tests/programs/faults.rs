@@ -188,7 +188,7 @@ fn lost_headless(folder: &Folder) -> Result<Completion, String> {
     run(&mut command).success();
     // The first device is lost after 150 submissions or waits: another draws the same images.
     let frames = |out: &str, when: &str| {
-        let line = format!("clip.aarc --headless --frames 0..120 --size 96x64 --out {out}");
+        let line = format!("clip.aarc --headless --frames 0..120 --fps 60 --size 96x64 --out {out}");
         let mut command = folder.command(client(), &line);
         lossy(&mut command, folder, when);
         let outcome = run(&mut command).success();

@@ -206,7 +206,7 @@ fn what_cannot_be_fitted_is_said_in_one_line() {
     let error = |code, more: &[&str]| aarc_studio(folder, &[&["fit", "stage"], more].concat()).error(code);
     assert!(error(2, &["-o", "field.aarc"]).contains("ends in .ply"));
     assert!(error(2, &["--anchor-cameras", "99"]).contains("no camera \"99\""));
-    assert!(error(3, &["--mirror", "on"]).contains("mirrored only behind cameras on one side"));
+    assert!(error(3, &["--mirror", "on"]).contains("mirroring needs cameras on one side"));
     assert!(error(2, &["--frames", "3..9"]).contains("the capture has 0..5"));
     assert!(error(2, &["--size", "64x64"]).contains("camera 00 has 48x48"));
     assert!(error(2, &["--cameras", "nobody"]).contains("no camera \"nobody\""));

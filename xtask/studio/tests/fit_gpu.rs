@@ -59,7 +59,7 @@ fn goes_on_elsewhere() {
     let args = ["--steps", "1000", "--gaussians", "400", "--anchor", "hull"];
     let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
         .current_dir(folder)
-        .args(["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--backend", "gpu"])
+        .args(["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--holdout", "odd", "--backend", "gpu"])
         .args(args)
         .args(["--checkpoint-every", "0.05"])
         .stdout(Stdio::null())

@@ -51,7 +51,7 @@ fn a_stage_is_a_deterministic_capture() {
     let capture_files = CaptureFiles::open(&folder.join("stage")).unwrap();
     let splits = Split::assign(&capture_files.capture, Holdout::Odd).unwrap();
     let counts = Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
-    assert_eq!((counts, capture_files.missing()), ([8, 4, 2, 1], 0));
+    assert_eq!((counts, capture_files.missing_count()), ([8, 4, 2, 1], 0));
     // The figure moves.
     let photo = |frame| capture_files.photo(PhotoId { camera: 1, frame }).unwrap().image;
     assert!(photo(0).psnr(&photo(2)) < 25.0);

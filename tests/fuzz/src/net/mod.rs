@@ -1,9 +1,6 @@
 //! Dialogues between the player's downloader and a server that any bytes script. The downloader is the
 //! player's own code; a [`request::Server`], honest or not, replaces HTTP.
 
-#[path = "../../../../client/src/net/partial_file.rs"]
-#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod partial_file;
 #[path = "../../../../client/src/net/fetch.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod fetch;
@@ -13,23 +10,26 @@ mod head;
 #[path = "../../../../client/src/net/meter.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod meter;
-pub(crate) mod request;
-#[path = "../../../../client/src/net/transfer.rs"]
+#[path = "../../../../client/src/net/partial_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod transfer;
+mod partial_file;
+pub(crate) mod request;
 #[path = "../../../../client/src/net/request_error.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod request_error;
 #[path = "../../../../client/src/net/retry.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod retry;
+#[path = "../../../../client/src/net/transfer.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
+mod transfer;
 
 use std::time::Duration;
 
 use codec::Limits;
 
-use partial_file::PartialFile;
 use fetch::{Fetch, Outcome};
+use partial_file::PartialFile;
 use request::{Script, versions};
 use retry::RetryPolicy;
 

@@ -52,21 +52,21 @@ impl Script {
         *STAGED.lock().expect("no panic while locked") = self;
     }
 
-    fn manner(&self) -> u8 {
+    fn flags(&self) -> u8 {
         self.bytes.first().copied().unwrap_or(0)
     }
 
     /// Whether the server follows RFC 9110.
     pub(super) fn is_honest(&self) -> bool {
-        self.manner() & 1 == 0
+        self.flags() & 1 == 0
     }
 
-    fn sends_parts(&self) -> bool {
-        self.manner() & 2 == 0
+    fn serves_ranges(&self) -> bool {
+        self.flags() & 2 == 0
     }
 
     fn tags(&self) -> Tags {
-        match self.manner() >> 2 & 3 {
+        match self.flags() >> 2 & 3 {
             0 | 1 => Tags::Strong,
             2 => Tags::Weak,
             _ => Tags::None,
@@ -75,7 +75,7 @@ impl Script {
 
     /// The version that the downloader already has.
     pub(super) fn known(&self) -> Option<String> {
-        (self.manner() & 0x10 != 0).then(|| tag(self.tags(), 0)).flatten()
+        (self.flags() & 0x10 != 0).then(|| tag(self.tags(), 0)).flatten()
     }
 
     fn u8(&mut self) -> u8 {
@@ -118,7 +118,7 @@ pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
     })
 }
 
-/// A server.
+/// A scripted server.
 pub(super) struct Server {
     /// Script and number of requests.
     state: Mutex<(Script, usize)>,
@@ -138,7 +138,9 @@ impl Server {
         let version = usize::from(flags & 1);
         match flags >> 4 {
             0 => return Err(RequestError::Transient("the connection was lost".into())),
-            1 if flags & 2 != 0 => return Err(RequestError::UnknownHost("the server's name is not known".into())),
+            1 if flags & 2 != 0 => {
+                return Err(RequestError::UnknownHost("the server's name is not known".into()));
+            }
             _ => {}
         }
         let breaks = Breaks {
@@ -149,7 +151,7 @@ impl Server {
         let (status, headers, body) = if script.is_honest() {
             honest(script, request, version, flags & 8 != 0)
         } else {
-            lying(script, version)
+            dishonest(script, version)
         };
         let header =
             |name: &str| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| text.as_str());
@@ -166,9 +168,11 @@ struct Breaks {
     silently: bool,
 }
 
-type Answer = (u16, Vec<(&'static str, String)>, Vec<u8>);
+/// Status, headers and body.
+type ScriptedAnswer = (u16, Vec<(&'static str, String)>, Vec<u8>);
 
-fn honest(script: &Script, request: &FileRequest, version: usize, tells_length: bool) -> Answer {
+/// An answer that follows RFC 9110.
+fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: bool) -> ScriptedAnswer {
     let file = &versions()[version];
     let tag = tag(script.tags(), version);
     let mut headers: Vec<(&'static str, String)> = tag.iter().map(|tag| ("etag", tag.clone())).collect();
@@ -178,7 +182,7 @@ fn honest(script: &Script, request: &FileRequest, version: usize, tells_length: 
     let first = usize::try_from(request.offset).unwrap_or(usize::MAX);
     // Weak tags never match for ranges.
     let same = script.tags() == Tags::Strong && request.if_range == tag;
-    if first == 0 || !script.sends_parts() || request.if_range.is_some() && !same {
+    if first == 0 || !script.serves_ranges() || request.if_range.is_some() && !same {
         if sends_length {
             headers.push(("content-length", file.len().to_string()));
         }
@@ -192,7 +196,8 @@ fn honest(script: &Script, request: &FileRequest, version: usize, tells_length: 
     (206, headers, file[first..].to_vec())
 }
 
-fn dishonest(script: &mut Script, version: usize) -> Answer {
+/// An arbitrary answer.
+fn dishonest(script: &mut Script, version: usize) -> ScriptedAnswer {
     let status = STATUSES[usize::from(script.u8()) % STATUSES.len()];
     let present = script.u8();
     let mut headers = Vec::new();
@@ -213,11 +218,11 @@ fn dishonest(script: &mut Script, version: usize) -> Answer {
     }
     let mut body = versions()[version].clone();
     body.drain(..script.u16().min(body.len()));
-    // Bytes of its own, and more than were requested.
+    // Arbitrary bytes, and more than were requested.
     let length = usize::from(script.u8());
-    let own: Vec<u8> = (0..length).map(|_| script.u8()).collect();
+    let arbitrary: Vec<u8> = (0..length).map(|_| script.u8()).collect();
     let more = usize::from(script.u8()) * 64;
-    body.extend(own);
+    body.extend(arbitrary);
     body.extend(std::iter::repeat_n(0x41, more));
     (status, headers, body)
 }

@@ -28,9 +28,9 @@ pub fn fields() -> Vec<Seed> {
         seed("gzip.spz", FILE, &packed),
         seed("v3.spz", FILE, &plain),
         seed("v4.spz", FILE, &spz_v4(&plain)),
-        seed("moving.splatv", FILE, &dynamic),
+        seed("dynamic.splatv", FILE, &dynamic),
         seed(
-            "still.splat",
+            "static.splat",
             SPLAT,
             &[&[0; 12][..], &[0x3c; 12], &[9, 99, 199, 255, 255, 128, 128, 128]].concat(),
         ),

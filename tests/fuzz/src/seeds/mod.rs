@@ -15,7 +15,7 @@ use crate::scene;
 /// An input and its name.
 pub type Seed = (String, Vec<u8>);
 
-/// Four Gaussians with motion of this order and rotation.
+/// Four Gaussians with this motion order; above 0 they also rotate.
 pub(crate) fn field(motion_order: u8) -> Field {
     let n = 4;
     let order = usize::from(motion_order);
@@ -36,6 +36,7 @@ pub(crate) fn field(motion_order: u8) -> Field {
     }
 }
 
+/// The description of [`field`].
 pub(crate) fn info() -> ClipInfo {
     let front = Viewpoint { name: "front".into(), position: [0.0, 0.0, -5.0], target: [0.0; 3], fov_y: 0.8 };
     ClipInfo {
@@ -55,25 +56,27 @@ pub fn scenes() -> Vec<Seed> {
         "world_to_camera": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}"#;
     vec![
         seed("overrides", scene::OVERRIDES, overrides.as_bytes()),
-        seed("nothing", scene::OVERRIDES, b"{}"),
+        seed("empty", scene::OVERRIDES, b"{}"),
         seed("camera", scene::CAMERA, camera.as_bytes()),
     ]
 }
 
-/// Inputs of the target `net`: servers of every kind that answer twice, the first time in part.
+/// Inputs of the target `net`: servers of every kind; the honest ones send the file in parts.
 pub fn dialogues() -> Vec<Seed> {
     let half = [0x22, 0x00, 0x02, 0x08];
     let complete = [0x28, 0x08];
-    let lie =
+    let arbitrary =
         [0x20, 0x04, 0, 0x1f, 1, 1, 0, 0, 0, 0, 1, 0, 2, 0, 1, 5, 40, 41, 42, 43, 44, 0, 0, 0, 3, 9, 9, 9, 1];
     (0..32)
-        .map(|manner: u8| {
-            let rest = if manner & 1 == 0 { [&half[..], &half, &complete].concat() } else { lie.repeat(2) };
-            seed(&format!("manner-{manner:02}"), manner, &rest)
+        .map(|flags: u8| {
+            let rest =
+                if flags & 1 == 0 { [&half[..], &half, &complete].concat() } else { arbitrary.repeat(2) };
+            seed(&format!("server-{flags:02}"), flags, &rest)
         })
         .collect()
 }
 
+/// An input of a kind.
 fn seed(name: &str, kind: u8, bytes: &[u8]) -> Seed {
     (name.to_owned(), [&[kind][..], bytes].concat())
 }

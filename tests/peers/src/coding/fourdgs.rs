@@ -1,4 +1,4 @@
-//! crates.io `fourdgs`: moving fields, with linear motion.
+//! crates.io `fourdgs`: dynamic fields with linear motion.
 
 use anyhow::Context;
 use codec::{ClipInfo, Field, SH_C0, Temporal};
@@ -7,13 +7,13 @@ use fourdgs::{GaussianSet, SceneExtras, WriteOptions};
 
 use super::peer_file::PeerFile;
 
-/// Instants at which a trajectory is looked at to find the straight line that is most like it.
+/// Samples of a trajectory for the fit of a line.
 const SAMPLES: usize = 9;
 
-/// The highest level of its strongest back end.
+/// Highest level of `fourdgs`'s strongest back end.
 const ZSTD_LEVEL: u32 = 19;
 
-/// A file for each of its profiles, the coarsest first.
+/// A file for each profile of `fourdgs`, the coarsest first.
 pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<PeerFile>> {
     let duration_s = f64::from(info.duration_s);
     let set = to_set(field, duration_s);
@@ -27,7 +27,7 @@ pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<PeerFi
             profile,
             codec: fourdgs::codec::ZSTD,
             level: ZSTD_LEVEL,
-            // Its check counts colours outside [0, 1], which it cuts off, as errors.
+            // Its verification reports colours that it clamps to [0, 1] as errors.
             verify: false,
             ..WriteOptions::default()
         };
@@ -37,7 +37,7 @@ pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<PeerFi
         field.check().map_err(|what| anyhow::anyhow!("{name}: {what}")).context("decoded")?;
         Ok(PeerFile {
             name,
-            leaves_out: "bends of trajectories, rotation over time",
+            leaves_out: "curved trajectories, rotation over time",
             bytes: bytes.len(),
             field,
             decode: Box::new(move || {
@@ -49,7 +49,7 @@ pub(super) fn files(field: &Field, info: &ClipInfo) -> anyhow::Result<Vec<PeerFi
     profiles.into_iter().map(file).collect()
 }
 
-/// The field in its terms: seconds, and straight lines in place of trajectories.
+/// Converts a field: times to seconds, trajectories to lines.
 fn to_set(field: &Field, duration_s: f64) -> GaussianSet {
     let mut set = GaussianSet::default();
     for i in 0..field.len() {
@@ -75,8 +75,8 @@ fn to_set(field: &Field, duration_s: f64) -> GaussianSet {
     set
 }
 
-/// The straight line that is most like the trajectory of Gaussian `i` while it is alive, what is
-/// seen more counting more: where it is at `tau`, and how far it goes in the time of the clip.
+/// Fits a line to the trajectory of Gaussian `i` while it is alive, by least squares weighted with squared
+/// opacity. Returns the position at `tau` and the velocity per clip duration.
 fn line(field: &Field, i: usize, (from, to): (f64, f64), tau: f64) -> ([f64; 3], [f64; 3]) {
     let samples: Vec<(f64, f64, [f64; 3])> = (0..SAMPLES)
         .map(|k| {
@@ -88,23 +88,23 @@ fn line(field: &Field, i: usize, (from, to): (f64, f64), tau: f64) -> ([f64; 3],
     let mean = |value: &dyn Fn(f64, [f64; 3]) -> f64| {
         samples.iter().map(|&(weight, d, position)| weight * value(d, position)).sum::<f64>() / total
     };
-    let middle = mean(&|d, _| d);
-    let variance = mean(&|d, _| (d - middle).powi(2));
+    let mean_d = mean(&|d, _| d);
+    let variance = mean(&|d, _| (d - mean_d).powi(2));
     let slope = |axis: usize| {
-        let covariance = mean(&|d, position| (d - middle) * position[axis]);
+        let covariance = mean(&|d, position| (d - mean_d) * position[axis]);
         if variance > 0.0 { covariance / variance } else { 0.0 }
     };
     let velocity = [slope(0), slope(1), slope(2)];
-    let position = [0, 1, 2].map(|axis| mean(&|_, position| position[axis]) - middle * velocity[axis]);
+    let position = [0, 1, 2].map(|axis| mean(&|_, position| position[axis]) - mean_d * velocity[axis]);
     (position, velocity)
 }
 
-/// What a file holds, as a field.
+/// Converts decoded Gaussians to a field.
 fn to_field(set: &GaussianSet, duration_s: f64) -> Field {
     let triples = |values: &[f32], change: &dyn Fn(f32) -> f32| -> Vec<[f32; 3]> {
         values.chunks_exact(3).map(|x| [change(x[0]), change(x[1]), change(x[2])]).collect()
     };
-    let in_clips = |seconds: &f32| (f64::from(*seconds) / duration_s) as f32;
+    let clip_time = |seconds: &f32| (f64::from(*seconds) / duration_s) as f32;
     let colors = set.colors.chunks_exact(4);
     Field {
         centers: triples(&set.positions, &|x| x),
@@ -114,8 +114,8 @@ fn to_field(set: &GaussianSet, duration_s: f64) -> Field {
         sh_degree: 0,
         sh: colors.map(|color| [0, 1, 2].map(|c| ((f64::from(color[c]) - 0.5) / SH_C0) as f32)).collect(),
         temporal: Some(Temporal {
-            tau: set.mu_t.iter().map(in_clips).collect(),
-            s: set.sigma_t.iter().map(in_clips).collect(),
+            tau: set.mu_t.iter().map(clip_time).collect(),
+            s: set.sigma_t.iter().map(clip_time).collect(),
             motion_order: 1,
             motion: triples(&set.motions, &|x| (f64::from(x) * duration_s) as f32),
             rotation_rates: None,
@@ -127,7 +127,7 @@ fn to_field(set: &GaussianSet, duration_s: f64) -> Field {
 mod tests {
     use super::*;
 
-    /// One Gaussian that moves along a line, with a bend.
+    /// A Gaussian whose trajectory is a line plus `bend` times d^2.
     fn field(bend: f32) -> Field {
         Field {
             centers: vec![[1.0, 2.0, 3.0]],
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_lines_come_back() {
+    fn linear_motion_is_lossless() {
         let field = field(0.0);
         let back = to_field(&to_set(&field, 2.0), 2.0);
         assert_eq!(back.check(), Ok(()));
@@ -162,10 +162,10 @@ mod tests {
     }
 
     #[test]
-    fn bends_are_met_in_the_mean() {
+    fn the_line_follows_the_mean_of_a_bend() {
         let field = field(10.0);
         let (position, velocity) = line(&field, 0, (0.2, 0.8), 0.5);
-        // A parabola about the middle has no slope, and lies above its vertex.
+        // A centred parabola adds no slope, and its mean is above its vertex.
         assert!((velocity[0] - 4.0).abs() < 1e-9);
         assert!(position[0] > 1.0 && position[0] < 1.5, "{position:?}");
     }

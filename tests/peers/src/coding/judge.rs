@@ -9,12 +9,10 @@ use refine::code::{CodeError, Coded, code};
 use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
 use refine::reference::RenderScene;
 use serde::Serialize;
+use studio::package::LAYERS;
 
 use super::peer_file::PeerFile;
-use crate::spread::{MedianRange, in_turn};
-
-/// Layers of packages, as `cargo xtask package` makes them.
-const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
+use crate::median_range::{MedianRange, in_turn};
 
 /// Size of the judged images in pixels.
 const SIZE: (u32, u32) = (640, 480);
@@ -22,7 +20,7 @@ const SIZE: (u32, u32) = (640, 480);
 /// Number of instants of the judged images.
 const INSTANTS: usize = 4;
 
-/// Degrees to the sides of the first viewpoint: of the images that a coder may use, and of those that judge.
+/// Angles in degrees beside the first viewpoint of the images for the coder, and of the judged images.
 const CODING_ASIDE: f64 = 10.0;
 const JUDGED_ASIDE: f64 = 6.0;
 
@@ -31,22 +29,22 @@ const JUDGED_ASIDE: f64 = 6.0;
 pub(crate) struct CoderRow {
     pub(crate) coder: &'static str,
     pub(crate) leaves_out: &'static str,
-    /// Gaussians coded.
+    /// Number of Gaussians coded.
     pub(crate) gaussians: usize,
     pub(crate) bytes: usize,
     /// PSNR in dB of images of the decoded file against images of the field.
     pub(crate) psnr_db: f64,
     /// Decoding time in milliseconds, on one thread.
     pub(crate) decode_ms: MedianRange,
-    /// This project's package, coded to at least that PSNR where possible.
+    /// Size of this project's package, coded to at least that PSNR if possible.
     pub(crate) our_bytes: usize,
     pub(crate) our_psnr_db: f64,
     pub(crate) our_decode_ms: MedianRange,
-    /// Their time divided by ours, round by round.
+    /// Their decoding time divided by ours, within each round.
     pub(crate) decode_ratio: MedianRange,
 }
 
-/// Judges codings of a field by images.
+/// Compares codings of a field by images.
 pub(crate) struct Judge<'a> {
     field: &'a Field,
     info: &'a ClipInfo,
@@ -63,7 +61,7 @@ impl<'a> Judge<'a> {
         Judge { field, info, coding_views: views_of(field, info, CODING_ASIDE), pictures, progress }
     }
 
-    /// This project's package of the field, of at least `psnr_db` if it can be reached.
+    /// This project's package of the field, of at least `psnr_db` if possible.
     pub(crate) fn ours(&self, psnr_db: f64) -> anyhow::Result<Coded> {
         self.progress.set_message(format!("coding to {psnr_db:.1} dB"));
         let source = Source { info: self.info, field: self.field, plate: None };
@@ -75,6 +73,7 @@ impl<'a> Judge<'a> {
         })
     }
 
+    /// Compares a peer's file with this project's package of the same PSNR.
     pub(super) fn compare(&self, theirs: PeerFile, rounds: usize) -> anyhow::Result<CoderRow> {
         self.progress.set_message(format!("judging {}", theirs.name));
         let psnr_db = self.pictures.psnr(&RenderScene::from(&theirs.field), || self.progress.tick());

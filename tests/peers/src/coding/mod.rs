@@ -1,4 +1,4 @@
-//! Other coders: the size and error of their files, against this project's packages of the same error.
+//! Compares the files of other coders with this project's packages of the same error.
 
 mod fourdgs;
 mod judge;
@@ -12,19 +12,19 @@ use std::path::Path;
 use indicatif::ProgressBar;
 use studio::export;
 
-use crate::material::Material;
+use crate::compared_field::ComparedField;
 
 pub(crate) use judge::{CoderRow, Judge, views_of};
 
-/// Codes the material, and its instant at clip time `t`, with every coder. Writes files to `folder`.
+/// Compares all coders on the field and on its instant at clip time `t`. Writes the files to `folder`.
 pub(crate) fn compare(
-    material: &Material,
+    compared: &ComparedField,
     t: f64,
     folder: &Path,
     rounds: usize,
     progress: &ProgressBar,
 ) -> anyhow::Result<Vec<CoderRow>> {
-    let Material { field, info, .. } = material;
+    let ComparedField { field, info, .. } = compared;
     let mut rows = Vec::new();
     let judge = Judge::new(field, info, progress);
     if field.sh_degree == 0 {

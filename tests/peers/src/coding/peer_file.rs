@@ -1,11 +1,11 @@
-//! [`PeerFile`]: what another coder made of a field.
+//! [`PeerFile`]: a field coded by another coder.
 
 use codec::Field;
 
 /// A file of another coder.
 pub(super) struct PeerFile {
     pub(super) name: &'static str,
-    /// What the format cannot hold.
+    /// Parts of the field that the format cannot store.
     pub(super) leaves_out: &'static str,
     pub(super) bytes: usize,
     /// The decoded field.

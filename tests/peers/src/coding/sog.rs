@@ -11,10 +11,10 @@ use studio::import::import;
 use super::peer_file::PeerFile;
 use crate::player::web_folder;
 
-/// The program, from the folder of what runs in Node.
+/// Path of the program from [`web_folder`].
 const CLI: &str = "../node_modules/@playcanvas/splat-transform/bin/cli.mjs";
 
-/// A file of a field that stands still.
+/// Codes a static field.
 pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let (ply, path) = (folder.join("coded.ply"), folder.join("coded.sog"));
     std::fs::write(&ply, export::static_ply(field))?;
@@ -22,8 +22,8 @@ pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     command.arg(web_folder().join(CLI)).args(["--quiet", "--overwrite", "--gpu", "cpu"]).arg(&ply).arg(&path);
     let output = command.output().map_err(|error| Fault::Device(format!("node: {error}")))?;
     if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-        return Err(Fault::Device(format!("splat-transform: {said}")).into());
+        let message = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        return Err(Fault::Device(format!("splat-transform: {message}")).into());
     }
     Ok(PeerFile {
         name: "SOG",

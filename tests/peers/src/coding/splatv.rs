@@ -1,4 +1,4 @@
-//! `.splatv`, the format of splaTV and gsplat.js: moving fields, not compressed.
+//! `.splatv`, the format of splaTV and gsplat.js: dynamic fields without compression.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use studio::import::import;
 
 use super::peer_file::PeerFile;
 
-/// The file that is played in the WebGL players.
+/// Codes a field as the file that gsplat.js plays.
 pub(super) fn file(field: &Field, info: &ClipInfo, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.splatv");
     let bytes = export::splatv(field, info);

@@ -1,4 +1,4 @@
-//! The numbers of SPZ version 3, compressed by zstd in place of gzip, as version 4 does: static fields.
+//! SPZ version 3 with zstd instead of gzip, as in version 4: static fields.
 
 use std::io::Read;
 use std::path::Path;
@@ -11,13 +11,13 @@ use studio::import::import;
 
 use super::peer_file::PeerFile;
 
-/// The highest level that needs no special decoder.
+/// Highest zstd level that any decoder accepts.
 const ZSTD_LEVEL: i32 = 19;
 
-/// A file of a field that stands still.
+/// Codes a static field.
 pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.spz");
-    // With y up the axes stay as they are.
+    // With y up the axes do not change.
     let gzipped = export::spz(field, [0.0, 1.0, 0.0]);
     std::fs::write(&path, &gzipped)?;
     let mut plain = Vec::new();

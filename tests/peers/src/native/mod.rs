@@ -1,4 +1,4 @@
-//! Answers for the players in Rust, each in a process of its own.
+//! Players in Rust, each in a process of its own.
 
 mod ours;
 mod renderer;
@@ -12,15 +12,15 @@ use client::gpu::Cutoff;
 use serde::Serialize;
 
 use crate::player::{OpenedField, PlayedFrames, PlayerKind, PlayerRequest};
-use crate::work::Work;
+use crate::workload::Workload;
 use renderer::PeerRenderer;
 
 /// Answers the requests on stdin for the player `kind`. The program was started at `start`.
 pub(crate) fn answer(kind: PlayerKind, folder: &Path, start: Instant) -> anyhow::Result<()> {
-    let work = Work::read(folder)?;
-    let mut drawer: Option<Box<dyn PeerRenderer>> = None;
+    let work = Workload::read(folder)?;
+    let mut renderer: Option<Box<dyn PeerRenderer>> = None;
     for line in std::io::stdin().lock().lines() {
-        match (serde_json::from_str(&line?)?, drawer.as_mut()) {
+        match (serde_json::from_str(&line?)?, renderer.as_mut()) {
             (PlayerRequest::Open { field }, _) => {
                 let path = folder.join(field);
                 let mut opened = match kind {
@@ -35,20 +35,20 @@ pub(crate) fn answer(kind: PlayerKind, folder: &Path, start: Instant) -> anyhow:
                 opened.read()?;
                 let first_ms = start.elapsed().as_secs_f64() * 1e3;
                 reply(&OpenedField { first_ms, device: opened.device() })?;
-                drawer = Some(opened);
+                renderer = Some(opened);
             }
-            (PlayerRequest::Play {}, Some(drawer)) => {
+            (PlayerRequest::Play {}, Some(renderer)) => {
                 let mut frames_ms = Vec::new();
                 for frame in &work.frames {
                     let start = Instant::now();
-                    drawer.draw(frame)?;
+                    renderer.draw(frame)?;
                     frames_ms.push(start.elapsed().as_secs_f64() * 1e3);
                 }
                 reply(&PlayedFrames { frames_ms })?;
             }
-            (PlayerRequest::Picture { frame, out }, Some(drawer)) => {
-                drawer.draw(&work.frames[frame])?;
-                std::fs::write(out, drawer.read()?)?;
+            (PlayerRequest::Picture { frame, out }, Some(renderer)) => {
+                renderer.draw(&work.frames[frame])?;
+                std::fs::write(out, renderer.read()?)?;
                 reply(&serde_json::json!({}))?;
             }
             (_, None) => anyhow::bail!("no field is open"),

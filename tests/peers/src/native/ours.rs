@@ -8,7 +8,7 @@ use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings,
 use client::view::View;
 
 use super::renderer::PeerRenderer;
-use crate::work::{Work, WorkFrame};
+use crate::workload::{WorkFrame, Workload};
 
 struct Ours {
     gpu: Gpu,
@@ -18,7 +18,7 @@ struct Ours {
 }
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
-pub(super) fn open(path: &Path, work: &Work, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
+pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let clip = load_file(path)?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);

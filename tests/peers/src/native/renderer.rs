@@ -1,8 +1,8 @@
-//! [`PeerRenderer`]: a player in Rust.
+//! [`PeerRenderer`]: the interface of players in Rust.
 
-use crate::work::WorkFrame;
+use crate::workload::WorkFrame;
 
-/// A field on a graphics device.
+/// A player with an open field.
 pub(super) trait PeerRenderer {
     /// Name and driver of the device.
     fn device(&self) -> String;
@@ -10,6 +10,6 @@ pub(super) trait PeerRenderer {
     /// Draws a frame and waits until it is done.
     fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()>;
 
-    /// Red, green, blue of every pixel of the frame drawn last, row by row from the top.
+    /// Red, green, blue of every pixel of the last drawn frame, in rows from the top.
     fn read(&mut self) -> anyhow::Result<Vec<u8>>;
 }

@@ -1,7 +1,7 @@
-//! crates.io `wgpu-3dgs-viewer`: a static field, such as an instant of a moving one.
+//! crates.io `wgpu-3dgs-viewer`: a static field, such as an instant of a dynamic one.
 //!
-//! Its falloff is that of a Gaussian where the reach is set to `sqrt(8)`; at the reach of 3 that it
-//! comes with, pictures are blurred. All else is as it comes.
+//! With a support radius of `sqrt(8)` its falloff is a Gaussian; at its default of 3 images are blurred. All
+//! other settings are its defaults.
 
 use std::path::Path;
 
@@ -12,29 +12,29 @@ use glam::{Mat4, UVec2, Vec4};
 use wgpu_3dgs_viewer::core::{
     GaussianDisplayMode, GaussianMaxStdDev, GaussianShDegree, Gaussians, GaussiansSource,
 };
-use wgpu_3dgs_viewer::{CameraTrait, Viewer as Peer};
+use wgpu_3dgs_viewer::{CameraTrait, Viewer};
 
 use super::renderer::PeerRenderer;
-use crate::work::{Work, WorkFrame};
+use crate::workload::{WorkFrame, Workload};
 
 /// 8 bits per channel, as windows have.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// Range of depths that is drawn, in units of the field.
+/// Near and far plane, in units of the field.
 const DEPTHS: [f32; 2] = [0.1, 1000.0];
 
-struct Viewer {
+struct PeerViewer {
     adapter: wgpu::AdapterInfo,
     device: wgpu::Device,
     queue: wgpu::Queue,
-    peer: Peer,
+    peer: Viewer,
     size: UVec2,
     image: wgpu::Texture,
     readback: wgpu::Buffer,
 }
 
 /// Opens the PLY file at `path`.
-pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn PeerRenderer>> {
+pub(super) fn open(path: &Path, work: &Workload) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let gaussians = Gaussians::read_from_file(path, GaussiansSource::Ply)?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
     let options = wgpu::RequestAdapterOptions {
@@ -45,14 +45,14 @@ pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn PeerRende
     let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))?;
 
-    let mut peer: Peer = Peer::new(&device, FORMAT, &gaussians)?;
-    let reach = GaussianMaxStdDev::new(8f32.sqrt()).context("a reach that the viewer has")?;
-    let degree = GaussianShDegree::new(3).context("a degree that the viewer has")?;
-    peer.update_gaussian_transform(&queue, 1.0, GaussianDisplayMode::Splat, degree, false, reach);
+    let mut peer: Viewer = Viewer::new(&device, FORMAT, &gaussians)?;
+    let support_radius = GaussianMaxStdDev::new(8f32.sqrt()).context("a supported radius")?;
+    let degree = GaussianShDegree::new(3).context("a supported degree")?;
+    peer.update_gaussian_transform(&queue, 1.0, GaussianDisplayMode::Splat, degree, false, support_radius);
 
     let size = UVec2::new(work.width, work.height);
     let image = device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("picture"),
+        label: Some("image"),
         size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
@@ -62,22 +62,22 @@ pub(super) fn open(path: &Path, work: &Work) -> anyhow::Result<Box<dyn PeerRende
         view_formats: &[],
     });
     let readback = device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("picture"),
+        label: Some("image"),
         size: u64::from(bytes_per_row(size)) * u64::from(size.y),
         usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         mapped_at_creation: false,
     });
-    Ok(Box::new(Viewer { adapter: adapter.get_info(), device, queue, peer, size, image, readback }))
+    Ok(Box::new(PeerViewer { adapter: adapter.get_info(), device, queue, peer, size, image, readback }))
 }
 
-impl PeerRenderer for Viewer {
+impl PeerRenderer for PeerViewer {
     fn device(&self) -> String {
         let wgpu::AdapterInfo { name, driver, driver_info, .. } = &self.adapter;
         format!("{name}, {driver} {driver_info}")
     }
 
     fn draw(&mut self, frame: &WorkFrame) -> anyhow::Result<()> {
-        self.peer.update_camera(&self.queue, &Eye(&frame.camera), self.size);
+        self.peer.update_camera(&self.queue, &ViewerCamera(&frame.camera), self.size);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         self.peer.render(&mut encoder, &self.image.create_view(&Default::default()));
         self.queue.submit([encoder.finish()]);
@@ -109,15 +109,15 @@ impl PeerRenderer for Viewer {
     }
 }
 
-/// Rows of a picture in a buffer begin at multiples of what the graphics API asks for.
+/// Bytes of an image row in a buffer, padded to the alignment of the graphics API.
 fn bytes_per_row(size: UVec2) -> u32 {
     (4 * size.x).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }
 
-/// A camera of the work in the axes that the viewer draws: y up, z forward.
-struct Eye<'a>(&'a Camera);
+/// Converts a camera to the viewer's axes: y up, z forward.
+struct ViewerCamera<'a>(&'a Camera);
 
-impl CameraTrait for Eye<'_> {
+impl CameraTrait for ViewerCamera<'_> {
     fn view(&self) -> Mat4 {
         let m = self.0.camera_from_world.map(|row| row.map(|x| x as f32));
         let view_from_world = Mat4::from_cols_array_2d(&m).transpose();

@@ -7,31 +7,31 @@ use codec::Camera;
 use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
 
-use super::image_file::{bad, check_size, cut_out, read, read_image};
+use super::image_file::{apply_mask, bad, check_size, read, read_image};
 
-/// A capture, and where its photographs are.
+/// A capture and the paths of its photographs.
 #[derive(Clone, Debug)]
 pub struct CaptureFiles {
-    /// The cameras and photo_ids.
+    /// Cameras, times and photographs.
     pub capture: Capture,
-    /// The cameras in the pixels of the files.
-    pub(super) taken_by: Vec<Camera>,
+    /// The cameras at the resolution of the files.
+    pub(super) file_cameras: Vec<Camera>,
     pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
 }
 
 /// The files of one photograph.
 #[derive(Clone, Debug)]
 pub(super) struct PhotoFiles {
-    /// Path of the photograph within the capture, without its ending.
+    /// Path of the photograph within the capture, without extension.
     pub(super) name: String,
     pub(super) image: PathBuf,
     pub(super) mask: Option<PathBuf>,
 }
 
 impl CaptureFiles {
-    /// Number of photographs that some cameras lack in frames that others have. None where each
-    /// photograph has a camera of its own.
-    pub fn missing(&self) -> usize {
+    /// Number of pairs of a camera and a frame without a photograph; 0 if each photograph has a camera of
+    /// its own.
+    pub fn missing_count(&self) -> usize {
         let Capture { cameras, times, photos } = &self.capture;
         match photos.len() == cameras.len() && times.len() > 1 {
             true => 0,
@@ -39,7 +39,7 @@ impl CaptureFiles {
         }
     }
 
-    /// The files of photographs and masks.
+    /// Paths of all photographs and masks.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.files
             .values()
@@ -48,33 +48,33 @@ impl CaptureFiles {
             .map(PathBuf::as_path)
     }
 
-    /// Pixels of the largest photograph, as it was taken.
-    pub fn most_pixels(&self) -> usize {
+    /// Number of pixels of the largest photograph on disk.
+    pub fn pixels_max(&self) -> usize {
         let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
-        self.taken_by.iter().map(pixels).max().unwrap_or(1)
+        self.file_cameras.iter().map(pixels).max().unwrap_or(1)
     }
 
-    /// Path of a photograph within the capture, without its ending.
+    /// Path of a photograph within the capture, without extension.
     ///
     /// # Panics
-    /// If `photo_id` is not of this capture.
+    /// If the capture has no such photograph.
     pub fn name(&self, photo_id: PhotoId) -> &str {
         &self.files[&photo_id].name
     }
 
-    /// A photograph through its lens, with everything around the subject; over black where it is
-    /// transparent.
+    /// Reads a photograph as it is on disk, with lens distortion and background; transparent pixels are
+    /// blended with black.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
     ///
     /// # Panics
-    /// If `photo_id` is not of this capture.
+    /// If the capture has no such photograph.
     #[cfg(feature = "onnx")]
-    pub fn as_taken(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
+    pub fn unprocessed_photo(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
         let path = &self.files[&photo_id].image;
         let taken = read(path)?.into_rgba8();
-        check_size(path, taken.dimensions(), &self.taken_by[photo_id.camera])?;
+        check_size(path, taken.dimensions(), &self.file_cameras[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
         Ok(image::RgbImage::from_fn(taken.width(), taken.height(), |x, y| {
             let [r, g, b, a] = taken.get_pixel(x, y).0;
@@ -82,18 +82,18 @@ impl CaptureFiles {
         }))
     }
 
-    /// Reads a photograph, cuts it out, takes the distortion of the lens away, and shrinks it to the
-    /// pixels of its camera.
+    /// Reads a photograph, multiplies it with its mask, removes the lens distortion, and shrinks it to the
+    /// resolution of its camera.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
     ///
     /// # Panics
-    /// If `photo_id` is not of this capture.
+    /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
         let PhotoFiles { image, mask, .. } = &self.files[&photo_id];
-        let CalibratedCamera { camera: wanted, lens, .. } = &self.capture.cameras[photo_id.camera];
-        let camera = &self.taken_by[photo_id.camera];
+        let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
+        let camera = &self.file_cameras[photo_id.camera];
         let mut taken = read_image(image)?;
         check_size(image, (taken.width, taken.height), camera)?;
         if let Some(path) = mask {
@@ -102,14 +102,14 @@ impl CaptureFiles {
                 let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
                 return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
             }
-            cut_out(&mut taken, &cut);
+            apply_mask(&mut taken, &cut);
         }
         let photo = Photo::undistorted(taken, camera, lens);
-        Ok(if wanted == camera { photo } else { photo.shrunk(wanted.width, wanted.height) })
+        Ok(if target == camera { photo } else { photo.shrunk(target.width, target.height) })
     }
 }
 
-/// What readers fill in.
+/// Collects cameras and files while a layout is read.
 #[derive(Default)]
 pub(super) struct CaptureBuilder {
     cameras: Vec<CalibratedCamera>,
@@ -117,7 +117,7 @@ pub(super) struct CaptureBuilder {
 }
 
 impl CaptureBuilder {
-    /// Adds a camera; its number.
+    /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
         self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, held });
         self.cameras.len() - 1
@@ -129,9 +129,9 @@ impl CaptureBuilder {
 
     pub(super) fn build(self, times: Vec<f64>) -> CaptureFiles {
         let photos = self.files.keys().copied().collect();
-        let taken_by = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
+        let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
         let capture = Capture { cameras: self.cameras, times, photos };
-        CaptureFiles { capture, taken_by, files: self.files }
+        CaptureFiles { capture, file_cameras, files: self.files }
     }
 }
 

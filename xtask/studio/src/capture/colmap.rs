@@ -1,6 +1,6 @@
-//! Captures as COLMAP has them: a sparse model, binary or text, in `sparse/0`, `sparse` or the
-//! folder itself, photographs in `images`, and perhaps masks in `masks`. The scene is static: each
-//! photograph is a camera of its own.
+//! Captures in COLMAP's layout: a sparse model, binary or text, in `sparse/0`, `sparse` or the folder
+//! itself, photographs in `images`, and optional masks in `masks`. The scene is static: each photograph has
+//! a camera of its own.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,10 +12,10 @@ use refine::capture::Lens;
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
 use super::image_file::{bad, find_image, read_text, size_of};
 
-/// Folders that a model can be in.
+/// Folders that may hold the model.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
 
-/// Where the model in `folder` is.
+/// Finds the folder of the model.
 pub(super) fn model(folder: &Path) -> Option<PathBuf> {
     let is_model =
         |path: &PathBuf| ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file());
@@ -58,14 +58,14 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
         let [w, x, y, z] = pose.rotation;
         let turn = DQuat::from_xyzw(x, y, z, w).normalize();
         let rotation = DMat3::from_quat(turn).transpose().to_cols_array_2d();
-        // Photographs may have been made smaller since.
+        // The photographs may be smaller than the model's images.
         let actual = size_of(&path)?;
         let scale = [f64::from(actual.0) / f64::from(size.0), f64::from(actual.1) / f64::from(size.1)];
         let k = [k[0] * scale[0], k[1] * scale[1], k[2] * scale[0], k[3] * scale[1]];
         let camera = pinhole(actual, k, rigid(rotation, pose.translation));
         let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
         let mask = match &masks {
-            // COLMAP adds an ending to the whole name.
+            // COLMAP appends an extension to the whole name.
             Some(masks) => {
                 let mask = find_image(&masks.join(&pose.name)).or_else(|| find_image(&masks.join(&name)));
                 Some(mask.ok_or_else(|| bad(&masks.join(&name), "this mask is missing"))?)
@@ -78,7 +78,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
     Ok(builder.build(vec![0.0]))
 }
 
-/// The camera models that are supported, by number and name, with their number of parameters.
+/// Supported camera models: number, name and number of parameters.
 const CAMERA_MODELS: [(i32, &str, usize); 5] = [
     (0, "SIMPLE_PINHOLE", 3),
     (1, "PINHOLE", 4),
@@ -103,7 +103,7 @@ fn intrinsics(model: &str, size: (u64, u64), p: &[f64]) -> Result<Intrinsics, St
     Ok((size, k, Lens::from_opencv(lens)?))
 }
 
-/// Reads numbers from the front of a file.
+/// Reads little-endian values from the start of `rest`.
 struct Reader<'a> {
     path: &'a Path,
     rest: &'a [u8],
@@ -181,7 +181,7 @@ fn images_bin(path: &Path) -> Result<Vec<Pose>, Fault> {
     Ok(poses)
 }
 
-/// Lines that are no comments, with their numbers from 1.
+/// Lines without comments, with their numbers from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.starts_with('#'))
 }
@@ -209,7 +209,7 @@ fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
 fn images_txt(path: &Path) -> Result<Vec<Pose>, Fault> {
     let text = read_text(path)?;
     let mut poses = Vec::new();
-    // Every other line lists points, and may be empty.
+    // Every second line lists points and may be empty.
     for (number, line) in lines(&text).step_by(2).filter(|(_, line)| !line.trim().is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let parsed = || -> Option<Pose> {
@@ -231,15 +231,15 @@ mod tests {
 
     #[test]
     fn models_of_cameras() {
-        let of = |model, p: &[f64]| intrinsics(model, (64, 48), p).map(|(_, k, lens)| (k, lens));
-        assert_eq!(of("SIMPLE_PINHOLE", &[50.0, 32.0, 24.0]).unwrap().0, [50.0, 50.0, 32.0, 24.0]);
+        let parsed = |model, p: &[f64]| intrinsics(model, (64, 48), p).map(|(_, k, lens)| (k, lens));
+        assert_eq!(parsed("SIMPLE_PINHOLE", &[50.0, 32.0, 24.0]).unwrap().0, [50.0, 50.0, 32.0, 24.0]);
         assert_eq!(
-            of("RADIAL", &[50.0, 32.0, 24.0, 0.1, 0.2]).unwrap().1,
+            parsed("RADIAL", &[50.0, 32.0, 24.0, 0.1, 0.2]).unwrap().1,
             Lens { k1: 0.1, k2: 0.2, ..Lens::default() }
         );
-        let opencv = of("OPENCV", &[50.0, 51.0, 32.0, 24.0, 0.1, 0.2, 0.3, 0.4]).unwrap();
+        let opencv = parsed("OPENCV", &[50.0, 51.0, 32.0, 24.0, 0.1, 0.2, 0.3, 0.4]).unwrap();
         assert_eq!(opencv, ([50.0, 51.0, 32.0, 24.0], Lens { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 }));
-        assert!(of("FISHEYE", &[1.0]).unwrap_err().contains("FISHEYE"));
-        assert!(of("PINHOLE", &[1.0]).is_err());
+        assert!(parsed("FISHEYE", &[1.0]).unwrap_err().contains("FISHEYE"));
+        assert!(parsed("PINHOLE", &[1.0]).is_err());
     }
 }

@@ -1,8 +1,8 @@
-//! Depth maps on disk, as any network's script saves them: a folder of files named as the photographs
-//! are, see `xtask/CAPTURE.md`.
+//! Depth maps on disk: a folder of PNG, PFM or NPY files with the names of the photographs, as
+//! `xtask/CAPTURE.md` specifies.
 //!
-//! PFM and NPY are read here: a few numbers and a block of values each, which crates for them wrap
-//! in far more than this needs.
+//! PFM and NPY are a short header and a block of values each; crates for them would add more code than
+//! these readers.
 
 use std::path::Path;
 
@@ -16,22 +16,22 @@ use refine::capture::{CalibratedCamera, Lens, PhotoId};
 use super::capture_files::CaptureFiles;
 use super::image_file::{bad, read};
 
-/// Metres, or whatever the capture's unit is, for each step of a 16-bit image.
+/// Depth of one step of a 16-bit image, in units of the capture.
 const PNG_STEP: f32 = 1e-3;
 
-/// Largest side of a map, and largest file: one of that size, in doubles.
+/// Maximum side of a map, and maximum size of a file: a map of that side in doubles.
 const SIDE_MAX: usize = 1 << 14;
 const BYTES_MAX: u64 = (8 * SIDE_MAX * SIDE_MAX + (1 << 16)) as u64;
 
 impl CaptureFiles {
-    /// The depths of a photograph from `folder`: `NAME.png`, `.pfm` or `.npy`, where NAME is that of
-    /// the photograph. Undistorted as the photograph is. `None` where there is no such file.
+    /// Reads the depth map of a photograph from `folder`: `NAME.png`, `.pfm` or `.npy`, with the
+    /// photograph's name. Lens distortion is removed as from the photograph. `None` if there is no such file.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names the file and what is wrong with it.
+    /// [`Fault::Data`] that names the file and the problem.
     ///
     /// # Panics
-    /// If `photo_id` is not of this capture.
+    /// If the capture has no such photograph.
     pub fn depth(&self, folder: &Path, photo_id: PhotoId) -> Result<Option<DepthMap>, Fault> {
         let CalibratedCamera { camera, lens, .. } = &self.capture.cameras[photo_id.camera];
         for (ending, read) in [("png", png as fn(&Path) -> _), ("pfm", pfm), ("npy", npy)] {
@@ -59,8 +59,8 @@ fn png(path: &Path) -> Result<DepthMap, Fault> {
     }
 }
 
-/// A map whose rows have this width and come from the top, or else from the bottom.
-fn map(
+/// A checked map of values whose rows run from the top, or else from the bottom.
+fn depth_map(
     path: &Path,
     [width, height]: [usize; 2],
     depths: Vec<f32>,
@@ -88,13 +88,13 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
     std::fs::read(path).map_err(|error| bad(path, error))
 }
 
-/// Values of N bytes, until the last whole one.
+/// Decodes values of `N` bytes; a partial last value is ignored.
 fn values<const N: usize>(bytes: &[u8], value: impl Fn([u8; N]) -> f32) -> Vec<f32> {
     bytes.as_chunks::<N>().0.iter().map(|bytes| value(*bytes)).collect()
 }
 
-/// A portable float map (Debevec): "Pf", width and height, and a number that is negative for little
-/// endian, each ended by one white space; rows from the bottom.
+/// Reads a portable float map (Debevec): "Pf", width, height and a scale that is negative for little endian,
+/// each followed by one white space; then rows from the bottom.
 fn pfm(path: &Path) -> Result<DepthMap, Fault> {
     let bytes = bytes_of(path)?;
     let mut rest = bytes.as_slice();
@@ -119,10 +119,10 @@ fn pfm(path: &Path) -> Result<DepthMap, Fault> {
         true => values(rest, f32::from_le_bytes),
         false => values(rest, f32::from_be_bytes),
     };
-    map(path, [width, height], depths, false)
+    depth_map(path, [width, height], depths, false)
 }
 
-/// A map as such a file, in little endian.
+/// Encodes a map as PFM, in little endian.
 #[cfg(feature = "onnx")]
 pub fn pfm_file(map: &DepthMap) -> Vec<u8> {
     let rows = map.depths.chunks(map.width as usize).rev();
@@ -130,7 +130,7 @@ pub fn pfm_file(map: &DepthMap) -> Vec<u8> {
     format!("Pf\n{} {}\n-1.0\n", map.width, map.height).into_bytes().into_iter().chain(values).collect()
 }
 
-/// NumPy's format, versions 1 to 3: a head that says type and shape as a Python dictionary, and the
+/// Reads NumPy's format, versions 1 to 3: a header with type and shape as a Python dictionary, then the
 /// values.
 fn npy(path: &Path) -> Result<DepthMap, Fault> {
     let bytes = bytes_of(path)?;
@@ -149,7 +149,7 @@ fn npy(path: &Path) -> Result<DepthMap, Fault> {
             .map(|side| side.parse().ok())
             .collect()
     });
-    // A batch or a channel of one adds nothing, but a map of one pixel has its sides.
+    // Drops batch and channel dimensions of 1; a map with a side of 1 keeps it.
     let sides = sides.ok_or_else(|| bad(path, "its head has no shape"))?;
     let long: Vec<usize> = sides.iter().copied().filter(|side| *side != 1).collect();
     let [height, width] = match (&sides[..], &long[..]) {
@@ -168,7 +168,7 @@ fn npy(path: &Path) -> Result<DepthMap, Fault> {
             return Err(bad(path, format!("its type is {is}: depths are float16, float32 or float64")));
         }
     };
-    map(path, [width, height], depths, true)
+    depth_map(path, [width, height], depths, true)
 }
 
 fn npy_parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
@@ -182,8 +182,8 @@ fn npy_parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
     Some((std::str::from_utf8(head).ok()?, body))
 }
 
-/// The map as the camera would have it without its lens: of each pixel the nearest value, as a mean
-/// over an edge would lie on neither side. Unknown beyond the picture.
+/// Removes lens distortion from a map. Takes the nearest value, as a mean over an edge would lie on neither
+/// side; depths outside the picture are 0, unknown.
 fn undistorted(map: &DepthMap, camera: &Camera, lens: &Lens) -> DepthMap {
     let size = [map.width, map.height];
     let depth = |source: Option<[f64; 2]>| {
@@ -198,8 +198,8 @@ fn undistorted(map: &DepthMap, camera: &Camera, lens: &Lens) -> DepthMap {
 mod tests {
     use super::*;
 
-    /// What `read` makes of a file of these bytes.
-    fn reads(read: fn(&Path) -> Result<DepthMap, Fault>, bytes: &[u8]) -> Result<DepthMap, String> {
+    /// Applies a reader to a file of these bytes.
+    fn read_bytes(read: fn(&Path) -> Result<DepthMap, Fault>, bytes: &[u8]) -> Result<DepthMap, String> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
         read(file.path()).map_err(|fault| {
@@ -208,7 +208,7 @@ mod tests {
         })
     }
 
-    /// As `numpy.save` writes it.
+    /// A file as `numpy.save` writes it.
     fn npy_file(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
         let mut head = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
         head += &" ".repeat(63 - (10 + head.len()) % 64);
@@ -223,16 +223,16 @@ mod tests {
         let little = [b"Pf\n3 2\n-1.0\n", &values.map(f32::to_le_bytes).concat()[..]].concat();
         let big = [b"Pf\n3 2\n1\n", &values.map(f32::to_be_bytes).concat()[..]].concat();
         let expected = DepthMap { width: 3, height: 2, depths: vec![4.0, 5.0, f32::INFINITY, 1.0, 2.0, 3.0] };
-        assert_eq!(reads(pfm, &little).unwrap(), expected);
-        assert_eq!(reads(pfm, &big).unwrap(), expected);
+        assert_eq!(read_bytes(pfm, &little).unwrap(), expected);
+        assert_eq!(read_bytes(pfm, &big).unwrap(), expected);
         #[cfg(feature = "onnx")]
         assert_eq!(pfm_file(&expected), little);
         for end in 0..little.len() {
-            assert!(reads(pfm, &little[..end]).is_err(), "{end}");
+            assert!(read_bytes(pfm, &little[..end]).is_err(), "{end}");
         }
-        assert!(reads(pfm, b"PF\n1 1\n-1\n0000").unwrap_err().contains("one channel"));
-        assert!(reads(pfm, b"Pf\n99999999999 1\n-1\n").unwrap_err().contains("a side can have"));
-        assert!(reads(pfm, b"Pf\n16000 16000\n-1\n").unwrap_err().contains("holds 0 values"));
+        assert!(read_bytes(pfm, b"PF\n1 1\n-1\n0000").unwrap_err().contains("one channel"));
+        assert!(read_bytes(pfm, b"Pf\n99999999999 1\n-1\n").unwrap_err().contains("a side can have"));
+        assert!(read_bytes(pfm, b"Pf\n16000 16000\n-1\n").unwrap_err().contains("holds 0 values"));
     }
 
     #[test]
@@ -250,20 +250,24 @@ mod tests {
             (">f8", depths.map(|x| f64::from(x).to_be_bytes()).concat()),
         ] {
             for shape in ["(2, 2)", "(1, 2, 2)", "(2, 2, 1)", "(1, 1, 2, 2)"] {
-                assert_eq!(reads(npy, &npy_file(descr, shape, &bytes)).unwrap(), expected, "{descr} {shape}");
+                assert_eq!(
+                    read_bytes(npy, &npy_file(descr, shape, &bytes)).unwrap(),
+                    expected,
+                    "{descr} {shape}"
+                );
             }
         }
-        let row = reads(npy, &npy_file("<f2", "(1, 4)", &half)).unwrap();
+        let row = read_bytes(npy, &npy_file("<f2", "(1, 4)", &half)).unwrap();
         assert_eq!((row.width, row.height), (4, 1));
         let whole = npy_file("<f2", "(2, 2)", &half);
         for end in 0..whole.len() {
-            assert!(reads(npy, &whole[..end]).is_err(), "{end}");
+            assert!(read_bytes(npy, &whole[..end]).is_err(), "{end}");
         }
     }
 
     #[test]
     fn other_arrays_are_refused() {
-        let error = |descr: &str, shape: &str| reads(npy, &npy_file(descr, shape, &[0; 8])).unwrap_err();
+        let error = |descr: &str, shape: &str| read_bytes(npy, &npy_file(descr, shape, &[0; 8])).unwrap_err();
         assert!(error("<u2", "(2, 2)").contains("<u2"));
         assert!(error("<f2", "(4,)").contains("height and width"));
         assert!(error("<f2", "(2, 2, 3)").contains("height and width"));
@@ -273,14 +277,14 @@ mod tests {
         let fortran = npy_file("<f2", "(2, 2)", &[0; 8]);
         let fortran = String::from_utf8_lossy(&fortran[10..]).replace("False", "True ");
         let fortran = [b"\x93NUMPY\x01\x00v\x00", fortran.as_bytes()].concat();
-        assert!(reads(npy, &fortran).unwrap_err().contains("C order"));
+        assert!(read_bytes(npy, &fortran).unwrap_err().contains("C order"));
     }
 
     #[test]
-    fn a_lens_is_undone_by_the_nearest_value() {
+    fn undistortion_takes_the_nearest_value() {
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 64, 48);
         let lens = Lens { k1: -0.1, ..Lens::default() };
-        // Half the size; each value says its column.
+        // At half resolution; each value is its column plus 1.
         let depths = (0..32 * 24).map(|i| (i % 32 + 1) as f32).collect();
         let map = DepthMap { width: 32, height: 24, depths };
         let straight = undistorted(&map, &camera, &lens);

@@ -1,8 +1,8 @@
-//! Captures as EasyVolcap has them: `intri.yml`, `extri.yml`, `images/CAMERA/FRAME.png` and perhaps
+//! Captures in EasyVolcap's layout: `intri.yml`, `extri.yml`, `images/CAMERA/FRAME.png` and optional
 //! `masks/CAMERA/FRAME.png`.
 //!
-//! The two files are YAML as OpenCV's FileStorage writes it, which generic readers refuse; of it
-//! this reads lists, numbers and matrices at the top level.
+//! OpenCV's FileStorage writes the two files in a dialect of YAML that generic readers reject. This reader
+//! supports lists, numbers and matrices at the top level.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -14,11 +14,11 @@ use refine::capture::{Lens, even_times};
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
 use super::image_file::{bad, find_image, read_text, size_of};
 
-/// File of the intrinsics, by which the layout is known.
+/// File of the intrinsics, which identifies the layout.
 pub(super) const INTRINSICS: &str = "intri.yml";
 const EXTRINSICS: &str = "extri.yml";
 
-/// Names that the folder of masks goes by.
+/// Accepted names of the folder of masks.
 const MASKS: [&str; 2] = ["masks", "mask"];
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
@@ -78,7 +78,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         }
     }
     let frames: BTreeSet<String> = found.iter().map(|(_, frame, _)| frame.clone()).collect();
-    let frames = in_order(frames);
+    let frames = sorted_names(frames);
     let numbered: BTreeMap<&String, usize> = frames.iter().enumerate().map(|(i, frame)| (frame, i)).collect();
     for (camera, frame, files) in found {
         builder.photo(camera, numbered[&frame], files);
@@ -86,8 +86,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     Ok(builder.build(even_times(numbered.len())))
 }
 
-/// Names in the order of their numbers where all are numbers, whether or not with leading zeros.
-fn in_order(names: BTreeSet<String>) -> Vec<String> {
+/// Sorts names by number if all are numbers, with or without leading zeros; else by text.
+fn sorted_names(names: BTreeSet<String>) -> Vec<String> {
     let mut names: Vec<String> = names.into_iter().collect();
     if names.iter().all(|name| name.parse::<u64>().is_ok()) {
         names.sort_by_key(|name| name.parse::<u64>().expect("a number"));
@@ -95,7 +95,7 @@ fn in_order(names: BTreeSet<String>) -> Vec<String> {
     names
 }
 
-/// Names of the images in a folder, without their endings; none where it is missing.
+/// Names of the images in a folder, without extensions; none if the folder is missing.
 fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -104,13 +104,13 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
     for entry in std::fs::read_dir(folder).map_err(|error| bad(folder, error))? {
         let path = entry.map_err(|error| bad(folder, error))?.path();
         let stem = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
-        // As it is looked for afterwards.
+        // The same search finds the file later.
         frames.extend(stem.filter(|stem| find_image(&folder.join(stem)).is_some()));
     }
     Ok(frames)
 }
 
-/// What each name at the top level of a file stands for, unread.
+/// Unparsed values by their names at the top level of a file.
 type Storage = BTreeMap<String, String>;
 
 fn parse(text: &str) -> Storage {
@@ -138,7 +138,7 @@ fn names(storage: &Storage) -> Option<Vec<String>> {
     Some(names.filter(|name| !name.is_empty()).collect())
 }
 
-/// The numbers of a matrix or a single number.
+/// Parses a matrix or a number, row by row; empty if it is malformed.
 fn numbers(value: &str) -> Vec<f64> {
     let list = match value.split_once("data:") {
         Some((_, data)) => data.trim().trim_start_matches('[').split(']').next().unwrap_or_default(),
@@ -153,7 +153,7 @@ fn numbers(value: &str) -> Vec<f64> {
     parsed.unwrap_or_default()
 }
 
-/// The rotation of a vector along the axis and as long as the angle.
+/// The rotation matrix of a Rodrigues vector: direction of the axis, length of the angle.
 fn rodrigues(vector: &[f64]) -> [[f64; 3]; 3] {
     let vector = DVec3::new(vector[0], vector[1], vector[2]);
     DMat3::from_quat(glam::DQuat::from_scaled_axis(vector)).transpose().to_cols_array_2d()
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn photographs_are_found_whatever_their_endings() {
+    fn photographs_are_found_with_any_extension() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["1.png", "2.PNG", "3.25.jpeg", "4.WebP", "notes.txt", "5"] {
             std::fs::write(folder.path().join(name), "").unwrap();
@@ -189,8 +189,8 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_in_the_order_of_their_numbers() {
-        let order = |names: &[&str]| in_order(names.iter().map(|name| name.to_string()).collect());
+    fn frames_are_sorted_by_number() {
+        let order = |names: &[&str]| sorted_names(names.iter().map(|name| name.to_string()).collect());
         assert_eq!(order(&["10", "9", "0008"]), ["0008", "9", "10"]);
         assert_eq!(order(&["b10", "b9", "7"]), ["7", "b10", "b9"]);
     }

@@ -1,5 +1,6 @@
-//! PhotoFiles of a capture: photographs, masks and text, with errors that name the file.
+//! Files of a capture: photographs, masks and text, with errors that name the file.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
@@ -7,61 +8,62 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use program::Fault;
 use refine::image::Image;
 
-/// Endings of the files that photographs are read from.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+/// File extensions of photographs.
+const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
-/// Multiplies a photograph with its mask. One that is black wherever the mask is 0 stands before
-/// black already: its colours stay, or the rim of the subject would be darkened twice.
-pub(super) fn cut_out(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
+/// Multiplies a photograph with its mask. If the photograph is black wherever the mask is 0, its colours
+/// are premultiplied already and stay: a second product would darken the rim of the subject.
+pub(super) fn apply_mask(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
     let mut outside = taken.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
-    let is_cut = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
+    let is_premultiplied = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
     for (pixel, mask) in taken.pixels.iter_mut().zip(mask.pixels()) {
         let [r, g, b, a] = *pixel;
-        let m = level(mask.0[0]);
-        *pixel = if is_cut { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
+        let m = unit_value(mask.0[0]);
+        *pixel = if is_premultiplied { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
     }
 }
 
-/// A picture of what `camera` saw, made by anybody.
+/// Reads a picture of the view of `camera`.
 ///
 /// # Errors
-/// [`Fault::Data`] that names the file, where it cannot be read or has another size.
+/// [`Fault::Data`] that names the file, if it cannot be read or has another size.
 pub fn read_picture(path: &Path, camera: &Camera) -> Result<Image, Fault> {
     let image = read_image(path)?;
     check_size(path, (image.width, image.height), camera)?;
     Ok(image)
 }
 
-/// The photograph at `path`, which may lack its ending.
+/// Finds the photograph at `path`, which may lack its extension.
 pub fn find_image(path: &Path) -> Option<PathBuf> {
-    let with_ending = |ending: String| {
+    let with_extension = |extension: String| {
         let mut name = path.as_os_str().to_owned();
         name.push(".");
-        name.push(ending);
+        name.push(extension);
         PathBuf::from(name)
     };
-    let endings = ENDINGS.iter().flat_map(|ending| [ending.to_string(), ending.to_uppercase()]);
+    let extensions =
+        EXTENSIONS.iter().flat_map(|extension| [extension.to_string(), extension.to_uppercase()]);
     let is_image = |path: &Path| {
-        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-        ENDINGS.contains(&ending.to_lowercase().as_str()) && path.is_file()
+        let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
+        EXTENSIONS.contains(&extension.to_lowercase().as_str()) && path.is_file()
     };
     match is_image(path) {
         true => Some(path.to_owned()),
-        false => endings.map(with_ending).find(|path| path.is_file()),
+        false => extensions.map(with_extension).find(|path| path.is_file()),
     }
 }
 
 pub(super) fn read_image(path: &Path) -> Result<Image, Fault> {
     let taken = read(path)?.into_rgba16();
     let pixel = |p: &image::Rgba<u16>| {
-        let [r, g, b, a] = p.0.map(level);
+        let [r, g, b, a] = p.0.map(unit_value);
         [r * a, g * a, b * a, a]
     };
     Ok(Image { width: taken.width(), height: taken.height(), pixels: taken.pixels().map(pixel).collect() })
 }
 
-/// A channel of 16 bits, which 8 bits fit into exactly, as a number from 0 to 1.
-fn level(channel: u16) -> f64 {
+/// A 16-bit channel, which represents 8-bit ones exactly, as a number from 0 to 1.
+fn unit_value(channel: u16) -> f64 {
     f64::from(channel) / f64::from(u16::MAX)
 }
 
@@ -87,7 +89,6 @@ pub(super) fn bad(path: &Path, what: impl std::fmt::Display) -> Fault {
     Fault::Data(format!("{}: {what}", path.display()))
 }
 
-/// Text of a file.
 pub(super) fn read_text(path: &Path) -> Result<String, Fault> {
     std::fs::read_to_string(path).map_err(|error| bad(path, error))
 }

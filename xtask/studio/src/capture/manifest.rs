@@ -1,4 +1,4 @@
-//! Captures with this project's own manifest, `capture.json`: what other layouts convert to.
+//! Captures with this project's own manifest, `capture.json`.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,13 +9,13 @@ use serde::Deserialize;
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
 use super::image_file::{bad, read_text};
 
-/// The manifest, by which the layout is known.
+/// File name of the manifest, which identifies the layout.
 pub(super) const FILE: &str = "capture.json";
 
-/// Most frames: an hour and more.
+/// Maximum number of frames: more than an hour at 25 per second.
 const FRAMES_MAX: usize = 100_000;
 
-/// Skew in pixels below which it counts as rounding.
+/// Skew in pixels up to which it counts as rounding.
 const SKEW_MAX: f64 = 1e-6;
 
 /// See `xtask/CAPTURE.md`.
@@ -60,7 +60,6 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
             let image = folder.join(named(&manifest.images).map_err(|what| bad(&path, what))?);
             if !image.is_file() {
-                // Not every camera has every frame.
                 continue;
             }
             let mask = match &manifest.masks {
@@ -79,7 +78,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
 }
 
 impl Manifest {
-    /// What no single photograph tells.
+    /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
         let Manifest { frames, first_frame, images, cameras, .. } = self;
         if !(1..=FRAMES_MAX).contains(frames) {
@@ -97,7 +96,7 @@ impl Manifest {
                 return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
             }
         }
-        // One file for all would be read as what each saw.
+        // Without the placeholder, all cameras or frames would share one file.
         let needs = |what: &str, many: bool| many && !images.contains(&format!("{{{what}"));
         match [("camera", cameras.len() > 1), ("frame", *frames > 1)]
             .iter()
@@ -111,7 +110,7 @@ impl Manifest {
     }
 }
 
-/// A path in which `{camera}` and `{frame}`, or `{frame:06}` with leading zeros, are filled in.
+/// Replaces `{camera}` and `{frame}` in a path; `{frame:06}` pads with zeros.
 fn expand(pattern: &str, camera: &str, frame: usize) -> Result<String, String> {
     let mut path = String::new();
     let mut rest = pattern;

@@ -1,5 +1,4 @@
-//! [`CaptureFiles`]: a capture on disk. Layouts that the field uses are read, see `xtask/CAPTURE.md`:
-//! one file each.
+//! Reads captures from disk. Each supported layout has a file here; `xtask/CAPTURE.md` specifies them.
 
 mod capture_files;
 mod colmap;
@@ -22,14 +21,14 @@ pub use depth::pfm_file;
 use image_file::bad;
 pub use image_file::{find_image, read_picture};
 
-/// Largest side of a photograph in pixels.
+/// Maximum side of a photograph in pixels.
 const SIDE_MAX: u32 = 1 << 15;
 
 impl CaptureFiles {
-    /// Finds out what layout a folder has and reads its cameras; photographs stay on disk.
+    /// Detects the layout of a folder and reads its cameras; photographs stay on disk.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names the file and what is wrong with it.
+    /// [`Fault::Data`] that names the file and the problem.
     pub fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let capture_files = if folder.join(manifest::FILE).is_file() {
             manifest::open(folder)?

@@ -1,4 +1,4 @@
-//! A part of a capture: some of its frames, in fewer pixels.
+//! Selects cameras and frames of a capture, and shrinks its photographs.
 
 use std::ops::Range;
 
@@ -11,21 +11,22 @@ impl CaptureFiles {
     /// Keeps the cameras with these names.
     ///
     /// # Errors
-    /// [`Fault::Usage`] where the capture has no such camera.
+    /// [`Fault::Usage`] if the capture has no such camera.
     pub fn keep_cameras(&mut self, names: &[String]) -> Result<(), Fault> {
         let cameras = &mut self.capture.cameras;
         if let Some(name) = names.iter().find(|name| cameras.iter().all(|camera| camera.name != **name)) {
             return Err(Fault::Usage(format!("the capture has no camera \"{name}\"")));
         }
-        let kept: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
-        let mut keep = kept.iter();
-        cameras.retain(|_| *keep.next().expect("one for each camera"));
-        let mut keep = kept.iter();
-        self.taken_by.retain(|_| *keep.next().expect("one for each camera"));
-        let files = std::mem::take(&mut self.files).into_iter().filter(|(photo_id, _)| kept[photo_id.camera]);
+        let is_selected: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
+        let mut selected = is_selected.iter();
+        cameras.retain(|_| *selected.next().expect("one for each camera"));
+        let mut selected = is_selected.iter();
+        self.file_cameras.retain(|_| *selected.next().expect("one for each camera"));
+        let files =
+            std::mem::take(&mut self.files).into_iter().filter(|(photo_id, _)| is_selected[photo_id.camera]);
         self.files = files
             .map(|(mut photo_id, files)| {
-                photo_id.camera = kept[..photo_id.camera].iter().filter(|kept| **kept).count();
+                photo_id.camera = is_selected[..photo_id.camera].iter().filter(|selected| **selected).count();
                 (photo_id, files)
             })
             .collect();
@@ -33,11 +34,10 @@ impl CaptureFiles {
         Ok(())
     }
 
-    /// Keeps the frames in `frames`, of which the first becomes the start of the clip and the last
-    /// its end.
+    /// Keeps the frames in `frames`: the first becomes the start of the clip, the last its end.
     ///
     /// # Errors
-    /// [`Fault::Usage`] where the capture does not have them all.
+    /// [`Fault::Usage`] if the capture lacks some of them.
     pub fn keep_frames(&mut self, frames: Range<usize>) -> Result<(), Fault> {
         let capture = &mut self.capture;
         if frames.is_empty() || frames.end > capture.times.len() {
@@ -55,10 +55,10 @@ impl CaptureFiles {
         capture.photos = self.files.keys().copied().collect();
         let times = capture.times[frames].to_vec();
         let (first, last) = (times[0], times[times.len() - 1]);
-        // One frame lasts: it is the whole of its clip.
+        // A single frame lasts for the whole clip.
         let duration = if last > first { last - first } else { 1.0 };
         capture.times = times.iter().map(|t| (t - first) / duration).collect();
-        // Of some captures every camera took one photograph.
+        // Drops cameras without photographs: in some captures each photograph has a camera of its own.
         let used: Vec<String> = (0..capture.cameras.len())
             .filter(|camera| capture.photos.iter().any(|photo_id| photo_id.camera == *camera))
             .map(|camera| capture.cameras[camera].name.clone())
@@ -66,10 +66,10 @@ impl CaptureFiles {
         self.keep_cameras(&used)
     }
 
-    /// Shrinks all photographs to `width` x `height` pixels; their cameras see what they saw.
+    /// Shrinks all photographs to `width` x `height` pixels; the fields of view stay.
     ///
     /// # Errors
-    /// [`Fault::Usage`] where a camera has fewer pixels.
+    /// [`Fault::Usage`] if a camera has fewer pixels.
     pub fn shrink(&mut self, width: u32, height: u32) -> Result<(), Fault> {
         for camera in &mut self.capture.cameras {
             let Camera { width: was_width, height: was_height, .. } = camera.camera;
@@ -83,7 +83,7 @@ impl CaptureFiles {
     }
 }
 
-/// The camera with its image in so many pixels, which need not stay square.
+/// The camera with an image of this size; pixels need not stay square.
 fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
     let mut scaled = Camera { width, height, ..camera.clone() };
     let factors = [f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height)];
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_cut_out_and_fill_the_clip() {
+    fn selected_frames_span_the_clip() {
         let mut capture_files = capture_files();
         capture_files.keep_frames(1..4).unwrap();
         let Capture { times, photos, .. } = &capture_files.capture;
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_are_picked_by_name() {
+    fn cameras_are_selected_by_name() {
         let mut capture_files = capture_files();
         capture_files.keep_cameras(&["b".into()]).unwrap();
         assert_eq!(capture_files.capture.cameras.len(), 1);
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smaller_camera_sees_the_same() {
+    fn shrinking_scales_the_intrinsics() {
         let mut capture_files = capture_files();
         let before = capture_files.capture.cameras[0].camera.clone();
         capture_files.shrink(20, 10).unwrap();

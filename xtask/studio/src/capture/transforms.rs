@@ -1,8 +1,8 @@
-//! Captures as nerfstudio and Blender's NeRF scenes have them: `transforms.json`, or
+//! Captures in the layout of nerfstudio and Blender's NeRF scenes: `transforms.json`, or
 //! `transforms_train.json` with `transforms_test.json` for held cameras.
 //!
-//! Each of its frames is a camera of its own, with a `time` where the scene moves. Its poses are
-//! camera to world in OpenGL's axes: x right, y up, z backwards.
+//! Each of its frames has a camera of its own, and a `time` if the scene is dynamic. Poses are camera to
+//! world in OpenGL's axes: x right, y up, z backwards.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use super::image_file::{bad, find_image, read_text, size_of};
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
 
-/// Numbers that stand for all frames or in one frame.
+/// Intrinsics of all frames or of one.
 #[derive(Clone, Default, Deserialize)]
 struct Intrinsics {
     camera_angle_x: Option<f64>,
@@ -30,7 +30,7 @@ struct Intrinsics {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
-    /// Size in pixels that the other numbers are of; that of the photograph by default.
+    /// Image size in pixels that the other values refer to; by default the photograph's.
     w: Option<f64>,
     h: Option<f64>,
 }
@@ -53,14 +53,14 @@ struct Frame {
     intrinsics: Intrinsics,
 }
 
-/// The files that a folder has of this layout.
+/// The files of this layout in `folder`; `None` if there are none.
 pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
-    let there = |name: &str, held| Some((folder.join(name), held)).filter(|(path, _)| path.is_file());
-    match there("transforms.json", false) {
+    let existing = |name: &str, held| Some((folder.join(name), held)).filter(|(path, _)| path.is_file());
+    match existing("transforms.json", false) {
         Some(file) => Some(vec![file]),
         None => {
-            let train = there("transforms_train.json", false)?;
-            Some([Some(train), there("transforms_test.json", true)].into_iter().flatten().collect())
+            let train = existing("transforms_train.json", false)?;
+            Some([Some(train), existing("transforms_test.json", true)].into_iter().flatten().collect())
         }
     }
 }
@@ -106,12 +106,12 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
         let frame = times.partition_point(|other| *other < time);
         builder.photo(camera, frame, files);
     }
-    Ok(builder.build(from_start_to_end(&times)))
+    Ok(builder.build(clip_times(&times)))
 }
 
-/// Times of frames, rising, as clip times: the first is the start and the last the end, whatever part
-/// of 0 to 1 the file gives them. D-NeRF's frames are at i / N and never reach 1.
-fn from_start_to_end(times: &[f64]) -> Vec<f64> {
+/// Scales ascending frame times to clip time, from 0 at the first to 1 at the last. D-NeRF's files have i / N,
+/// which never reaches 1.
+fn clip_times(times: &[f64]) -> Vec<f64> {
     match times {
         [first, .., last] => times.iter().map(|t| (t - first) / (last - first)).collect(),
         _ => vec![0.0; times.len()],
@@ -119,10 +119,10 @@ fn from_start_to_end(times: &[f64]) -> Vec<f64> {
 }
 
 impl Intrinsics {
-    /// Focal lengths, principal point and lens, of a frame's numbers before those `of_all`, in the pixels
-    /// of a photograph of the given size: it may have been made smaller since.
-    fn resolve(&self, of_all: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
-        let pick = |of: fn(&Intrinsics) -> Option<f64>| of(self).or(of(of_all));
+    /// Focal lengths, principal point and lens, in pixels of a photograph of the given size, which may be
+    /// smaller than the file states. Values of `self`, a frame, override those of the file.
+    fn resolve(&self, file: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
+        let pick = |of: fn(&Intrinsics) -> Option<f64>| of(self).or(of(file));
         let [actual_w, actual_h] = [width, height].map(f64::from);
         let (w, h) = (pick(|i| i.w).unwrap_or(actual_w), pick(|i| i.h).unwrap_or(actual_h));
         if !(w >= 1.0 && h >= 1.0) {
@@ -139,7 +139,7 @@ impl Intrinsics {
         let tangential = [pick(|i| i.p1), pick(|i| i.p2)].map(zero_or);
         let opencv = [radial[0], radial[1], tangential[0], tangential[1], radial[2], radial[3]];
         let [x, y] = [actual_w / w, actual_h / h];
-        // Sides of smaller photographs are rounded to pixels, no more.
+        // Shrinking rounds sides to whole pixels.
         if (x / y - 1.0).abs() > 2.0 / actual_w.min(actual_h) {
             return Err(format!(
                 "w and h are {w} and {h}, the photograph is {width}x{height}: not its proportions"
@@ -149,12 +149,12 @@ impl Intrinsics {
     }
 }
 
-/// The inverse of a pose, in OpenCV's axes.
+/// Inverts a pose and converts it to OpenCV's axes.
 fn camera_from_world(world_from_gl: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     let world_from_gl = DMat4::from_cols_array_2d(&world_from_gl).transpose();
     let gl_from_camera = DMat4::from_diagonal(DVec4::new(1.0, -1.0, -1.0, 1.0));
     let mut rows = (world_from_gl * gl_from_camera).inverse().transpose().to_cols_array_2d();
-    // Exactly, where the inverse rounds.
+    // The inverse rounds; this row is exact.
     rows[3] = [0.0, 0.0, 0.0, 1.0];
     rows
 }
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_goes_before_the_file() {
+    fn a_frame_overrides_the_file() {
         let all = Intrinsics { fl_x: Some(100.0), k1: Some(0.1), ..Intrinsics::default() };
         let own = Intrinsics { fl_x: Some(50.0), ..Intrinsics::default() };
         let (k, lens) = own.resolve(&all, (64, 48)).unwrap();
@@ -204,9 +204,9 @@ mod tests {
     }
 
     #[test]
-    fn times_fill_the_clip() {
-        assert_eq!(from_start_to_end(&[0.25, 0.375, 0.75]), [0.0, 0.25, 1.0]);
-        assert_eq!(from_start_to_end(&[0.7]), [0.0]);
-        assert!(from_start_to_end(&[]).is_empty());
+    fn times_span_the_clip() {
+        assert_eq!(clip_times(&[0.25, 0.375, 0.75]), [0.0, 0.25, 1.0]);
+        assert_eq!(clip_times(&[0.7]), [0.0]);
+        assert!(clip_times(&[]).is_empty());
     }
 }

@@ -16,16 +16,16 @@ use refine::fit::Lpips;
 /// The cameras, frames and pixels of a capture that a command reads.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct FrameSelection {
-    /// Frames to look at: from A, without B; all by default
+    /// Frames to read: from A up to, without, B; all by default
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
-    /// Pixels to shrink the photographs to; as they are by default
+    /// Size in pixels to shrink the photographs to; their own by default
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
-    /// Cameras that are held out from fitting, by name, besides those that the capture says
+    /// Cameras that are held out from fitting, by name, in addition to those the capture holds out
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     held_cameras: Vec<String>,
-    /// Cameras to look at, by name; all by default
+    /// Cameras to read, by name; all by default
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     cameras: Vec<String>,
 }
@@ -33,7 +33,7 @@ pub(crate) struct FrameSelection {
 /// Frames held out from fitting, on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum HeldFrames {
-    /// No frame: a product fits all
+    /// No frame: the fit uses all
     None,
     /// Every other frame, from the second, for evaluation
     Odd,
@@ -49,7 +49,7 @@ impl From<HeldFrames> for Holdout {
 }
 
 impl FrameSelection {
-    /// Opens a capture and selects from it.
+    /// Opens a capture and applies the selection.
     pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<CaptureFiles> {
         let mut capture_files = CaptureFiles::open(folder)?;
         if !self.cameras.is_empty() {
@@ -69,7 +69,7 @@ impl FrameSelection {
         Ok(capture_files)
     }
 
-    /// Whether it selects a whole capture.
+    /// Whether it selects the whole capture.
     pub(crate) fn is_default(&self) -> bool {
         self.frames.is_none()
             && self.size.is_none()
@@ -95,7 +95,7 @@ pub(crate) fn describe(capture_files: &CaptureFiles, holdout: Holdout) -> Result
     ))
 }
 
-/// Reads the photographs that a fit looks at.
+/// Decodes the photographs for a fit, with a progress bar.
 pub(crate) fn load_training_views(
     capture_files: &CaptureFiles,
     holdout: Holdout,
@@ -107,7 +107,7 @@ pub(crate) fn load_training_views(
     Ok(views)
 }
 
-/// The network of LPIPS, where its weights are given.
+/// Loads the LPIPS network if its weights are given.
 pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
     let Some(path) = weights else { return Ok(None) };
     let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));

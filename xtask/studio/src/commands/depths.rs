@@ -1,26 +1,26 @@
-//! `cargo xtask depths`: a network tells how far the pixels of photographs are.
+//! `cargo xtask depths`: estimates depth maps of photographs with a network.
 
 use std::path::PathBuf;
 
 use super::capture::{FrameSelection, HeldFrames};
 
-/// Make depth maps of a capture's photographs by a network, for `fit --depths`.
+/// Estimate depth maps of a capture's photographs with a network, for `fit --depths`.
 ///
-/// Takes a build with --features onnx.
+/// Needs a build with --features onnx.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     capture: PathBuf,
     /// Folder of the network: backbone.json and the files of its stages, *.onnx (format:
-    /// xtask/CAPTURE.md). ONNX Runtime is looked for by the system, or where ORT_DYLIB_PATH says
+    /// xtask/CAPTURE.md). ONNX Runtime is loaded from the system's library path, or from ORT_DYLIB_PATH
     #[arg(long, value_name = "DIR")]
     backbone: PathBuf,
-    /// Folder to write the maps to, one PFM file for each photograph that is fitted to
+    /// Folder to write the maps to, one PFM file for each training photograph
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that are held out from fitting, and get no depth maps
+    /// Frames that are held out from fitting; they get no depth maps
     #[arg(long, value_enum, default_value_t = HeldFrames::None)]
     holdout: HeldFrames,
 }
@@ -28,7 +28,7 @@ pub struct Args {
 #[cfg(not(feature = "onnx"))]
 pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
     anyhow::bail!(program::Fault::Usage(
-        "depths: this build runs no networks; \
+        "depths: this build cannot run networks; \
          run `cargo run --release --package studio --features onnx -- depths ...`"
             .into(),
     ))
@@ -54,7 +54,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bar = ProgressBar::new(photo_ids.len() as u64).with_style(style);
     let mut size = (0, 0);
     for photo_ids in photo_ids.chunk_by(|a, b| a.frame == b.frame) {
-        let maps = backbone.depths(photo_ids.iter().map(|photo_id| capture_files.as_taken(*photo_id)))?;
+        let maps =
+            backbone.depths(photo_ids.iter().map(|photo_id| capture_files.unprocessed_photo(*photo_id)))?;
         for (photo_id, map) in photo_ids.iter().zip(&maps) {
             let path = args.out.join(format!("{}.pfm", capture_files.name(*photo_id)));
             let folder = path.parent().expect("it is a file");

@@ -144,10 +144,10 @@ impl Evaluation<'_> {
             std::fs::create_dir_all(out)
                 .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
         }
-        if capture_files.missing() > 0 {
+        if capture_files.missing_count() > 0 {
             eprintln!(
                 "note: {} photographs are missing that others have the like of",
-                capture_files.missing()
+                capture_files.missing_count()
             );
         }
         let style =

@@ -1,4 +1,4 @@
-//! `cargo xtask fit`: the photographs of a capture become a field.
+//! `cargo xtask fit`: fits a field to the photographs of a capture.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -27,61 +27,61 @@ pub struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     #[arg(required_unless_present = "list", conflicts_with = "list")]
     capture: Option<PathBuf>,
-    /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. Beside it go
-    /// the table and the picture of the fit (.fit.csv, .fit.png) and, until it is done, a
-    /// .checkpoint, from which the same command goes on
+    /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. The table and
+    /// the picture of the fit (.fit.csv, .fit.png) are written beside it and, until it is done, a
+    /// .checkpoint, from which the same command resumes
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
-    /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
+    /// Number of steps; 5600 per training frame, at most 96000, by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that are held out from fitting; the field file records it, and `eval` measures them apart
+    /// Frames that are held out from fitting; the field file records them, and `eval` measures them separately
     #[arg(long, value_enum, default_value_t = HeldFrames::None)]
     holdout: HeldFrames,
-    /// Where the first Gaussians come from
+    /// Source of the first Gaussians
     #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
     anchor: Anchor,
-    /// Cameras whose pixels the anchor puts Gaussians at, by name, as the paper's frontal ones; all by
+    /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
     /// default
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     anchor_cameras: Vec<String>,
-    /// Whether the side that they do not see is mirrored from the one they see: auto does so in clips of
-    /// at most nine frames where they stand on one side
+    /// Whether the anchor's visible side is mirrored to its hidden side: auto mirrors in clips of at most
+    /// nine frames whose cameras are all on one side
     #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
     mirror: MirrorWhen,
-    /// Folder of depth maps, named as the photographs are, instead: 16-bit PNG in thousandths of a
-    /// unit, PFM or NPY
+    /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
+    /// of a unit, PFM or NPY
     #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
     depths: Option<PathBuf>,
-    /// How depth maps come to the scale of the cameras
+    /// How depth maps are scaled to the units of the cameras
     #[arg(long, value_enum, default_value_t = Scale::Auto, requires = "depths")]
     depth_scale: Scale,
-    /// Fitted field or package to go on from instead
+    /// Fitted field or package to start from instead of an anchor
     #[arg(long, value_name = "FIELD",
           conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
     from: Option<PathBuf>,
-    /// Fewest Gaussians that pruning leaves, and about as many to start with; by default 12000 for
-    /// each frame that is fitted to, at most 200000, and fewer for photographs below 512x375
+    /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
+    /// per training frame, at most 200000, and fewer for photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,
-    /// Prune as if there were no fewest
+    /// Prune without that lower limit
     #[arg(long)]
     no_floor: bool,
-    /// How Gaussians are made and removed
+    /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
-    /// Degree of view-dependent colour; that of FIELD with --from
+    /// Degree of view-dependent colour; with --from, the degree of FIELD
     #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE, conflicts_with = "from",
           value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// Weights of LPIPS (AlexNet or VGG16), safetensors; without them that part of the loss is left out
+    /// LPIPS weights (AlexNet or VGG16) as safetensors; without them the loss has no LPIPS term
     #[arg(long, value_name = "FILE")]
     lpips_weights: Option<PathBuf>,
-    /// What draws
+    /// Back end that renders and computes gradients
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
     /// Captured frames per second; 30 by default
@@ -91,7 +91,7 @@ pub struct Args {
     #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f32(),
           value_parser = positive)]
     checkpoint_every: f32,
-    /// Seed of all chance
+    /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print JSON
@@ -105,7 +105,7 @@ enum Anchor {
     Sweep,
     /// The visual hull of the masks
     Hull,
-    /// None: Gaussians anywhere
+    /// None: Gaussians at random positions
     None,
 }
 
@@ -118,13 +118,13 @@ enum MirrorWhen {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Scale {
-    /// By the hull where there are masks, else by the rig
+    /// By the hull if there are masks, else by the rig
     Auto,
-    /// One factor for all: their median is the distance of the cameras, as in the paper
+    /// One factor for all maps: their median depth becomes the radius of the rig, as in the paper
     Rig,
-    /// A factor and an offset for each, found on the visual hull
+    /// A factor and an offset for each map, fitted to the visual hull
     Hull,
-    /// They are in units of the capture
+    /// The maps are in units of the capture
     Metric,
 }
 
@@ -132,16 +132,15 @@ enum Scale {
 enum Rule {
     /// Split, clone and prune, but never below --gaussians (the paper)
     Floor,
-    /// Move what has died to where it is needed; their number stays
+    /// Relocate dead Gaussians to where they are needed; their number stays
     Relocate,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Engine {
-    /// All cores; the same result for any number of them, bit by bit
+    /// All CPU cores; the result is bit-identical for any number of cores
     Cpu,
-    /// The graphics device; results differ from the CPU's in their last digits. Takes a build with
-    /// --features gpu
+    /// The GPU; results differ from the CPU's in their last digits. Needs a build with --features gpu
     Gpu,
 }
 
@@ -150,7 +149,7 @@ fn positive(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
-/// Fits a capture as `fit` does where nothing is said.
+/// Fits a capture with the defaults of `fit`.
 pub(super) fn by_default(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
@@ -170,11 +169,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn run_one(args: &Args) -> anyhow::Result<()> {
-    let began = Instant::now();
+    let start = Instant::now();
     let default = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
     let out = args.out.clone().unwrap_or_else(default);
-    let done = make(args, &out)?;
-    report(args, &done, &out, began)
+    let result = make(args, &out)?;
+    report(args, &result, &out, start)
 }
 
 /// Fits a field to each capture of a list.
@@ -197,13 +196,13 @@ impl Args {
         self.capture.as_deref().expect("there is a capture where there is no list")
     }
 
-    /// What decides what becomes of any capture.
+    /// The options that affect the result, for any capture.
     fn options(&self) -> Args {
         Args {
             capture: None,
             out: None,
             many: TakeOptions::default(),
-            // Its contents count, see the inputs.
+            // `TakeCommand::inputs` holds it, as its contents count.
             lpips_weights: None,
             checkpoint_every: 0.0,
             json: false,
@@ -213,7 +212,7 @@ impl Args {
 }
 
 /// Fits and writes a field.
-fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
+fn make(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     output::check(out)?;
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
@@ -225,18 +224,18 @@ fn make(args: &Args, out: &Path) -> anyhow::Result<Done> {
     let plan = plan(args, &capture_files)?;
     fit::check_checkpoint(&plan, out)?;
     let views = load_training_views(&capture_files, holdout)?;
-    let mut backend = open(args.backend)?;
+    let mut backend = open_backend(args.backend)?;
     let runtime = FitRuntime {
         backend: &mut *backend,
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
     let fitted = fit_to(out, &plan, &capture_files, &views, runtime, args.fps)?;
-    Ok(Done { plan, fitted, splits })
+    Ok(FitResult { plan, fitted, splits })
 }
 
-/// A fit that is done.
-struct Done {
+/// The results of a finished fit.
+struct FitResult {
     plan: FitPlan,
     fitted: Fitted,
     splits: String,
@@ -262,8 +261,8 @@ fn fit_to(
     Ok(fitted)
 }
 
-/// What draws.
-fn open(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
+/// Opens the back end.
+fn open_backend(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
     match engine {
         Engine::Cpu => Ok(Box::new(Cpu::default())),
         Engine::Gpu => open_gpu(),
@@ -281,7 +280,7 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
 #[cfg(not(feature = "gpu"))]
 fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
     Err(Fault::Usage(
-        "--backend gpu: this build has no back end for graphics devices; \
+        "--backend gpu: this build has no GPU back end; \
          run `cargo run --release --package studio --features gpu -- fit ...`"
             .into(),
     ))
@@ -349,13 +348,13 @@ fn show(bar: &ProgressBar, progress: &FitProgress) {
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
-impl Done {
+impl FitResult {
     fn last(&self) -> anyhow::Result<&log::LogEntry> {
         self.fitted.entries.last().context("a fit has at least one step")
     }
 
     fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let Done { plan, fitted, splits } = self;
+        let FitResult { plan, fitted, splits } = self;
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "resumed_at": fitted.resumed_at,
@@ -368,13 +367,13 @@ impl Done {
     }
 }
 
-fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Result<()> {
+fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow::Result<()> {
     if args.json {
-        println!("{:#}", done.to_json(out)?);
+        println!("{:#}", result.to_json(out)?);
         return Ok(());
     }
-    let Done { plan, fitted, splits } = done;
-    let (last, ms_per_step) = (done.last()?, fitted.ms_per_step);
+    let FitResult { plan, fitted, splits } = result;
+    let (last, ms_per_step) = (result.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &plan.lpips {
         Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),
@@ -399,12 +398,12 @@ fn report(args: &Args, done: &Done, out: &Path, began: Instant) -> anyhow::Resul
         out.display(),
         log::table_path(out).display(),
         log::preview_path(out).display(),
-        began.elapsed().as_secs_f64()
+        start.elapsed().as_secs_f64()
     );
     Ok(())
 }
 
-/// The name of a folder, also where it is written as `.` or `..`.
+/// The name of a folder, also for paths such as `.` and `..`.
 pub(super) fn name_of(folder: &Path) -> String {
     let absolute = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     absolute.file_name().map_or_else(|| "field".into(), |name| name.to_string_lossy().into_owned())

@@ -47,7 +47,7 @@ impl TrainingViews {
             on_photo();
             Ok((*photo_id, view_of(capture_files, *photo_id, timeline, photograph)))
         };
-        let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.most_pixels())).max(1);
+        let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.pixels_max())).max(1);
         let load_all = |photo_ids: &[PhotoId]| -> Result<Vec<(PhotoId, TrainingView)>, Fault> {
             let mut loaded = Vec::with_capacity(photo_ids.len());
             for photo_ids in photo_ids.chunks(batch) {

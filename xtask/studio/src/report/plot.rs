@@ -5,16 +5,16 @@ use plotters::prelude::*;
 
 /// A line chart.
 #[derive(Clone, Debug)]
-pub(crate) struct Chart {
+pub(crate) struct LineChart {
     /// Title, which names the quantity of the vertical axis.
     pub(crate) title: String,
     /// The series, in the order of their colours.
-    pub(crate) lines: Vec<Series>,
+    pub(crate) lines: Vec<PlotLine>,
 }
 
-/// Points joined by a line. Points that are not finite are skipped.
+/// A named line through points. Points that are not finite are skipped.
 #[derive(Clone, Debug)]
-pub(crate) struct Series {
+pub(crate) struct PlotLine {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
 }
@@ -38,7 +38,7 @@ const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
 ///
 /// # Errors
 /// If the plot cannot be drawn.
-pub(crate) fn svg(x: &str, charts: &[Chart]) -> anyhow::Result<String> {
+pub(crate) fn svg(x: &str, charts: &[LineChart]) -> anyhow::Result<String> {
     let mut text = String::new();
     {
         let (width, height) = CHART_PX;
@@ -57,7 +57,7 @@ pub(crate) fn svg(x: &str, charts: &[Chart]) -> anyhow::Result<String> {
 fn draw<D: DrawingBackend>(
     area: &DrawingArea<D, plotters::coord::Shift>,
     x: &str,
-    chart: &Chart,
+    chart: &LineChart,
     has_legend: bool,
 ) -> anyhow::Result<()>
 where
@@ -146,8 +146,8 @@ impl ValueFormatter<f64> for Logarithmic {
 mod tests {
     use super::*;
 
-    fn chart(points: Vec<(f64, f64)>) -> Chart {
-        Chart { title: "PSNR <dB>".into(), lines: vec![Series { name: "a & b".into(), points }] }
+    fn chart(points: Vec<(f64, f64)>) -> LineChart {
+        LineChart { title: "PSNR <dB>".into(), lines: vec![PlotLine { name: "a & b".into(), points }] }
     }
 
     #[test]

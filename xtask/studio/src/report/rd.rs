@@ -88,7 +88,7 @@ impl<'a> RateBench<'a> {
         let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
         let recall = floor(field, Measure::Recall)?;
         let (reported, seen) = (reported_views(subject), seen_views(subject));
-        progress.stage("pictures", reported.len() + seen.len());
+        progress.stage("images", reported.len() + seen.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());
         let sensitivities = sensitivities(field, plate.as_ref(), &seen, || progress.step());
         Ok(RateBench { subject, progress, analysis, recall, reported, sensitivities })

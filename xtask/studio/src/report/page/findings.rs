@@ -5,23 +5,23 @@ use measure::playing::Playing;
 
 use crate::report::fitting::{self, FitLog};
 
-/// What was found out about a clip or field.
+/// Measurements of a clip or field.
 #[derive(Debug)]
 pub struct Findings {
-    /// Its name.
+    /// Name of the clip or field.
     pub name: String,
-    /// Processor and system.
+    /// Processor and operating system.
     pub machine: String,
-    /// What playing it costs and keeps.
+    /// Cost and quality of playing it.
     pub playing: Playing,
-    /// The parameters of making a package of it.
+    /// Parameters of packaging it.
     pub packaging: Vec<Parameter>,
-    /// Fits of it.
+    /// Progress of fits of it.
     pub fits: Vec<FitLog>,
 }
 
 impl Findings {
-    /// All parameters.
+    /// The parameters of playing, packaging and fitting.
     pub(super) fn parameters(&self) -> Vec<Parameter> {
         let mut parameters = self.playing.parameters.clone();
         parameters.extend(self.packaging.clone());
@@ -29,9 +29,9 @@ impl Findings {
         parameters
     }
 
-    /// The defaults that are off the front of their parameter, each in a sentence.
+    /// The defaults off the Pareto front of their parameter, in a sentence each.
     pub fn beaten_defaults(&self) -> Vec<String> {
-        let told = |(parameter, default, by): (&Parameter, &ParameterValue, Vec<&ParameterValue>)| {
+        let sentence = |(parameter, default, by): (&Parameter, &ParameterValue, Vec<&ParameterValue>)| {
             let value = |point: &ParameterValue| {
                 let psnr = point.errors.psnr_db.map_or_else(|| "no error".into(), |db| format!("{db:.2} dB"));
                 format!("{} ({psnr} at {:.2} {})", point.value, point.cost.median, parameter.cost)
@@ -43,6 +43,6 @@ impl Findings {
         let beaten = |parameter| {
             Parameter::beaten_defaults(parameter).map(move |(default, by)| (parameter, default, by))
         };
-        parameters.iter().flat_map(beaten).map(told).collect()
+        parameters.iter().flat_map(beaten).map(sentence).collect()
     }
 }

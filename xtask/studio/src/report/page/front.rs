@@ -1,4 +1,4 @@
-//! Error over cost, with the Pareto front and the default marked, as SVG.
+//! SVG charts of error over cost, with marks for the Pareto front and the default.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -6,17 +6,17 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A chart.
 pub(super) struct Chart {
-    /// What goes up.
+    /// Quantity of the y axis.
     pub(super) title: String,
-    /// What goes to the right.
+    /// Quantity of the x axis.
     pub(super) x: String,
     pub(super) marks: Vec<Mark>,
 }
 
-/// A point of a chart. One that is not finite is left out.
+/// A point of a chart; non-finite points are not drawn.
 pub(super) struct Mark {
     pub(super) label: String,
-    /// Middle of what was measured and ends of its middle half.
+    /// Median, lower and upper quartile.
     pub(super) x: [f64; 3],
     pub(super) y: f64,
     pub(super) default: bool,
@@ -26,18 +26,18 @@ pub(super) struct Mark {
 /// Size of a chart in pixels.
 const SIZE: (u32, u32) = (520, 330);
 
-/// Blue and vermillion of Okabe and Ito (2008), which people with a colour deficiency can tell apart.
+/// Blue and vermillion of Okabe and Ito (2008), distinguishable with colour vision deficiencies.
 const FRONT: RGBColor = RGBColor(0, 114, 178);
 const DEFAULT: RGBColor = RGBColor(213, 94, 0);
 const OFF: RGBColor = RGBColor(130, 130, 130);
 
-/// More labels than these would hide each other.
+/// Maximum number of labels; more would overlap.
 const LABELS_MAX: usize = 12;
 
-/// The charts side by side.
+/// Draws the charts side by side.
 ///
 /// # Errors
-/// If they cannot be drawn.
+/// If the plotting library fails.
 pub(super) fn svg(charts: &[Chart]) -> anyhow::Result<String> {
     let mut text = String::new();
     {
@@ -75,8 +75,8 @@ where
         .label_style(("sans-serif", 12))
         .axis_desc_style(("sans-serif", 13))
         .x_labels(6)
-        .x_label_formatter(&|x| short(*x, right - left))
-        .y_label_formatter(&|y| short(*y, top - bottom))
+        .x_label_formatter(&|x| axis_label(*x, right - left))
+        .y_label_formatter(&|y| axis_label(*y, top - bottom))
         .x_desc(&chart.x)
         .draw()?;
 
@@ -94,7 +94,7 @@ where
         if marks.len() > LABELS_MAX && !mark.default {
             continue;
         }
-        // In turn above and below: neighbours do not cover each other.
+        // Labels alternate above and below, so that neighbours do not overlap.
         let (v, y) = if i.is_multiple_of(2) { (VPos::Bottom, -7) } else { (VPos::Top, 7) };
         let color = if mark.default { DEFAULT } else { BLACK };
         let style = ("sans-serif", 12).into_text_style(area).color(&color).pos(Pos::new(HPos::Left, v));
@@ -104,17 +104,17 @@ where
     Ok(())
 }
 
-/// The range of `values` and so much of it more at both ends.
+/// The range of `values`, extended by fractions of its length below and above.
 fn range(values: impl Iterator<Item = f64>, [below, above]: [f64; 2]) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    // Without any point the axis still needs a range.
+    // An empty chart still needs a range.
     let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
     let length = if high > low { high - low } else { low.abs().max(1.0) * 0.1 };
     (low - below * length, high + above * length)
 }
 
-/// A number on an axis of this length: as many digits as tell its labels apart.
-fn short(x: f64, length: f64) -> String {
+/// Formats a number on an axis of this length, with enough digits to distinguish its labels.
+fn axis_label(x: f64, length: f64) -> String {
     match length {
         length if length >= 2e6 => format!("{:.1} M", 1e-6 * x),
         length if length >= 5e3 => format!("{:.0} k", 1e-3 * x),
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn one_point_or_none_still_make_a_chart() {
+    fn one_point_or_none_make_a_chart() {
         for marks in [vec![], vec![mark(0.0, 0.0, true)]] {
             let svg = svg(&[Chart { title: String::new(), x: String::new(), marks }]).unwrap();
             assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"), "{svg}");
@@ -147,10 +147,10 @@ mod tests {
     }
 
     #[test]
-    fn labels_have_the_digits_that_tell_them_apart() {
-        assert_eq!(short(43.256, 30.0), "43");
-        assert_eq!(short(43.256, 4.0), "43.3");
-        assert_eq!(short(3.2468, 0.05), "3.247");
-        assert_eq!((short(61_970.0, 4e4), short(5e6, 9e6)), ("62 k".into(), "5.0 M".into()));
+    fn axis_labels_are_distinguishable() {
+        assert_eq!(axis_label(43.256, 30.0), "43");
+        assert_eq!(axis_label(43.256, 4.0), "43.3");
+        assert_eq!(axis_label(3.2468, 0.05), "3.247");
+        assert_eq!((axis_label(61_970.0, 4e4), axis_label(5e6, 9e6)), ("62 k".into(), "5.0 M".into()));
     }
 }

@@ -1,4 +1,4 @@
-//! The report on one clip or field: a page with everything in it, and the same as CSV and JSON.
+//! The report on one clip or field: a self-contained HTML page, and its numbers as CSV and JSON.
 
 mod findings;
 mod front;
@@ -19,37 +19,36 @@ pub use findings::Findings;
 use front::{Chart, Mark, svg};
 use text::{escape, grouped, prose};
 
-/// Knobs that a player may have, and why this one has not.
+/// Parameters that other players have, with the reason why this one lacks them.
 const NO_PARAMETERS: [(&str, &str); 6] = [
     (
         "16-bit sort keys",
-        "Depths are sorted to their last bit, in passes of the digits in which they differ; the column <i>sort</i> says \
-         how little less could save. Keys of 22 bits were tried: they put visible pixels in the wrong order for a tenth \
-         of a millisecond.",
+        "Depths are sorted by all bits, in passes over the digits in which they differ; the column <i>sort</i> is \
+         the upper bound of what fewer bits could save. Keys of 22 bits were tried: they save a tenth of a millisecond and \
+         draw visible pixels in the wrong order.",
     ),
     (
         "projection in the vertex stage or by compute",
-        "There is one path, the vertex stage, that runs on every device. The column <i>vertices</i> says how often; a \
-         compute stage would project a quarter as many times.",
+        "The vertex stage is the one path, and runs on every device. The column <i>vertices</i> counts its invocations; \
+         a compute stage would project a quarter as often.",
     ),
     (
         "foveated contribution cull",
-        "Contributions are culled alike all over the image: nothing tells the player where an eye looks.",
+        "The threshold is the same all over the image: the player has no eye tracking.",
     ),
     (
         "record precision",
-        "There is one format of records. What it costs is within the error of the player as it is, and bounded by the \
-         tests of the packer.",
+        "There is one record format. Its error is part of the player's error above, and the packer's tests bound it.",
     ),
     (
         "SH degree, motion order, rotation over time",
-        "Where they are missing above, the clip has none to leave out.",
+        "If they are missing above, the clip has none to leave out.",
     ),
-    ("resolution schedule of a fit", "A fit keeps the size it was given from the first step to the last."),
+    ("resolution schedule of a fit", "A fit uses one resolution for all its steps."),
 ];
 
 impl Findings {
-    /// What a terminal shows: each parameter's values, a line each.
+    /// The text for a terminal: a line for each value of each parameter.
     pub fn table(&self) -> String {
         let setup = &self.playing.setup;
         let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
@@ -73,7 +72,7 @@ impl Findings {
         text
     }
 
-    /// The files: the page, and the numbers for programs.
+    /// The files of the report: page, CSV and JSON.
     ///
     /// # Errors
     /// If a plot cannot be drawn.
@@ -86,10 +85,10 @@ impl Findings {
         ])
     }
 
-    /// All numbers.
+    /// All numbers as JSON.
     ///
     /// # Errors
-    /// If they are none that JSON has.
+    /// If a number has no JSON form.
     pub fn to_json(&self) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
         rows::json(self, &self.parameters())
     }
@@ -115,9 +114,9 @@ impl Findings {
         text += "</ul>\n";
         self.pictures(&mut text)?;
         text += "<h2>Only what this scene needs</h2>\n\
-             <p>What the clip does without was switched on, in columns that change no pixel, drawn, counted and \
-             packaged: the numbers are what it saves by doing without. Gray rows are parts that it needs. The last column is a frame without and with the \
-             part.</p>\n<div class=parts>";
+             <p>Each optional part that the clip lacks was added with values that change no pixel, then rendered, \
+             counted and packaged: the numbers are the savings of leaving it out. Gray rows are parts that the clip \
+             needs. The last column is the time of a frame without and with the part.</p>\n<div class=parts>";
         text += &tables::features(&self.playing.features);
         text += "</div>\n<h2>Packaging</h2>\n";
         for parameter in &self.packaging {
@@ -125,8 +124,7 @@ impl Findings {
         }
         text += "<h2>Fitting</h2>\n";
         if self.fits.is_empty() {
-            text +=
-                "<p>No table of a fit lies beside the field, and <code>--fit-log</code> names none.</p>\n";
+            text += "<p>There is no table of a fit beside the field, and <code>--fit-log</code> names none.</p>\n";
         } else {
             text += &self.fits_over_time()?;
             text += &tables::fits(&self.fits);
@@ -140,14 +138,14 @@ impl Findings {
         let setup = &playing.setup;
         let [width, height] = setup.size;
         let drawing = match setup.gpu_timed {
-            true => "by the GPU's own clock",
-            false => "what remains of a frame: this GPU has no clock",
+            true => "measured with GPU timestamps",
+            false => "the remainder of a frame: this GPU has no timestamps",
         };
         let _ = writeln!(
             text,
             "<p>{} Gaussians. Machine: {}. Adapter: {}, {}.</p>\n\
-             <p>Every point is the same work: {} pictures of {width}x{height}, each from a place and at an instant of its \
-             own, and {} frames of a head that turns by 90 degrees a second while the clip plays. Errors are against \
+             <p>Every point measures the same work: {} pictures of {width}x{height}, each with its own viewpoint and \
+             instant, and {} frames of a head that turns by 90 degrees a second while the clip plays. Errors are against \
              the f64 reference of the whole field: PSNR over all pixels of all pictures, the mean SSIM, the PSNR of the \
              worst tile of 32x32 pixels, and <i>flicker</i>, the root mean square of how the error changes from frame to \
              frame while the head turns, against the reference in the order that does not change when a head turns; an error \
@@ -157,8 +155,8 @@ impl Findings {
              <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
              on no machine; fetched bytes are those of the mean record and of the order, once an instance.</p>\n\
              <p>Blue points are on the Pareto front: no other value of the parameter is cheaper and no less exact, or more exact \
-             and no dearer. Cheaper is what the middle halves of both show, more exact is by more than {RESOLUTION_DB} dB. \
-             The ring is what is taken where nobody says.</p>",
+             and no dearer. A value is cheaper if the middle halves of both measurements do not overlap, and more exact by more than {RESOLUTION_DB} dB. \
+             The ring marks the default.</p>",
             grouped(setup.gaussians as f64),
             escape(machine),
             escape(&setup.adapter),
@@ -179,14 +177,14 @@ impl Findings {
         }
     }
 
-    /// Two pictures at a time, one beside the other.
+    /// Writes a comparison of two selectable pictures.
     fn pictures(&self, text: &mut String) -> anyhow::Result<()> {
         let pictures = &self.playing.pictures;
         let listed: Vec<[String; 2]> = pictures
             .iter()
             .map(|picture| [picture.name.clone(), format!("data:image/png;base64,{}", picture.png)])
             .collect();
-        // Within a script, nothing may look like its end.
+        // No text within the script may look like its end tag.
         let listed = serde_json::to_string(&listed)?.replace('<', "\\u003c");
         let [width, height] = self.playing.setup.size;
         let _ = writeln!(
@@ -203,7 +201,7 @@ impl Findings {
         Ok(())
     }
 
-    /// Held photographs over steps and over time.
+    /// Plots of the held-out PSNR over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
         let chart = |x: &str, of: fn(&LogEntry) -> f64| plot::Chart {
             title: format!("PSNR of held photographs (dB) over {x}"),
@@ -226,7 +224,7 @@ impl Findings {
     }
 }
 
-/// A parameter: what it does, its front, its table.
+/// Writes a parameter: description, charts and table.
 fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
     let _ = writeln!(text, "<h3>{}</h3>\n<p>{}</p>", escape(&parameter.name), prose(&parameter.about));
     let mark = |point: &ParameterValue, y: f64, on_front: bool| Mark {

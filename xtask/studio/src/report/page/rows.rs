@@ -1,4 +1,4 @@
-//! The numbers of a report for programs: a row for each value of each parameter.
+//! The numbers of a report as JSON and CSV: a row for each value of each parameter.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -15,18 +15,18 @@ struct Row<'a> {
     stage: FlowStage,
     name: &'a str,
     value: &'a str,
-    /// PSNR in dB; none where there is no error.
+    /// PSNR in dB; `None` if there is no error.
     error_db: Option<f64>,
     ssim: Option<f64>,
     worst_tile_db: Option<f64>,
     flicker: Option<f64>,
     run_time_ms: Option<f64>,
-    /// The middle half of what was measured.
+    /// Lower and upper quartile.
     run_time_low_ms: Option<f64>,
     run_time_high_ms: Option<f64>,
     stages_ms: BTreeMap<&'a str, f64>,
     counts: &'a BTreeMap<String, f64>,
-    /// What the front weighs the error against.
+    /// The cost axis of the Pareto front.
     cost: f64,
     cost_unit: &'a str,
     default: bool,

@@ -7,7 +7,7 @@ use crate::report::fitting::FitLog;
 use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
 
-/// What counts are called, in the order of the columns.
+/// Keys of counts with their column names, in the order of the columns.
 const COUNTS: [(&str, &str); 15] = [
     ("covered_fragments", "fragments"),
     ("vertex_invocations", "vertices"),
@@ -26,13 +26,13 @@ const COUNTS: [(&str, &str); 15] = [
     ("sort_passes", "sort passes"),
 ];
 
-/// Counts of the code and bindings of a feature.
+/// Counts of the shader code and bindings of a feature.
 const BUILT: [(&str, &str); 2] = [("shader_lines", "shader lines"), ("bindings", "bindings")];
 
-/// Counts that are no whole numbers.
+/// Counts with fractions.
 const FRACTIONS: [&str; 4] = ["bytes_per_gaussian", "features_preserved", "sort_passes", "passes"];
 
-/// Of a parameter, what each value costs and keeps.
+/// Table of a parameter: cost and quality of each value.
 pub(super) fn parameter(parameter: &Parameter) -> String {
     let any =
         |of: fn(&ParameterValue) -> Option<f64>| parameter.points.iter().any(|point| of(point).is_some());
@@ -89,7 +89,7 @@ pub(super) fn parameter(parameter: &Parameter) -> String {
     table(&text)
 }
 
-/// Whether a count says something of the parameter.
+/// Whether a count is worth a column: it exists, and a count of constant resources varies.
 fn is_in_table(parameter: &Parameter, key: &str) -> bool {
     let mut values = parameter.points.iter().map(|point| point.counts.get(key));
     let first = values.next().flatten();
@@ -97,7 +97,7 @@ fn is_in_table(parameter: &Parameter, key: &str) -> bool {
     first.is_some() && !(is_constant && ["gpu_bytes", "pipelines", "passes"].contains(&key))
 }
 
-/// The optional features: what the clip needs of each, and what it saves without it.
+/// Table of the optional features: whether the clip needs each, and the savings of leaving it out.
 pub(super) fn features(features: &[ClipFeature]) -> String {
     let columns: Vec<_> = COUNTS
         .iter()
@@ -130,11 +130,11 @@ pub(super) fn features(features: &[ClipFeature]) -> String {
 
 /// The count with the feature minus the count without it.
 fn saved(feature: &ClipFeature, key: &str) -> Option<f64> {
-    let of = |taken: &ResourceUse| taken.counts.get(key).copied();
-    Some(of(&feature.with)? - of(&feature.without)?)
+    let count = |resources: &ResourceUse| resources.counts.get(key).copied();
+    Some(count(&feature.with)? - count(&feature.without)?)
 }
 
-/// Where each fit came to.
+/// Table of the last line of each fit.
 pub(super) fn fits(logs: &[FitLog]) -> String {
     let head =
         ["field", "steps", "seconds", "ms a step", "Gaussians", "held photographs, dB", "best, dB", "by"];
@@ -167,7 +167,7 @@ fn count(key: &str, value: f64) -> String {
     }
 }
 
-/// Median, and the ends of the middle half.
+/// Median, with lower and upper quartile if they differ.
 fn spread(Quartiles { low, median, high }: Quartiles) -> String {
     match low == high {
         true => format!("{median:.2}"),

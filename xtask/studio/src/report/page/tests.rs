@@ -1,4 +1,4 @@
-//! The page and its files hold what was found.
+//! The page and its files hold all findings.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +39,7 @@ fn findings() -> Findings {
         cost: "ms a frame".into(),
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
-    let taken = |bytes: f64| ResourceUse {
+    let resources = |bytes: f64| ResourceUse {
         counts: counts(&[("gpu_bytes", bytes)]),
         frame_ms: Some(Quartiles::exactly(3.0)),
     };
@@ -48,8 +48,8 @@ fn findings() -> Findings {
         left_out: true,
         needs: "no".into(),
         switched_on: "zeros".into(),
-        without: taken(1000.0),
-        with: taken(5000.0),
+        without: resources(1000.0),
+        with: resources(5000.0),
     };
     let setup = PlayingSetup {
         adapter: "a device".into(),
@@ -89,7 +89,7 @@ fn findings() -> Findings {
 }
 
 #[test]
-fn the_page_is_whole_by_itself_and_says_which_default_is_beaten() {
+fn the_page_is_self_contained_and_names_beaten_defaults() {
     let files = findings().files().unwrap();
     let page = &files[0].text;
     assert!(page.contains("<title>a &amp; b: error against run time</title>"));
@@ -101,9 +101,9 @@ fn the_page_is_whole_by_itself_and_says_which_default_is_beaten() {
     {
         assert!(page.contains(expected), "no {expected} in {page}");
     }
-    // A plot a parameter, one of fits over steps, one over time.
+    // A plot for the parameter, one of fits over steps, one over time.
     assert_eq!(page.matches("<svg").count(), 3);
-    // Pictures cannot end the script, and nothing comes from elsewhere.
+    // Names of pictures cannot end the script, and the page loads nothing.
     assert_eq!(page.matches("</script>").count(), 1);
     for foreign in ["src=\"http", "href=", "@import", "url("] {
         assert!(!page.contains(foreign), "{foreign}");
@@ -111,7 +111,7 @@ fn the_page_is_whole_by_itself_and_says_which_default_is_beaten() {
 }
 
 #[test]
-fn rows_hold_the_keys_that_scripts_rely_on() {
+fn rows_have_the_documented_keys() {
     let findings = findings();
     let json = findings.to_json().unwrap();
     let row = &json["knobs"][0];

@@ -1,11 +1,11 @@
-//! Numbers and text as a page shows them.
+//! Formats numbers and text as HTML.
 
-/// Text that is no markup.
+/// Escapes text for HTML.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Text of which what stands between backticks is code.
+/// Escapes text for HTML; text between backticks becomes code.
 pub(super) fn prose(text: &str) -> String {
     let mut marks = ["<code>", "</code>"].into_iter().cycle();
     let mut parts = text.split('`');
@@ -13,7 +13,7 @@ pub(super) fn prose(text: &str) -> String {
     parts.fold(first, |text, part| text + marks.next().unwrap_or_default() + &escape(part))
 }
 
-/// A whole number in groups of three digits.
+/// Rounds to a whole number, with commas between groups of three digits.
 pub(super) fn grouped(x: f64) -> String {
     let digits = format!("{:.0}", x.abs());
     let mut text = String::new();
@@ -26,7 +26,7 @@ pub(super) fn grouped(x: f64) -> String {
     if x < 0.0 && digits != "0" { format!("-{text}") } else { text }
 }
 
-/// A number of this many decimals, or a dash.
+/// A number with this many decimals, or a dash for `None`.
 pub(super) fn decimals(x: Option<f64>, decimals: usize) -> String {
     x.map_or_else(|| "-".into(), |x| format!("{x:.decimals$}"))
 }
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn markup_is_text() {
+    fn markup_is_escaped() {
         assert_eq!(escape("<a href=\"b\">&"), "&lt;a href=&quot;b&quot;&gt;&amp;");
         assert_eq!(prose("a `b<` c"), "a <code>b&lt;</code> c");
         assert_eq!((decimals(Some(1.25), 1), decimals(None, 1)), ("1.2".into(), "-".into()));

@@ -8,7 +8,7 @@ use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{INSTANTS, SIZE};
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
-use crate::report::plot::{Chart, Series, svg};
+use crate::report::plot::{LineChart, PlotLine, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
 /// Name of the mean in the list of fields.
@@ -90,9 +90,9 @@ impl Curve {
 fn plot(curve: &Curve) -> anyhow::Result<String> {
     let line = |row: Selector, y: fn(&RatePoint) -> f64| {
         let points = curve.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
-        Series { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
+        PlotLine { name: row.name().into(), points: points.map(|point| (point.mbps, y(point))).collect() }
     };
-    let panel = |title: &str, y: fn(&RatePoint) -> f64| Chart {
+    let panel = |title: &str, y: fn(&RatePoint) -> f64| LineChart {
         title: title.into(),
         lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
     };

@@ -28,7 +28,7 @@ pub(super) struct TracedImage {
 }
 
 /// The intersection of a ray with the figure.
-struct Hit {
+struct RayHit {
     /// Ray parameter.
     t: f64,
     /// Index of the part.
@@ -77,11 +77,11 @@ pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
     image
 }
 
-fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<Hit> {
-    let mut nearest: Option<Hit> = None;
+fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<RayHit> {
+    let mut nearest: Option<RayHit> = None;
     for (part, found) in parts.iter().enumerate().map(|(i, part)| (i, enter(part, origin, direction))) {
         if let Some(t) = found.filter(|t| nearest.as_ref().is_none_or(|hit| *t < hit.t)) {
-            nearest = Some(Hit { t, part });
+            nearest = Some(RayHit { t, part });
         }
     }
     nearest

@@ -1,8 +1,8 @@
-//! [`MedianRange`] of what was measured several times, and the order in which to measure.
+//! [`MedianRange`] of repeated measurements, and their order.
 
 use serde::Serialize;
 
-/// The middle of several numbers, and both ends.
+/// Median, minimum and maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct MedianRange {
     pub(crate) median: f64,
@@ -11,7 +11,7 @@ pub(crate) struct MedianRange {
 }
 
 impl MedianRange {
-    /// Of one number or more.
+    /// The median and range of at least one number.
     pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> MedianRange {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
@@ -24,17 +24,17 @@ impl MedianRange {
         MedianRange { median, least: first, most: last }
     }
 
-    /// Of the ratios of numbers that were measured in the same round.
+    /// The median and range of the ratios `over[i] / under[i]`, each within one round.
     pub(crate) fn of_ratios(over: &[f64], under: &[f64]) -> MedianRange {
         MedianRange::of(over.iter().zip(under).map(|(over, under)| over / under))
     }
 }
 
-/// The order of `count` things in a round: there in one, back in the next, so that neither what comes
-/// first nor what changes with time favours one of them.
+/// The order of `count` candidates in a round. Every second round is reversed, so that neither the position
+/// nor drift over time favours a candidate.
 pub(crate) fn in_turn(round: usize, count: usize) -> Vec<usize> {
-    let there = 0..count;
-    if round.is_multiple_of(2) { there.collect() } else { there.rev().collect() }
+    let order = 0..count;
+    if round.is_multiple_of(2) { order.collect() } else { order.rev().collect() }
 }
 
 #[cfg(test)]
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn middles_and_ends() {
+    fn medians_and_ranges() {
         assert_eq!(MedianRange::of([3.0, 1.0, 2.0]), MedianRange { median: 2.0, least: 1.0, most: 3.0 });
         assert_eq!(MedianRange::of([4.0, 1.0]).median, 2.5);
         assert_eq!(
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_go_there_and_back() {
+    fn every_second_round_is_reversed() {
         assert_eq!(in_turn(0, 3), [0, 1, 2]);
         assert_eq!(in_turn(1, 3), [2, 1, 0]);
     }

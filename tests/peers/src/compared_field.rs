@@ -1,4 +1,4 @@
-//! [`Material`]: the field that is compared, and this project's package of it.
+//! [`ComparedField`]: the compared field, and this project's package of it.
 
 use std::path::Path;
 
@@ -11,32 +11,32 @@ use studio::report::ReportSubject;
 
 use crate::coding::{Judge, views_of};
 
-/// Steps aside of the pictures that decide what a budget keeps, in degrees.
+/// Angle in degrees beside the first viewpoint of the images that rank Gaussians for a budget.
 const ASIDE: f64 = 10.0;
 
-/// What all players play and all coders code.
-pub(crate) struct Material {
-    /// Where it comes from.
+/// The input of all players and coders.
+pub(crate) struct ComparedField {
+    /// Name of the field's scene.
     pub(crate) name: String,
     pub(crate) info: ClipInfo,
-    /// As exact as it is known. The background is left out: not every peer has one.
+    /// The field before coding. Without the static background, which not every peer supports.
     pub(crate) field: Field,
-    /// The package of it, as exact as `cargo xtask package` makes them.
+    /// Its package, at the default quality of `cargo xtask package`.
     pub(crate) package: Vec<u8>,
-    /// The package, decoded: what players play.
+    /// The decoded package.
     pub(crate) clip: Clip,
 }
 
-impl Material {
-    /// Reads a field or a package, of a field keeping the `budget` Gaussians that contribute most to
-    /// pictures. A package without a background is played as it is.
+impl ComparedField {
+    /// Reads a field or a package, and selects the `budget` Gaussians that contribute most to images. A package
+    /// without a background is played unchanged if there is no budget.
     pub(crate) fn load(
         path: &Path,
         budget: Option<usize>,
         progress: &ProgressBar,
-    ) -> anyhow::Result<Material> {
+    ) -> anyhow::Result<ComparedField> {
         progress.set_message("reading");
-        let is_whole_package =
+        let is_played_unchanged =
             budget.is_none() && matches!(Input::load(path)?, Input::Package(clip) if clip.plate.is_none());
         let ReportSubject { mut scene, mut field, .. } = ReportSubject::load(path)?;
         let info = &mut scene.info;
@@ -46,12 +46,12 @@ impl Material {
         if let Some(budget) = budget.filter(|&budget| budget < field.len()) {
             progress.set_message("ranking");
             let seen = contributions_to(&views_of(&field, info, ASIDE), &field, || progress.tick());
-            let mut kept = by_importance(&Ranking::BlendSum.scores(&field, &seen));
-            kept.truncate(budget);
-            field = field.select(&kept);
+            let mut rows = by_importance(&Ranking::BlendSum.scores(&field, &seen));
+            rows.truncate(budget);
+            field = field.select(&rows);
         }
         let info = scene.info;
-        let (package, clip) = if is_whole_package {
+        let (package, clip) = if is_played_unchanged {
             let package = read_package(path)?;
             let clip = codec::decode(&package, &Limits::default())?;
             (package, clip)
@@ -59,6 +59,6 @@ impl Material {
             let coded = Judge::new(&field, &info, progress).ours(QUALITY_DB)?;
             (coded.bytes, coded.clip)
         };
-        Ok(Material { name: scene.name, info, field, package, clip })
+        Ok(ComparedField { name: scene.name, info, field, package, clip })
     }
 }

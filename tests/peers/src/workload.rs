@@ -1,4 +1,4 @@
-//! [`Work`]: the frames that every player of a comparison draws.
+//! [`Workload`]: the frames that every player draws.
 
 use std::path::Path;
 
@@ -6,45 +6,45 @@ use codec::{Camera, ClipInfo, Viewpoint};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// How far the camera goes around what it looks at, to either side, in degrees.
+/// Angle in degrees by which the camera swings to either side.
 const SWING: f64 = 10.0;
 
 /// Frames of one size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Work {
-    /// Width of the pictures in pixels.
+pub(crate) struct Workload {
+    /// Width of the images in pixels.
     pub(crate) width: u32,
-    /// Height of the pictures in pixels.
+    /// Height of the images in pixels.
     pub(crate) height: u32,
-    /// In the order in which they are played.
+    /// The frames in playing order.
     pub(crate) frames: Vec<WorkFrame>,
 }
 
-/// What to draw.
+/// A frame to draw.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct WorkFrame {
     /// Clip time, in `[0, 1]`.
     pub(crate) t: f64,
-    /// From where.
+    /// The camera.
     pub(crate) camera: Camera,
 }
 
-impl Work {
-    /// `count` frames at the clip times that `t` gives for the part of the way, in `[0, 1]`, while the
-    /// camera swings around the target of `viewpoint`, always looking at it.
+impl Workload {
+    /// `count` frames while the camera swings around the target of `viewpoint`. `t` maps the progress of the
+    /// swing, in `[0, 1]`, to clip time.
     pub(crate) fn swinging(
         viewpoint: &Viewpoint,
         info: &ClipInfo,
         [width, height]: [u32; 2],
         count: usize,
         t: impl Fn(f64) -> f64,
-    ) -> Work {
+    ) -> Workload {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let (target, up) = (vector(viewpoint.target), vector(info.up).normalize_or(DVec3::Y));
         let arm = vector(viewpoint.position) - target;
         let frame = |i: usize| {
-            let part = (i as f64 + 0.5) / count as f64;
-            let turn = DQuat::from_axis_angle(up, SWING.to_radians() * (2.0 * part - 1.0));
+            let progress = (i as f64 + 0.5) / count as f64;
+            let turn = DQuat::from_axis_angle(up, SWING.to_radians() * (2.0 * progress - 1.0));
             let position = target + turn * arm;
             let camera = Camera::look_at(
                 position.to_array(),
@@ -54,21 +54,21 @@ impl Work {
                 width,
                 height,
             );
-            WorkFrame { t: t(part), camera }
+            WorkFrame { t: t(progress), camera }
         };
-        Work { width, height, frames: (0..count).map(frame).collect() }
+        Workload { width, height, frames: (0..count).map(frame).collect() }
     }
 
-    /// Reads the work that lies in a folder.
-    pub(crate) fn read(folder: &Path) -> anyhow::Result<Work> {
+    /// Reads the work from a folder.
+    pub(crate) fn read(folder: &Path) -> anyhow::Result<Workload> {
         Ok(serde_json::from_slice(&std::fs::read(folder.join(FILE))?)?)
     }
 
-    /// Puts the work into a folder.
+    /// Writes the work to a folder.
     pub(crate) fn write(&self, folder: &Path) -> anyhow::Result<()> {
         Ok(std::fs::write(folder.join(FILE), serde_json::to_vec(self)?)?)
     }
 }
 
-/// Name of the file in the folder that players find fields in; `web/page.js` fetches it.
+/// File name of the work, in the folder of the fields; `web/page.js` fetches it.
 const FILE: &str = "work.json";
