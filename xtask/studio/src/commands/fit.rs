@@ -34,7 +34,7 @@ pub struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
-    /// Steps; 5600 for each frame that is fitted to, at most 96000, by default
+    /// Number of steps; 5600 per training frame, at most 96000, by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     #[command(flatten)]
@@ -190,7 +190,7 @@ impl Args {
             capture: None,
             out: None,
             many: TakeOptions::default(),
-            // Its contents count, see the inputs.
+            // `TakeCommand::inputs` holds it, as its contents count.
             lpips_weights: None,
             checkpoint_every: 0.0,
             json: false,
