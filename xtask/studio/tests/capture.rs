@@ -1,4 +1,4 @@
-//! Captures with faults: a sensible result, or one line that says what to mend.
+//! Captures with faults: each gives a sensible result or a one-line error that names the problem.
 
 mod tool;
 
@@ -15,7 +15,7 @@ use tool::{Outcome, aarc_studio};
 
 const SIDE: u32 = 24;
 
-/// Four cameras, of which the last is held, three frames, and a field that is not of them.
+/// A capture of four cameras, the last one held, and three frames, with an unrelated field.
 struct Studio(TempDir);
 
 impl Studio {
@@ -31,7 +31,7 @@ impl Studio {
         self.0.path()
     }
 
-    /// Changes the manifest of the stage as it was made.
+    /// Applies a change to the original manifest.
     fn manifest(&self, change: impl Fn(&mut Value)) {
         let path = self.folder().join("capture/capture.json");
         let original = self.folder().join("original.json");
@@ -47,9 +47,9 @@ impl Studio {
         self.folder().join(format!("capture/{kind}/{camera:02}/{frame:06}.png"))
     }
 
-    /// All pictures of a kind.
+    /// Paths of all images or masks.
     fn files(&self, kind: &'static str) -> impl Iterator<Item = std::path::PathBuf> {
-        (0..12).map(move |shot| self.file(kind, shot % 4, shot / 4))
+        (0..12).map(move |i| self.file(kind, i % 4, i / 4))
     }
 
     fn eval(&self) -> Outcome {
@@ -70,7 +70,7 @@ fn images(splits: &Value) -> Vec<Option<u64>> {
 }
 
 #[test]
-fn little_is_enough() {
+fn one_camera_and_one_frame_are_enough() {
     let studio = Studio::new();
     assert_eq!(images(&studio.splits()), [Some(6), Some(3), Some(2), Some(1)]);
     studio.manifest(|manifest| manifest["cameras"].as_array_mut().unwrap().truncate(1));
@@ -82,7 +82,7 @@ fn little_is_enough() {
         manifest["cameras"].as_array_mut().unwrap().truncate(1);
     });
     assert_eq!(images(&studio.splits()), [Some(1), None, None, None]);
-    // Pictures of it as well: there is neither an interval nor a place between.
+    // Writing pictures works too, without an interval between frames or a place between cameras.
     let args = ["eval", "field.ply", "--capture", "capture", "-o", "out"];
     let outcome = aarc_studio(studio.folder(), &args);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
@@ -90,7 +90,7 @@ fn little_is_enough() {
 }
 
 #[test]
-fn nothing_to_see_is_a_result() {
+fn black_photographs_and_empty_masks_are_measured() {
     let studio = Studio::new();
     for path in studio.files("images") {
         RgbImage::new(SIDE, SIDE).save(path).unwrap();
@@ -107,7 +107,7 @@ fn nothing_to_see_is_a_result() {
 }
 
 #[test]
-fn sixteen_bits_and_eight_are_the_same() {
+fn images_of_8_and_16_bits_measure_the_same() {
     let studio = Studio::new();
     let before = studio.splits();
     for camera in [0, 3] {
@@ -134,16 +134,16 @@ fn missing_photographs_are_noted_and_missing_masks_refused() {
 }
 
 #[test]
-fn pictures_that_do_not_fit_are_named() {
+fn images_of_wrong_size_are_named() {
     let studio = Studio::new();
     let path = studio.file("masks", 0, 0);
     GrayImage::new(SIDE, 7).save(&path).unwrap();
     let error = studio.eval().error(3);
-    assert!(error.contains("masks/00/000000.png: 24x7 pixels where its photograph has 24x24"), "{error}");
+    assert!(error.contains("masks/00/000000.png: 24x7 pixels, but its photograph has 24x24"), "{error}");
     let path = studio.file("images", 0, 0);
     RgbImage::new(7, SIDE).save(&path).unwrap();
     let error = studio.eval().error(3);
-    assert!(error.contains("images/00/000000.png: 7x24 pixels where its camera has 24x24"), "{error}");
+    assert!(error.contains("images/00/000000.png: 7x24 pixels, but its camera has 24x24"), "{error}");
     let whole = fs::read(studio.file("images", 1, 0)).unwrap();
     for end in [0, 20, 60, whole.len() / 2] {
         fs::write(&path, &whole[..end]).unwrap();
@@ -154,21 +154,21 @@ fn pictures_that_do_not_fit_are_named() {
 #[test]
 fn a_manifest_with_faults_is_refused() {
     let studio = Studio::new();
-    let refused = |what: &str, change: &dyn Fn(&mut Value)| {
+    let refused = |problem: &str, change: &dyn Fn(&mut Value)| {
         studio.manifest(change);
         let error = studio.eval().error(3);
-        assert!(error.contains("capture") && error.contains(what), "'{what}' expected: {error}");
+        assert!(error.contains("capture") && error.contains(problem), "'{problem}' expected: {error}");
     };
     refused("unknown field `colour`", &|m| m["colour"] = true.into());
     refused("unknown field `lens`", &|m| m["cameras"][1]["lens"] = 1.into());
-    refused("camera 01 is there twice", &|m| m["cameras"][0]["id"] = "01".into());
+    refused("camera 01 is listed twice", &|m| m["cameras"][0]["id"] = "01".into());
     refused("0 frames", &|m| m["frames"] = 0.into());
     refused("1000000000000 frames", &|m| m["frames"] = 1_000_000_000_000u64.into());
     refused("first_frame", &|m| m["first_frame"] = u64::MAX.into());
     refused("invalid value", &|m| m["frames"] = (-3).into());
     refused("has no {frame}", &|m| m["images"] = "images/{camera}/000000.png".into());
     refused("has no {camera}", &|m| m["images"] = "images/00/{frame:06}.png".into());
-    refused("not one photograph", &|m| m["cameras"] = json!([]));
+    refused("no camera has a photograph", &|m| m["cameras"] = json!([]));
     refused("image size 4000000000x3", &|m| {
         m["cameras"][0]["w"] = 4_000_000_000u32.into();
         m["cameras"][0]["h"] = 3.into();
@@ -180,24 +180,24 @@ fn a_manifest_with_faults_is_refused() {
 }
 
 #[test]
-fn photographs_before_black_are_not_cut_out_twice() {
+fn premultiplied_photographs_are_masked_once() {
     let studio = Studio::new();
-    let shot = PhotoId { camera: 0, frame: 0 };
+    let photo_id = PhotoId { camera: 0, frame: 0 };
     let saved = image::open(studio.file("images", 0, 0)).unwrap().to_rgb8();
     let mask = image::open(studio.file("masks", 0, 0)).unwrap().to_luma8();
-    let photo = |studio: &Studio| studio.capture_files().photo(shot).unwrap().image;
-    let of = |byte: u8| f64::from(byte) / 255.0;
+    let photo = |studio: &Studio| studio.capture_files().photo(photo_id).unwrap().image;
+    let unit_value = |byte: u8| f64::from(byte) / 255.0;
     for (i, pixel) in photo(&studio).pixels.iter().enumerate() {
         let (x, y) = (i as u32 % SIDE, i as u32 / SIDE);
-        let [r, g, b] = saved.get_pixel(x, y).0.map(of);
-        assert_eq!(*pixel, [r, g, b, of(mask.get_pixel(x, y).0[0])]);
+        let [r, g, b] = saved.get_pixel(x, y).0.map(unit_value);
+        assert_eq!(*pixel, [r, g, b, unit_value(mask.get_pixel(x, y).0[0])]);
     }
-    // In front of anything else, the mask cuts it out.
+    // Before another background, the mask applies.
     let mut white = saved.clone();
     white.pixels_mut().for_each(|pixel| pixel.0 = [255; 3]);
     white.save(studio.file("images", 0, 0)).unwrap();
     for (pixel, mask) in photo(&studio).pixels.iter().zip(mask.pixels()) {
-        assert_eq!(*pixel, [of(mask.0[0]); 4]);
+        assert_eq!(*pixel, [unit_value(mask.0[0]); 4]);
     }
 }
 

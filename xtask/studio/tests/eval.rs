@@ -357,7 +357,7 @@ fn bad_captures_are_refused_with_one_line() {
     fs::write(folder.join("capture.json"), "{").unwrap();
     assert!(error(3).contains("capture.json"));
     for (change, what) in [
-        (json!({"images": "nowhere/{camera}/{frame}.png"}), "not one photograph"),
+        (json!({"images": "nowhere/{camera}/{frame}.png"}), "no camera has a photograph"),
         (json!({"images": "images/{kamera}.png"}), "{kamera}"),
         (json!({"frames": 0}), "0 frames"),
         (json!({"surprise": 1}), "surprise"),
@@ -369,7 +369,7 @@ fn bad_captures_are_refused_with_one_line() {
         assert!(error(3).contains(what), "{what}: {}", error(3));
     }
     write_manifest(folder, |manifest| manifest["cameras"][1]["w"] = 47.into());
-    assert!(error(3).contains("48x36 pixels where its camera has 47x36"), "{}", error(3));
+    assert!(error(3).contains("48x36 pixels, but its camera has 47x36"), "{}", error(3));
     write_manifest(folder, |manifest| manifest["cameras"][0]["K"][0][0] = (-1.0).into());
     assert!(error(3).contains("camera c0: focal lengths"), "{}", error(3));
     write_manifest(folder, |manifest| {

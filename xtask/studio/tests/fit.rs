@@ -1,4 +1,4 @@
-//! `cargo xtask fit` and what it takes a capture to: on a stage that a ray tracer made.
+//! `cargo xtask fit` and its output, on a capture by a ray tracer.
 
 mod small_stage;
 mod tool;
@@ -14,7 +14,7 @@ use tempfile::tempdir;
 use tool::aarc_studio;
 
 #[test]
-fn a_fit_shows_what_it_has_not_seen() {
+fn a_fit_generalizes_to_held_out_photographs() {
     let folder = stage();
     let folder = folder.path();
     let json = fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "hull"]);
@@ -28,42 +28,42 @@ fn a_fit_shows_what_it_has_not_seen() {
     let size = image::image_dimensions(folder.join("field.fit.png")).unwrap();
     assert_eq!(size, (96, 48));
     assert!(!folder.join("field.checkpoint").exists());
-    // It is a field like any other.
+    // The field can be packaged.
     assert_eq!(
         aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code,
         Some(0)
     );
 
-    // Nothing to start from is a worse start, with the same number of steps.
+    // Without an anchor, the same number of steps gives a worse field.
     fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "none"]);
     let scattered = measured(folder, "interp_b");
     assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
 }
 
 #[test]
-fn a_killed_fit_ends_as_it_would_have() {
+fn a_killed_fit_resumes_with_the_same_result() {
     let folder = stage();
     let folder = folder.path();
     let args =
         ["fit", "stage", "-o", "field.ply", "--steps", "2000", "--gaussians", "600", "--sh-degree", "0"];
     let json = [&args[..], &["--json"]].concat();
     aarc_studio(folder, &json).json();
-    let whole = fs::read(folder.join("field.ply")).unwrap();
-    for left in ["field.ply", "field.fit.csv"] {
-        fs::remove_file(folder.join(left)).unwrap();
+    let uninterrupted = fs::read(folder.join("field.ply")).unwrap();
+    for path in ["field.ply", "field.fit.csv"] {
+        fs::remove_file(folder.join(path)).unwrap();
     }
 
     let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
         .current_dir(folder)
         .args(args)
-        // Checkpoints are minutes apart otherwise.
+        // The default is minutes.
         .args(["--checkpoint-every", "0.05"])
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
     let start = Instant::now();
-    // Beyond the first changes of the number of Gaussians.
+    // Waits beyond the first density control.
     let steps_done = || {
         let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap_or_default();
         table.lines().last().and_then(|line| line.split(',').next()?.parse::<u64>().ok()).unwrap_or(0)
@@ -77,7 +77,7 @@ fn a_killed_fit_ends_as_it_would_have() {
     child.wait().unwrap();
     assert!(!folder.join("field.ply").exists(), "nothing half-written");
 
-    // Another fit does not go on from it.
+    // A fit with other options does not resume from it.
     let other = [&args[..], &["--seed", "1"]].concat();
     let error = aarc_studio(folder, &other).error(2);
     assert!(error.contains("field.checkpoint is of a fit with other options"), "{error}");
@@ -89,14 +89,17 @@ fn a_killed_fit_ends_as_it_would_have() {
         .unwrap();
     let resumed: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(resumed["resumed_at"].as_u64().unwrap() >= 600, "{resumed}");
-    assert!(fs::read(folder.join("field.ply")).unwrap() == whole, "the same field on one thread, bit by bit");
+    assert!(
+        fs::read(folder.join("field.ply")).unwrap() == uninterrupted,
+        "the same field on one thread, bit by bit"
+    );
 
     fs::write(folder.join("field.checkpoint"), b"aarcfit\x02 and then nonsense").unwrap();
     assert!(aarc_studio(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
 }
 
 #[test]
-fn a_field_is_fitted_further() {
+fn a_fit_starts_from_a_field() {
     let folder = stage();
     let folder = folder.path();
     fit(folder, &["--steps", "100", "--gaussians", "600"]);
@@ -111,19 +114,19 @@ fn a_field_is_fitted_further() {
     let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
     let error = aarc_studio(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
     assert!(error.contains("first.ply is of 5 frames") && error.contains("the capture of 3"), "{error}");
-    // What stands still fits any clip, and stays so.
-    let still = ["export", "first.ply", "--ply", "--at", "0", "-o", "still.ply"];
-    assert_eq!(aarc_studio(folder, &still).code, Some(0));
+    // A static field fits any clip and stays static.
+    let export = ["export", "first.ply", "--ply", "--at", "0", "-o", "static.ply"];
+    assert_eq!(aarc_studio(folder, &export).code, Some(0));
     let outcome =
-        aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "still.ply"]);
+        aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "static.ply"]);
     assert!(
-        outcome.code == Some(0) && outcome.stderr.contains("still.ply does not move"),
+        outcome.code == Some(0) && outcome.stderr.contains("static.ply does not move"),
         "{}",
         outcome.stderr
     );
 }
 
-/// What pruning breaks, the photographs mend, also in frames that are held.
+/// Refinement improves a pruned field, in held-out frames too.
 #[test]
 fn a_pruned_field_is_refined() {
     let folder = stage();
@@ -150,7 +153,7 @@ fn a_pruned_field_is_refined() {
     let layers = |clip: &str| aarc_studio(folder, &["inspect", clip, "--json"]).json()["layers"].clone();
     assert_eq!(layers("refined.aarc")[0]["gaussians"], layers("pruned.aarc")[0]["gaussians"]);
 
-    // A folder that holds field and capture needs no --capture, and gives the same package.
+    // A folder with both field and capture needs no --capture, and gives the same package.
     fs::copy(folder.join("field.ply"), folder.join("stage/field.ply")).unwrap();
     let own = package("stage", &["-o", "own.aarc", "--refine", "400"]);
     assert_eq!(own.code, Some(0), "{}", own.stderr);
@@ -185,7 +188,7 @@ fn a_capture_becomes_a_package() {
 
 #[cfg(not(feature = "gpu"))]
 #[test]
-fn a_build_without_the_graphics_device_says_so() {
+fn a_build_without_gpu_back_end_names_the_feature() {
     let folder = stage();
     let error = aarc_studio(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
     assert!(error.contains("--features gpu"), "{error}");
@@ -193,14 +196,14 @@ fn a_build_without_the_graphics_device_says_so() {
 
 #[cfg(not(feature = "onnx"))]
 #[test]
-fn a_build_without_networks_says_so() {
+fn a_build_without_networks_names_the_feature() {
     let folder = stage();
     let error = aarc_studio(folder.path(), &["depths", "stage", "--backbone", "net", "-o", "maps"]).error(2);
     assert!(error.contains("--features onnx"), "{error}");
 }
 
 #[test]
-fn what_cannot_be_fitted_is_said_in_one_line() {
+fn errors_take_one_line() {
     let folder = stage();
     let folder = folder.path();
     let error = |code, more: &[&str]| aarc_studio(folder, &[&["fit", "stage"], more].concat()).error(code);
@@ -219,7 +222,7 @@ fn what_cannot_be_fitted_is_said_in_one_line() {
     assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
     assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
     assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");
-    // Before photographs are read.
+    // The checkpoint is checked before the photographs are read.
     fs::write(folder.join("stage/images/00/000000.png"), b"no photograph").unwrap();
     assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
     fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();

@@ -73,11 +73,11 @@ impl CaptureFiles {
     #[cfg(feature = "onnx")]
     pub fn unprocessed_photo(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
         let path = &self.files[&photo_id].image;
-        let taken = read(path)?.into_rgba8();
-        check_size(path, taken.dimensions(), &self.file_cameras[photo_id.camera])?;
+        let photo = read(path)?.into_rgba8();
+        check_size(path, photo.dimensions(), &self.file_cameras[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
-        Ok(image::RgbImage::from_fn(taken.width(), taken.height(), |x, y| {
-            let [r, g, b, a] = taken.get_pixel(x, y).0;
+        Ok(image::RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
+            let [r, g, b, a] = photo.get_pixel(x, y).0;
             image::Rgb([r, g, b].map(|c| over_black(c, a)))
         }))
     }
@@ -91,20 +91,20 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
-        let PhotoFiles { image, mask, .. } = &self.files[&photo_id];
+        let PhotoFiles { image: path, mask, .. } = &self.files[&photo_id];
         let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
         let camera = &self.file_cameras[photo_id.camera];
-        let mut taken = read_image(image)?;
-        check_size(image, (taken.width, taken.height), camera)?;
+        let mut image = read_image(path)?;
+        check_size(path, (image.width, image.height), camera)?;
         if let Some(path) = mask {
-            let cut = read(path)?.into_luma16();
-            if cut.dimensions() != (camera.width, camera.height) {
-                let ((width, height), Camera { width: w, height: h, .. }) = (cut.dimensions(), camera);
-                return Err(bad(path, format!("{width}x{height} pixels where its photograph has {w}x{h}")));
+            let mask = read(path)?.into_luma16();
+            if mask.dimensions() != (camera.width, camera.height) {
+                let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
+                return Err(bad(path, format!("{width}x{height} pixels, but its photograph has {w}x{h}")));
             }
-            apply_mask(&mut taken, &cut);
+            apply_mask(&mut image, &mask);
         }
-        let photo = Photo::undistorted(taken, camera, lens);
+        let photo = Photo::undistorted(image, camera, lens);
         Ok(if target == camera { photo } else { photo.shrunk(target.width, target.height) })
     }
 }

@@ -53,7 +53,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             return Err(bad(&path, "this photograph is missing").into());
         }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(bad(model, format!("{}: there is no camera {}", pose.name, pose.camera)).into());
+            return Err(bad(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into());
         };
         let [w, x, y, z] = pose.rotation;
         let turn = DQuat::from_xyzw(x, y, z, w).normalize();
@@ -160,7 +160,7 @@ fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
         })?;
         let parameters = (0..*count).map(|_| reader.f64()).collect::<Result<Vec<_>, _>>()?;
         let intrinsics = intrinsics(model, size, &parameters);
-        cameras.insert(id, intrinsics.map_err(|what| bad(path, format!("camera {id}: {what}")))?);
+        cameras.insert(id, intrinsics.map_err(|problem| bad(path, format!("camera {id}: {problem}")))?);
     }
     Ok(cameras)
 }
@@ -191,7 +191,7 @@ fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
     let mut cameras = BTreeMap::new();
     for (number, line) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let at = |what: String| bad(path, format!("line {number}: {what}"));
+        let at = |problem: String| bad(path, format!("line {number}: {problem}"));
         let [id, model, width, height, parameters @ ..] = words.as_slice() else {
             return Err(at("not a camera".into()));
         };

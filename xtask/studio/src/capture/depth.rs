@@ -71,7 +71,7 @@ fn depth_map(
     }
     if depths.len() != width * height {
         let (len, expected) = (depths.len(), width * height);
-        return Err(bad(path, format!("it holds {len} values where {width}x{height} need {expected}")));
+        return Err(bad(path, format!("it holds {len} values, but {width}x{height} need {expected}")));
     }
     let depths = match from_top {
         true => depths,
@@ -272,7 +272,7 @@ mod tests {
         assert!(error("<f2", "(4,)").contains("height and width"));
         assert!(error("<f2", "(2, 2, 3)").contains("height and width"));
         assert!(error("<f2", "(2, -2)").contains("shape"));
-        assert!(error("<f2", "(3, 2)").contains("4 values where 2x3 need 6"));
+        assert!(error("<f2", "(3, 2)").contains("4 values, but 2x3 need 6"));
         assert!(error("<f2", "(18446744073709551615, 2)").contains("a side can have"));
         let fortran = npy_file("<f2", "(2, 2)", &[0; 8]);
         let fortran = String::from_utf8_lossy(&fortran[10..]).replace("False", "True ");

@@ -31,7 +31,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
     let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
     if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        return Err(bad(&intrinsics_path, format!("camera {name} is there twice")).into());
+        return Err(bad(&intrinsics_path, format!("camera {name} is listed twice")).into());
     }
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
 
@@ -56,7 +56,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         };
         let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
         let d = matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 0).unwrap_or_default();
-        let lens = Lens::from_opencv(&d).map_err(|what| bad(&intrinsics_path, format!("{name}: {what}")))?;
+        let lens =
+            Lens::from_opencv(&d).map_err(|problem| bad(&intrinsics_path, format!("{name}: {problem}")))?;
         let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
         let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {
             Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],

@@ -13,10 +13,10 @@ const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
 /// Multiplies a photograph with its mask. If the photograph is black wherever the mask is 0, its colours
 /// are premultiplied already and stay: a second product would darken the rim of the subject.
-pub(super) fn apply_mask(taken: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
-    let mut outside = taken.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
+pub(super) fn apply_mask(image: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
+    let mut outside = image.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
     let is_premultiplied = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
-    for (pixel, mask) in taken.pixels.iter_mut().zip(mask.pixels()) {
+    for (pixel, mask) in image.pixels.iter_mut().zip(mask.pixels()) {
         let [r, g, b, a] = *pixel;
         let m = unit_value(mask.0[0]);
         *pixel = if is_premultiplied { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
@@ -54,12 +54,12 @@ pub fn find_image(path: &Path) -> Option<PathBuf> {
 }
 
 pub(super) fn read_image(path: &Path) -> Result<Image, Fault> {
-    let taken = read(path)?.into_rgba16();
+    let image = read(path)?.into_rgba16();
     let pixel = |p: &image::Rgba<u16>| {
         let [r, g, b, a] = p.0.map(unit_value);
         [r * a, g * a, b * a, a]
     };
-    Ok(Image { width: taken.width(), height: taken.height(), pixels: taken.pixels().map(pixel).collect() })
+    Ok(Image { width: image.width(), height: image.height(), pixels: image.pixels().map(pixel).collect() })
 }
 
 /// A 16-bit channel, which represents 8-bit ones exactly, as a number from 0 to 1.
@@ -81,12 +81,12 @@ pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Resu
     if size == (camera.width, camera.height) {
         return Ok(());
     }
-    let is = format!("{}x{} pixels", size.0, size.1);
-    Err(bad(path, format!("{is} where its camera has {}x{}", camera.width, camera.height)))
+    let ((width, height), Camera { width: w, height: h, .. }) = (size, camera);
+    Err(bad(path, format!("{width}x{height} pixels, but its camera has {w}x{h}")))
 }
 
-pub(super) fn bad(path: &Path, what: impl std::fmt::Display) -> Fault {
-    Fault::Data(format!("{}: {what}", path.display()))
+pub(super) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
+    Fault::Data(format!("{}: {problem}", path.display()))
 }
 
 pub(super) fn read_text(path: &Path) -> Result<String, Fault> {

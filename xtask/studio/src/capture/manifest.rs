@@ -48,22 +48,22 @@ struct ManifestCamera {
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
-    manifest.check().map_err(|what| bad(&path, what))?;
+    manifest.check().map_err(|problem| bad(&path, problem))?;
     let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
-        let lens =
-            Lens::from_opencv(&entry.d).map_err(|what| bad(&path, format!("camera {}: {what}", entry.id)))?;
+        let lens = Lens::from_opencv(&entry.d)
+            .map_err(|problem| bad(&path, format!("camera {}: {problem}", entry.id)))?;
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         for frame in 0..manifest.frames {
             let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
-            let image = folder.join(named(&manifest.images).map_err(|what| bad(&path, what))?);
+            let image = folder.join(named(&manifest.images).map_err(|problem| bad(&path, problem))?);
             if !image.is_file() {
                 continue;
             }
             let mask = match &manifest.masks {
-                Some(pattern) => Some(folder.join(named(pattern).map_err(|what| bad(&path, what))?)),
+                Some(pattern) => Some(folder.join(named(pattern).map_err(|problem| bad(&path, problem))?)),
                 None => None,
             };
             if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
@@ -82,7 +82,7 @@ impl Manifest {
     fn check(&self) -> Result<(), String> {
         let Manifest { frames, first_frame, images, cameras, .. } = self;
         if !(1..=FRAMES_MAX).contains(frames) {
-            return Err(format!("{frames} frames: there can be 1 to {FRAMES_MAX}"));
+            return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
         }
         if first_frame.checked_add(*frames).is_none() {
             return Err(format!("first_frame {first_frame} is too large"));
@@ -90,20 +90,20 @@ impl Manifest {
         let mut names = BTreeSet::new();
         for ManifestCamera { id, k, .. } in cameras {
             if !names.insert(id) {
-                return Err(format!("camera {id} is there twice"));
+                return Err(format!("camera {id} is listed twice"));
             }
             if k[0][1].abs() > SKEW_MAX {
                 return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
             }
         }
         // Without the placeholder, all cameras or frames would share one file.
-        let needs = |what: &str, many: bool| many && !images.contains(&format!("{{{what}"));
+        let needs = |placeholder: &str, many: bool| many && !images.contains(&format!("{{{placeholder}"));
         match [("camera", cameras.len() > 1), ("frame", *frames > 1)]
             .iter()
-            .find(|(what, many)| needs(what, *many))
+            .find(|(placeholder, many)| needs(placeholder, *many))
         {
-            Some((what, _)) if expand(images, "", 0).is_ok() => {
-                Err(format!("images \"{images}\" has no {{{what}}}: all would be the same photograph"))
+            Some((placeholder, _)) if expand(images, "", 0).is_ok() => {
+                Err(format!("images \"{images}\" has no {{{placeholder}}}: all would share one photograph"))
             }
             _ => Ok(()),
         }

@@ -40,21 +40,21 @@ impl CaptureFiles {
             colmap::open(folder, &model)?
         } else {
             bail!(Fault::Data(format!(
-                "{}: no capture: none of {}, {}, transforms.json or a COLMAP model is there",
+                "{}: no capture: it has no {}, {}, transforms.json or COLMAP model",
                 folder.display(),
                 manifest::FILE,
                 easyvolcap::INTRINSICS
             )));
         };
         for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
-            camera.check().map_err(|what| bad(folder, format!("camera {name}: {what}")))?;
+            camera.check().map_err(|problem| bad(folder, format!("camera {name}: {problem}")))?;
             if camera.width.max(camera.height) > SIDE_MAX {
                 let size = format!("{}x{}", camera.width, camera.height);
                 return Err(bad(folder, format!("camera {name}: image size {size} is too large")).into());
             }
         }
         match capture_files.files.is_empty() {
-            true => Err(bad(folder, "not one photograph of its cameras is there").into()),
+            true => Err(bad(folder, "no camera has a photograph").into()),
             false => Ok(capture_files),
         }
     }

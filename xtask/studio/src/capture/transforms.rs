@@ -88,7 +88,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             let (pinhole_k, lens) = frame
                 .intrinsics
                 .resolve(&transforms.intrinsics, size)
-                .map_err(|what| bad(path, format!("{name}: {what}")))?;
+                .map_err(|problem| bad(path, format!("{name}: {problem}")))?;
             let camera = pinhole(size, pinhole_k, camera_from_world(frame.transform_matrix));
             let time = frame.time.unwrap_or(0.0);
             if !(0.0..=1.0).contains(&time) {

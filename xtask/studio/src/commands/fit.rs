@@ -58,8 +58,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
     depths: Option<PathBuf>,
     /// How depth maps are scaled to the units of the cameras
-    #[arg(long, value_enum, default_value_t = Scale::Auto, requires = "depths")]
-    depth_scale: Scale,
+    #[arg(long, value_enum, default_value_t = DepthScale::Auto, requires = "depths")]
+    depth_scale: DepthScale,
     /// Fitted field or package to start from instead of an anchor
     #[arg(long, value_name = "FIELD",
           conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
@@ -117,18 +117,6 @@ enum MirrorWhen {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Scale {
-    /// By the hull if there are masks, else by the rig
-    Auto,
-    /// One factor for all maps: their median depth becomes the radius of the rig, as in the paper
-    Rig,
-    /// A factor and an offset for each map, fitted to the visual hull
-    Hull,
-    /// The maps are in units of the capture
-    Metric,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Rule {
     /// Split, clone and prune, but never below --gaussians (the paper)
     Floor,
@@ -158,7 +146,7 @@ pub(super) fn by_default(
 ) -> anyhow::Result<()> {
     let runtime =
         FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_to(out, plan, capture_files, views, runtime, None).map(drop)
+    fit_and_write(out, plan, capture_files, views, runtime, None).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -172,7 +160,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     let default = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
     let out = args.out.clone().unwrap_or_else(default);
-    let result = make(args, &out)?;
+    let result = fit_capture(args, &out)?;
     report(args, &result, &out, start)
 }
 
@@ -187,7 +175,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         json: args.json,
     };
     takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
-        make(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
+        fit_capture(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
     })
 }
 
@@ -211,8 +199,8 @@ impl Args {
     }
 }
 
-/// Fits and writes a field.
-fn make(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
+/// Fits a field to a capture and writes it.
+fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     output::check(out)?;
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
@@ -230,7 +218,7 @@ fn make(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_to(out, &plan, &capture_files, &views, runtime, args.fps)?;
+    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, args.fps)?;
     Ok(FitResult { plan, fitted, splits })
 }
 
@@ -241,8 +229,8 @@ struct FitResult {
     splits: String,
 }
 
-/// Fits and writes the field file `out`.
-fn fit_to(
+/// Fits a field with a progress bar and writes it to `out`.
+fn fit_and_write(
     out: &Path,
     plan: &FitPlan,
     capture_files: &CaptureFiles,
@@ -290,15 +278,7 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
     let default = FitPlan::default_for(capture_files, args.holdout.into())?;
     let gaussians = args.gaussians.map_or(default.gaussians, |n| n as usize);
     let start = match (&args.depths, &args.from) {
-        (Some(folder), _) => FitStart::Depths(
-            folder.to_string_lossy().into_owned(),
-            match args.depth_scale {
-                Scale::Auto => DepthScale::Auto,
-                Scale::Rig => DepthScale::Rig,
-                Scale::Hull => DepthScale::Hull,
-                Scale::Metric => DepthScale::Metric,
-            },
-        ),
+        (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
         (_, Some(path)) => {
             let input = Input::load(path)?;
             let frames = input.frames();

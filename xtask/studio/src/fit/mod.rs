@@ -237,12 +237,12 @@ pub fn check_frames(
     match frames {
         _ if field.temporal.is_none() => {
             if capture_frames > 1 {
-                eprintln!("note: {name} does not move, and is not made to");
+                eprintln!("note: {name} does not move, and the fit keeps it static");
             }
             Ok(())
         }
         Some(frames) if frames != capture_frames => Err(Fault::Usage(format!(
-            "{name} is of {frames} frames (duration_s times fps), the capture of {capture_frames}: choose its \
+            "{name} is of {frames} frames (duration_s times fps), the capture of {capture_frames}: select its \
              frames with --frames"
         ))),
         _ => Ok(()),

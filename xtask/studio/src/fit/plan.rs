@@ -1,5 +1,6 @@
 //! [`FitPlan`]: the settings that determine the result of a fit, and their defaults.
 
+use clap::ValueEnum;
 use program::Fault;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
@@ -58,16 +59,16 @@ pub enum FitStart {
     Field(String, u32),
 }
 
-/// How depth maps are scaled to the units of the cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// How depth maps are scaled to the units of the cameras. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 pub enum DepthScale {
-    /// [`DepthScale::Hull`] where masks carve a hull in every frame, else [`DepthScale::Rig`].
+    /// By the hull if masks carve one in every frame, else by the rig
     Auto,
-    /// The maps are in units of the capture.
+    /// The maps are in units of the capture
     Metric,
-    /// One factor for all maps: their median depth becomes the radius of the rig (the paper's rule).
+    /// One factor for all maps: their median depth becomes the radius of the rig, as in the paper
     Rig,
-    /// A factor and an offset for each map, fitted to the visual hull.
+    /// A factor and an offset for each map, fitted to the visual hull
     Hull,
 }
 

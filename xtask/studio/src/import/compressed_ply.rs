@@ -67,10 +67,10 @@ struct Bounds {
     max: [usize; 3],
 }
 
-fn bounds(chunk: &Table, what: &str, names: [&str; 3]) -> Result<Bounds, String> {
+fn bounds(chunk: &Table, prefix: &str, names: [&str; 3]) -> Result<Bounds, String> {
     Ok(Bounds {
-        min: chunk.find(names.map(|name| format!("min_{what}{name}")))?,
-        max: chunk.find(names.map(|name| format!("max_{what}{name}")))?,
+        min: chunk.find(names.map(|name| format!("min_{prefix}{name}")))?,
+        max: chunk.find(names.map(|name| format!("max_{prefix}{name}")))?,
     })
 }
 
@@ -93,7 +93,7 @@ fn unpack_11_10_11(word: u32) -> [f64; 3] {
     [fraction(word, 21, 11), fraction(word, 11, 10), fraction(word, 0, 11)]
 }
 
-/// The top two bits say which component of w, x, y, z is the largest and left out.
+/// The top two bits are the index of the largest component of w, x, y, z, which is omitted.
 fn unpack_rotation(word: u32) -> [f32; 4] {
     let mut small = [20, 10, 0].map(|shift| (fraction(word, shift, 10) - 0.5) * SQRT_2).into_iter();
     let largest = (word >> 30) as usize;
@@ -105,7 +105,7 @@ fn unpack_rotation(word: u32) -> [f32; 4] {
     q.map(|x| x as f32)
 }
 
-/// `[-4, 4]` in 256 steps, whose first and last are the ends and whose others are centres.
+/// Decodes `[-4, 4]` from 256 steps: the first and last are the ends, the others are centres of steps.
 fn unpack_sh(byte: f64) -> f32 {
     let t = if byte == 0.0 {
         0.0

@@ -15,10 +15,10 @@ pub(crate) const MARK: &str = "aarc";
 /// Version of the format.
 pub const VERSION: &str = "1";
 
-/// Longest name of a viewpoint in bytes, as [`Viewpoint::name`] has it.
+/// Maximum length of [`Viewpoint::name`] in bytes.
 const NAME_MAX: usize = 63;
 
-/// Whether the comments say that this is a field file.
+/// Whether the comments mark a field file.
 pub(crate) fn is_marked(ply: &Ply) -> bool {
     metadata(ply).any(|(key, _)| key == "field")
 }
@@ -81,14 +81,14 @@ fn read_hints(ply: &Ply) -> Result<Hints, String> {
             "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
             "holdout" => hints.holdout = Some(Holdout::named(value).ok_or_else(wrong)?),
             "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
-            // Later versions may say more about the clip.
+            // Later versions may add keys.
             _ => {}
         }
     }
     Ok(hints)
 }
 
-/// `position target fov_y name`, the name being the rest of the line.
+/// Parses `position target fov_y name`; the name is the rest of the line.
 fn viewpoint(value: &str) -> Option<Viewpoint> {
     let mut words = value.splitn(8, ' ');
     let mut next = || words.next()?.parse().ok().filter(|x: &f32| x.is_finite());

@@ -17,7 +17,7 @@ pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {
     Ok(Imported { field, hints: Hints::default(), repairs, format: "3D Gaussian Splatting PLY" })
 }
 
-/// Reads the columns that this format and those derived from it have in common.
+/// Reads the columns that this format shares with its derivatives.
 pub(crate) fn static_columns(vertex: &Table) -> Result<Field, String> {
     let [x, y, z, red, green, blue, opacity, s0, s1, s2, r0, r1, r2, r3] = vertex.find([
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",

@@ -4,7 +4,7 @@
 //! a width w in `exp(-(d / w)^2)`, so `s = w / sqrt(2)`), `motion_0..8` (`[power - 1][axis]`),
 //! `omega_0..3` (rates of the quaternion). In the lite model `f_dc_0..2` is RGB in `[0, 1]`, not
 //! SH. The full model has six features there, three more in `f_t_*`, and a network beside the file
-//! that turns the rendered features into colours, so it has no colours of its own to import.
+//! that turns the rendered features into colours; it has no colours to import.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -14,7 +14,7 @@ use super::imported::{Hints, Imported, Repairs, sh_of_rgb};
 use super::inria;
 use super::ply::Table;
 
-/// Reads the rows of a moving field.
+/// Reads the rows of a dynamic field.
 pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {
     if vertex.has("f_dc_3") || vertex.has("f_t_0") {
         return Err("Spacetime Gaussians, full model: its colours come from a neural network that a field \

@@ -39,7 +39,7 @@ struct Chunk {
     size: usize,
 }
 
-/// Reads the rows of a moving field.
+/// Reads the rows of a dynamic field.
 pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
     let (payload, announced) = payload(bytes)?;
     let (rows, rest) = payload.as_chunks::<ROW>();
@@ -47,10 +47,11 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
     let rows = &rows[..last_used.map_or(0, |last| last + 1)];
 
     let mut repairs = Repairs::default();
-    // A file that ends in the texture's last line is whole: the others end in a partial row or lack lines.
-    let whole = payload.len() == announced
+    // A file that ends in the texture's last line is complete: truncated ones end in a partial row or lack
+    // lines.
+    let is_complete = payload.len() == announced
         || rest.is_empty() && payload.len() > announced.saturating_sub(ROWS_PER_LINE * ROW);
-    if !whole {
+    if !is_complete {
         repairs.drop_rows("truncated payload", announced.div_ceil(ROW) - payload.len() / ROW);
     }
     let mut field = Field::default();
@@ -78,7 +79,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
     Ok(Imported { field, hints, repairs, format: ".splatv" })
 }
 
-/// The bytes of the `splat` chunk that are there, and how many it should have.
+/// The bytes of the `splat` chunk in the file, and its announced size.
 fn payload(bytes: &[u8]) -> Result<(&[u8], usize), String> {
     let word =
         |k: usize| bytes.get(k..k + 4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
@@ -97,7 +98,7 @@ fn payload(bytes: &[u8]) -> Result<(&[u8], usize), String> {
 }
 
 /// The view of the capture's first camera: at the origin, towards +z, a focal length of 0.75
-/// image widths at 4:3, looking at the middle of what is opaque there.
+/// image widths at 4:3, looking at the median depth of opaque Gaussians in front of it.
 fn front(field: &Field) -> Viewpoint {
     let mut depths: Vec<f32> = (field.centers.iter().zip(&field.opacities))
         .filter(|([_, _, z], opacity)| *z > 0.0 && z.is_finite() && **opacity > 0.5)

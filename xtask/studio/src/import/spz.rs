@@ -1,6 +1,6 @@
 //! The `.spz` file of Niantic, versions 2 to 4.
 //!
-//! Version 2 and 3 are one stream, packed with gzip or not at all: a header of 16 bytes, then one
+//! Version 2 and 3 are one stream, packed with gzip or plain: a header of 16 bytes, then one
 //! array per attribute. Version 4 has a header of 32 bytes, a table of compressed and plain sizes,
 //! and the same arrays packed with zstd one by one. Per Gaussian:
 //!
@@ -14,7 +14,7 @@
 //! | 4 | from version 3: index of the largest of x, y, z, w, and the others as sign and 9 bits |
 //! | 9, 24, 45, 72 | SH of degree 1 to 4, `[coefficient][channel]`, `(byte - 128) / 128` |
 //!
-//! The format's axes are x right, y up, z back. They are kept, with +y as the up axis.
+//! The format's axes are x right, y up, z back. The importer keeps them, with +y as the up axis.
 
 use std::io::Read;
 
@@ -35,7 +35,7 @@ const HEADER: usize = 16;
 /// Bytes of the header of version 4.
 const HEADER_V4: usize = 32;
 
-/// Largest ratio of plain to compressed size that is believed; that of gzip is 1032.
+/// Maximum accepted ratio of plain to compressed size; gzip's is 1032.
 const RATIO_MAX: usize = 1032;
 
 struct Header {
@@ -95,7 +95,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
     } else {
         read_v2_v3(flate2::read::GzDecoder::new(bytes), bytes.len())?
     };
-    // The arrays come one after another, so a truncated file has whole rows only of the first ones.
+    // The arrays follow each other: a truncated file has only the first ones in full.
     let strides = header.strides();
     let rows = (arrays.iter().zip(strides))
         .filter(|(_, stride)| *stride > 0)
@@ -185,10 +185,10 @@ fn first<const N: usize>(array: &[u8], rows: usize) -> impl Iterator<Item = &[u8
     array.as_chunks().0[..rows].iter()
 }
 
-/// Reads `size` bytes, or as many as come before the source ends or breaks.
+/// Reads `size` bytes, or fewer if the source ends or fails.
 fn read_up_to(source: impl Read, size: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // What was read before an error is kept, and the caller sees that the rest is missing.
+    // Bytes before an error are used; the caller counts the missing ones.
     let _ = source.take(size as u64).read_to_end(&mut bytes);
     bytes
 }
@@ -198,7 +198,7 @@ fn unpack_first_three(xyz: [u8; 3]) -> [f32; 4] {
     [(1.0 - (x * x + y * y + z * z)).max(0.0).sqrt(), x, y, z]
 }
 
-/// Bits 30-31: which of x, y, z, w is left out; then 10 bits for each other one, first to last.
+/// Bits 30-31: index of the omitted one of x, y, z, w; then 10 bits for each of the others, in order.
 fn unpack_smallest_three(word: u32) -> [f32; 4] {
     let largest = (word >> 30) as usize;
     let mut xyzw = [0.0f64; 4];
