@@ -78,10 +78,13 @@ fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
     ]
 }
 
+/// The cameras of the eyes, and the reference's images from them.
+type Eyes = Vec<(Camera, Image)>;
+
 /// A clip, and the reference's images of it from all places, each at another time.
 struct Expected {
     clip: Clip,
-    views: Vec<(Place, f64, Vec<(Camera, Image)>)>,
+    views: Vec<(Place, f64, Eyes)>,
 }
 
 impl Expected {
