@@ -13,7 +13,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
-use super::plot::{self, Series};
+use super::plot::{self as lines, Line, Panel};
 use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -203,12 +203,12 @@ impl Findings {
 
     /// Plots of the held-out PSNR over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
-        let chart = |x: &str, of: fn(&LogEntry) -> f64| plot::Chart {
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| Panel {
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits
                 .iter()
-                .map(|fit| Series {
+                .map(|fit| Line {
                     name: fit.name.clone(),
                     points: fit
                         .entries
@@ -220,7 +220,7 @@ impl Findings {
         };
         let steps = chart("steps", |entry| entry.step as f64);
         let seconds = chart("seconds", |entry| entry.seconds);
-        Ok(plot::svg("steps", &[steps])? + &plot::svg("seconds", &[seconds])?)
+        Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
     }
 }
 
