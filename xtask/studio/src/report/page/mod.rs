@@ -13,7 +13,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
-use super::plot::{self as lines, Line, Panel};
+use super::plot::{self as lines, LineChart, PlotLine};
 use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -203,12 +203,12 @@ impl Findings {
 
     /// Plots of the held-out PSNR over steps and over time.
     fn fits_over_time(&self) -> anyhow::Result<String> {
-        let chart = |x: &str, of: fn(&LogEntry) -> f64| Panel {
+        let chart = |x: &str, of: fn(&LogEntry) -> f64| LineChart {
             title: format!("PSNR of held photographs (dB) over {x}"),
             lines: self
                 .fits
                 .iter()
-                .map(|fit| Line {
+                .map(|fit| PlotLine {
                     name: fit.name.clone(),
                     points: fit
                         .entries
