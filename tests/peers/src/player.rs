@@ -72,7 +72,7 @@ impl PlayerKind {
             PlayerKind::Ours => "ours",
             PlayerKind::OursSqrt8 => "ours, `--cutoff 8`",
             PlayerKind::Gsplat => "gsplat.js",
-            PlayerKind::GsplatMended => "gsplat.js, sorting mended",
+            PlayerKind::GsplatMended => "gsplat.js, sorting fixed",
             PlayerKind::Viewer => "wgpu-3dgs-viewer",
             PlayerKind::Spark => "Spark",
         }
