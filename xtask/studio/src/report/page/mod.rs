@@ -13,7 +13,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
-use super::plot::{self, LineChart, PlotLine};
+use super::plot::{self as lines, LineChart, PlotLine};
 use crate::fit::log::LogEntry;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -220,7 +220,7 @@ impl Findings {
         };
         let steps = chart("steps", |entry| entry.step as f64);
         let seconds = chart("seconds", |entry| entry.seconds);
-        Ok(plot::svg("steps", &[steps])? + &plot::svg("seconds", &[seconds])?)
+        Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
     }
 }
 
