@@ -253,7 +253,7 @@ fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
 }
 
 #[test]
-fn held_frames_are_guessed_from_those_around() {
+fn baselines_predict_held_frames() {
     let (folder, field) = lively_studio();
     let folder = folder.path();
     write_manifest(folder, |_| ());
@@ -390,7 +390,7 @@ fn picture(path: &Path) -> RgbImage {
 }
 
 #[test]
-fn a_field_is_shown_between_frames_and_from_elsewhere() {
+fn a_field_is_rendered_between_frames_and_from_new_viewpoints() {
     let (folder, _) = stage();
     let folder = folder.path();
     write_manifest(folder, |_| ());
@@ -446,7 +446,7 @@ fn a_package_is_judged_layer_by_layer() {
     assert_eq!((rungs.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
     assert_eq!(number(1, "bytes"), fs::metadata(folder.join("clip.aarc")).unwrap().len() as f64);
     assert!(number(0, "bytes") < number(1, "bytes") && number(0, "psnr_full") < number(1, "psnr_full"));
-    // The last rung is the package itself.
+    // The last step is the package itself.
     assert_eq!(ladder["rungs"][1]["psnr_full"], json["splits"]["interp_a"]["psnr_full"]);
     let table = fs::read_to_string(folder.join("out/eval.md")).unwrap();
     assert!(table.contains("| 5000 | ") && table.contains("| 6000 | "), "{table}");

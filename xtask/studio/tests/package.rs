@@ -1,4 +1,4 @@
-//! `cargo xtask package`: what comes out, what is left out and why, and what is refused.
+//! `aarc-studio package`: contents of packages, dropped Gaussians and reasons, refusals.
 
 mod support;
 mod tool;
@@ -96,7 +96,7 @@ fn a_folder_becomes_a_package() {
 }
 
 #[test]
-fn the_budget_keeps_what_has_most_mass() {
+fn a_budget_retains_the_most_mass() {
     let folder = tempdir().unwrap();
     write_field(&folder.path().join("field.ply"), &rising(7000));
     let package = |budget: &str| {
@@ -130,7 +130,7 @@ fn the_budget_keeps_what_has_most_mass() {
 }
 
 #[test]
-fn of_all_rankings_the_most_faithful_is_taken() {
+fn the_most_faithful_ranking_wins() {
     let folder = tempdir().unwrap();
     let mut original = field(1500, 1, Some(2), false);
     make_small(&mut original);
@@ -250,7 +250,7 @@ fn parts_can_be_removed() {
 }
 
 #[test]
-fn a_plate_stands_still() {
+fn a_plate_is_static() {
     let folder = tempdir().unwrap();
     let scene = folder.path();
     write_field(&scene.join("field.ply"), &field(100, 0, Some(1), false));
@@ -335,7 +335,7 @@ fn a_folder_needs_exactly_one_field() {
 }
 
 #[test]
-fn scene_json_goes_before_the_file_and_the_file_before_defaults() {
+fn scene_json_overrides_the_file_which_overrides_defaults() {
     let folder = tempdir().unwrap();
     let scene = folder.path();
     write_field(&scene.join("field.ply"), &rising(9));
@@ -412,7 +412,7 @@ fn scene_json_is_checked() {
 }
 
 #[test]
-fn nothing_half_written_is_left() {
+fn no_partial_file_is_left() {
     let folder = tempdir().unwrap();
     let here = folder.path();
     write_field(&here.join("field.ply"), &rising(9));
@@ -442,7 +442,7 @@ fn nothing_half_written_is_left() {
 /// Ctrl-C ends the program by its signal, before anything is written.
 #[cfg(target_os = "linux")]
 #[test]
-fn an_interrupted_run_leaves_nothing_behind() {
+fn an_interrupted_run_leaves_no_files() {
     use std::os::unix::process::ExitStatusExt;
     use std::process::{Command, Stdio};
     use std::time::Duration;
@@ -486,7 +486,7 @@ fn a_folder_that_takes_no_files_is_a_usage_error() {
 }
 
 #[test]
-fn a_field_that_nobody_can_see_is_refused() {
+fn an_invisible_field_is_refused() {
     let folder = tempdir().unwrap();
     let mut faint = rising(9);
     faint.opacities.fill(0.003);
@@ -501,7 +501,7 @@ fn degenerate_fields_are_packaged() {
     let folder = tempdir().unwrap();
     let mut one_point = rising(30);
     one_point.centers.fill([1.0, 2.0, 3.0]);
-    // Alive for a moment at which nobody takes a picture.
+    // Alive only between the instants of the pictures.
     let mut one_instant = field(40, 0, Some(1), false);
     make_small(&mut one_instant);
     one_instant.opacities.fill(0.8);
@@ -530,7 +530,7 @@ fn degenerate_fields_are_packaged() {
 /// Real fields keep their looks: half a grey step of root-mean-square error is 54 dB, and 50.7 dB
 /// costs a typical fit of 24 dB one hundredth of a decibel.
 #[test]
-fn real_fields_keep_their_looks() {
+fn packages_of_real_fields_are_faithful() {
     let folder = tempdir().unwrap();
     for (path, budget, least_db) in [
         ("spacetime-spinach/spinach_4.splatv", "40000", 50.7),

@@ -17,7 +17,7 @@ fn package(folder: &Path, more: &[&str]) -> Outcome {
 }
 
 #[test]
-fn first_layers_are_as_good_as_a_package_of_their_size() {
+fn prefixes_are_as_good_as_a_package_of_their_size() {
     let folder = tempdir().unwrap();
     let nothing = aarc_studio(folder.path(), &["package", "limbs.ply", "--ladder"]);
     assert!(nothing.error(3).contains("limbs.ply"));

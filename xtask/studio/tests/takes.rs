@@ -1,4 +1,4 @@
-//! `--list` and `--shard`: many takes, of which some are done, some changed, and some fail.
+//! `--list` and `--shard`: takes that are done, changed, or fail.
 
 mod small_stage;
 mod support;
@@ -51,7 +51,7 @@ fn clip_len(path: &Path) -> usize {
 }
 
 #[test]
-fn what_is_done_is_not_done_again_until_something_changes() {
+fn finished_takes_are_skipped_until_an_input_changes() {
     let folder = studio_day();
     let folder = folder.path();
     let run = |more: &[&str]| package(folder, &[&["--json"], more].concat()).json();
@@ -103,7 +103,7 @@ fn what_is_done_is_not_done_again_until_something_changes() {
 }
 
 #[test]
-fn a_take_that_fails_is_named_and_holds_no_other_up() {
+fn a_failed_take_is_named_and_does_not_stop_the_others() {
     let folder = studio_day();
     let folder = folder.path();
     fs::write(folder.join("run/field.ply"), "no field").unwrap();
@@ -179,9 +179,9 @@ fn what_cannot_be_is_said_before_anything_is_done() {
     assert!(within.code == Some(2) && within.stdout.contains("would lie within sit"), "{}", within.stdout);
 }
 
-/// A list of captures: each is fitted, and a fit that was interrupted goes on where it was.
+/// Each capture of a list is fitted, and an interrupted fit resumes.
 #[test]
-fn fits_go_on_where_they_were() {
+fn interrupted_fits_resume() {
     let folder = small_stage::stage();
     let folder = folder.path();
     fs::write(folder.join("takes.txt"), "stage\nnowhere\n").unwrap();
@@ -240,7 +240,7 @@ fn fits_go_on_where_they_were() {
     );
 }
 
-/// Of a capture, the field is fitted once.
+/// The field of a capture is fitted once.
 #[test]
 fn captures_become_packages() {
     let folder = tempdir().unwrap();

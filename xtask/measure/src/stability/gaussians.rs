@@ -66,8 +66,8 @@ pub(super) fn field(rows: &[Gaussian]) -> Field {
     }
 }
 
-/// Usual Gaussians around the origin, some of them moving: whatever stands among them must leave
-/// them as they are.
+/// Usual Gaussians around the origin, some of them dynamic; the Gaussians of a case must not change
+/// them.
 pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
     let mut rng = Rng::with_seed(5);
     let mut spread = move |reach: f32| (2.0 * rng.f32() - 1.0) * reach;

@@ -1,8 +1,8 @@
 //! [`Record`]: what is known of an output, in a small file beside it.
 //!
 //! It is written twice: before the work, with the key of what is to be made, and after it, with the
-//! checksum of what was made. So whatever interrupts, an output counts as done only if it is the
-//! one that its record speaks of, and half a work is gone on with only where its key is the same.
+//! checksum of what was made. After any interruption, an output counts as done only if its
+//! checksum is the recorded one, and unfinished work is resumed only if its key is the same.
 
 use std::fs::File;
 use std::io::Read;
