@@ -7,7 +7,7 @@
 //! ```
 //!
 //! `source` opens one clip, `playlist` the list that names several, and `queue` orders them. The `loader`
-//! carries requests out on the thread of a `worker`, up to clips that a [`ClipTarget`] can show. `state`
+//! carries requests out on the thread of a `worker`, up to clips that a `ClipTarget` can show. `state`
 //! decides what to load and what to show; `controller` joins it with the thread.
 
 #[cfg_attr(
