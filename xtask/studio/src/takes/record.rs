@@ -22,7 +22,7 @@ const RECORD_BYTES: u64 = 16 << 20;
 pub struct Record {
     /// The command that makes it.
     command: String,
-    /// The hash of its inputs, see [`super::key`].
+    /// The hash of its inputs, see [`super::key()`].
     key: String,
     /// SHA-256 of the output, once it is done.
     sha256: Option<String>,
