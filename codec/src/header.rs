@@ -53,7 +53,7 @@ impl Coder {
 /// The head of a package: metadata, counts and section table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// Minor version of the format; the major version is [`VERSION_MAJOR`](crate::VERSION_MAJOR).
+    /// Minor version of the format; the major version is [`VERSION_MAJOR`].
     pub version_minor: u16,
     /// Duration, axes, viewpoints.
     pub info: ClipInfo,
@@ -87,7 +87,7 @@ pub struct Contents {
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
 ///   With [`FormatError::Truncated`], `bytes` is too short to tell.
-/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`].
 /// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
 ///   table needs more memory.
 pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Error of [`anchor`](super::anchor) and [`scatter`](super::scatter).
+/// Error of [`anchor`](super::anchor) and [`scatter`](fn@super::scatter).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum AnchorError {
     /// There are no frames.
