@@ -71,6 +71,7 @@ pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, Encod
 ///
 /// # Errors
 /// See [`encode`].
+// Long: the sections of a package, in their order in the file.
 pub fn encode_parallel(
     source: &Source,
     options: &EncodeOptions,

@@ -134,6 +134,7 @@ fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
 }
 
 /// Parses the head without its checksum, which has been checked.
+// Long: one field after the other, in their order in the file.
 fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
     let mut reader = Reader::new(body, 0, "head");
     reader.take(PREFIX_BYTES)?;

@@ -239,6 +239,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
 }
 
 /// The constants of the shaders.
+// Long: one constant a line.
 fn constants(columns: Columns) -> String {
     let counts = columns.counts();
     let mut starts = [0; COLUMNS];

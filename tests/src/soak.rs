@@ -197,11 +197,11 @@ impl Shelf {
         let recipe = |count, sh_degree, motion, turning| {
             Recipe { count, sh_degree, motion, motion_order: 3, turning, seed: count as u64 }.field()
         };
-        let still = recipe(900, 2, Motion::Static, false);
+        let static_field = recipe(900, 2, Motion::Static, false);
         let packages: Vec<Arc<[u8]>> = vec![
             packaged(&recipe(3000, 0, Motion::Mixed, true), None, &[500, 1000]).into(),
-            packaged(&recipe(1200, 3, Motion::Dynamic, true), Some(&still), &[]).into(),
-            packaged(&still, None, &[300]).into(),
+            packaged(&recipe(1200, 3, Motion::Dynamic, true), Some(&static_field), &[]).into(),
+            packaged(&static_field, None, &[300]).into(),
             packaged(&recipe(1, 1, Motion::Dynamic, false), None, &[]).into(),
         ];
         let served = packages.clone();

@@ -6,20 +6,9 @@ use refine::capture::PhotoId;
 use studio::capture::CaptureFiles;
 
 use crate::files::{InputFiles, check_refusal};
+use crate::kinds::capture::*;
 use crate::parts;
 use crate::seeds::{easyvolcap, manifest, photograph};
-
-/// Kinds of input, chosen by the first byte.
-pub(crate) const MANIFEST: u8 = 0;
-pub(crate) const EASYVOLCAP: u8 = 1;
-pub(crate) const TRANSFORMS: u8 = 2;
-pub(crate) const COLMAP_BINARY: u8 = 3;
-pub(crate) const COLMAP_TEXT: u8 = 4;
-pub(crate) const PHOTOGRAPH: u8 = 5;
-pub(crate) const DEPTH_PFM: u8 = 6;
-pub(crate) const DEPTH_NPY: u8 = 7;
-pub(crate) const DEPTH_PNG: u8 = 8;
-const KINDS: u8 = 9;
 
 /// Largest number of frames of a manifest: each takes a look-up on disk.
 const FRAMES_MAX: u64 = 50;
@@ -28,6 +17,7 @@ const FRAMES_MAX: u64 = 50;
 ///
 /// # Panics
 /// If an accepted file is invalid, or a refusal is not one line.
+// Long: one arm a kind of input.
 pub fn check_capture(bytes: &[u8]) {
     static FILES: OnceLock<InputFiles> = OnceLock::new();
     let Some((kind, bytes)) = parts::split_kind(bytes, KINDS) else { return };

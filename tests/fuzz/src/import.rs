@@ -5,14 +5,9 @@ use std::sync::OnceLock;
 use studio::import::import;
 
 use crate::files::{InputFiles, check_refusal};
+use crate::kinds::import::*;
 use crate::parts;
 use crate::seeds::sog_files;
-
-/// Kinds of input, chosen by the first byte: the file that the rest becomes.
-pub(crate) const FILE: u8 = 0;
-pub(crate) const SPLAT: u8 = 1;
-pub(crate) const SOG_META: u8 = 2;
-pub(crate) const SOG_IMAGE: u8 = 3;
 
 /// Imports an input.
 ///

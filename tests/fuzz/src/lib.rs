@@ -8,4 +8,5 @@ pub mod scene;
 pub mod seeds;
 
 mod files;
+mod kinds;
 mod parts;

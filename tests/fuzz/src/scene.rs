@@ -7,12 +7,9 @@ use studio::export::field_file;
 use studio::scene::Scene;
 
 use crate::files::{InputFiles, check_refusal};
+use crate::kinds::scene::CAMERA;
 use crate::parts;
 use crate::seeds;
-
-/// Kinds of input, chosen by the first byte.
-pub(crate) const OVERRIDES: u8 = 0;
-pub(crate) const CAMERA: u8 = 1;
 
 /// Reads an input.
 ///

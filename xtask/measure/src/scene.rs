@@ -217,8 +217,8 @@ mod tests {
         };
         let field = recipe.field();
         let temporal = field.temporal.as_ref().unwrap();
-        let still =
+        let static_count =
             (0..field.len()).filter(|&i| temporal.is_motionless(i) && temporal.s[i].is_infinite()).count();
-        assert_eq!(still, 25);
+        assert_eq!(static_count, 25);
     }
 }

@@ -7,6 +7,7 @@
 //! are listed at the end.
 
 mod android;
+mod steps;
 
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
@@ -17,6 +18,7 @@ use anyhow::bail;
 use xtask::workspace;
 
 use crate::setup::{self, Need};
+use steps::Steps;
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
 /// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing,
@@ -110,44 +112,6 @@ fn check_workspace(steps: &mut Steps) {
     steps.run("tests in a headset", workspace::cargo().arg("test").args(features).args(["--test", "xr"]));
     deny(steps);
     oldest_rust(steps);
-}
-
-/// The outcomes of the steps so far.
-#[derive(Default)]
-struct Steps {
-    /// Print the output of a step when it has ended, not between that of other steps.
-    is_captured: bool,
-    failed: Vec<String>,
-    skipped: Vec<String>,
-}
-
-impl Steps {
-    /// Runs a step and returns whether it passed.
-    fn run(&mut self, name: &str, command: &mut Command) -> bool {
-        let start = Instant::now();
-        eprintln!("ci: {name}");
-        command.stdin(Stdio::null());
-        let status = if self.is_captured {
-            command.output().map(|output| {
-                eprint!("{}", String::from_utf8_lossy(&[output.stdout, output.stderr].concat()));
-                output.status
-            })
-        } else {
-            command.status()
-        };
-        let passed = status.is_ok_and(|status| status.success());
-        let seconds = start.elapsed().as_secs_f64();
-        eprintln!("ci: {name}: {} after {seconds:.1} s", if passed { "ok" } else { "FAILED" });
-        if !passed {
-            self.failed.push(name.to_owned());
-        }
-        passed
-    }
-
-    /// Records a step that cannot run, and why.
-    fn skip(&mut self, name: &str, reason: &str) {
-        self.skipped.push(format!("{name}: {reason}"));
-    }
 }
 
 /// Checks the APK packer, a workspace of its own: its tests pack stub libraries and read the APK back.

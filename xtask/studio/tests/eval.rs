@@ -438,16 +438,16 @@ fn a_package_is_judged_layer_by_layer() {
     ];
     assert_eq!(aarc_studio(folder, &args).code, Some(0));
     let json = aarc_studio(folder, &["eval", "clip.aarc", "--capture", ".", "--json", "-o", "out"]).json();
-    let ladder = &json["ladder"];
+    let prefixes = &json["ladder"];
     // The held camera in the held frame.
-    assert_eq!((&ladder["split"], &ladder["images"]), (&"interp_a".into(), &1.into()));
-    let rungs = ladder["rungs"].as_array().unwrap();
-    let number = |rung: usize, key: &str| rungs[rung][key].as_f64().unwrap();
-    assert_eq!((rungs.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
+    assert_eq!((&prefixes["split"], &prefixes["images"]), (&"interp_a".into(), &1.into()));
+    let steps = prefixes["rungs"].as_array().unwrap();
+    let number = |step: usize, key: &str| steps[step][key].as_f64().unwrap();
+    assert_eq!((steps.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
     assert_eq!(number(1, "bytes"), fs::metadata(folder.join("clip.aarc")).unwrap().len() as f64);
     assert!(number(0, "bytes") < number(1, "bytes") && number(0, "psnr_full") < number(1, "psnr_full"));
     // The last step is the package itself.
-    assert_eq!(ladder["rungs"][1]["psnr_full"], json["splits"]["interp_a"]["psnr_full"]);
+    assert_eq!(prefixes["rungs"][1]["psnr_full"], json["splits"]["interp_a"]["psnr_full"]);
     let table = fs::read_to_string(folder.join("out/eval.md")).unwrap();
     assert!(table.contains("| 5000 | ") && table.contains("| 6000 | "), "{table}");
     assert_eq!(picture(&folder.join("out/ladder.png")).width() % 3, 0);
@@ -461,11 +461,12 @@ fn cameras_of_a_real_capture_agree() {
     let capture_files = CaptureFiles::open(&folder).unwrap();
     let capture = &capture_files.capture;
     assert_eq!((capture.cameras.len(), capture.times.len(), capture.photos.len()), (32, 33, 32 * 33));
-    let shot =
-        |camera: usize| *capture.photos.iter().find(|shot| (shot.camera, shot.frame) == (camera, 7)).unwrap();
-    assert_eq!(capture_files.name(shot(8)), "08/000007");
-    let seen = capture_files.photo(shot(8)).unwrap().image;
-    let depth = capture_files.depth(&folder.join("depths"), shot(0)).unwrap().expect("depths");
+    let photo_id = |camera: usize| {
+        *capture.photos.iter().find(|photo_id| (photo_id.camera, photo_id.frame) == (camera, 7)).unwrap()
+    };
+    assert_eq!(capture_files.name(photo_id(8)), "08/000007");
+    let seen = capture_files.photo(photo_id(8)).unwrap().image;
+    let depth = capture_files.depth(&folder.join("depths"), photo_id(0)).unwrap().expect("depths");
     let (from, to) = (&capture.cameras[0].camera, &capture.cameras[8].camera);
     let (mut inside, mut points) = (0, 0);
     for (i, z) in depth.depths.iter().map(|z| f64::from(*z)).enumerate().filter(|(_, z)| *z > 0.0) {

@@ -22,9 +22,9 @@ fn prefixes_are_as_good_as_a_package_of_their_size() {
     let nothing = aarc_studio(folder.path(), &["package", "limbs.ply", "--ladder"]);
     assert!(nothing.error(3).contains("limbs.ply"));
     let report = package(folder.path(), &["--no-floor", "--json"]).json();
-    let rungs = report["ladder"].as_array().expect("rungs");
-    let number = |rung: usize, key: &str| rungs[rung][key].as_f64().expect("a number");
-    assert_eq!((rungs.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
+    let steps = report["ladder"].as_array().expect("rungs");
+    let number = |step: usize, key: &str| steps[step][key].as_f64().expect("a number");
+    assert_eq!((steps.len(), number(0, "gaussians"), number(1, "gaussians")), (2, 5000.0, 6000.0));
     assert!(number(0, "loss_db").abs() < 0.1, "the same Gaussians: {report}");
     assert!(number(0, "prefix_psnr_db") < number(1, "prefix_psnr_db"), "{report}");
 

@@ -23,7 +23,8 @@ pub(super) enum Symbol {
     Close,
 }
 
-/// Draws `symbol` about `center`, in a square of side `size` points. Long, because each symbol is an arm.
+/// Draws `symbol` about `center`, in a square of side `size` points.
+// Long: one arm a symbol.
 pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, color: Color32) {
     // Coordinates from -1 to 1, y down.
     let at = |x: f32, y: f32| center + 0.5 * size * vec2(x, y);

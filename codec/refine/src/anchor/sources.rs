@@ -25,6 +25,7 @@ pub(super) struct FrameSurfaces<'a> {
 
 /// Finds the surfaces that the grounding views see, sampled at about `rays` of their pixels. `scale` is
 /// the factor of [`Alignment::Rig`]; the first frame that determines it sets it.
+// Long: one arm a source of depth.
 pub(super) fn surfaces<'a>(
     settings: &AnchorSettings,
     frame: &'a AnchorFrame,

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage};
 
 use super::{Seed, seed};
-use crate::capture::{
+use crate::kinds::capture::{
     COLMAP_BINARY, COLMAP_TEXT, DEPTH_NPY, DEPTH_PFM, DEPTH_PNG, EASYVOLCAP, MANIFEST, PHOTOGRAPH, TRANSFORMS,
 };
 use crate::parts::join;

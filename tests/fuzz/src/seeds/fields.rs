@@ -7,7 +7,7 @@ use image::{ImageFormat, Rgba, RgbaImage};
 use studio::export::{field_file, splatv, spz, static_ply};
 
 use super::{Seed, field, info, seed};
-use crate::import::{FILE, SOG_IMAGE, SOG_META, SPLAT};
+use crate::kinds::import::{FILE, SOG_IMAGE, SOG_META, SPLAT};
 
 /// Inputs of the target `import`.
 pub fn fields() -> Vec<Seed> {

@@ -10,7 +10,7 @@ pub(crate) use captures::{easyvolcap, manifest, photograph};
 pub use fields::fields;
 pub(crate) use fields::sog_files;
 
-use crate::scene;
+use crate::kinds::scene;
 
 /// An input and its name.
 pub type Seed = (String, Vec<u8>);

@@ -133,28 +133,28 @@ impl<'a> Bench<'a> {
         let mut setups = match variant.content {
             VariantContent::Alive(_) => {
                 let views = self.views.pictures.iter();
-                views.map(|shot| self.setup(variant, shot.t)).collect::<Result<_, _>>()?
+                views.map(|posed_view| self.setup(variant, posed_view.t)).collect::<Result<_, _>>()?
             }
             VariantContent::Whole | VariantContent::Other(_) => vec![self.setup(variant, 0.0)?],
         };
         let (mut images, mut counts) = (Vec::new(), BTreeMap::new());
-        for (i, shot) in self.views.pictures.iter().enumerate() {
+        for (i, posed_view) in self.views.pictures.iter().enumerate() {
             let setup = of_view(&mut setups, i);
-            images.push(setup.image(shot, &variant.settings, self.size)?);
-            for (name, count) in setup.counts(shot, &variant.settings)? {
+            images.push(setup.image(posed_view, &variant.settings, self.size)?);
+            for (name, count) in setup.counts(posed_view, &variant.settings)? {
                 *counts.entry(name.to_owned()).or_default() += count / self.views.pictures.len() as f64;
             }
         }
         let mut inspection =
             Inspection { errors: ImageErrors::default(), counts, images: Vec::new(), turn: Vec::new() };
         if variant.eyes == EyeMode::One {
-            for shot in &self.views.turn {
+            for posed_view in &self.views.turn {
                 let mut own = match variant.content {
-                    VariantContent::Alive(_) => Some(self.setup(variant, shot.t)?),
+                    VariantContent::Alive(_) => Some(self.setup(variant, posed_view.t)?),
                     VariantContent::Whole | VariantContent::Other(_) => None,
                 };
                 let setup = own.as_mut().unwrap_or(&mut setups[0]);
-                inspection.turn.push(setup.image(shot, &variant.settings, self.size)?);
+                inspection.turn.push(setup.image(posed_view, &variant.settings, self.size)?);
             }
             inspection.errors = expected.errors(&images, &inspection.turn);
             inspection.images = images;
@@ -167,8 +167,8 @@ impl<'a> Bench<'a> {
     pub(super) fn time(&mut self, i: usize) -> Result<FrameTiming, Fault> {
         let VariantSetups { settings, setups } = &mut self.placed[i];
         let mut mean = FrameTiming::default();
-        for (i, shot) in self.views.pictures.iter().enumerate() {
-            let sample = of_view(setups, i).time(shot, settings)?;
+        for (i, posed_view) in self.views.pictures.iter().enumerate() {
+            let sample = of_view(setups, i).time(posed_view, settings)?;
             let share = |value: f64| value / self.views.pictures.len() as f64;
             mean.frame_ms += share(sample.frame_ms);
             mean.alive_ms += share(sample.alive_ms);
@@ -235,14 +235,14 @@ impl<'a> Bench<'a> {
     }
 }
 
-fn of_view(setups: &mut [DrawSetup], shot: usize) -> &mut DrawSetup {
+fn of_view(setups: &mut [DrawSetup], posed_view: usize) -> &mut DrawSetup {
     let last = setups.len() - 1;
-    &mut setups[shot.min(last)]
+    &mut setups[posed_view.min(last)]
 }
 
 impl DrawSetup {
-    fn views(&self, shot: &PosedView) -> Vec<View> {
-        let view = View::from_camera(&shot.camera);
+    fn views(&self, posed_view: &PosedView) -> Vec<View> {
+        let view = View::from_camera(&posed_view.camera);
         let scale = self.size.as_vec2() / view.size.as_vec2();
         let view =
             View { focal: view.focal * scale, principal: view.principal * scale, size: self.size, ..view };
@@ -250,9 +250,14 @@ impl DrawSetup {
     }
 
     /// The picture of the first eye, at the size `full`.
-    fn image(&mut self, shot: &PosedView, settings: &RenderSettings, full: UVec2) -> Result<Image, Fault> {
-        let views = self.views(shot);
-        self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+    fn image(
+        &mut self,
+        posed_view: &PosedView,
+        settings: &RenderSettings,
+        full: UVec2,
+    ) -> Result<Image, Fault> {
+        let views = self.views(posed_view);
+        self.target.render(self.gpu, &mut self.renderer, posed_view.t, &views, settings)?;
         let pixels = self.target.read(self.gpu)?.swap_remove(0);
         let drawn = pixels.rgba.into_iter().flatten().collect();
         let mut image =
@@ -267,12 +272,12 @@ impl DrawSetup {
 
     fn counts(
         &mut self,
-        shot: &PosedView,
+        posed_view: &PosedView,
         settings: &RenderSettings,
     ) -> Result<[(&'static str, f64); 9], Fault> {
-        let views = self.views(shot);
-        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
-        let coverage = self.renderer.count(self.gpu, shot.t, &views, settings)?;
+        let views = self.views(posed_view);
+        let counts = self.target.render(self.gpu, &mut self.renderer, posed_view.t, &views, settings)?;
+        let coverage = self.renderer.count(self.gpu, posed_view.t, &views, settings)?;
         let instances = f64::from(counts.sorted) * views.len() as f64;
         Ok([
             ("alive", f64::from(counts.alive)),
@@ -295,10 +300,10 @@ impl DrawSetup {
         size_of::<u32>() as f64 + (clip.bytes() as f64 - ranges) / self.rows.max(1) as f64
     }
 
-    fn time(&mut self, shot: &PosedView, settings: &RenderSettings) -> Result<FrameTiming, Fault> {
-        let views = self.views(shot);
+    fn time(&mut self, posed_view: &PosedView, settings: &RenderSettings) -> Result<FrameTiming, Fault> {
+        let views = self.views(posed_view);
         let start = Instant::now();
-        let counts = self.target.render(self.gpu, &mut self.renderer, shot.t, &views, settings)?;
+        let counts = self.target.render(self.gpu, &mut self.renderer, posed_view.t, &views, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         let (alive_ms, sort_ms) = (counts.alive_ms, counts.sort_ms);
         let draw_ms = self.renderer.gpu_ms().unwrap_or(frame_ms - alive_ms - sort_ms);

@@ -89,7 +89,7 @@ pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureT
     sh(clip, &mut features);
     motion(clip, &mut features);
     rotation(clip, &mut features);
-    features.extend([still(clip), index(clip), plate(clip), layered(clip, layers)]);
+    features.extend([static_columns(clip), index(clip), plate(clip), layered(clip, layers)]);
     eyes(gpu, &mut features);
     features.push(sort_width(clip));
     features
@@ -148,17 +148,18 @@ fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
 
 /// The clip with a moving region, whatever there is in it.
 fn able_to_move(clip: &Clip) -> Clip {
-    if clip.dynamic_field.is_empty() { pad::all_moving(clip) } else { clip.clone() }
+    if clip.dynamic_field.is_empty() { pad::all_dynamic(clip) } else { clip.clone() }
 }
 
 fn motion(clip: &Clip, features: &mut Vec<FeatureToggle>) {
-    let moving = clip.dynamic_field.len();
-    let order = if moving > 0 { clip.dynamic_field.motion_order() } else { 0 };
+    let dynamic_count = clip.dynamic_field.len();
+    let order = if dynamic_count > 0 { clip.dynamic_field.motion_order() } else { 0 };
     if order > 0 {
-        let needs = format!("{moving} of {} Gaussians move or fade", clip.len());
+        let needs = format!("{dynamic_count} of {} Gaussians move or fade", clip.len());
         features.push(needed(format!("motion up to power {order}"), needs));
     }
-    let switched_on = if moving > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
+    let switched_on =
+        if dynamic_count > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
     for order in order + 1..=MOTION_ORDER_MAX {
         let needs = "no: trajectories are of a lower power, if there are any".into();
         let with = pad::with_motion_order(&able_to_move(clip), order);
@@ -197,15 +198,15 @@ fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
 }
 
 /// Windows and motion of the Gaussians that are always there and never move.
-fn still(clip: &Clip) -> FeatureToggle {
-    let (still, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
-    if still == 0 {
+fn static_columns(clip: &Clip) -> FeatureToggle {
+    let (static_count, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
+    if static_count == 0 {
         return needed(name, "every Gaussian moves or fades".into());
     }
-    let needs = format!("no: {still} of {} Gaussians neither move nor fade", clip.len());
+    let needs = format!("no: {static_count} of {} Gaussians neither move nor fade", clip.len());
     let without = pad::without_index(clip);
     let mut feature =
-        left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_moving(clip));
+        left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_dynamic(clip));
     // All that move are then asked at every instant, which is another feature.
     feature.without = Some(Variant {
         name: "without time index".into(),
@@ -213,7 +214,7 @@ fn still(clip: &Clip) -> FeatureToggle {
         ..Variant::default()
     });
     feature.package = Some(Box::new(|clip| {
-        let field = ordered(&pad::all_moving(clip));
+        let field = ordered(&pad::all_dynamic(clip));
         packable(clip, windowed(field))
     }));
     feature
@@ -334,11 +335,11 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
 
 /// The Gaussians of the clip, the most important first as far as its layers tell.
 fn ordered(clip: &Clip) -> Field {
-    let still = clip.static_field.len();
+    let static_count = clip.static_field.len();
     let (mut rows, mut start) = (Vec::new(), codec::LayerEnd::default());
     for end in &clip.layers {
         rows.extend(start.static_count..end.static_count);
-        rows.extend((start.dynamic_count..end.dynamic_count).map(|row| still + row));
+        rows.extend((start.dynamic_count..end.dynamic_count).map(|row| static_count + row));
         start = *end;
     }
     clip.merged().select(&rows)

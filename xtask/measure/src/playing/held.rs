@@ -32,29 +32,31 @@ pub(super) fn parameter(
     base: &MeasuredVariant,
     on_picture: &mut dyn FnMut(),
 ) -> anyhow::Result<(Parameter, Image)> {
-    let mut take = |shot: &PosedView, made: &PosedView| {
+    let mut take = |posed_view: &PosedView, made: &PosedView| {
         on_picture();
-        match shot == made {
-            true => render(whole, &shot.camera, shot.t, Order::Depth),
-            false => render_held(whole, &shot.camera, shot.t, Order::Depth, (&made.camera, made.t)),
+        match posed_view == made {
+            true => render(whole, &posed_view.camera, posed_view.t, Order::Depth),
+            false => {
+                render_held(whole, &posed_view.camera, posed_view.t, Order::Depth, (&made.camera, made.t))
+            }
         }
     };
     // That of errors is sorted by distance.
-    let turn = views.turn.iter().map(|shot| take(shot, shot)).collect::<Vec<_>>();
+    let turn = views.turn.iter().map(|posed_view| take(posed_view, posed_view)).collect::<Vec<_>>();
     let mut points = vec![base.to_value("1", true)];
     let mut longest = None;
     for frames in FRAMES {
         let last = views.pictures.len().saturating_sub(1).max(1);
         let mut pictures = Vec::new();
-        for (i, shot) in views.pictures.iter().enumerate() {
+        for (i, posed_view) in views.pictures.iter().enumerate() {
             // Pictures are taken evenly long after the order was made, the first one longest.
             let since = ((last - i.min(last)) * (frames - 1) + last / 2) / last;
-            let held = take(shot, &earlier(shot, since, duration_s));
+            let held = take(posed_view, &earlier(posed_view, since, duration_s));
             pictures.push(on_top(&base.inspection.images[i], &held, &expected.pictures[i]));
         }
         let mut turned = Vec::new();
-        for (i, shot) in views.turn.iter().enumerate() {
-            let held = take(shot, &views.turn[i - i % frames]);
+        for (i, posed_view) in views.turn.iter().enumerate() {
+            let held = take(posed_view, &views.turn[i - i % frames]);
             turned.push(on_top(&base.inspection.turn[i], &held, &turn[i]));
         }
         points.push(held_point(frames, base, expected.errors(&pictures, &turned)));

@@ -56,24 +56,24 @@ pub(super) fn with_temporal(mut field: Field) -> Field {
 }
 
 /// The clip with its motionless Gaussians among the others, and without a time index.
-pub(super) fn all_moving(clip: &Clip) -> Clip {
-    let moving = with_temporal(clip.merged());
-    let rows = moving.len();
+pub(super) fn all_dynamic(clip: &Clip) -> Clip {
+    let dynamic_field = with_temporal(clip.merged());
+    let rows = dynamic_field.len();
     Clip {
         static_field: Field { sh_degree: clip.static_field.sh_degree, ..Field::default() },
         layers: vec![LayerEnd { static_count: 0, dynamic_count: rows }],
         time_index: TimeIndex::of_candidates(rows),
-        dynamic_field: moving,
+        dynamic_field,
         ..clip.clone()
     }
 }
 
 /// The clip without a time index: all dynamic Gaussians are tested at every instant.
 pub(super) fn without_index(clip: &Clip) -> Clip {
-    let (still, moving) = (clip.static_field.len(), clip.dynamic_field.len());
+    let (static_count, dynamic_count) = (clip.static_field.len(), clip.dynamic_field.len());
     Clip {
-        layers: vec![LayerEnd { static_count: still, dynamic_count: moving }],
-        time_index: TimeIndex::of_candidates(moving),
+        layers: vec![LayerEnd { static_count, dynamic_count }],
+        time_index: TimeIndex::of_candidates(dynamic_count),
         ..clip.clone()
     }
 }
@@ -104,7 +104,7 @@ mod tests {
             with_sh_degree(&clip, 3),
             with_motion_order(&clip, 3),
             with_rotation(&clip),
-            all_moving(&clip),
+            all_dynamic(&clip),
             without_index(&clip),
             with_plate(&clip),
         ];

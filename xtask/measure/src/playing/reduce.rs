@@ -16,29 +16,29 @@ pub(super) fn to_sh_degree(clip: &Clip, degree: u8) -> Clip {
 /// middle of the Gaussian's life, where it is seen most.
 pub(super) fn to_motion_order(clip: &Clip, order: u8) -> Clip {
     let mut reduced = clip.clone();
-    let moving = &mut reduced.dynamic_field;
+    let dynamic_field = &mut reduced.dynamic_field;
     let Some(temporal) = &clip.dynamic_field.temporal else { return reduced };
     let order = order.min(temporal.motion_order);
-    let mut motion = Vec::with_capacity(moving.len() * usize::from(order));
-    for i in 0..moving.len() {
+    let mut motion = Vec::with_capacity(dynamic_field.len() * usize::from(order));
+    for i in 0..dynamic_field.len() {
         let tau = f64::from(temporal.tau[i]);
         let middle = clip.dynamic_field.alive_interval(i).map_or(tau, |(start, end)| 0.5 * (start + end));
         for axis in 0..3 {
-            let mut powers = [f64::from(moving.centers[i][axis]), 0.0, 0.0, 0.0];
+            let mut powers = [f64::from(dynamic_field.centers[i][axis]), 0.0, 0.0, 0.0];
             for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
                 *power = f64::from(v[axis]);
             }
             let mut about_middle = shifted(powers, middle - tau);
             about_middle[1 + usize::from(order)..].fill(0.0);
             let [center, rest @ ..] = shifted(about_middle, tau - middle);
-            moving.centers[i][axis] = center as f32;
+            dynamic_field.centers[i][axis] = center as f32;
             motion.resize((i + 1) * usize::from(order), [0.0; 3]);
             for (v, x) in motion[i * usize::from(order)..].iter_mut().zip(rest) {
                 v[axis] = x as f32;
             }
         }
     }
-    moving.temporal = Some(Temporal { motion_order: order, motion, ..temporal.clone() });
+    dynamic_field.temporal = Some(Temporal { motion_order: order, motion, ..temporal.clone() });
     reduced
 }
 
@@ -50,13 +50,14 @@ fn shifted([a, b, c, d]: [f64; 4], by: f64) -> [f64; 4] {
 /// The clip without rotation over time; each Gaussian is turned as in the middle of its life.
 pub(super) fn without_rotation(clip: &Clip) -> Clip {
     let mut reduced = clip.clone();
-    let moving = &mut reduced.dynamic_field;
-    for i in 0..moving.len() {
+    let dynamic_field = &mut reduced.dynamic_field;
+    for i in 0..dynamic_field.len() {
         if let Some((start, end)) = clip.dynamic_field.alive_interval(i) {
-            moving.rotations[i] = clip.dynamic_field.rotation_at(i, 0.5 * (start + end)).map(|x| x as f32);
+            dynamic_field.rotations[i] =
+                clip.dynamic_field.rotation_at(i, 0.5 * (start + end)).map(|x| x as f32);
         }
     }
-    if let Some(temporal) = &mut moving.temporal {
+    if let Some(temporal) = &mut dynamic_field.temporal {
         temporal.rotation_rates = None;
     }
     reduced
@@ -68,12 +69,12 @@ pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
         let rows: Vec<usize> = (0..field.len()).filter(|&i| field.opacity_at(i, t) >= least).collect();
         field.select(&rows)
     };
-    let (still, moving) = (alive(&clip.static_field), alive(&clip.dynamic_field));
+    let (static_field, dynamic_field) = (alive(&clip.static_field), alive(&clip.dynamic_field));
     Clip {
-        layers: vec![LayerEnd { static_count: still.len(), dynamic_count: moving.len() }],
-        time_index: TimeIndex::of_candidates(moving.len()),
-        static_field: still,
-        dynamic_field: moving,
+        layers: vec![LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() }],
+        time_index: TimeIndex::of_candidates(dynamic_field.len()),
+        static_field,
+        dynamic_field,
         ..clip.clone()
     }
 }

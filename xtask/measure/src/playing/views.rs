@@ -41,14 +41,14 @@ pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
     }
 }
 
-/// What the turning head saw so many frames before `shot`, in a clip of so many seconds.
-pub(super) fn earlier(shot: &PosedView, frames: usize, duration_s: f64) -> PosedView {
-    if frames == 0 { shot.clone() } else { frames_later(shot, -(frames as f64), duration_s) }
+/// What the turning head saw so many frames before `posed_view`, in a clip of so many seconds.
+pub(super) fn earlier(posed_view: &PosedView, frames: usize, duration_s: f64) -> PosedView {
+    if frames == 0 { posed_view.clone() } else { frames_later(posed_view, -(frames as f64), duration_s) }
 }
 
-fn frames_later(shot: &PosedView, frames: f64, duration_s: f64) -> PosedView {
-    let t = shot.t + frames / (TURN_FPS * duration_s);
-    PosedView { camera: turned(&shot.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
+fn frames_later(posed_view: &PosedView, frames: f64, duration_s: f64) -> PosedView {
+    let t = posed_view.t + frames / (TURN_FPS * duration_s);
+    PosedView { camera: turned(&posed_view.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
 }
 
 /// When pictures are taken: in the middles of equal parts of the clip.
@@ -85,7 +85,7 @@ mod tests {
         for pair in turn.windows(2) {
             pair[0].camera.check().unwrap();
             assert!(distance(&pair[0], &pair[1]) < 1e-9);
-            let forward = |shot: &PosedView| shot.camera.camera_from_world[2];
+            let forward = |posed_view: &PosedView| posed_view.camera.camera_from_world[2];
             let (a, b) = (forward(&pair[0]), forward(&pair[1]));
             let cos: f64 = (0..3).map(|axis| a[axis] * b[axis]).sum();
             assert!((cos.acos().to_degrees() - TURN_DEG).abs() < 1e-3);

@@ -3,7 +3,7 @@
 use client::gpu::SortOrder;
 use codec::{ALPHA_MIN, Camera, Field};
 
-use super::gaussians::{Gaussian, crowd, field, still_crowd};
+use super::gaussians::{Gaussian, crowd, field, static_crowd};
 use refine::prune::PosedView;
 
 use super::case::{DeviationKind, StabilityCase, StabilityScene, at, case, look};
@@ -52,7 +52,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 "equal depths stay equal, and rows of equal depth keep their order",
                 || {
                     let one_place = |row| Gaussian { center: [0.3, -0.2, 0.1], ..row };
-                    let rows: Vec<Gaussian> = still_crowd(200).into_iter().map(one_place).collect();
+                    let rows: Vec<Gaussian> = static_crowd(200).into_iter().map(one_place).collect();
                     StabilityScene::new(field(&rows), turning_head())
                 },
             )
@@ -96,7 +96,7 @@ fn many(count: usize) -> Field {
 /// The crowd, flat in a plane across the view.
 fn one_depth() -> Field {
     let flat = |row: Gaussian| Gaussian { center: [row.center[0], row.center[1], 0.0], ..row };
-    field(&still_crowd(300).into_iter().map(flat).collect::<Vec<_>>())
+    field(&static_crowd(300).into_iter().map(flat).collect::<Vec<_>>())
 }
 
 /// The crowd on a sphere around the eye of [`turning_head`], rounded to f32.
@@ -108,17 +108,17 @@ fn one_distance() -> Field {
         let p = d.map(|x| 4.0 * x / norm);
         Gaussian { center: [p[0] as f32, p[1] as f32, (p[2] - 4.0) as f32], ..row }
     };
-    field(&still_crowd(300).into_iter().map(on_sphere).collect::<Vec<_>>())
+    field(&static_crowd(300).into_iter().map(on_sphere).collect::<Vec<_>>())
 }
 
 /// The usual camera, turned a little more in each frame.
 fn turning_head() -> Vec<PosedView> {
-    let shot = |frame: i32| {
+    let posed_view = |frame: i32| {
         let angle = TURN * f64::from(frame);
         let camera = look([0.0, 0.0, -4.0], [4.0 * angle.sin(), 1.3 * angle.sin(), 4.0 * angle.cos() - 4.0]);
         PosedView { camera, t: 0.5 }
     };
-    (0..60).map(shot).collect()
+    (0..60).map(posed_view).collect()
 }
 
 /// Some Gaussians of this opacity, apart from each other.

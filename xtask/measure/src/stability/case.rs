@@ -31,7 +31,7 @@ pub enum DeviationKind {
     Largest,
     /// The root mean square of these differences over a picture, in 255ths.
     Mean,
-    /// The largest change of a channel from one shot to the next, in 255ths.
+    /// The largest change of a channel from one posed_view to the next, in 255ths.
     Change,
     /// How far the only Gaussian is from where the trajectory equation puts it, in pixels.
     Place,
@@ -56,7 +56,7 @@ pub struct StabilityScene {
     /// What they are meant to look like, where that is not what the reference makes of `clip`.
     pub meant: Option<Clip>,
     /// From where and when; all of one size.
-    pub shots: Vec<PosedView>,
+    pub posed_views: Vec<PosedView>,
     /// What they are sorted by.
     pub sort: SortOrder,
     /// Whether a package can hold them.
@@ -96,12 +96,12 @@ pub(super) fn case(
 }
 
 impl StabilityScene {
-    /// A field that both coders take, seen as `shots` say.
-    pub(super) fn new(field: Field, shots: Vec<PosedView>) -> StabilityScene {
+    /// A field that both coders take, seen as `posed_views` say.
+    pub(super) fn new(field: Field, posed_views: Vec<PosedView>) -> StabilityScene {
         StabilityScene {
             clip: exact(field),
             meant: None,
-            shots,
+            posed_views,
             sort: SortOrder::Depth,
             coding: PackageExpectation::Taken,
             blank: false,
@@ -127,15 +127,15 @@ impl StabilityScene {
 /// A field as a clip, bit-exact: not coded.
 pub(super) fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
-    let (still, moving) =
+    let (static_field, dynamic_field) =
         if field.temporal.is_some() { (Field::default(), field) } else { (field, Field::default()) };
-    let end = LayerEnd { static_count: still.len(), dynamic_count: moving.len() };
+    let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
     Clip {
         info: ClipInfo { viewpoints: Vec::new(), ..info() },
         bounds,
-        time_index: TimeIndex::of_candidates(moving.len()),
-        static_field: still,
-        dynamic_field: moving,
+        time_index: TimeIndex::of_candidates(dynamic_field.len()),
+        static_field,
+        dynamic_field,
         layers: vec![end],
         layers_announced: 1,
         plate: None,

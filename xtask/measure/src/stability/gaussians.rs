@@ -70,11 +70,11 @@ pub(super) fn field(rows: &[Gaussian]) -> Field {
 /// them.
 pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
     let mut rng = Rng::with_seed(5);
-    let mut spread = move |reach: f32| (2.0 * rng.f32() - 1.0) * reach;
+    let mut spread = move |half_range: f32| (2.0 * rng.f32() - 1.0) * half_range;
     let row = |i: usize| {
-        let mut vector = |reach: f32| [0; 3].map(|_| spread(reach));
+        let mut vector = |half_range: f32| [0; 3].map(|_| spread(half_range));
         let (center, size, color) = (vector(1.2), vector(0.8), vector(0.45));
-        let still = i.is_multiple_of(3);
+        let is_static = i.is_multiple_of(3);
         Gaussian {
             center,
             rotation: normalized([0; 4].map(|_| vector(1.0)[0])),
@@ -82,8 +82,8 @@ pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
             opacity: 0.5 + 0.4 * vector(1.0)[0],
             color: color.map(|c| 0.5 + c),
             tau: 0.5 + 0.6 * vector(1.0)[0],
-            s: if still { f32::INFINITY } else { 0.3 + 0.25 * vector(1.0)[0] },
-            motion: if still { [[0.0; 3]; 3] } else { [vector(0.4), vector(0.8), vector(1.2)] },
+            s: if is_static { f32::INFINITY } else { 0.3 + 0.25 * vector(1.0)[0] },
+            motion: if is_static { [[0.0; 3]; 3] } else { [vector(0.4), vector(0.8), vector(1.2)] },
             rate: [0.0; 4],
         }
     };
@@ -91,9 +91,9 @@ pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
 }
 
 /// The same without any change over time.
-pub(super) fn still_crowd(count: usize) -> Vec<Gaussian> {
-    let still = |row| Gaussian { s: f32::INFINITY, motion: [[0.0; 3]; 3], ..row };
-    crowd(count).into_iter().map(still).collect()
+pub(super) fn static_crowd(count: usize) -> Vec<Gaussian> {
+    let to_static = |row| Gaussian { s: f32::INFINITY, motion: [[0.0; 3]; 3], ..row };
+    crowd(count).into_iter().map(to_static).collect()
 }
 
 /// A quaternion of length 1.

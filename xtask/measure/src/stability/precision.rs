@@ -52,9 +52,9 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     // 80 pixels to either side at most, in three powers.
                     let motion = [[4.1, 0.9, 0.0], [-2.7, 3.3, 0.0], [3.7, -2.9, 0.0]];
                     let row = Gaussian { motion, s: 3.0, tau: 0.5, ..Gaussian::default() }.sized([0.2; 3]);
-                    let mut shots = at(&[0.5 - part, 0.5 + part]);
-                    shots.iter_mut().for_each(|shot| shot.camera = wide());
-                    StabilityScene::new(field(&[row]), shots)
+                    let mut posed_views = at(&[0.5 - part, 0.5 + part]);
+                    posed_views.iter_mut().for_each(|posed_view| posed_view.camera = wide());
+                    StabilityScene::new(field(&[row]), posed_views)
                 },
             )
         });
@@ -72,9 +72,10 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let center = [-82.0, 41.0, 0.0];
                 let row =
                     Gaussian { center, motion, s: 12.0, tau: -20.0, ..Gaussian::default() }.sized([0.2; 3]);
-                let mut shots = at(&instants());
-                shots.iter_mut().for_each(|shot| shot.camera = wide());
-                StabilityScene::new(field(&[row]), shots).untried("rounding the centre moves it out of sight")
+                let mut posed_views = at(&instants());
+                posed_views.iter_mut().for_each(|posed_view| posed_view.camera = wide());
+                StabilityScene::new(field(&[row]), posed_views)
+                    .untried("rounding the centre moves it out of sight")
             },
         )
     });
@@ -103,7 +104,7 @@ pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) 
         [] => vec![Viewpoint::framing(clip.bounds, info.up)],
         some => some.iter().take(4).cloned().collect(),
     };
-    let shots: Vec<PosedView> = viewpoints
+    let posed_views: Vec<PosedView> = viewpoints
         .iter()
         .map(|viewpoint| viewpoint.camera(info.up, 320, 240))
         .flat_map(|camera| {
@@ -120,7 +121,7 @@ pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) 
             move || StabilityScene {
                 clip: clip.clone(),
                 meant: None,
-                shots: shots.clone(),
+                posed_views: posed_views.clone(),
                 sort: SortOrder::Depth,
                 coding: PackageExpectation::Untried("it is drawn as it is"),
                 blank: false,

@@ -119,7 +119,7 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
         unit: case.measure.unit().into(),
         package: coded,
         gaussians: scene.clip.len(),
-        pictures: scene.shots.len(),
+        pictures: scene.posed_views.len(),
         seconds: meter.seconds,
         bytes: meter.bytes(),
         how: case.how.into(),
@@ -150,26 +150,26 @@ fn measure(
     let settings = RenderSettings { sort: scene.sort, ..RenderSettings::default() };
     let uploaded = meter.count(|| GpuClip::upload(gpu, clip)).map_err(fault)?;
     meter.gpu_bytes = uploaded.bytes();
-    let first = std::slice::from_ref(&scene.shots[0].camera);
+    let first = std::slice::from_ref(&scene.posed_views[0].camera);
     let mut drawing =
         meter.count(|| Drawing::new(gpu, Arc::new(uploaded), first, ChannelDepth::Sixteen)).map_err(fault)?;
     let mut largest = 0f64;
     let mut shows = false;
     let mut before: Option<Image> = None;
-    for shot in &scene.shots {
-        drawing.look(std::slice::from_ref(&shot.camera));
-        let mut images = meter.count(|| drawing.frame(shot.t, &settings)).map_err(fault)?;
+    for posed_view in &scene.posed_views {
+        drawing.look(std::slice::from_ref(&posed_view.camera));
+        let mut images = meter.count(|| drawing.frame(posed_view.t, &settings)).map_err(fault)?;
         let image = images.pop().ok_or("no picture")?;
-        check_bounded(&image).map_err(|what| format!("at {}: {what}", shot.t))?;
+        check_bounded(&image).map_err(|what| format!("at {}: {what}", posed_view.t))?;
         let deviation = match measure {
-            DeviationKind::Largest => difference(&image, &expected(scene, clip, shot), f64::max),
-            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, shot)),
+            DeviationKind::Largest => difference(&image, &expected(scene, clip, posed_view), f64::max),
+            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, posed_view)),
             DeviationKind::Change => before.map_or(0.0, |before| difference(&image, &before, f64::max)),
-            DeviationKind::Place => off_its_place(&image, clip, shot),
+            DeviationKind::Place => off_its_place(&image, clip, posed_view),
         };
         shows |= image.pixels.iter().any(|pixel| 255.0 * pixel[3] > SHOWS);
         if deviation.is_nan() {
-            return Err(format!("at {}: no number to measure", shot.t));
+            return Err(format!("at {}: no number to measure", posed_view.t));
         }
         largest = largest.max(deviation);
         before = Some(image);
@@ -181,14 +181,14 @@ fn measure(
 }
 
 /// What the reference draws. Before and after the clip, it is as at its ends.
-fn expected(scene: &StabilityScene, clip: &Clip, shot: &PosedView) -> Image {
+fn expected(scene: &StabilityScene, clip: &Clip, posed_view: &PosedView) -> Image {
     let order = match scene.sort {
         SortOrder::Depth => Order::Depth,
         SortOrder::Radial => Order::Radial,
     };
-    let t = if shot.t.is_nan() { 0.0 } else { shot.t.clamp(0.0, 1.0) };
+    let t = if posed_view.t.is_nan() { 0.0 } else { posed_view.t.clamp(0.0, 1.0) };
     let drawn = scene.meant.as_ref().unwrap_or(clip);
-    render(&reference::RenderScene::from(drawn), &shot.camera, t, order)
+    render(&reference::RenderScene::from(drawn), &posed_view.camera, t, order)
 }
 
 /// Checks that every pixel is a finite premultiplied colour.
@@ -216,17 +216,17 @@ fn root_mean_square(a: &Image, b: &Image) -> f64 {
 }
 
 /// Distance in pixels of the centroid of alpha from where the equation puts the only Gaussian.
-fn off_its_place(image: &Image, clip: &Clip, shot: &PosedView) -> f64 {
+fn off_its_place(image: &Image, clip: &Clip, posed_view: &PosedView) -> f64 {
     let [mut sum, mut x, mut y] = [0.0; 3];
     for (i, pixel) in (0u32..).zip(&image.pixels) {
         sum += pixel[3];
         x += pixel[3] * (f64::from(i % image.width) + 0.5);
         y += pixel[3] * (f64::from(i / image.width) + 0.5);
     }
-    let p = field_of(clip).position_at(0, shot.t);
-    let m = shot.camera.camera_from_world;
+    let p = field_of(clip).position_at(0, posed_view.t);
+    let m = posed_view.camera.camera_from_world;
     let [cx, cy, cz] = [0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3]);
-    let k = shot.camera.k;
+    let k = posed_view.camera.k;
     (x / sum - (k[0][0] * cx / cz + k[0][2])).hypot(y / sum - (k[1][1] * cy / cz + k[1][2]))
 }
 

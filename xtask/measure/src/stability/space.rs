@@ -3,7 +3,7 @@
 
 use codec::Field;
 
-use super::gaussians::{Gaussian, crowd, field, normalized, still_crowd};
+use super::gaussians::{Gaussian, crowd, field, normalized, static_crowd};
 use refine::prune::PosedView;
 
 use super::case::{DISTANCE, StabilityCase, StabilityScene, at, case, look};
@@ -27,7 +27,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     Gaussian { center, opacity: 0.3, ..Gaussian::default() }.sized([10f32.powi(k); 3])
                 };
                 let rows: Vec<Gaussian> = (-8..=6).map(row).collect();
-                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[rows, static_crowd(20)].concat()), at(&T))
             },
         ),
         case(
@@ -39,7 +39,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let rows = |limit: f32| {
                     let scaled =
                         |x: f32| Gaussian { log_scales: [x.clamp(-limit, limit); 3], ..Gaussian::default() };
-                    [vec![scaled(3e38), scaled(1e3), scaled(-3e38)], still_crowd(20)].concat()
+                    [vec![scaled(3e38), scaled(1e3), scaled(-3e38)], static_crowd(20)].concat()
                 };
                 StabilityScene::new(field(&rows(f32::MAX)), at(&T))
                     .meant(field(&rows(20.0)))
@@ -91,7 +91,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let behind = [-0.5, -1e-3, 0.005].map(|z| ahead([0.0, 0.0, z], [3.0; 3]));
                 let around = [[0.02, 0.0, 0.05], [-3.0, 1.0, 0.4], [0.0, -40.0, 0.011], [200.0, 0.0, 9.0]]
                     .map(|p| ahead(p, [1.0, 2.0, 0.7]));
-                let rows = [behind.to_vec(), around.to_vec(), still_crowd(20)].concat();
+                let rows = [behind.to_vec(), around.to_vec(), static_crowd(20)].concat();
                 StabilityScene::new(field(&rows), at(&T))
             },
         ),
@@ -104,7 +104,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let row = |(i, z): (usize, f32)| ahead([0.002 * (i as f32 - 2.0), 0.001, z], [4e-4; 3]);
                 let depths = [0.0099, 0.00999, 0.01001, 0.0101, 0.0105];
                 let rows: Vec<Gaussian> = depths.into_iter().enumerate().map(row).collect();
-                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[rows, static_crowd(20)].concat()), at(&T))
                     .untried("rounding moves it through the plane")
             },
         ),
@@ -121,7 +121,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     ahead([50.0, 0.3, 1.0], [20.0, 0.1, 0.5]),
                     ahead([-3e5, -2.0, 4.0], [1e5, 1.0, 1.0]),
                 ];
-                StabilityScene::new(field(&[rows.to_vec(), still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[rows.to_vec(), static_crowd(20)].concat()), at(&T))
                     .untried("cells of the grid are larger than all else")
             },
         ),
@@ -138,7 +138,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     ahead([3e5, 0.0, 0.0102], [1e5, 4e8, 1e-3]),
                 ];
                 let faint = rows.map(|row| Gaussian { opacity: 0.35, ..row });
-                StabilityScene::new(field(&[faint.to_vec(), still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[faint.to_vec(), static_crowd(20)].concat()), at(&T))
                     .untried("cells of the grid are larger than all else")
             },
         ),
@@ -180,7 +180,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     ..Gaussian::default()
                 };
                 let rows: Vec<Gaussian> = (0..5).map(|i| large(i).sized([100.0, 30.0, 8.0])).collect();
-                StabilityScene::new(field(&[rows, still_crowd(20)].concat()), at(&T))
+                StabilityScene::new(field(&[rows, static_crowd(20)].concat()), at(&T))
             },
         ),
         case(GROUP, "quaternions almost of length 1", 1.5, "normalised when packed", || {
@@ -208,7 +208,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             1.5,
             "cut to the largest f16 when packed: as bright as a picture can hold",
             || {
-                let mut field = field(&still_crowd(20));
+                let mut field = field(&static_crowd(20));
                 field.sh[3] = [1e30, 0.0, -1e30];
                 field.sh[4] = [1e30; 3];
                 StabilityScene::new(field, at(&T)).refused("column sh")
@@ -245,14 +245,14 @@ fn moved(distance: f32) -> Vec<Gaussian> {
 
 fn from_the_origin(distance: f32) -> StabilityScene {
     let d = f64::from(distance);
-    let shots = [[0.1, 0.0, -4.0], [2.3, -1.0, -2.9]]
+    let posed_views = [[0.1, 0.0, -4.0], [2.3, -1.0, -2.9]]
         .map(|eye: [f64; 3]| PosedView { camera: look(eye.map(|x| x + d), [d; 3]), t: 0.4 });
-    StabilityScene::new(field(&moved(distance)), shots.to_vec())
+    StabilityScene::new(field(&moved(distance)), posed_views.to_vec())
 }
 
 /// Usual Gaussians with quaternions of these lengths in turn.
 fn turned_by(lengths: [f32; 2]) -> Field {
-    let mut rows = still_crowd(40);
+    let mut rows = static_crowd(40);
     for (i, row) in rows.iter_mut().enumerate() {
         row.rotation = row.rotation.map(|x| x * lengths[i % 2]);
     }

@@ -15,7 +15,7 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use xtask::workspace;
 
-use super::Steps;
+use super::steps::Steps;
 use crate::commands::apk::{API_LEVEL, LIBRARY, PAGE_BYTES, TARGET};
 use crate::setup::Need;
 

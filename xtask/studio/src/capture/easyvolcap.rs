@@ -21,6 +21,7 @@ const EXTRINSICS: &str = "extri.yml";
 /// Accepted names of the folder of masks.
 const MASKS: [&str; 2] = ["masks", "mask"];
 
+// Long: one camera read from start to end: intrinsics, lens, pose, photographs, masks.
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let storage = |name: &str| {
         let path = folder.join(name);

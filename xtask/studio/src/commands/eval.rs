@@ -126,6 +126,7 @@ struct Evaluated {
 }
 
 impl Evaluation<'_> {
+    // Long: one optional comparison after the other, each a few lines.
     fn evaluate(self) -> anyhow::Result<Evaluated> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
         let capture_files = args.selection.open(capture)?;

@@ -52,15 +52,17 @@ struct Inspection {
     bytes_announced: usize,
     /// Gaussians in complete layers, without the plate.
     gaussians: usize,
-    still: usize,
-    moving: usize,
+    #[serde(rename = "still")]
+    static_count: usize,
+    #[serde(rename = "moving")]
+    dynamic_count: usize,
     bytes_per_gaussian: f64,
     duration_s: f32,
     fps: f32,
     up: [f32; 3],
     metres_per_unit: f32,
     bounds: [[f32; 3]; 2],
-    viewpoints: Vec<View>,
+    viewpoints: Vec<ViewpointRow>,
     sh_degree: u8,
     motion_order: u8,
     rotation_rates: bool,
@@ -76,7 +78,7 @@ struct Inspection {
 }
 
 #[derive(Serialize)]
-struct View {
+struct ViewpointRow {
     name: String,
     position: [f32; 3],
     target: [f32; 3],
@@ -136,7 +138,7 @@ struct Section {
 
 fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
     let info = &clip.info;
-    let views = info.viewpoints.iter().map(|viewpoint| View {
+    let views = info.viewpoints.iter().map(|viewpoint| ViewpointRow {
         name: viewpoint.name.clone(),
         position: viewpoint.position,
         target: viewpoint.target,
@@ -148,8 +150,8 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         bytes: bytes.len(),
         bytes_announced: contents.sections.last().map_or(contents.head_bytes, codec::Section::end),
         gaussians: clip.len(),
-        still: clip.static_field.len(),
-        moving: clip.dynamic_field.len(),
+        static_count: clip.static_field.len(),
+        dynamic_count: clip.dynamic_field.len(),
         bytes_per_gaussian: bytes.len() as f64 / clip.len() as f64,
         duration_s: info.duration_s,
         fps: info.fps,
@@ -185,11 +187,11 @@ fn layers(contents: &Contents, complete: usize) -> Vec<Layer> {
 
 fn alive(clip: &Clip, t: f64) -> Alive {
     let is_alive = |field: &Field, i: usize| field.opacity_at(i, t) >= codec::ALPHA_MIN;
-    let still = (0..clip.static_field.len()).filter(|&i| is_alive(&clip.static_field, i)).count();
+    let static_alive = (0..clip.static_field.len()).filter(|&i| is_alive(&clip.static_field, i)).count();
     let mut counts = Alive {
         time_s: t * f64::from(clip.info.duration_s),
         candidates: clip.static_field.len(),
-        alive: still,
+        alive: static_alive,
     };
     for range in clip.time_index.candidates(t, clip.layers.len()) {
         counts.candidates += range.len();
@@ -233,6 +235,7 @@ fn region_name(region: Region) -> &'static str {
 }
 
 impl Inspection {
+    // Long: one line of output after the other.
     fn print(&self, path: &Path) {
         println!("{}: .aarc {}, coder {}", path.display(), self.format_version, self.coder);
         if self.bytes < self.bytes_announced {
@@ -247,7 +250,7 @@ impl Inspection {
         println!();
         println!(
             "gaussians   {} ({} motionless, {} moving or fading)",
-            self.gaussians, self.still, self.moving
+            self.gaussians, self.static_count, self.dynamic_count
         );
         let mbps = self.bytes as f64 * 8e-6 / f64::from(self.duration_s);
         println!(

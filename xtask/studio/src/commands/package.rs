@@ -67,7 +67,7 @@ pub struct Args {
     recolor: bool,
     /// Refine the retained Gaussians for N steps on the photographs of the capture that the field was
     /// fitted to
-    #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "ladder"],
+    #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "prefix_quality"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Folder of that capture; SCENE itself by default
@@ -86,8 +86,8 @@ pub struct Args {
     #[arg(long)]
     strict: bool,
     /// Check that each prefix of the package is as good as a package of its size
-    #[arg(long)]
-    ladder: bool,
+    #[arg(long = "ladder")]
+    prefix_quality: bool,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -249,7 +249,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement { views, steps });
     let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
     output::write(&out, &package.bytes)?;
-    let prefix_steps = match args.ladder {
+    let prefix_steps = match args.prefix_quality {
         true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
         false => None,
     };

@@ -54,6 +54,7 @@ struct Outcome<'a> {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the folder is unusable; after all takes, a fault of the kind of the first failure.
+// Long: the loop over takes and the account of each outcome share all of their state.
 pub(super) fn run(
     takes: &List,
     shard: Option<Shard>,

@@ -94,6 +94,7 @@ pub struct Fitted {
 /// # Errors
 /// A [`Fault`] if there is no Gaussian to start from, a file cannot be read or written, or the device
 /// fails. The last checkpoint stays.
+// Long: the loop over steps with its checkpoints and table shares all of its state.
 pub fn fit(
     plan: &FitPlan,
     capture_files: &CaptureFiles,

@@ -178,11 +178,15 @@ mod tests {
             let views = TrainingViews { train, held: Vec::new(), timeline: Timeline { frames: 2 } };
             DepthScale::Auto.alignment(&views)
         };
-        let (cut, full, empty) = ([255, 0], [255, 255], [0, 0]);
-        let both = || vec![view(0, 0, cut), view(1, 0, full)];
+        let (partial, full, empty) = ([255, 0], [255, 255], [0, 0]);
+        let both = || vec![view(0, 0, partial), view(1, 0, full)];
         assert_eq!(scale(both()), Alignment::Hull);
         assert_eq!(scale(vec![view(0, 0, full), view(1, 0, full)]), Alignment::Rig, "no masks");
-        assert_eq!(scale([both(), vec![view(0, 1, cut)]].concat()), Alignment::Rig, "a frame of one camera");
+        assert_eq!(
+            scale([both(), vec![view(0, 1, partial)]].concat()),
+            Alignment::Rig,
+            "a frame of one camera"
+        );
         let left = vec![view(0, 1, empty), view(1, 1, empty)];
         assert_eq!(scale([both(), left].concat()), Alignment::Hull, "an empty frame");
     }

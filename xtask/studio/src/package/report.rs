@@ -125,6 +125,7 @@ pub(super) fn tried(selection: &Selection) -> Vec<TriedCandidate> {
 }
 
 /// Explains the choice of the best candidate, with or without the floor.
+// Long: one sentence a case.
 pub(super) fn why(Selection { candidates, best, most_faithful }: &Selection) -> String {
     let chosen = &candidates[*best];
     let name = |candidate: &Candidate| match candidate.retained.restored {

@@ -67,23 +67,23 @@ pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
             gpu_bytes_saved: gaussians * gpu_words * 4,
         });
     };
-    let still =
+    let static_rows =
         Rows { gaussians: clip.static_field.len(), chunks: chunks_of(contents, clip, Region::Static) };
-    let moving =
+    let dynamic_rows =
         Rows { gaussians: clip.dynamic_field.len(), chunks: chunks_of(contents, clip, Region::Dynamic) };
-    let all = Rows { gaussians: clip.len(), chunks: still.chunks + moving.chunks };
+    let all = Rows { gaussians: clip.len(), chunks: static_rows.chunks + dynamic_rows.chunks };
     for degree in contents.sh_degree + 1..=SH_DEGREE_MAX {
         let functions = 2 * usize::from(degree) + 1;
         let gpu_words = sh_words(degree) - sh_words(degree - 1);
         add(format!("SH degree {degree}"), all, &vec![SH_FUNCTION; functions], gpu_words);
     }
     let mut motion = Motion { order: contents.motion_order, rotates: contents.rotation_rates };
-    if still.gaussians > 0 {
+    if static_rows.gaussians > 0 {
         let mut columns = vec![WINDOW];
         columns.extend(vec![MOTION_POWER; usize::from(motion.order)]);
         columns.extend(motion.rotates.then_some(ROTATION_RATES));
         let part = "temporal columns of motionless Gaussians".to_owned();
-        add(part, still, &columns, motion.words());
+        add(part, static_rows, &columns, motion.words());
     }
     for order in contents.motion_order + 1..=MOTION_ORDER_MAX {
         let larger = Motion { order, ..motion };
