@@ -12,7 +12,6 @@ mod steps;
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
 use std::thread;
-use std::time::Instant;
 
 use anyhow::bail;
 use xtask::workspace;
