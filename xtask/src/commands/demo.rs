@@ -7,7 +7,7 @@ use std::env;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Stdio, exit};
 
 use anyhow::{Context, bail};
 use image::{RgbImage, imageops};
@@ -85,11 +85,12 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs a command of the host tool and returns what it prints.
+/// Runs a command of the host tool and returns what it prints. Its failure, which it prints itself, ends this
+/// program with the same exit code.
 fn studio(args: &[&OsStr]) -> anyhow::Result<Vec<u8>> {
     let output = workspace::studio("dev")?.args(args).stderr(Stdio::inherit()).output()?;
     if !output.status.success() {
-        bail!("aarc-studio failed: {}", output.status);
+        exit(output.status.code().unwrap_or(1));
     }
     Ok(output.stdout)
 }

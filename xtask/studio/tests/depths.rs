@@ -143,7 +143,7 @@ fn write(folder: &TempDir, stage: &str, model: &[u8]) {
     fs::write(folder.path().join("net").join(stage), model).unwrap();
 }
 
-const ARGS: [&str; 6] = ["depths", "stage", "--backbone", "net", "-o", "maps"];
+const ARGS: [&str; 8] = ["depths", "stage", "--holdout", "odd", "--backbone", "net", "-o", "maps"];
 
 fn depths(folder: &TempDir) -> Outcome {
     aarc_studio(folder.path(), &ARGS)

@@ -164,7 +164,9 @@ impl Show {
             Change::Note(note) => self.notices.note(note),
             Change::Idle => self.notices.clear_progress(),
             Change::Failed(fault) => {
-                self.notices.fail(fault, self.playing.is_some())?;
+                // A clip that was on a lost device cannot be drawn any more.
+                let is_drawn = self.renderer().is_some();
+                self.notices.fail(fault, is_drawn)?;
                 if self.panel.as_ref().is_some_and(|panel| !panel.is_visible()) {
                     self.commands.push(Command::TogglePanel);
                 }

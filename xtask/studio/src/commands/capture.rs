@@ -13,6 +13,10 @@ use program::Fault;
 use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 
+/// Holdout of fields and packages that do not record theirs: before field files recorded it, `fit` held out odd
+/// frames.
+pub(super) const UNRECORDED_HOLDOUT: Holdout = Holdout::Odd;
+
 /// The cameras, frames and pixels of a capture that a command reads.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct FrameSelection {

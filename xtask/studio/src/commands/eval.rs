@@ -17,7 +17,7 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, describe, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, describe, load_lpips};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -229,8 +229,10 @@ fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> (Holdo
         }
         (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
         (None, None) => {
-            let note = format!("{path} does not record the held frames: --holdout odd is assumed");
-            (Holdout::Odd, Some(note))
+            let assumed = UNRECORDED_HOLDOUT;
+            let note =
+                format!("{path} does not record the held frames: --holdout {} is assumed", assumed.name());
+            (assumed, Some(note))
         }
     }
 }

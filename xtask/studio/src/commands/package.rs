@@ -22,7 +22,7 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, load_training_views};
+use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, load_training_views};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -332,7 +332,7 @@ impl Captured {
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
         let recorded = scene.subject.hints.holdout;
-        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(Holdout::None);
+        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(UNRECORDED_HOLDOUT);
         let views = load_training_views(&self.capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
