@@ -298,7 +298,7 @@ impl Gpu {
     }
 }
 
-/// The first error that a device reports outside any error scope, from whichever thread.
+/// The first error that a device reports outside any error scope, from any thread.
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) struct Failures(Arc<Mutex<Option<wgpu::Error>>>);
 

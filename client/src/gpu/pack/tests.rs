@@ -199,7 +199,7 @@ fn windows_from_a_millionth_to_a_million_of_the_clip() {
             field.opacities[0] = 1.0;
             let temporal = field.temporal.as_mut().expect("temporal columns");
             (temporal.tau[0], temporal.s[0]) = (tau, s);
-            // Half a unit of each power within a width, wherever that is.
+            // Half a unit of each power within one width of any instant.
             let v = |power: i32| [0.5 * s.powi(-power); 3];
             temporal.motion = vec![v(1), v(2), v(3)];
             let origin = DVec3::from_array(field.position_at(0, tau.clamp(0.0, 1.0).into()));
