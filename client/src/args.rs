@@ -13,8 +13,8 @@ use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
-    let major = codec::VERSION_MAJOR;
-    format!("{}\nplays packages (.aarc) of versions {major}.x", env!("CARGO_PKG_VERSION"))
+    let (first, last) = (codec::VERSIONS.start(), codec::VERSIONS.end());
+    format!("{}\nplays packages (.aarc) of versions {first}.x and {last}.x", env!("CARGO_PKG_VERSION"))
 });
 
 /// The end of the long help.

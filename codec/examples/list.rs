@@ -44,7 +44,7 @@ fn list(bytes: &[u8]) -> Result<(), Error> {
 
 fn list_head(head: &Contents) {
     let info = &head.info;
-    println!("format {}.{}, coder {}", codec::VERSION_MAJOR, head.version_minor, head.coder.name());
+    println!("format {}.{}, coder {}", head.version_major, head.version_minor, head.coder.name());
     println!("duration {} s, {} frames/s", info.duration_s, info.fps);
     println!("up {:?}, {} m per unit, bounds {:?}", info.up, info.metres_per_unit, head.bounds);
     for viewpoint in &info.viewpoints {

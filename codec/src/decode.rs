@@ -15,7 +15,7 @@ use crate::{
     context,
     error::FormatError,
     fixed,
-    header::{Contents, PlannedSection, contents},
+    header::{Contents, PlannedSection, contents_within},
     limits::Budget,
     parallel::try_for_each,
     rows::Rows,
@@ -28,7 +28,7 @@ use crate::{
 /// # Errors
 /// - [`Error::Format`] if the head or anything in the complete layers is damaged or inconsistent;
 ///   with [`FormatError::Truncated`] if `bytes` ends before the first layer does.
-/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
+/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
 /// - [`Error::Limits`] if decoding needs more than `limits`.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
     decode_parallel(bytes, limits, NonZero::<usize>::MIN)
@@ -43,12 +43,12 @@ pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
 /// # Errors
 /// See [`decode`].
 pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -> Result<Clip, Error> {
-    let contents = contents(bytes, limits)?;
+    let mut budget = Budget::new(limits);
+    let contents = contents_within(bytes, limits, &mut budget)?;
     let complete = complete_layers(&contents, bytes.len())?;
     let layers = &contents.layers[..complete];
     let rows = layers[complete - 1];
 
-    let mut budget = Budget::new(limits);
     let mut region = |region, rows| contents.columns(region).zeros(rows, &mut budget);
     let mut static_field = region(Region::Static, rows.static_count)?;
     let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
@@ -156,7 +156,9 @@ enum ChunkDecoder {
         zstd: zstd::bulk::Decompressor<'static>,
         raw: Vec<u8>,
     },
-    Context,
+    Context {
+        version_major: u16,
+    },
 }
 
 /// Creates one decoder, and up to `count` if `budget` suffices.
@@ -178,7 +180,7 @@ impl ChunkDecoder {
     fn new(contents: &Contents, budget: &mut Budget) -> Result<ChunkDecoder, Error> {
         if contents.coder == Coder::Context {
             budget.spend(context::WORK_BYTES)?;
-            return Ok(ChunkDecoder::Context);
+            return Ok(ChunkDecoder::Context { version_major: contents.version_major });
         }
         let chunks =
             contents.planned_sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
@@ -196,8 +198,11 @@ impl ChunkDecoder {
         columns: Columns,
         rows: Rows,
     ) -> Result<(), Error> {
-        let ChunkDecoder::Fixed { zstd, raw } = self else {
-            return context::decode(payload, columns, section.offset, rows);
+        let (zstd, raw) = match self {
+            ChunkDecoder::Fixed { zstd, raw } => (zstd, raw),
+            ChunkDecoder::Context { version_major } => {
+                return context::decode(payload, *version_major, columns, section.offset, rows);
+            }
         };
         let damaged = |reason| Error::format(section.offset, FormatError::Payload { reason });
         // The section table is checked: the length fits the rows, and the buffer has the capacity.

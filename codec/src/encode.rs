@@ -118,21 +118,27 @@ pub fn encode_parallel(
             Region::Plate => plate.as_ref().map(|(chunks, rows)| (chunks, rows)).expect("a plate is planned"),
         };
         match planned.kind {
-            SectionKind::TimeIndex => time_index_payload(&layer.cells),
+            SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells)),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
                 chunks.encode(&rows[start..start + planned.rows], contents.columns(planned.region))
             }
         }
     };
-    let mut payloads = vec![(Vec::new(), 0); plan.len()];
-    let encode = |(planned, coded): (&PlannedSection, &mut (Vec<u8>, usize))| -> Result<(), Infallible> {
+    let mut payloads = vec![Payload::default(); plan.len()];
+    let encode = |(planned, coded): (&PlannedSection, &mut Payload)| -> Result<(), Infallible> {
         *coded = payload(planned);
         Ok(())
     };
     let threads = threads.get().min(plan.len());
     try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
+
+    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older.
+    let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
+    contents.version_major = if saved > payloads.len() { 2 } else { 1 };
+    let payloads: Vec<(Vec<u8>, usize)> =
+        payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
     let section = |(planned, (payload, raw_length)): (&PlannedSection, &(Vec<u8>, usize))| Section {
         kind: planned.kind,
@@ -166,17 +172,13 @@ impl<'a> ChunkEncoder<'a> {
         }
     }
 
-    /// Encodes `rows` as a payload. Also returns its length before compression.
-    fn encode(&self, rows: &[usize], columns: Columns) -> (Vec<u8>, usize) {
+    fn encode(&self, rows: &[usize], columns: Columns) -> Payload {
         match self {
             ChunkEncoder::Fixed(field) => {
-                fixed::encode(&select(field, rows, columns.temporal.is_some()), columns)
+                let chunk = select(field, rows, columns.temporal.is_some());
+                Payload::of_any_version(fixed::encode(&chunk, columns))
             }
-            ChunkEncoder::Context(prepared) => {
-                let payload = context::encode(prepared, rows, columns);
-                let length = payload.len();
-                (payload, length)
-            }
+            ChunkEncoder::Context(prepared) => Payload::Context(context::encode(prepared, rows, columns)),
         }
     }
 
@@ -187,6 +189,48 @@ impl<'a> ChunkEncoder<'a> {
             ChunkEncoder::Context(prepared) => Columns::nonzero(prepared.field, rows, with_temporal),
         };
         rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), Columns::union)
+    }
+}
+
+/// The payload of a section, before the version of the package is known.
+#[derive(Clone, Debug)]
+enum Payload {
+    /// Stored bytes that are the same in every version, and their length before compression.
+    Any {
+        bytes: Vec<u8>,
+        raw_length: usize,
+    },
+    Context(context::EncodedChunk),
+}
+
+impl Default for Payload {
+    fn default() -> Payload {
+        Payload::Any { bytes: Vec::new(), raw_length: 0 }
+    }
+}
+
+impl Payload {
+    fn of_any_version((bytes, raw_length): (Vec<u8>, usize)) -> Payload {
+        Payload::Any { bytes, raw_length }
+    }
+
+    fn saved_by_version_2(&self) -> usize {
+        match self {
+            Payload::Any { .. } => 0,
+            Payload::Context(chunk) => chunk.saved_by_version_2(),
+        }
+    }
+
+    /// The stored bytes, and their length before compression.
+    fn finish(self, version_major: u16) -> (Vec<u8>, usize) {
+        match self {
+            Payload::Any { bytes, raw_length } => (bytes, raw_length),
+            Payload::Context(chunk) => {
+                let bytes = chunk.payload(version_major);
+                let length = bytes.len();
+                (bytes, length)
+            }
+        }
     }
 }
 
@@ -291,6 +335,7 @@ fn describe(
         end
     };
     Contents {
+        version_major: 1,
         version_minor: VERSION_MINOR,
         info: info.clone(),
         bounds,

@@ -2,7 +2,7 @@
 
 #[cfg(feature = "encode")]
 use crate::format::LAYERS_MAX;
-use crate::format::VERSION_MAJOR;
+use crate::format::VERSIONS;
 
 /// Why a package could not be decoded.
 ///
@@ -20,7 +20,9 @@ pub enum Error {
     },
     /// The package has a major version of the format that this decoder does not read.
     #[error(
-        "package version {major}.{minor} cannot be read, at byte 4; this program reads {VERSION_MAJOR}.x"
+        "package version {major}.{minor} cannot be read, at byte 4; this program reads {}.x and {}.x",
+        VERSIONS.start(),
+        VERSIONS.end()
     )]
     Version {
         /// Major version of the package.

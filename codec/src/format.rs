@@ -4,8 +4,9 @@
 /// First bytes of every package.
 pub(crate) const MAGIC: [u8; 4] = *b"AARC";
 
-/// Major version of the package format. A reader refuses any other.
-pub const VERSION_MAJOR: u16 = 1;
+/// Major versions of the package format that are read. A writer uses the first that has all that the package
+/// needs.
+pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
 
 /// Minor version of the package format that is written. A later minor version may add sections
 /// that are not critical; readers skip those.

@@ -12,7 +12,7 @@ use crate::{
     error::FormatError,
     fixed,
     format::{
-        CHUNK_ROWS, ENTRY_BYTES, FIXED_BYTES, LAYERS_MAX, MAGIC, PREFIX_BYTES, VERSION_MAJOR, VIEWPOINTS_MAX,
+        CHUNK_ROWS, ENTRY_BYTES, FIXED_BYTES, LAYERS_MAX, MAGIC, PREFIX_BYTES, VERSIONS, VIEWPOINTS_MAX,
     },
     limits::Budget,
     section::{Region, Section, SectionKind},
@@ -53,7 +53,9 @@ impl Coder {
 /// The head of a package: metadata, counts and section table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// Minor version of the format; the major version is [`VERSION_MAJOR`].
+    /// Major version of the format, one of [`VERSIONS`](crate::VERSIONS).
+    pub version_major: u16,
+    /// Minor version of the format.
     pub version_minor: u16,
     /// Duration, axes, viewpoints.
     pub info: ClipInfo,
@@ -87,10 +89,18 @@ pub struct Contents {
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
 ///   With [`FormatError::Truncated`], `bytes` is too short to tell.
-/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`].
+/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
 /// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
 ///   table needs more memory.
 pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
+    contents_within(bytes, limits, &mut Budget::new(limits))
+}
+
+/// Reads the head as [`contents`] does, with the memory of `budget`, which its section table keeps.
+///
+/// # Errors
+/// See [`contents`].
+pub(crate) fn contents_within(bytes: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, Error> {
     let head = head_bytes(bytes)?;
     let (body, stored) = head.split_at(head.len() - 4);
     let computed = crc32fast::hash(body);
@@ -98,7 +108,7 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
     if stored != computed {
         return Err(Error::format(body.len(), FormatError::Crc { part: "head", stored, computed }));
     }
-    let contents = parse(body, limits)?;
+    let contents = parse(body, limits, budget)?;
     contents.check_table()?;
     let end = contents.package_bytes();
     if bytes.len() > end {
@@ -123,7 +133,7 @@ fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
     }
     let prefix = bytes.get(..PREFIX_BYTES).ok_or(truncated(PREFIX_BYTES))?;
     let major = u16::from_le_bytes([prefix[4], prefix[5]]);
-    if major != VERSION_MAJOR {
+    if !VERSIONS.contains(&major) {
         return Err(Error::Version { major, minor: u16::from_le_bytes([prefix[6], prefix[7]]) });
     }
     let length = u32::from_le_bytes([prefix[8], prefix[9], prefix[10], prefix[11]]) as usize;
@@ -135,9 +145,10 @@ fn head_bytes(bytes: &[u8]) -> Result<&[u8], Error> {
 
 /// Parses the head without its checksum, which has been checked.
 // Long: one field after the other, in their order in the file.
-fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
+fn parse(body: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, Error> {
     let mut reader = Reader::new(body, 0, "head");
     reader.take(PREFIX_BYTES)?;
+    let version_major = u16::from_le_bytes([body[4], body[5]]);
     let version_minor = u16::from_le_bytes([body[6], body[7]]);
     let mut info = ClipInfo {
         duration_s: reader.f32()?,
@@ -215,12 +226,13 @@ fn parse(body: &[u8], limits: &Limits) -> Result<Contents, Error> {
             FormatError::Sections { expected, found: format!("{table_bytes} bytes") },
         ));
     }
-    let mut sections = Budget::new(limits).vec(section_count)?;
+    let mut sections = budget.vec(section_count)?;
     for _ in 0..section_count {
         sections.push(Section::read(&mut reader)?);
     }
     reader.finish()?;
     Ok(Contents {
+        version_major,
         version_minor,
         info,
         bounds,
@@ -366,7 +378,7 @@ impl Contents {
         let length = FIXED_BYTES + 8 * self.layers.len() + names + table + 4;
         let u32_of = |x: usize| u32::try_from(x).map_err(|_| crate::EncodeError::TooLarge);
         w.bytes.extend_from_slice(&MAGIC);
-        w.u16(VERSION_MAJOR);
+        w.u16(self.version_major);
         w.u16(crate::VERSION_MINOR);
         w.u32(u32_of(length)?);
         w.f32(self.info.duration_s);

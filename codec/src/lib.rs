@@ -104,7 +104,7 @@ pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 pub use error::EncodeError;
 pub use error::{Error, FormatError};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
-pub use format::{VERSION_MAJOR, VERSION_MINOR};
+pub use format::{VERSION_MINOR, VERSIONS};
 pub use header::{Coder, Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]

@@ -8,7 +8,8 @@ use crate::{Error, format::COUNTS_OFFSET};
 pub struct Limits {
     /// Largest number of Gaussians, the plate included.
     pub max_gaussians: usize,
-    /// Largest number of bytes allocated at a time: the decoded clip and the decoder's work space.
+    /// Largest number of bytes allocated at a time: the section table, the decoded clip and the decoder's work
+    /// space.
     pub max_bytes: usize,
 }
 
@@ -20,6 +21,7 @@ impl Default for Limits {
 }
 
 /// Memory left to one decoding.
+#[derive(Clone)]
 pub(crate) struct Budget {
     limit: usize,
     left: usize,

@@ -4,7 +4,7 @@ use crate::{
     Coder, Error, Limits,
     context::{self, Attribute, BitStats},
     decode::complete_layers,
-    header::contents,
+    header::contents_within,
     limits::Budget,
     rows::Rows,
 };
@@ -46,7 +46,8 @@ const ATTRIBUTES: [(&str, &[Attribute]); 10] = [
 /// # Errors
 /// See [`decode`](crate::decode()).
 pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Error> {
-    let contents = contents(bytes, limits)?;
+    let mut budget = Budget::new(limits);
+    let contents = contents_within(bytes, limits, &mut budget)?;
     let complete = complete_layers(&contents, bytes.len())?;
     if contents.coder == Coder::Fixed {
         return Ok(Vec::new());
@@ -57,9 +58,11 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
             break;
         }
         let columns = contents.columns(planned.region);
-        let mut field = columns.zeros(planned.rows, &mut Budget::new(limits))?;
+        let mut field = columns.zeros(planned.rows, &mut budget.clone())?;
         let payload = section.payload(bytes)?;
-        context::decode_observed(payload, columns, section.offset, Rows::all(&mut field), &mut stats)?;
+        let version = contents.version_major;
+        let rows = Rows::all(&mut field);
+        context::decode_observed(payload, version, columns, section.offset, rows, &mut stats)?;
     }
     let size = |(name, attributes): (&'static str, &[Attribute])| {
         let mut size = AttributeSize { attribute: name, order_0: 0.0, predicted: 0.0, coded: 0.0 };

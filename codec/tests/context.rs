@@ -3,7 +3,8 @@
 mod common;
 
 use codec::{
-    Coder, EncodeOptions, Limits, Precision, Sensitivity, Source, contents, decode, encode, measure,
+    Coder, EncodeOptions, Error, Field, Limits, Precision, Sensitivity, Source, contents, decode, encode,
+    measure,
 };
 use common::{
     Parts, Rng, Shape, field, info, package,
@@ -182,4 +183,45 @@ fn attribute_sizes_add_up_to_the_chunks() {
         measure(&damaged, &Limits::default()).unwrap_err(),
         decode(&damaged, &Limits::default()).unwrap_err()
     );
+}
+
+/// Two kinds of Gaussians, mixed at random: neighbours say nothing of a Gaussian.
+fn mixed(rows: usize) -> Field {
+    let mut field = static_field(rows, 0, 11);
+    let mut rng = Rng(11);
+    for i in 0..rows {
+        field.centers[i] = [i as f32, 0.0, 0.0];
+        let sign = if rng.below(2) == 0 { 1.0 } else { -1.0 };
+        field.sh[i] = [sign, 0.5 * sign, -sign];
+        field.log_scales[i] = [-1.0 + sign, -1.5 + sign, -2.0 + 0.5 * sign];
+    }
+    field
+}
+
+#[test]
+fn chunks_without_neighbours_make_a_smaller_package_of_version_2() {
+    let misled = mixed(6_000);
+    let bytes = package(&misled, None, &options(&[]));
+    let head = contents(&bytes, &Limits::default()).unwrap();
+    assert_eq!((head.version_major, head.sections.len()), (2, 2));
+    let flags: Vec<u8> = head.sections.iter().map(|section| bytes[section.offset + 25]).collect();
+    assert_eq!(flags, [1, 1]);
+    let clip = valid_clip(&bytes);
+    let bright = |field: &Field| field.sh.iter().filter(|sh| sh[0] > 0.0 && sh[2] < 0.0).count();
+    assert_eq!((clip.len(), bright(&clip.static_field)), (6_000, bright(&misled)));
+
+    // Any other flag is refused, and a package of version 1 has none.
+    let mut parts = Parts::of(&bytes);
+    parts.sections[0][25] = 2;
+    let error = decode(&parts.join(), &Limits::default()).unwrap_err().to_string();
+    assert!(error.contains("flags of a chunk: 2"), "{error}");
+    parts.sections[0][25] = 1;
+    parts.head[4] = 1;
+    assert!(
+        decode(&parts.join(), &Limits::default()).is_err_and(|error| matches!(error, Error::Format { .. }))
+    );
+
+    // Where neighbours help, version 1 remains.
+    let bytes = package(&field(Shape::full(3_000), 3), None, &options(&[]));
+    assert_eq!(contents(&bytes, &Limits::default()).unwrap().version_major, 1);
 }

@@ -66,11 +66,11 @@ fn another_major_version_is_refused_and_another_minor_is_read() {
     let minor = contents(&parts.join(), &Limits::default()).unwrap();
     assert_eq!(minor.version_minor, 9);
     decoded(&parts.join()).unwrap();
-    parts.head[4] = 2;
-    assert_eq!(error(&parts.join()), Error::Version { major: 2, minor: 9 });
+    parts.head[4] = 3;
+    assert_eq!(error(&parts.join()), Error::Version { major: 3, minor: 9 });
     assert_eq!(
         error(&parts.join()).to_string(),
-        "package version 2.9 cannot be read, at byte 4; this program reads 1.x"
+        "package version 3.9 cannot be read, at byte 4; this program reads 1.x and 2.x"
     );
 }
 
@@ -277,6 +277,32 @@ fn limits_hold() {
         put_u32(&mut parts.head, 76, rows + 4_000_000);
         assert!(decoded(&parts.join()).is_err());
     }
+}
+
+/// A table that fits and a clip that fits need not fit together.
+#[test]
+fn the_section_table_and_the_clip_share_one_limit() {
+    let mut parts = Parts::of(&package_by(Coder::Fixed, 2_000));
+    let mut entry = [0; 24];
+    entry[0] = 200;
+    parts.table.resize(parts.table.len() + 20_000, entry);
+    parts.sections.resize(parts.table.len(), Vec::new());
+    let bytes = parts.join();
+    let limits = |max_bytes| Limits { max_bytes, ..Limits::default() };
+    let least = |fits: &dyn Fn(usize) -> bool| {
+        let (mut too_few, mut enough) = (0_usize, 1 << 26);
+        while enough - too_few > 1 {
+            let middle = too_few.midpoint(enough);
+            if fits(middle) { enough = middle } else { too_few = middle }
+        }
+        enough
+    };
+    let table = least(&|max_bytes| contents(&bytes, &limits(max_bytes)).is_ok());
+    let plain = package_by(Coder::Fixed, 2_000);
+    let clip = least(&|max_bytes| decode(&plain, &limits(max_bytes)).is_ok());
+    let both = least(&|max_bytes| decode(&bytes, &limits(max_bytes)).is_ok());
+    assert!(table > 20_000 * 24 && clip > 100_000, "{table} and {clip} bytes");
+    assert!((table + clip - 1_000..=table + clip).contains(&both), "{both} bytes for {table} and {clip}");
 }
 
 #[test]

@@ -52,6 +52,20 @@ impl Image {
         self.colors(other).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
+    /// Sum of squared differences as in [`Image::squared_error`] over the pixels with an alpha above 0 in this
+    /// image, and the number of these pixels.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn squared_error_covered(&self, other: &Image) -> (f64, usize) {
+        assert_eq!((self.width, self.height), (other.width, other.height), "images of one size");
+        let is_covered = |i: usize| self.pixels[i / 3][3] > 0.0;
+        let channels = self.colors(other).enumerate().filter(|(i, _)| is_covered(*i));
+        let (sum, count) =
+            channels.fold((0.0, 0), |(sum, count), (_, (a, b))| (sum + (a - b) * (a - b), count + 1));
+        (sum, count / 3)
+    }
+
     /// Largest absolute difference of a channel, over black, colours clamped to 0 to 1.
     ///
     /// # Panics

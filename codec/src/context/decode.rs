@@ -7,12 +7,18 @@ use crate::{Error, bytes::Reader, columns::Columns, error::FormatError, morton::
 pub(crate) const WORK_BYTES: usize = 1 << 20;
 
 /// Decodes a chunk into `out`, which has as many rows as the chunk and the given columns. `offset`,
-/// the offset of the section of `payload`, is for errors.
+/// the offset of the section of `payload`, is for errors. `version_major` is that of the package.
 ///
 /// # Errors
 /// [`Error::Format`] if the payload is too short or too long, or a number is out of range.
-pub(crate) fn decode(payload: &[u8], columns: Columns, offset: usize, out: Rows) -> Result<(), Error> {
-    decode_observed(payload, columns, offset, out, ())
+pub(crate) fn decode(
+    payload: &[u8],
+    version_major: u16,
+    columns: Columns,
+    offset: usize,
+    out: Rows,
+) -> Result<(), Error> {
+    decode_observed(payload, version_major, columns, offset, out, ())
 }
 
 /// Decodes as [`decode`] does, while `observer` sees the symbols.
@@ -21,6 +27,7 @@ pub(crate) fn decode(payload: &[u8], columns: Columns, offset: usize, out: Rows)
 /// See [`decode`].
 pub(crate) fn decode_observed(
     payload: &[u8],
+    version_major: u16,
     columns: Columns,
     offset: usize,
     mut out: Rows,
@@ -28,7 +35,7 @@ pub(crate) fn decode_observed(
 ) -> Result<(), Error> {
     const PART: &str = "chunk of Gaussians";
     let mut reader = Reader::new(payload, offset, PART);
-    let chunk = Chunk::read(&mut reader)?;
+    let chunk = Chunk::read(&mut reader, version_major)?;
     let symbols_at = reader.at();
     let mut decoder = Decoder::new(reader.rest(), observer);
     let short = || Error::format(offset + payload.len(), FormatError::Short { part: PART });

@@ -27,8 +27,8 @@ const CELLS_PER_STEP: f64 = 0.25;
 /// Largest distance from the clip of the centre of an infinite window.
 const TAU_MAX: f64 = 1e5;
 
-/// Encodes `rows` of a field as the payload of a chunk. The chunk orders the rows by grid cell.
-pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Vec<u8> {
+/// Encodes `rows` of a field as a chunk. The chunk orders the rows by grid cell.
+pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
     let finest = rows.iter().map(|&i| half_octaves_below_1(source.sensitivities[i].color)).min().unwrap_or(0);
     let step =
@@ -44,35 +44,70 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Vec
         Target { visibility_index, geometry_index, ..target(source.field, i, step, columns) }
     };
     let targets: Vec<Target> = rows.iter().map(prepare).collect();
-    let mut chunk = Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0 };
+    let mut chunk =
+        Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0, has_neighbors: true };
     choose_grid(&mut chunk, &targets);
 
     let mut order: Vec<(u64, &Target)> =
         targets.iter().map(|target| (cell_of(&chunk, target.trajectory[0]), target)).collect();
     // A stable sort: the order within a cell is defined.
     order.sort_by_key(|(cell, _)| *cell);
-    let mut writer = Writer::default();
-    chunk.write(&mut writer);
-    let mut encoder = Encoder::new(writer.bytes);
+    let with_neighbors = encode_ordered(&chunk, &order, columns);
+    let without = encode_ordered(&Chunk { has_neighbors: false, ..chunk.clone() }, &order, columns);
+    EncodedChunk { chunk, with_neighbors, without }
+}
+
+/// A chunk in both forms of version 2; version 1 has only that with neighbours.
+#[derive(Clone, Debug)]
+pub(crate) struct EncodedChunk {
+    chunk: Chunk,
+    /// Symbols where neighbours predict, and where they do not.
+    with_neighbors: Vec<u8>,
+    without: Vec<u8>,
+}
+
+impl EncodedChunk {
+    /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags.
+    pub(crate) fn saved_by_version_2(&self) -> usize {
+        self.with_neighbors.len().saturating_sub(self.without.len())
+    }
+
+    /// The payload of the chunk in a package of this major version.
+    pub(crate) fn payload(self, version_major: u16) -> Vec<u8> {
+        let has_neighbors = version_major < 2 || self.saved_by_version_2() == 0;
+        let mut writer = Writer::default();
+        Chunk { has_neighbors, ..self.chunk }.write(&mut writer, version_major);
+        writer.bytes.extend_from_slice(if has_neighbors { &self.with_neighbors } else { &self.without });
+        writer.bytes
+    }
+}
+
+/// Encodes rows, which are in the order of their cells, as symbols.
+fn encode_ordered(chunk: &Chunk, order: &[(u64, &Target)], columns: Columns) -> Vec<u8> {
+    let mut encoder = Encoder::new(Vec::new());
     let mut cells: Vec<u64> = order.iter().map(|(cell, _)| *cell).collect();
     grid::code(&mut encoder, u32::from(chunk.axis_bits), &mut cells);
-    let mut coder = RowCoder::new(&chunk, columns);
-    let zeros = || columns.zeros(rows.len(), &mut Budget::new(&Limits::default())).expect("a chunk is small");
+    let mut coder = RowCoder::new(chunk, columns);
+    let zeros =
+        || columns.zeros(order.len(), &mut Budget::new(&Limits::default())).expect("a chunk is small");
     let mut expected = cfg!(debug_assertions).then(zeros);
-    for (i, (cell, target)) in order.into_iter().enumerate() {
+    for (i, &(cell, target)) in order.iter().enumerate() {
         let row = coder.code(&mut encoder, deinterleave(cell), Some(target));
         let row = row.expect("the numbers of a valid field can be coded");
         if let Some(expected) = &mut expected {
             row.write_to(&mut Rows::all(expected), i);
         }
     }
-    let payload = encoder.finish();
+    let symbols = encoder.finish();
     if let Some(expected) = expected {
+        let mut writer = Writer::default();
+        chunk.write(&mut writer, 2);
+        writer.bytes.extend_from_slice(&symbols);
         let mut decoded = zeros();
-        decode(&payload, columns, 0, Rows::all(&mut decoded)).expect("an encoded chunk decodes");
+        decode(&writer.bytes, 2, columns, 0, Rows::all(&mut decoded)).expect("an encoded chunk decodes");
         assert!(decoded == expected, "the decoder returns the rows that the encoder computed");
     }
-    payload
+    symbols
 }
 
 /// Half octaves from a sensitivity up to 1.

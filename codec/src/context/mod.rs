@@ -29,6 +29,6 @@ mod trajectory;
 pub(crate) use decode::decode_observed;
 pub(crate) use decode::{WORK_BYTES, decode};
 #[cfg(feature = "encode")]
-pub(crate) use encode::encode;
+pub(crate) use encode::{EncodedChunk, encode};
 #[cfg(feature = "encode")]
 pub(crate) use observer::{Attribute, BitStats};

@@ -140,14 +140,18 @@ impl<'a> RowCoder<'a> {
         cell: [u32; 3],
         target: Option<&Target>,
     ) -> Option<&Row> {
-        self.neighbors.find(cell);
+        if self.chunk.has_neighbors {
+            self.neighbors.find(cell);
+        }
         let mut history = History { cell, ..History::default() };
         let (color_step, step) = self.code_indices(symbols, target);
         self.code_window(symbols, step, target);
         let (extents, quantiser) = self.code_shape(symbols, step, target, &mut history)?;
         self.code_trajectory(symbols, extents, &quantiser, step, cell, target);
         self.code_colors(symbols, color_step, target, &mut history);
-        self.neighbors.push(history);
+        if self.chunk.has_neighbors {
+            self.neighbors.push(history);
+        }
         self.row.is_valid().then_some(&self.row)
     }
 

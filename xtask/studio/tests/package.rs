@@ -185,6 +185,15 @@ fn the_most_faithful_ranking_wins() {
 
     let words = aarc_studio(folder.path(), &["package", "field.ply", "--budget", "400", "-o", "again.aarc"]);
     assert_eq!(words.code, Some(0), "{}", words.stderr);
+    // Every fraction in the reason is one of the table.
+    let (table, reason) = words.stdout.split_once("\nchosen ").expect("a reason is given");
+    let reason = reason.lines().next().unwrap();
+    let fractions =
+        reason.split([' ', ';', ',']).filter(|word| word.len() == 5 && word.parse::<f64>().is_ok());
+    for fraction in fractions.filter(|word| word.starts_with(['0', '1'])) {
+        let in_table = table.lines().any(|line| line.split_whitespace().nth_back(2) == Some(fraction));
+        assert!(in_table, "{fraction} of \"{reason}\" is not preserved in:\n{table}");
+    }
     for part in names.iter().chain(&["restored", " + floor", "chosen", "against the whole field"]) {
         assert!(words.stdout.contains(part), "no {part} in:\n{}", words.stdout);
     }
@@ -548,4 +557,76 @@ fn packages_of_real_fields_are_faithful() {
         assert!(psnr >= least_db, "{}: {psnr} dB", path.display());
         assert!(gaussians > 30_000 && bytes < 50 * gaussians, "{gaussians} Gaussians in {bytes} bytes");
     }
+}
+
+/// A floor of flat squares, alternately black and white.
+fn checker_floor(side: usize) -> Field {
+    let rows = side * side;
+    let place = |i: usize| [(i % side) as f32 * 0.1, 0.0, (i / side) as f32 * 0.1];
+    Field {
+        centers: (0..rows).map(place).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; rows],
+        log_scales: vec![[-3.0, -6.0, -3.0]; rows],
+        opacities: vec![0.99; rows],
+        sh: (0..rows).map(|i| [if (i % side + i / side) % 2 == 0 { 1.7 } else { -1.7 }; 3]).collect(),
+        ..Field::default()
+    }
+}
+
+/// The target is met from above within 0.3 dB, or one line says why not; and bytes rise with it.
+#[test]
+fn quality_is_met_and_costs_bytes() {
+    let folder = tempdir().unwrap();
+    let mut dynamic = field(900, 1, Some(3), true);
+    make_small(&mut dynamic);
+    for (name, field) in [("floor", checker_floor(30)), ("dynamic", dynamic)] {
+        write_field(&folder.path().join("field.ply"), &field);
+        let mut last_bytes = 0;
+        for quality in [40.0, 45.0, 47.0, 50.7, 55.0] {
+            let db = quality.to_string();
+            let args = ["package", "field.ply", "-o", "clip.aarc", "--quality", &db, "--strict", "--json"];
+            let report = aarc_studio(folder.path(), &args).json();
+            let (psnr, bytes) = (report["self_psnr_db"].as_f64().unwrap(), count(&report, "bytes"));
+            let worst = report["worst_view"]["psnr_db"].as_f64().unwrap();
+            println!("{name} at {quality} dB: {psnr:.2} dB, worst {worst:.2} dB, {bytes} bytes");
+            assert!(psnr >= quality && worst >= quality - 6.0, "{name} at {quality}: {report}");
+            assert!(psnr <= quality + 0.3 || report["miss"]["is_below"] == false, "{name}: {report}");
+            assert!(bytes > last_bytes, "{name} at {quality}: {bytes} bytes after {last_bytes}");
+            last_bytes = bytes;
+        }
+    }
+}
+
+/// Coarse positions are the coder's limit here: Gaussians a million units from the origin, a millimetre wide.
+#[test]
+fn a_target_out_of_reach_is_said_and_refused_when_strict() {
+    let folder = tempdir().unwrap();
+    let mut far = rising(300);
+    far.log_scales = vec![[-7.0; 3]; 300];
+    far.centers.iter_mut().for_each(|center| center[0] += 1e6);
+    write_field(&folder.path().join("field.ply"), &far);
+    let args = ["package", "field.ply", "-o", "clip.aarc", "--quality", "100"];
+    let said = aarc_studio(folder.path(), &args);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let line = said.stdout.lines().find(|line| line.starts_with("quality "));
+    assert!(line.is_some_and(|line| line.contains("out of reach")), "{}", said.stdout);
+    fs::remove_file(folder.path().join("clip.aarc")).unwrap();
+    let refused = aarc_studio(folder.path(), &[&args[..], &["--strict"]].concat());
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains("choose a lower --quality"), "{}", refused.stderr);
+    assert!(!folder.path().join("clip.aarc").exists());
+}
+
+/// The same Gaussians have the same bytes in the report and in the package.
+#[test]
+fn the_report_and_package_agree() {
+    let folder = tempdir().unwrap();
+    let mut original = field(5_600, 0, Some(1), false);
+    make_small(&mut original);
+    write_field(&folder.path().join("field.ply"), &original);
+    let report = aarc_studio(folder.path(), &["report", "field.ply", "--rd", "--json"]).json();
+    let points = report["rd"][0]["points"].as_array().unwrap_or_else(|| panic!("{report}"));
+    let ours = points.iter().find(|point| point["row"] == "ours").unwrap();
+    let args = ["package", "field.ply", "-o", "clip.aarc", "--budget", "5000", "--json"];
+    assert_eq!(aarc_studio(folder.path(), &args).json()["bytes"], ours["bytes"]);
 }

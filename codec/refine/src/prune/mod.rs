@@ -37,8 +37,8 @@ mod topology;
 
 pub use floor::{Floor, FloorError, FloorSettings, ROUNDS, Retained};
 pub use persistence::{Connectivity, Feature, MergeTree};
-pub use pictures::Pictures;
-pub use posed_views::{PosedView, dome, instants, posed_views, steps_aside};
+pub use pictures::{Fidelity, Pictures, WorstPicture};
+pub use posed_views::{PosedView, dome, inside, instants, is_informative, posed_views, steps_aside};
 pub use rank::{Ranking, by_importance, contributions_to};
 pub use recolor::{PASSES, recolor};
 pub use select::{Candidate, RESOLUTION_DB, Selection, select};

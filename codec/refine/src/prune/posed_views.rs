@@ -3,10 +3,11 @@
 //! If a source suggests viewpoints, they are used together with cameras slightly aside, since a head
 //! moves. Otherwise virtual cameras are placed on a dome around the subject.
 
-use codec::{Camera, Field, Viewpoint};
+use codec::{ALPHA_MIN, Camera, Field, Viewpoint};
 use glam::{DQuat, DVec3};
 
 use super::extent::core_box;
+use crate::reference::shown;
 
 /// A picture to take.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +23,41 @@ const DOME_FOV_Y: f64 = 50.0;
 
 /// The dome's rings: elevation in degrees, number of cameras.
 const DOME_RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
+
+/// A view is informative if at least this fraction of its pixels is covered ...
+const COVERED_MIN: f64 = 0.01;
+
+/// ... by at least so many Gaussians, or half of those alive where there are fewer than twice as many ...
+const GAUSSIANS_MIN: usize = 50;
+
+/// ... of which none has more than this share of the picture.
+const SHARE_MAX: f64 = 0.5;
+
+/// Width and height in pixels of the pictures that tell whether a view is informative.
+const PROBE: (u32, u32) = (64, 48);
+
+/// Vertical field of view of the cameras inside a field, in degrees, and their number.
+const INSIDE_FOV_Y: f64 = 75.0;
+const INSIDE_CAMERAS: u32 = 4;
+
+/// A field surrounds its centre where cameras there see it from at least this distance on average, in units
+/// of its radius: walls are near it, the inside of a body's surface is at a fifth.
+const INSIDE_DEPTH_MIN: f64 = 0.35;
+
+/// Whether `view` shows enough of `field` to compare pictures by: not empty space, and not the inside of one
+/// Gaussian.
+pub fn is_informative(field: &Field, view: &PosedView) -> bool {
+    informative_depth(field, view).is_some()
+}
+
+/// Mean depth of what an informative view shows; `None` for any other view.
+fn informative_depth(field: &Field, PosedView { camera, t }: &PosedView) -> Option<f64> {
+    let alive = (0..field.len()).filter(|&row| field.opacity_at(row, *t) >= ALPHA_MIN).count();
+    let shown = shown(field, &camera.resized(PROBE.0, PROBE.1), *t);
+    let is_alone = shown.largest_share > SHARE_MAX && alive >= 2 * GAUSSIANS_MIN;
+    let enough = GAUSSIANS_MIN.min(alive.div_ceil(2)).max(1);
+    (shown.covered >= COVERED_MIN && shown.gaussians >= enough && !is_alone).then_some(shown.depth)
+}
 
 /// Views of every camera at every instant, in clip time.
 pub fn posed_views(cameras: &[Camera], instants: &[f64]) -> Vec<PosedView> {
@@ -79,6 +115,31 @@ pub fn dome(field: &Field, instants: &[f64], up: [f32; 3], turn: f64, size: (u32
         }
     }
     cameras
+}
+
+/// Four cameras of `size` pixels at the centre of `field`, which look around; none if the field does not
+/// surround its centre at some distance at the first of `instants`, as a room does and a body does not.
+/// `turn` rotates them, in units of the angle between neighbouring cameras.
+pub fn inside(field: &Field, instants: &[f64], up: [f32; 3], turn: f64, size: (u32, u32)) -> Vec<Camera> {
+    let Some([low, high]) = core_box(field, instants) else { return Vec::new() };
+    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    let up = DVec3::from_array(up.map(f64::from)).normalize_or(DVec3::Y);
+    let (right, forward) = up.any_orthonormal_pair();
+    let camera = |i: u32| {
+        let azimuth = std::f64::consts::TAU * (f64::from(i) + turn) / f64::from(INSIDE_CAMERAS);
+        let (across, along) = libm::sincos(azimuth);
+        let target = center + radius.max(f64::MIN_POSITIVE) * (along * forward + across * right);
+        let fov_y = INSIDE_FOV_Y.to_radians();
+        Camera::look_at(center.to_array(), target.to_array(), up.to_array(), fov_y, size.0, size.1)
+    };
+    let cameras: Vec<Camera> = (0..INSIDE_CAMERAS).map(camera).collect();
+    let sees_walls = |camera: &&Camera| {
+        let view = PosedView { camera: (*camera).clone(), t: instants[0] };
+        informative_depth(field, &view).is_some_and(|depth| depth >= INSIDE_DEPTH_MIN * radius)
+    };
+    // A room may be open to one side.
+    let walls = cameras.iter().filter(sees_walls).count();
+    if walls + 1 >= INSIDE_CAMERAS as usize { cameras } else { Vec::new() }
 }
 
 #[cfg(test)]

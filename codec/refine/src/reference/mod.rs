@@ -20,6 +20,7 @@ mod evaluate;
 mod held;
 mod sensitivity;
 mod sh;
+mod shown;
 mod sort;
 mod splat;
 
@@ -30,6 +31,7 @@ pub use contribution::{Contribution, contributions};
 pub use coverage::{Coverage, Radius, coverage};
 pub use held::render_held;
 pub use sensitivity::sensitivities;
+pub use shown::{Shown, shown};
 pub use sort::Order;
 
 use crate::image::Image;

@@ -102,7 +102,7 @@ impl<'a> Judge<'a> {
             decode_ratio: MedianRange::of_ratios(&their_ms, &our_ms),
             decode_ms: MedianRange::of(their_ms),
             our_bytes: ours.bytes.len(),
-            our_psnr_db: ours.psnr_db,
+            our_psnr_db: ours.fidelity.psnr_db,
             our_decode_ms: MedianRange::of(our_ms),
         })
     }

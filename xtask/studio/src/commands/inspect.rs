@@ -145,7 +145,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         fov_y_deg: viewpoint.fov_y.to_degrees(),
     });
     Inspection {
-        format_version: format!("{}.{}", u16::from_le_bytes([bytes[4], bytes[5]]), contents.version_minor),
+        format_version: format!("{}.{}", contents.version_major, contents.version_minor),
         coder: contents.coder.name(),
         bytes: bytes.len(),
         bytes_announced: contents.sections.last().map_or(contents.head_bytes, codec::Section::end),

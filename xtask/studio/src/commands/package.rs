@@ -82,7 +82,7 @@ pub struct Args {
     /// Remove a part; repeatable
     #[arg(long, value_enum, value_name = "PART")]
     drop: Vec<DropPart>,
-    /// Refuse a field with rows that need a repair or have to be dropped
+    /// Refuse a field with rows that need a repair or have to be dropped, and a package below its --quality
     #[arg(long)]
     strict: bool,
     /// Check that each prefix of the package is as good as a package of its size
@@ -248,6 +248,9 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     };
     let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement { views, steps });
     let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
+    if let Some(miss) = package.report.miss.as_ref().filter(|miss| args.strict && miss.is_below) {
+        bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
+    }
     output::write(&out, &package.bytes)?;
     let prefix_steps = match args.prefix_quality {
         true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
@@ -376,10 +379,29 @@ fn print_report(report: &PackageReport) {
         "{:16} {}, {per_gaussian:.1} per Gaussian, {mbps:.1} Mbps over {} s",
         "bytes", report.bytes, report.duration_s
     );
+    print_fidelity(report);
+}
+
+/// How close the package comes to the field before coding.
+fn print_fidelity(report: &PackageReport) {
     println!(
-        "{:16} {:.1} dB against the field before coding, by coder {}",
-        "self PSNR", report.self_psnr_db, report.coder
+        "{:16} {:.1} dB against the field before coding, {:.1} dB where it covers a view, by coder {}",
+        "self PSNR", report.self_psnr_db, report.covered_psnr_db, report.coder
     );
+    if let Some(worst) = &report.worst_view {
+        let [x, y, z] = worst.position;
+        println!(
+            "{:16} {:.1} dB, from ({x:.2}, {y:.2}, {z:.2}) at {:.2} s",
+            "worst view", worst.psnr_db, worst.time_s
+        );
+    }
+    match report.steering_views {
+        0 => println!("{:16} {} judge", "views", report.judging_views),
+        steering => println!("{:16} {steering} steer, {} others judge", "views", report.judging_views),
+    }
+    if let Some(miss) = &report.miss {
+        println!("{:16} {}", "quality", miss.text);
+    }
 }
 
 /// How good the first layers are beside packages of their size.
@@ -404,18 +426,19 @@ fn print_prefixes(prefix_steps: &[PrefixStep]) {
 fn print_choice(report: &PackageReport) {
     let Some(psnr) = report.whole_psnr_db else { return };
     println!(
-        "{:22} {:>8} {:>7} {:>10} {:>7} {:>9}",
-        "tried", "dB", "recall", "precision", "drift", "restored"
+        "{:22} {:>8} {:>7} {:>10} {:>10} {:>7} {:>9}",
+        "tried", "dB", "recall", "precision", "preserved", "drift", "restored"
     );
     for tried in &report.tried {
         let topology = tried.topology;
         let mark = if tried.chosen { '*' } else { ' ' };
         println!(
-            "{mark} {:20} {:>8.2} {:>7.3} {:>10.3} {:>7.4} {:>9}",
+            "{mark} {:20} {:>8.2} {:>7.3} {:>10.3} {:>10.3} {:>7.4} {:>9}",
             format!("{}{}", tried.ranking, if tried.floor { " + floor" } else { "" }),
             tried.psnr_db,
             topology.recall,
             topology.precision,
+            topology.preserved,
             topology.saddle_drift,
             tried.restored
         );
@@ -432,8 +455,10 @@ fn print_choice(report: &PackageReport) {
         }
         None => {}
     }
-    let led_away = if report.refined.is_some() { ", from which refining leads away" } else { "" };
-    println!("{:16} {psnr:.2} dB against the whole field{led_away}", "fidelity");
+    let chosen = report.tried.iter().find(|tried| tried.chosen).filter(|_| report.refined.is_some());
+    let before =
+        chosen.map(|chosen| format!(", {:.2} dB before refining", chosen.psnr_db)).unwrap_or_default();
+    println!("{:16} {psnr:.2} dB against the whole field{before}", "fidelity");
 }
 
 /// What moving towards the photographs did.

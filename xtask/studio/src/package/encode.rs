@@ -4,12 +4,12 @@
 use anyhow::ensure;
 use codec::{Clip, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
-use refine::code::{CodeError, TRIALS, code};
+use refine::code::{CodeError, Coded, Miss, TRIALS, WORST_BELOW_DB, code};
 use refine::prune::Pictures;
 use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
-use super::views::{CODED_SIZE, RANKING_PLACES, compared_views, render_scene, views_of};
+use super::views::{compared_views, render_scene, visibility_views};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -18,11 +18,12 @@ use crate::scene::Scene;
 const DRAFT_MARGIN_DB: f64 = 10.0;
 
 /// A verified package.
-pub(super) struct VerifiedPackage {
-    pub(super) bytes: Vec<u8>,
-    pub(super) clip: Clip,
-    /// PSNR in dB between pictures of the clip and of the field.
-    pub(super) self_psnr_db: f64,
+pub(crate) struct VerifiedPackage {
+    pub(crate) coded: Coded,
+    /// Number of views that measured the visibility of coding errors.
+    pub(super) steering_views: usize,
+    /// Number of other views that judged the result.
+    pub(super) judging_views: usize,
 }
 
 /// Encodes a field quickly, most important row first, and decodes it again; close enough to the package
@@ -47,7 +48,7 @@ pub(super) fn draft(
 ///
 /// # Errors
 /// [`Fault::Data`] where the field cannot be coded, or players would not read the package.
-pub(super) fn encode(
+pub(crate) fn encode(
     scene: &Scene,
     field: &Field,
     plate: Option<&Field>,
@@ -56,27 +57,29 @@ pub(super) fn encode(
 ) -> anyhow::Result<VerifiedPackage> {
     let compared = compared_views(scene, field);
     progress.stage("pictures to code by", compared.len());
+    let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
-    let (bytes, clip, self_psnr_db) = match coding {
+    let (coded, steering_views) = match coding {
         Coding::Fixed => {
             let precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
             let (bytes, clip) = encode_once(scene, field, plate, coding, precision)?;
-            let psnr = judge.psnr(&RenderScene::from(&clip), || ());
-            (bytes, clip, psnr)
+            let fidelity = judge.compare(&RenderScene::from(&clip), || ());
+            (Coded { bytes, clip, fidelity, miss: None }, 0)
         }
         Coding::Context { quality_db } => {
             let source = Source { info: &scene.info, field, plate };
-            let views = views_of(scene, field, RANKING_PLACES, CODED_SIZE);
+            let views = visibility_views(scene, field);
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
                 .map_err(|error| refused(scene, error))?;
-            (coded.bytes, coded.clip, coded.psnr_db)
+            (coded, views.len())
         }
     };
+    let clip = &coded.clip;
     let decoded_plate = clip.plate.as_ref().map(Field::len);
     ensure!(clip.len() == field.len(), "{} of {} Gaussians were decoded", clip.len(), field.len());
     ensure!(decoded_plate == plate.map(Field::len), "the plate was decoded as {decoded_plate:?}");
-    Ok(VerifiedPackage { bytes, clip, self_psnr_db })
+    Ok(VerifiedPackage { coded, steering_views, judging_views })
 }
 
 fn encode_once(
@@ -92,6 +95,23 @@ fn encode_once(
     let clip = codec::decode(&bytes, &Limits::default());
     let clip = clip.map_err(|error| refused(scene, CodeError::Decode(error)))?;
     Ok((bytes, clip))
+}
+
+/// One sentence on why a package does not have its target PSNR.
+pub(super) fn explain(miss: Miss, quality_db: f64, reached_db: f64) -> String {
+    match miss {
+        Miss::Below => format!(
+            "the target of {quality_db} dB is out of reach: at the coder's finest precision the package has \
+             {reached_db:.1} dB"
+        ),
+        Miss::Above => format!(
+            "{reached_db:.1} dB, above the target of {quality_db} dB: the next coarser precision is below it"
+        ),
+        Miss::AboveForWorst => format!(
+            "{reached_db:.1} dB, above the target of {quality_db} dB, so that no view is more than \
+             {WORST_BELOW_DB} dB below the target"
+        ),
+    }
 }
 
 /// The error of a scene that cannot be packaged.

@@ -15,12 +15,13 @@ mod views;
 mod visible;
 
 pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
-pub(crate) use encode::refused;
+pub(crate) use encode::{encode, refused};
 pub use pipeline::{Package, package, package_with};
 pub use prefix_quality::{PrefixStep, prefix_quality};
-pub use report::{Counts, PackageReport, PreservedTopology, TriedCandidate};
+pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 pub(crate) use views::{
-    CODED_SIZE, JUDGING_PLACES, Places, RANKING_PLACES, compared_views, ranking_views, render_scene, views_of,
+    JUDGING_PLACES, Places, STEERING_PLACES, compared_views, ranking_views, render_scene, views_of,
+    visibility_views,
 };
 pub(crate) use visible::visible;

@@ -1,11 +1,12 @@
 //! [`package`]: the stages of packaging, one after another.
 
 use codec::Field;
+use refine::code::Miss;
 use refine::fit::Cpu;
 
 use super::choose::choose;
-use super::encode::encode;
-use super::report::PackageReport;
+use super::encode::{VerifiedPackage, encode, explain};
+use super::report::{PackageReport, Shortfall, WorstView};
 use super::settings::PackageSettings;
 use super::visible::{VisibleScene, visible_scene};
 use crate::fit::{Refinement, RefinementReport};
@@ -50,7 +51,8 @@ pub fn package_with(
         visible_scene(scene, settings)?;
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
     let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
-    let coded = encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
+    let VerifiedPackage { coded, steering_views, judging_views } =
+        encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
     progress.finish();
     subject.drop("over budget", field.len() - choice.field.len());
@@ -71,7 +73,15 @@ pub fn package_with(
         assumed: scene.assumed.clone(),
         bytes: coded.bytes.len(),
         coder: settings.coding.name(),
-        self_psnr_db: coded.self_psnr_db,
+        self_psnr_db: coded.fidelity.psnr_db,
+        covered_psnr_db: coded.fidelity.covered_psnr_db,
+        worst_view: coded.fidelity.worst.as_ref().map(|worst| WorstView::new(worst, &scene.info)),
+        steering_views,
+        judging_views,
+        miss: settings.coding.quality_db().zip(coded.miss).map(|(quality_db, miss)| Shortfall {
+            is_below: miss == Miss::Below,
+            text: explain(miss, quality_db, coded.fidelity.psnr_db),
+        }),
     };
     Ok(Package { bytes: coded.bytes, report })
 }

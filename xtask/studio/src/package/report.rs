@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use refine::prune::{Candidate, Measure, RESOLUTION_DB, Selection, Topology};
+use codec::ClipInfo;
+use refine::prune::{Candidate, Measure, RESOLUTION_DB, Selection, Topology, WorstPicture};
 use serde::Serialize;
 
 use crate::fit::RefinementReport;
@@ -44,8 +45,48 @@ pub struct PackageReport {
     /// How the Gaussians are coded.
     pub coder: &'static str,
     /// PSNR in dB between renders of the decoded package and of the field that was coded, over
-    /// all pixels of all pictures; infinite where they are the same.
+    /// all pixels of all judging views; infinite where they are the same.
     pub self_psnr_db: f64,
+    /// The same over the pixels that the field covers.
+    pub covered_psnr_db: f64,
+    /// The judging view with the lowest PSNR.
+    pub worst_view: Option<WorstView>,
+    /// Number of views that measured the visibility of coding errors; 0 for a coder of one precision.
+    pub steering_views: usize,
+    /// Number of other views that judged the result.
+    pub judging_views: usize,
+    /// Why the package does not have its target PSNR; `None` where it has.
+    pub miss: Option<Shortfall>,
+}
+
+/// A difference between a package and its target.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shortfall {
+    /// Whether the package is worse than its target; otherwise it is better than needed.
+    pub is_below: bool,
+    /// One sentence.
+    pub text: String,
+}
+
+/// The view and instant at which a package reproduces its field worst.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorstView {
+    /// PSNR in dB over all pixels of the view.
+    pub psnr_db: f64,
+    /// Position of the camera, in source units.
+    pub position: [f64; 3],
+    /// Seconds from the start of the clip.
+    pub time_s: f64,
+}
+
+impl WorstView {
+    pub(super) fn new(worst: &WorstPicture, info: &ClipInfo) -> WorstView {
+        WorstView {
+            psnr_db: worst.psnr_db,
+            position: worst.view.camera.position(),
+            time_s: worst.view.t * f64::from(info.duration_s),
+        }
+    }
 }
 
 /// Rows of a file on their way into the package.
@@ -96,6 +137,8 @@ pub struct PreservedTopology {
     pub precision: f64,
     /// Harmonic mean of both.
     pub f1: f64,
+    /// Fraction of the features that are neither lost nor severed; decides between candidates.
+    pub preserved: f64,
     /// Mean change of the level at which features merge, in units of the largest density.
     pub saddle_drift: f64,
 }
@@ -106,6 +149,7 @@ impl From<&Topology> for PreservedTopology {
             recall: topology.recall(),
             precision: topology.precision(),
             f1: topology.f1(),
+            preserved: topology.preserved(Measure::Strict),
             saddle_drift: topology.saddle_drift(),
         }
     }

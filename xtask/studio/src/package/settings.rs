@@ -67,6 +67,14 @@ impl Coding {
         }
     }
 
+    /// Target PSNR in dB; `None` for a coder of one precision.
+    pub(super) fn quality_db(self) -> Option<f64> {
+        match self {
+            Coding::Fixed => None,
+            Coding::Context { quality_db } => Some(quality_db),
+        }
+    }
+
     /// Name of the coder.
     pub(crate) fn name(self) -> &'static str {
         self.coder().name()

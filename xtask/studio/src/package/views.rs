@@ -1,8 +1,11 @@
-//! The views that rank Gaussians, judge rankings and measure coding errors. Judging views differ from
-//! ranking views, so that no ranking is judged by the pictures that it has seen.
+//! The views that rank Gaussians and steer the coder, and the views that judge.
+//!
+//! Both come from the viewpoints of the source and from all around the content, over all of time: a player
+//! lets its user walk around. Judging views differ from steering views, so that no choice is judged by the
+//! pictures that led to it. A view that shows next to nothing, or one Gaussian's inside, does not count.
 
 use codec::{Camera, Field};
-use refine::prune::{PosedView, dome, instants, posed_views, steps_aside};
+use refine::prune::{PosedView, dome, inside, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
 
 use crate::scene::Scene;
@@ -10,93 +13,142 @@ use crate::scene::Scene;
 /// Size in pixels of the ranking and judging pictures.
 const SIZE: (u32, u32) = (256, 192);
 
-/// Approximate number of pictures where all cameras share the same instants.
-const PICTURES: usize = 20;
+/// Number of views that steer, and that judge selections: half from the source's viewpoints, half from all
+/// around.
+const STEERING: usize = 24;
 
-/// Maximum number of shared instants.
-const INSTANTS: usize = 4;
+/// Number of views that judge the coding error. Dynamic fields get an instant for each view, since the errors
+/// of trajectories are largest at both ends of a clip.
+const COMPARED: usize = 12;
+
+/// Number of instants at which the extent of a field is measured.
+const EXTENT_INSTANTS: usize = 4;
 
 /// Maximum number of viewpoints that are used with all their steps aside.
 const VIEWPOINTS: usize = 2;
 
-/// Number of viewpoints, with one step aside each, where a scene suggests at least so many: those of a
-/// capture may surround the subject. Equals the number of cameras of a dome.
+/// Number of viewpoints, with one step aside each, where a source has at least so many: those of a capture
+/// may surround the subject.
 const AROUND: usize = 8;
 
-/// Number of pictures of a dynamic field from all around.
-const AROUND_PICTURES: usize = 24;
-
-/// Number of pictures that measure the coding error. Errors of trajectories are largest at both ends of a
-/// clip, so each picture has an instant of its own.
-const COMPARED: usize = 8;
-
-/// Increment of the camera index from picture to picture where each has its own instant; coprime to the
-/// number of cameras, 5, 8 or 10.
-const CAMERA_STEP: usize = 3;
+/// Increment of the camera index from picture to picture; coprime to the number of cameras of a source, 4, 5
+/// or 8 to 10, and around it, 8 or 12, where neighbours in the list are neighbours in space.
+const CAMERA_STEP: usize = 7;
 
 /// Size in pixels of the pictures that measure the coding error.
 pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
 
-/// Camera placement: steps aside in degrees, or rotation of the dome relative to the angle between
-/// its cameras.
+/// Camera placement: steps aside in degrees, whether the viewpoint itself is used, and rotation of the cameras
+/// all around relative to the angle between them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Places {
     pub(crate) aside: f64,
+    pub(crate) viewpoint: bool,
     pub(crate) turn: f64,
 }
 
-/// Placement of the ranking views.
-pub(crate) const RANKING_PLACES: Places = Places { aside: 10.0, turn: 0.0 };
+/// Placement of the steering views.
+pub(crate) const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: false, turn: 0.0 };
 
-/// Placement of the judging views.
-pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, turn: 0.5 };
+/// Placement of the judging views. Only they include the viewpoints themselves, where playing starts.
+pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
 
+/// Views that rank Gaussians, in small pictures.
 pub(crate) fn ranking_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
-    views_of(scene, field, RANKING_PLACES, SIZE)
+    views_of(scene, field, STEERING_PLACES, SIZE, STEERING)
 }
 
+/// Views that measure the visibility of coding errors.
+pub(crate) fn visibility_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    views_of(scene, field, STEERING_PLACES, CODED_SIZE, STEERING)
+}
+
+/// Views that compare selections with the whole field, in small pictures.
 pub(crate) fn judging_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
-    views_of(scene, field, JUDGING_PLACES, SIZE)
+    views_of(scene, field, JUDGING_PLACES, SIZE, STEERING)
 }
 
 /// Views that compare a package with the field before coding.
 pub(crate) fn compared_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
-    paired(&cameras(scene, field, JUDGING_PLACES, CODED_SIZE), &instants(field, COMPARED), COMPARED)
+    views_of(scene, field, JUDGING_PLACES, CODED_SIZE, COMPARED)
 }
 
-/// `count` views, each with the next camera and the next instant.
-fn paired(cameras: &[Camera], instants: &[f64], count: usize) -> Vec<PosedView> {
-    let view = |i: usize| PosedView {
-        camera: cameras[i * CAMERA_STEP % cameras.len()].clone(),
-        t: instants[i % instants.len()],
+/// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from
+/// all around. A dynamic field gets an instant for each view, because a few shared instants miss Gaussians
+/// that live for a few frames. If no view shows enough, those of the dome. Never empty.
+pub(crate) fn views_of(
+    scene: &Scene,
+    field: &Field,
+    places: Places,
+    size: (u32, u32),
+    count: usize,
+) -> Vec<PosedView> {
+    let groups = camera_groups(scene, field, places, size);
+    let mut views: Vec<PosedView> = match field.temporal {
+        Some(_) => {
+            let instants = instants(field, count);
+            instants.iter().enumerate().filter_map(|(i, &t)| view_at(&groups, field, t, i)).collect()
+        }
+        None => static_views(&groups, field, count),
     };
-    (0..count).map(view).collect()
-}
-
-/// Views of a field. A dynamic field seen from all around gets an instant per view, because a few shared
-/// instants miss Gaussians that live for a few frames.
-pub(crate) fn views_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<PosedView> {
-    let cameras = cameras(scene, field, places, size);
-    if cameras.len() == AROUND && field.temporal.is_some() {
-        return paired(&cameras, &instants(field, AROUND_PICTURES), AROUND_PICTURES);
+    if views.is_empty() {
+        let [.., around] = &groups[..] else { unreachable!("the dome is always there") };
+        let t = instants(field, 1)[0];
+        views = around.iter().map(|camera| PosedView { camera: camera.clone(), t }).collect();
+        views.truncate(count);
     }
-    let count = (PICTURES / cameras.len()).clamp(2, INSTANTS);
-    posed_views(&cameras, &instants(field, count))
+    views
 }
 
-/// Cameras for a field: the suggested viewpoints and steps aside of them, one step aside of each if there are
-/// many, or a dome if there are none. Never empty.
-fn cameras(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Camera> {
+/// The `i`th view of a dynamic field, at `t`: of the next camera of the next group that shows enough then.
+fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<PosedView> {
+    let of_group = |group: &[Camera]| {
+        let first = i / groups.len();
+        (0..group.len()).find_map(|k| {
+            let camera = group[(first + k) * CAMERA_STEP % group.len()].clone();
+            Some(PosedView { camera, t }).filter(|view| is_informative(field, view))
+        })
+    };
+    (0..groups.len()).find_map(|k| of_group(&groups[(i + k) % groups.len()]))
+}
+
+/// At most `count` views of a static field that show enough, as many of each group.
+fn static_views(groups: &[Vec<Camera>], field: &Field, count: usize) -> Vec<PosedView> {
+    let view = |camera: &Camera| PosedView { camera: camera.clone(), t: 0.0 };
+    let informative = |group: &Vec<Camera>| {
+        let views = group.iter().map(view).filter(|view| is_informative(field, view));
+        views.collect::<Vec<PosedView>>()
+    };
+    let groups: Vec<Vec<PosedView>> =
+        groups.iter().map(informative).filter(|group| !group.is_empty()).collect();
+    let each = count / groups.len().max(1);
+    // Evenly over the group.
+    let of_group = |group: &Vec<PosedView>| {
+        let taken = each.min(group.len());
+        (0..taken).map(|i| group[i * group.len() / taken].clone()).collect::<Vec<PosedView>>()
+    };
+    groups.iter().flat_map(of_group).collect()
+}
+
+/// Cameras for a field: those of the source's viewpoints, if it has any, then a dome, with cameras inside
+/// where the field is a room.
+fn camera_groups(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
     let up = scene.info.up;
+    let instants = instants(field, EXTENT_INSTANTS);
+    let mut around = dome(field, &instants, up, places.turn, size);
+    around.extend(inside(field, &instants, up, places.turn, size));
     let viewpoints = &scene.info.viewpoints;
     if scene.assumed.contains(&"viewpoints") || viewpoints.is_empty() {
-        return dome(field, &instants(field, INSTANTS), up, places.turn, size);
+        return vec![around];
     }
-    let steps_aside = |viewpoint| steps_aside(viewpoint, up, places.aside.to_radians(), size);
-    match viewpoints.len() {
+    // The first camera is the viewpoint itself.
+    let own = usize::from(!places.viewpoint);
+    let steps_aside = |viewpoint| steps_aside(viewpoint, up, places.aside.to_radians(), size).split_off(own);
+    let known = match viewpoints.len() {
         ..AROUND => viewpoints.iter().take(VIEWPOINTS).flat_map(steps_aside).collect(),
-        many => (0..AROUND).map(|i| steps_aside(&viewpoints[i * many / AROUND]).swap_remove(1)).collect(),
-    }
+        many => (0..AROUND).map(|i| steps_aside(&viewpoints[i * many / AROUND]).swap_remove(0)).collect(),
+    };
+    vec![known, around]
 }
 
 pub(crate) fn render_scene<'a>(field: &'a Field, plate: Option<&'a Field>) -> RenderScene<'a> {
@@ -131,43 +183,51 @@ mod tests {
         Scene::made("ring", field, info)
     }
 
-    fn positions(scene: &Scene, places: Places) -> Vec<[f64; 3]> {
-        cameras(scene, &scene.subject.field, places, SIZE).iter().map(Camera::position).collect()
+    fn ring_views(scene: &Scene, places: Places) -> Vec<PosedView> {
+        views_of(scene, &scene.subject.field, places, SIZE, STEERING)
     }
 
     #[test]
-    fn a_ring_is_looked_at_from_all_around() {
+    fn a_ring_is_seen_from_all_its_sides_and_from_other_places_by_the_judge() {
         let scene = ring(16);
-        let [ranking, judging] = [RANKING_PLACES, JUDGING_PLACES].map(|places| positions(&scene, places));
-        assert_eq!((ranking.len(), judging.len()), (AROUND, AROUND));
-        for places in [&ranking, &judging] {
-            let middle = [0, 1, 2].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / 8.0);
-            assert!(middle[0].abs() < 1e-5 && middle[2].abs() < 1e-5, "{middle:?}");
+        let [steering, judging] = [STEERING_PLACES, JUDGING_PLACES].map(|places| ring_views(&scene, places));
+        // As many of the ring as of the dome.
+        assert_eq!((steering.len(), judging.len()), (2 * AROUND, 2 * AROUND));
+        for views in [&steering, &judging] {
+            let x = views[..AROUND].iter().map(|view| view.camera.position()[0]).sum::<f64>();
+            assert!(x.abs() < 1e-4, "{x}");
         }
-        assert!(ranking.iter().all(|place| !judging.contains(place)), "other places judge");
+        let position = |view: &PosedView| view.camera.position();
+        assert!(steering.iter().all(|view| judging.iter().all(|other| position(other) != position(view))));
+        assert_eq!(judging[0].camera, scene.info.viewpoints[0].camera(scene.info.up, SIZE.0, SIZE.1));
     }
 
     #[test]
-    fn what_moves_is_looked_at_at_many_instants() {
+    fn a_dynamic_field_has_an_instant_for_each_view_and_all_sides_in_a_row() {
         let mut scene = ring(16);
-        assert_eq!(ranking_views(&scene, &scene.subject.field).len(), AROUND, "it stands still");
-        let (tau, s) = (vec![0.5], vec![0.1]);
+        let (tau, s) = (vec![0.5], vec![0.4]);
         scene.subject.field.temporal = Some(codec::Temporal { tau, s, ..Default::default() });
         let views = ranking_views(&scene, &scene.subject.field);
-        assert_eq!(views.len(), AROUND_PICTURES);
+        assert_eq!(views.len(), STEERING);
         assert!(views.windows(2).all(|pair| pair[0].t < pair[1].t));
-        // Any eight in a row see it from all sides.
-        for eight in views.windows(AROUND) {
-            let x = eight.iter().map(|view| view.camera.position()[0]).sum::<f64>();
+        let known: Vec<f64> = views.iter().step_by(2).map(|view| view.camera.position()[0]).collect();
+        for eight in known.windows(AROUND) {
+            let x = eight.iter().sum::<f64>();
             assert!(x.abs() < 1e-4, "{x}");
         }
     }
 
     #[test]
-    fn of_a_few_viewpoints_the_first_count() {
-        let places = positions(&ring(4), RANKING_PLACES);
-        assert_eq!(places.len(), 5 * VIEWPOINTS);
-        // The first two stand at +z and +x.
-        assert!(places.iter().all(|[x, _, z]| x + z > 1.5), "{places:?}");
+    fn views_that_show_nothing_do_not_count() {
+        let mut scene = ring(2);
+        // One viewpoint looks away.
+        let away = &mut scene.info.viewpoints[1];
+        away.target = away.position.map(|x| 2.0 * x);
+        let views = ring_views(&scene, JUDGING_PLACES);
+        assert_eq!(views.len(), 5 + AROUND);
+        scene.info.viewpoints.remove(0);
+        assert_eq!(ring_views(&scene, JUDGING_PLACES).len(), AROUND, "only the dome");
+        scene.subject.field.opacities[0] = 0.0;
+        assert_eq!(ring_views(&scene, JUDGING_PLACES).len(), AROUND, "nothing to see: the dome");
     }
 }

@@ -61,14 +61,14 @@ fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Resu
     let tried = || progress.step();
 
     let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
-        code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, tried)
+        code_knowing(&source, &LAYERS, target_db, visible.as_ref(), &judge, tried)
             .map_err(|error| refused(scene, error))
     };
     let mut points = Vec::new();
     for target_db in TARGETS_DB {
         let coded = code(target_db, &visible)?;
         let label = format!("{target_db} dB");
-        points.push(package(&label, target_db == QUALITY_DB, &coded.bytes, coded.psnr_db)?);
+        points.push(package(&label, target_db == QUALITY_DB, &coded.bytes, coded.fidelity.psnr_db)?);
     }
     let options = EncodeOptions { coder: Coder::Fixed, layers: LAYERS.to_vec(), ..EncodeOptions::default() };
     let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;

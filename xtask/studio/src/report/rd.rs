@@ -9,13 +9,12 @@ mod result;
 mod text;
 mod views;
 
-use codec::{Field, Sensitivity, Source};
-use refine::code::{TRIALS, code_knowing};
+use codec::Field;
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
-use refine::reference::{self, sensitivities};
+use refine::reference;
 
 use super::subject::ReportSubject;
-use crate::package::{FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, floor, refused, render_scene};
+use crate::package::{FieldAnalysis, LAYERS, PackageSettings, encode, floor};
 use crate::progress::StagedProgress;
 
 pub use rates::{CoderRate, SimplerCoders};
@@ -60,8 +59,7 @@ struct RateBench<'a> {
     /// The paper's floor, which detects deleted features but not severed ones.
     recall: Floor,
     reported: Pictures,
-    /// Sensitivity of each row of the field, and the blur at which it was measured.
-    sensitivities: Option<(Vec<Sensitivity>, f32)>,
+    settings: &'a PackageSettings,
 }
 
 /// Size and PSNR of a package of some rows of the field.
@@ -87,11 +85,10 @@ impl<'a> RateBench<'a> {
         let ReportSubject { scene, field, plate } = subject;
         let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
         let recall = floor(field, Measure::Recall)?;
-        let (reported, seen) = (reported_views(subject), seen_views(subject));
-        progress.stage("images", reported.len() + seen.len());
+        let reported = reported_views(subject);
+        progress.stage("images", reported.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());
-        let sensitivities = sensitivities(field, plate.as_ref(), &seen, || progress.step());
-        Ok(RateBench { subject, progress, analysis, recall, reported, sensitivities })
+        Ok(RateBench { subject, progress, analysis, recall, reported, settings })
     }
 
     /// The points of all selectors at one budget.
@@ -143,18 +140,11 @@ impl<'a> RateBench<'a> {
         })
     }
 
-    /// Codes the rows, decodes the package and compares its images with the field's.
+    /// Codes the rows as `package` does, and compares the images of the package with the field's.
     fn code(&self, rows: Vec<usize>) -> anyhow::Result<CodedRows> {
         let ReportSubject { scene, field, plate } = self.subject;
         let part = field.select(&rows);
-        let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-        let visible = self.sensitivities.as_ref().map(|(sensitivities, footprint)| {
-            (rows.iter().map(|&row| sensitivities[row]).collect(), *footprint)
-        });
-        self.progress.stage("coding", TRIALS);
-        let judge = Pictures::take(&render_scene(&part, plate.as_ref()), coded_views(self.subject), || ());
-        let coded = code_knowing(&source, &LAYERS, QUALITY_DB, visible, &judge, || self.progress.step())
-            .map_err(|error| refused(scene, error))?;
+        let coded = encode(scene, &part, plate.as_ref(), self.settings.coding, self.progress)?.coded;
         let psnr_db = self.reported.psnr(&reference::RenderScene::from(&coded.clip), || ());
         Ok(CodedRows { rows, bytes: coded.bytes.len(), psnr_db })
     }

@@ -2,13 +2,12 @@
 //! to several PSNRs against the Gaussians before coding.
 
 use codec::{AttributeSize, Limits, Sensitivity, Source};
-use refine::code::{TRIALS, code_knowing};
+use refine::code::{TRIALS, code_knowing, equal_sensitivities};
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use super::views::seen_views;
-use crate::package::{LAYERS, compared_views, refused, render_scene};
+use crate::package::{LAYERS, compared_views, refused, render_scene, visibility_views};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -63,20 +62,19 @@ pub(super) fn measure(
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared_views(scene, &part), || ());
-    let visible = sensitivities(&part, plate.as_ref(), &seen_views(subject), || ());
-    let uniform =
-        visible.as_ref().map(|(rows, footprint)| (vec![root_mean_square(rows); rows.len()], *footprint));
+    let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part), || ());
+    let equal = visible.as_ref().map(|(rows, footprint)| (equal_sensitivities(rows), *footprint));
     let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
-        code_knowing(&source, &LAYERS, target_db, visible.clone(), &judge, step)
+        code_knowing(&source, &LAYERS, target_db, visible.as_ref(), &judge, step)
             .map_err(|error| refused(scene, error))
     };
     let rate = |target_db: f64| {
         let coded = code(target_db, &visible)?;
-        let alike = code(target_db, &uniform)?;
+        let alike = code(target_db, &equal)?;
         Ok(CoderRate {
             gaussians: part.len(),
             target_db,
-            self_psnr_db: coded.psnr_db,
+            self_psnr_db: coded.fidelity.psnr_db,
             mbps: subject.mbps(coded.bytes.len()),
             bytes: coded.bytes.len(),
             bytes_per_gaussian: coded.bytes.len() as f64 / part.len() as f64,
@@ -84,15 +82,6 @@ pub(super) fn measure(
         })
     };
     TARGETS_DB.into_iter().map(rate).collect()
-}
-
-/// Root mean square of the rows, of which there is at least one.
-fn root_mean_square(rows: &[Sensitivity]) -> Sensitivity {
-    let of = |number: fn(&Sensitivity) -> f32| {
-        let squares: f64 = rows.iter().map(|row| f64::from(number(row)).powi(2)).sum();
-        (squares / rows.len() as f64).sqrt() as f32
-    };
-    Sensitivity { color: of(|row| row.color), geometry: of(|row| row.geometry) }
 }
 
 /// Sizes of a package by simpler coders. `alike` is the size with equal precision, which the caller has

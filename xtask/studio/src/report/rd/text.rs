@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
-use super::views::{INSTANTS, SIZE};
+use super::views::{COUNT, SIZE};
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
 use crate::report::plot::{LineChart, PlotLine, svg};
@@ -166,8 +166,8 @@ then also restores severed features, and uses the one with the highest PSNR. Amo
 the highest it uses the one that preserves more features.
 
 PSNR compares images of the decoded package with images of the unpruned field over black, because there is no ground
-truth here: {width}x{height}, {INSTANTS} instants (one if static), at instants or camera positions that neither the
-rankings nor the selection use. As in `package`, the coder's precision is chosen so that images of the decoded package
+truth here: {width}x{height}, {COUNT} views at most, from camera positions and at instants that neither the rankings nor the
+selection use. As in `package`, the coder's precision is chosen so that images of the decoded package
 reach {QUALITY_DB} dB against images of the Gaussians before coding. Topology is the fraction of the field's persistent
 features that the selected Gaussians preserve (the paper's rate, a recall): components of the density's superlevel sets
 on a grid of {} voxels along the longest axis, 26 neighbours, persistence above {} of the largest density, at

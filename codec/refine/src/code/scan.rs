@@ -1,0 +1,98 @@
+//! [`Scan`]: finds the coarsest of some precisions whose package meets a target PSNR, where the PSNR jumps.
+//!
+//! The precisions are the same for every target, tried from the coarsest on, first in large steps and then
+//! in small ones below the first that meets the target. So a higher target never gets a coarser precision.
+
+/// Coarsest precision in dB.
+const FIRST_DB: f64 = 20.0;
+
+/// Large steps in dB, their number, and the number of small ones in each.
+const STEP_DB: f64 = 2.0;
+const STEPS: usize = 70;
+const PARTS: usize = 10;
+
+/// Number of large steps without a change of the package after which no precision is finer.
+const UNCHANGED: usize = 3;
+
+/// A scan of precisions.
+#[derive(Debug, Default)]
+pub(super) struct Scan {
+    /// The large step to try, or just above the small ones to try.
+    step: usize,
+    /// The small step to try, once a large one has met the target.
+    part: Option<usize>,
+    is_done: bool,
+    bytes: usize,
+    unchanged: usize,
+}
+
+impl Scan {
+    /// Precision in dB of the next trial; `None` at the end of the scan. The last trial that met the target
+    /// is the result.
+    pub(super) fn next(&self) -> Option<f64> {
+        let whole = FIRST_DB + STEP_DB * self.step as f64;
+        let below = self.part.map_or(0, |part| PARTS - part) as f64 / PARTS as f64;
+        (!self.is_done).then_some(whole - STEP_DB * below)
+    }
+
+    /// Records whether the package of [`Scan::next`] meets the target, and its size.
+    pub(super) fn record(&mut self, is_met: bool, bytes: usize) {
+        match self.part {
+            // Below the coarsest precision there is none.
+            None if is_met => (self.part, self.is_done) = (Some(1), self.step == 0),
+            None => {
+                self.unchanged = if bytes == self.bytes { self.unchanged + 1 } else { 0 };
+                self.bytes = bytes;
+                self.step += 1;
+                self.is_done = self.step > STEPS || self.unchanged == UNCHANGED;
+            }
+            Some(part) => {
+                self.part = Some(part + 1);
+                self.is_done = is_met || part + 1 == PARTS;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The precision found for a target, and the number of trials.
+    fn scan(target_db: f64, psnr_of: impl Fn(f64) -> f64) -> (Option<f64>, usize) {
+        let (mut scan, mut found, mut trials) = (Scan::default(), None, 0);
+        while let Some(precision_db) = scan.next() {
+            let psnr_db = psnr_of(precision_db);
+            scan.record(psnr_db >= target_db, (100.0 * psnr_db) as usize);
+            if psnr_db >= target_db {
+                found = Some(precision_db);
+            }
+            trials += 1;
+        }
+        (found, trials)
+    }
+
+    #[test]
+    fn a_smooth_response_is_met_within_a_small_step() {
+        for target_db in [20.0, 33.3, 50.7, 80.0] {
+            let (found, _) = scan(target_db, |precision| precision - 4.0);
+            let excess = found.unwrap() - 4.0 - target_db;
+            assert!((0.0..0.21).contains(&excess), "{target_db}: {excess}");
+        }
+        assert_eq!(scan(20.0, |_| 30.0), (Some(20.0), 1));
+    }
+
+    #[test]
+    fn a_higher_target_never_gets_a_coarser_precision() {
+        let jumping = |precision: f64| precision + 8.0 * (precision * 12.3).sin();
+        let found: Vec<f64> =
+            (200..700).map(|target| scan(0.1 * f64::from(target), jumping).0.unwrap()).collect();
+        assert!(found.is_sorted(), "{found:?}");
+    }
+
+    #[test]
+    fn a_ceiling_ends_the_scan() {
+        let (found, trials) = scan(50.0, |precision| precision.min(40.0));
+        assert!(found.is_none() && trials < 30, "{trials}");
+    }
+}
