@@ -222,6 +222,11 @@ fn chunks_without_neighbours_make_a_smaller_package_of_version_2() {
     );
 
     // Where neighbours help, version 1 remains.
-    let bytes = package(&field(Shape::full(3_000), 3), None, &options(&[]));
+    let mut smooth = mixed(3_000);
+    for (i, (sh, scales)) in smooth.sh.iter_mut().zip(&mut smooth.log_scales).enumerate() {
+        let wave = (i as f32 * 0.003).sin();
+        (*sh, *scales) = ([wave; 3], [-1.0 + wave, -1.5 + wave, -2.0 + wave]);
+    }
+    let bytes = package(&smooth, None, &options(&[]));
     assert_eq!(contents(&bytes, &Limits::default()).unwrap().version_major, 1);
 }

@@ -86,6 +86,9 @@ pub fn code_knowing(
         return Ok(own);
     };
     let equal = (equal_sensitivities(rows), *footprint);
+    if equal.0 == *rows {
+        return Ok(own);
+    }
     let equal = code_at(source, layers, psnr_db, precision(Some(&equal)), judge, || ())?;
     Ok(match equal.is_better_than(&own) {
         true => equal,
@@ -169,20 +172,16 @@ impl Packager<'_> {
     /// Takes the coarsest precision of [`Scan`] that meets the target.
     fn scan(&self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Coded, CodeError> {
         let mut found: Option<Coded> = None;
-        let mut last = None;
-        let mut scan = Scan::default();
+        let mut scan = Scan::new(psnr_db);
         let mut trials = 0;
         while let Some(finer_db) = scan.next() {
             let (bytes, clip) = self.package(finer_db)?;
             let least = (psnr_db, psnr_db - WORST_BELOW_DB);
             let fidelity = self.judge.compare_at_least(&RenderScene::from(&clip), least);
-            scan.record(fidelity.is_some(), bytes.len());
-            match fidelity {
-                Some(fidelity) => {
-                    let miss = search::miss_of(&fidelity, psnr_db);
-                    found = Some(Coded { bytes, clip, fidelity, miss });
-                }
-                None => last = Some((bytes, clip)),
+            scan.record(fidelity.is_some());
+            if let Some(fidelity) = fidelity {
+                let miss = search::miss_of(&fidelity, psnr_db);
+                found = Some(Coded { bytes, clip, fidelity, miss });
             }
             trials += 1;
             if trials <= TRIALS {
@@ -190,11 +189,8 @@ impl Packager<'_> {
             }
         }
         (trials..TRIALS).for_each(|_| on_step());
-        Ok(found.unwrap_or_else(|| {
-            let (bytes, clip) = last.expect("a scan has at least one trial");
-            let fidelity = self.judge.compare(&RenderScene::from(&clip), || ());
-            Coded { bytes, clip, fidelity, miss: Some(Miss::Below) }
-        }))
+        // Out of reach, a search comes as close as any.
+        found.map_or_else(|| self.search(psnr_db, || ()), Ok)
     }
 }
 
