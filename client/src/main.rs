@@ -1,6 +1,5 @@
 //! The command line of the player.
 
-use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -12,15 +11,7 @@ fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     env_logger::Builder::from_env(quiet).init();
     let args = Args::parse();
-    // A panic is a defect: its message is printed, and the exit code is 1 as for all defects.
-    let Ok(result) = panic::catch_unwind(AssertUnwindSafe(|| run(&args))) else { return ExitCode::FAILURE };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(fault) => {
-            eprintln!("error: {fault}");
-            ExitCode::from(fault.exit_code())
-        }
-    }
+    program::run(|| run(&args), Fault::exit_code)
 }
 
 fn run(args: &Args) -> Result<(), Fault> {

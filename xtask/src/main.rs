@@ -1,29 +1,35 @@
-//! `cargo xtask`: the contributors' commands. All others are those of the host tool, `aarc-studio`, which is
-//! built if need be and takes this program's place.
+//! `cargo xtask`: the contributors' commands, and those of the host tool, `aarc-studio`, which is built if
+//! need be and takes this program's place.
 
 mod commands;
 mod setup;
 
+use std::env;
 use std::ffi::OsString;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use program::Fault;
 use xtask::workspace;
 
-/// The end of the long help: the host tool's commands, and examples.
+/// The host tool's commands, and what each does.
+const STUDIO: [(&str, &str); 10] = [
+    ("package", "Make a package from a fitted field, or from a capture"),
+    ("fit", "Fit a field to the photographs of a capture"),
+    ("depths", "Estimate depth maps with a network"),
+    ("inspect", "Show the contents of a package, and validate it"),
+    ("render", "Render images with the CPU reference (f64)"),
+    ("eval", "Compare a field, a package or pictures with photographs"),
+    ("report", "Write a page: error against run time, and only what a scene needs"),
+    ("export", "Write a clip or field in another format"),
+    ("synth", "Make procedural scenes and captures"),
+    ("serve", "Serve a folder over HTTP"),
+];
+
+/// The end of the help.
 const AFTER_HELP: &str = "\
-Commands of the host tool, aarc-studio; `cargo xtask COMMAND --help` has their options:
-  package  Make a package of a fitted field, or of a capture
-  fit      Fit a field to a capture
-  depths   Make depth maps with a network
-  inspect  List the contents of a package
-  render   Render images with the CPU reference (f64)
-  eval     Compare a field, a package or pictures with photographs
-  report   Write a page: error against run time, and only what a scene needs
-  export   Write other formats
-  synth    Make procedural data
-  serve    Serve a folder over HTTP
+The commands from package on are those of the host tool, aarc-studio, which is built first if need be;
+`cargo xtask COMMAND --help` has their options, `cargo xtask --version` prints the versions of the formats.
 
 Examples:
   cargo xtask demo
@@ -49,29 +55,46 @@ enum Command {
     Notices(commands::notices::Args),
     Picture(commands::picture::Args),
     Ci(commands::ci::Args),
-    #[command(external_subcommand)]
-    Studio(Vec<OsString>),
 }
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    let done = |()| ExitCode::SUCCESS;
-    let result = match Cli::parse().command {
-        Command::Demo(args) => commands::demo::run(&args).map(done),
-        Command::Bench(args) => commands::bench::run(&args).map(done),
-        Command::Test(args) => commands::test::run(&args).map(done),
-        Command::Apk(args) => commands::apk::run(&args).map(done),
-        Command::Notices(args) => commands::notices::run(&args).map(done),
-        Command::Picture(args) => commands::picture::run(&args).map(done),
-        Command::Ci(args) => commands::ci::run(&args).map(done),
-        Command::Studio(args) => hand_over(&args),
-    };
-    match result {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::from(error.downcast_ref::<Fault>().map_or(1, Fault::exit_code))
+    let args: Vec<OsString> = env::args_os().skip(1).collect();
+    if let Some(args) = for_studio(&args) {
+        return program::run(|| hand_over(&args), exit_code);
+    }
+    // The host tool's commands are listed and suggested as well.
+    let studio = STUDIO.map(|(name, about)| clap::Command::new(name).about(about));
+    let matches = Cli::command().subcommands(studio).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    program::run(|| cli.command.run(), exit_code)
+}
+
+impl Command {
+    fn run(&self) -> anyhow::Result<()> {
+        match self {
+            Command::Demo(args) => commands::demo::run(args),
+            Command::Bench(args) => commands::bench::run(args),
+            Command::Test(args) => commands::test::run(args),
+            Command::Apk(args) => commands::apk::run(args),
+            Command::Notices(args) => commands::notices::run(args),
+            Command::Picture(args) => commands::picture::run(args),
+            Command::Ci(args) => commands::ci::run(args),
         }
+    }
+}
+
+fn exit_code(error: &anyhow::Error) -> u8 {
+    error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
+}
+
+/// The host tool's arguments, if these are for it: one of its commands, help about one, or `--version`.
+fn for_studio(args: &[OsString]) -> Option<Vec<OsString>> {
+    let is_command = |arg: &OsString| STUDIO.iter().any(|(name, _)| arg == name);
+    match args {
+        [first, ..] if is_command(first) || first == "--version" => Some(args.to_vec()),
+        [help, name, ..] if help == "help" && is_command(name) => Some(vec![name.clone(), "--help".into()]),
+        _ => None,
     }
 }
 
@@ -79,7 +102,7 @@ fn main() -> ExitCode {
 ///
 /// # Errors
 /// [`Fault::Device`] where it cannot be built or run.
-fn hand_over(args: &[OsString]) -> anyhow::Result<ExitCode> {
+fn hand_over(args: &[OsString]) -> anyhow::Result<()> {
     // A report measures the optimised player that people use.
     let is_optimised = !cfg!(debug_assertions) || args[0] == "report";
     let profile = if is_optimised { "release" } else { "dev" };
@@ -91,5 +114,5 @@ fn hand_over(args: &[OsString]) -> anyhow::Result<ExitCode> {
     #[cfg(not(unix))]
     let status = studio.status();
     let status = status.map_err(|error| Fault::Device(format!("cannot run aarc-studio: {error}")))?;
-    Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
+    process::exit(status.code().unwrap_or(1))
 }

@@ -4,7 +4,7 @@
 //! tests share what they compile.
 
 use std::env;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -24,26 +24,57 @@ pub fn target_folder() -> PathBuf {
     root().join("target")
 }
 
-/// Folder of the OpenXR runtime for tests, which the set-up makes; complete, or absent.
+/// Folder of the OpenXR runtime for tests, which the set-up makes, like the folders below; complete, or absent.
 pub fn openxr_folder() -> PathBuf {
     target_folder().join("openxr")
 }
 
-/// Folder of the compiler that checks Android code, which the set-up makes; complete, or absent.
+/// Folder of the compiler that checks Android code.
 pub fn android_compiler_folder() -> PathBuf {
     target_folder().join("android-compiler")
 }
 
-/// Folder of the cluster scheduler for a test, which the set-up makes; complete, or absent.
+/// Folder of the cluster scheduler for a test.
 pub fn slurm_folder() -> PathBuf {
     target_folder().join("slurm")
 }
 
+/// Folder of a second Vulkan driver.
+pub fn swiftshader_folder() -> PathBuf {
+    target_folder().join("swiftshader")
+}
+
+/// Folder of emulators of other processors, with C compilers for them.
+pub fn foreign_folder() -> PathBuf {
+    target_folder().join("foreign")
+}
+
+/// Folder of ONNX Runtime.
+pub fn onnx_folder() -> PathBuf {
+    target_folder().join("onnx")
+}
+
+/// The library of ONNX Runtime, if the set-up got it.
+pub fn onnx_library() -> Option<PathBuf> {
+    let mut files = onnx_folder().join("onnxruntime/capi").read_dir().ok()?.flatten().map(|file| file.path());
+    files.find(|path| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("libonnxruntime.so"))
+    })
+}
+
+/// Variable with the password of the key that signs an APK.
+const PASSWORD: &str = "APK_KEYSTORE_PASSWORD";
+
 /// A Cargo command in the root of the repository: the Cargo that runs this program, or the one on PATH.
 pub fn cargo() -> Command {
-    let program = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
+    builder(env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")))
+}
+
+/// A command in the root of the repository that compiles, with an environment for build scripts.
+pub fn builder(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
-    command.current_dir(root());
+    // Only the packer, which is run after it was built, may know it.
+    command.current_dir(root()).env_remove(PASSWORD);
     // Cargo sets these for the programs it runs. Build scripts that depend on them would run again for
     // every calling program, and rebuild their dependents.
     let is_of_package = |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
@@ -62,7 +93,8 @@ pub fn studio(profile: &str) -> Result<Command, Fault> {
     if !target_folder().join(folder).join("aarc-studio").exists() {
         eprintln!("building the host tool, which takes minutes the first time");
     }
-    build_target("bin", "aarc-studio", profile, true).map(Command::new)
+    build_target(in_workspace().args(["--bin", "aarc-studio", "--quiet"]), "aarc-studio", profile)
+        .map(Command::new)
 }
 
 /// Builds a program of the workspace with [`FEATURES`] and returns the path of its executable. `profile` is
@@ -71,7 +103,7 @@ pub fn studio(profile: &str) -> Result<Command, Fault> {
 /// # Errors
 /// [`Fault::Device`] where Cargo cannot be run or cannot build the program.
 pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("bin", program, profile, false)
+    build_target(in_workspace().args(["--bin", program]), program, profile)
 }
 
 /// As [`build`], for an example: a program or a library to be loaded.
@@ -79,43 +111,59 @@ pub fn build(program: &str, profile: &str) -> Result<PathBuf, Fault> {
 /// # Errors
 /// As [`build`].
 pub fn build_example(name: &str, profile: &str) -> Result<PathBuf, Fault> {
-    build_target("example", name, profile, false)
+    build_target(in_workspace().args(["--example", name]), name, profile)
 }
 
-fn build_target(kind: &str, program: &str, profile: &str, is_quiet: bool) -> Result<PathBuf, Fault> {
-    let output = cargo()
-        .args(["build", "--workspace", "--features", FEATURES])
-        .args([&format!("--{kind}"), program, "--profile", profile])
-        .args(is_quiet.then_some("--quiet"))
-        .arg("--message-format=json-render-diagnostics")
+/// As [`build`], for the packer of APKs, which belongs to a workspace of its own.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_packer() -> Result<PathBuf, Fault> {
+    let mut build = cargo();
+    build.current_dir(root().join("xtask/apk")).args(["build", "--quiet", "--locked"]);
+    build_target(&mut build, "apk-packer", "dev")
+}
+
+fn in_workspace() -> Command {
+    let mut build = cargo();
+    build.args(["build", "--workspace", "--features", FEATURES]);
+    build
+}
+
+/// Runs a build command and returns the path of the program, or library, of the target `name`.
+fn build_target(build: &mut Command, name: &str, profile: &str) -> Result<PathBuf, Fault> {
+    let output = build
+        .args(["--profile", profile, "--message-format=json-render-diagnostics"])
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
         .output()
         .map_err(|error| Fault::Device(format!("cannot run cargo: {error}")))?;
     let executable = String::from_utf8_lossy(&output.stdout).lines().find_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
-        let is_program = message["target"]["name"] == program && message["target"]["kind"][0] == kind;
+        let target = &message["target"];
+        let is_program =
+            target["name"] == name && (target["kind"][0] == "bin" || target["kind"][0] == "example");
         let made = message["executable"].as_str().or(message["filenames"][0].as_str());
         made.filter(|_| is_program).map(PathBuf::from)
     });
     match executable {
         Some(path) if output.status.success() => Ok(path),
-        _ => Err(Fault::Device(format!("cargo could not build {program}; its messages are above"))),
+        _ => Err(Fault::Device(format!("cargo could not build {name}; its messages are above"))),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::ffi::OsStr;
-
     use super::*;
 
     #[test]
-    fn cargo_does_not_inherit_the_package_variables() {
+    fn builds_inherit_neither_the_package_variables_nor_the_password() {
         // Cargo sets CARGO_PKG_NAME for tests.
-        let is_removed =
-            |(name, value): (&OsStr, Option<&OsStr>)| name == "CARGO_PKG_NAME" && value.is_none();
-        assert!(cargo().get_envs().any(is_removed));
+        for variable in ["CARGO_PKG_NAME", PASSWORD] {
+            let command = cargo();
+            let mut removed = command.get_envs().filter(|(_, value)| value.is_none());
+            assert!(removed.any(|(name, _)| name == variable), "{variable}");
+        }
     }
 
     #[test]

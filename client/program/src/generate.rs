@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use clap::{Command, ValueEnum};
 use clap_complete::Shell;
+use clap_mangen::Man;
 
 use crate::Fault;
 
@@ -37,19 +38,43 @@ pub fn print(document: Generated, command: Command) -> Result<(), Fault> {
 
 /// The document, UTF-8 text.
 pub fn render(document: Generated, mut command: Command) -> Vec<u8> {
-    let mut text = Vec::new();
     let shell = match document {
-        Generated::Man => {
-            clap_mangen::Man::new(command).render(&mut text).expect("a vector accepts all writes");
-            return text;
-        }
+        Generated::Man => return man_page(command).expect("a vector accepts all writes"),
         Generated::Bash => Shell::Bash,
         Generated::Elvish => Shell::Elvish,
         Generated::Fish => Shell::Fish,
         Generated::PowerShell => Shell::PowerShell,
         Generated::Zsh => Shell::Zsh,
     };
+    let mut text = Vec::new();
     let name = command.get_name().to_owned();
     clap_complete::generate(shell, &mut command, name, &mut text);
     text
+}
+
+/// The manual page: one for the program and all its commands, so that one file holds every option.
+fn man_page(mut command: Command) -> io::Result<Vec<u8>> {
+    // Gives each command its full name, for the synopsis.
+    command.build();
+    let page = Man::new(command.clone());
+    let mut text = Vec::new();
+    page.render_title(&mut text)?;
+    page.render_name_section(&mut text)?;
+    page.render_synopsis_section(&mut text)?;
+    page.render_description_section(&mut text)?;
+    page.render_options_section(&mut text)?;
+    for command in command.get_subcommands().filter(|command| command.get_name() != "help") {
+        let page = Man::new(command.clone());
+        let mut section = Vec::new();
+        page.render_synopsis_section(&mut section)?;
+        page.render_description_section(&mut section)?;
+        page.render_options_section(&mut section)?;
+        writeln!(text, ".SH {}", command.get_name().to_uppercase())?;
+        // The sections of a command are subsections of the page.
+        let section = String::from_utf8(section).expect("roff of text is text");
+        text.extend(section.replace("\n.SH ", "\n.SS ").bytes());
+    }
+    page.render_extra_section(&mut text)?;
+    page.render_version_section(&mut text)?;
+    Ok(text)
 }

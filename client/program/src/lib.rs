@@ -1,6 +1,6 @@
-//! What the player and the host tool share: [`Fault`] with its exit code, [`output`] files written
-//! completely or not at all, and the man page and completions that `generate` renders from a command
-//! line.
+//! What the programs share: [`Fault`] with its exit code, `run`, which ends a program with it, [`output`]
+//! files written completely or not at all, and the man page and completions that `generate` renders from
+//! a command line.
 
 #![forbid(unsafe_code)]
 
@@ -8,8 +8,12 @@ mod fault;
 #[cfg(not(target_os = "android"))]
 pub mod generate;
 pub mod output;
+#[cfg(not(target_os = "android"))]
+mod run;
 
 pub use fault::Fault;
+#[cfg(not(target_os = "android"))]
+pub use run::run;
 
 /// Ends the program silently when the reader of its output stops, as `head` does. Rust's default would
 /// make that a panic in `println!`.

@@ -1,10 +1,12 @@
 //! Output files, written completely or not at all.
 //!
 //! A file is written under a temporary name in its folder and then renamed. Its path never holds an
-//! incomplete file, and a file that was there before stays until the new one is complete.
+//! incomplete file, and a file that was there before stays until the new one is complete. Links are
+//! followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
 
-use std::io::Write;
-use std::path::Path;
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use tempfile::{Builder, NamedTempFile};
@@ -16,7 +18,8 @@ use crate::Fault;
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn check(path: &Path) -> Result<(), Fault> {
-    temporary(path).map(drop)
+    // Opening a pipe would wait for its reader.
+    if is_special(path) { Ok(()) } else { temporary(path).map(drop) }
 }
 
 /// Checks before any work is done that [`make_folder`] can create the folder `path` and that files can be
@@ -26,13 +29,13 @@ pub fn check(path: &Path) -> Result<(), Fault> {
 /// [`Fault::Usage`] with the path and the reason.
 pub fn check_folder(path: &Path) -> Result<(), Fault> {
     match path.ancestors().find(|folder| folder.exists()) {
-        Some(folder) if folder.is_dir() => temporary(&folder.join("file")).map(drop),
+        Some(folder) if folder.is_dir() => temporary_in(folder, path).map(drop),
         Some(file) => Err(Fault::Usage(format!(
             "cannot write to the folder {}: {} is a file",
             path.display(),
             file.display()
         ))),
-        None => temporary(Path::new("file")).map(drop),
+        None => temporary_in(Path::new("."), path).map(drop),
     }
 }
 
@@ -50,9 +53,13 @@ pub fn make_folder(path: &Path) -> Result<(), Fault> {
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
-    let mut file = temporary(path)?;
+    if is_special(path) {
+        let open = OpenOptions::new().write(true).open(path);
+        return open.and_then(|mut file| file.write_all(bytes)).map_err(|error| cannot_write(path, error));
+    }
+    let (mut file, target) = temporary(path)?;
     file.write_all(bytes).map_err(|error| cannot_write(path, error))?;
-    file.persist(path).map_err(|error| cannot_write(path, error.error))?;
+    file.persist(target).map_err(|error| cannot_write(path, error.error))?;
     Ok(())
 }
 
@@ -68,15 +75,27 @@ pub fn write_png(path: &Path, rgb: &[u8], (width, height): (u32, u32)) -> Result
     write(path, &png)
 }
 
-/// An empty file in the folder of `path`. Dropping it removes it.
-fn temporary(path: &Path) -> Result<NamedTempFile, Fault> {
-    if path.is_dir() || path.file_name().is_none() {
+/// Whether `path` leads to something that is neither a file nor a folder: a device, a pipe, a socket.
+fn is_special(path: &Path) -> bool {
+    path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())
+}
+
+/// An empty file, and the path at the end of the links from `path`, in whose folder it is. Dropping the file
+/// removes it.
+fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
+    let target = end_of_links(path).map_err(|error| cannot_write(path, error))?;
+    if target.is_dir() || target.file_name().is_none() {
         return Err(cannot_write(path, "it is a folder, name a file"));
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
     }
+    Ok((temporary_in(folder, path)?, target))
+}
+
+/// An empty file in the folder, for an output at `path`.
+fn temporary_in(folder: &Path, path: &Path) -> Result<NamedTempFile, Fault> {
     let mut builder = Builder::new();
     #[cfg(unix)]
     {
@@ -85,6 +104,20 @@ fn temporary(path: &Path) -> Result<NamedTempFile, Fault> {
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, error))
+}
+
+/// The path that `path` leads to by links, whether or not there is something.
+fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+    // As many as Linux follows.
+    const LINKS_MAX: usize = 40;
+    let mut end = path.to_owned();
+    for _ in 0..LINKS_MAX {
+        match end.read_link() {
+            Ok(target) => end = end.parent().unwrap_or(Path::new("")).join(target),
+            Err(_) => return Ok(end),
+        }
+    }
+    Err(io::Error::other("its links go round in a circle"))
 }
 
 fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {
@@ -104,6 +137,51 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_stay() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("elsewhere")).unwrap();
+        write(&path("elsewhere/old"), b"old").unwrap();
+        symlink("elsewhere/old", path("direct")).unwrap();
+        symlink("direct", path("indirect")).unwrap();
+        symlink(path("elsewhere/absent"), path("dangling")).unwrap();
+        for (link, file) in [("indirect", "elsewhere/old"), ("dangling", "elsewhere/absent")] {
+            check(&path(link)).unwrap();
+            write(&path(link), b"new").unwrap();
+            assert!(path(link).is_symlink() && path("direct").is_symlink(), "{link}");
+            assert_eq!(std::fs::read(path(file)).unwrap(), b"new");
+            assert!(!path(file).is_symlink());
+        }
+        assert_eq!(std::fs::read_dir(path("elsewhere")).unwrap().count(), 2);
+        symlink("circle", path("circle")).unwrap();
+        assert!(matches!(write(&path("circle"), b""), Err(Fault::Usage(_))));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_written_to_and_stays() {
+        use std::os::unix::fs::{FileTypeExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [pipe, link] = ["pipe", "link"].map(|name| folder.path().join(name));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        symlink(&pipe, &link).unwrap();
+        for path in [&pipe, &link] {
+            check(path).unwrap();
+            let reader = std::thread::spawn({
+                let pipe = pipe.clone();
+                move || std::fs::read(pipe)
+            });
+            write(path, b"numbers").unwrap();
+            assert!(pipe.symlink_metadata().unwrap().file_type().is_fifo());
+            assert_eq!(reader.join().unwrap().unwrap(), b"numbers");
+        }
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

@@ -424,10 +424,21 @@ fn xtask_hands_over() -> Result<(), String> {
             return Err(format!("{command} is missing in:\n{help}"));
         }
     }
-    let line = "inspect clip.aarc --json";
-    let expected = workshop.run(studio(), line).success().stdout;
-    if workshop.run(&xtask, line).success().stdout != expected {
-        return Err(format!("{line} differs from aarc-studio's"));
+    for (line, handed_over) in [
+        ("inspect clip.aarc --json", "inspect clip.aarc --json"),
+        ("help inspect", "inspect --help"),
+        ("--version", "--version"),
+    ] {
+        let expected = workshop.run(studio(), handed_over).success().stdout;
+        if workshop.run(&xtask, line).success().stdout != expected {
+            return Err(format!("{line} differs from aarc-studio {handed_over}"));
+        }
+    }
+    // A mistyped command is refused before anything is built.
+    let mut mistyped = workshop.folder.command(&xtask, "pakcage field.ply");
+    let outcome = run(mistyped.env("CARGO", workshop.path("no-cargo")));
+    if outcome.code != Some(USAGE) || !outcome.stderr.contains("'package'") {
+        return Err(format!("{outcome:#?}"));
     }
     workshop.refuses(&xtask, "inspect missing.aarc", DATA, "missing.aarc")
 }

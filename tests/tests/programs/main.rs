@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use aarc_tests::gpu;
 
+mod apk;
 mod cli;
 mod faults;
 mod job_array;
@@ -16,6 +17,7 @@ fn main() -> ExitCode {
     gpu::run([
         // First, because it takes longest and mostly waits.
         ("job_array", job_array::trials()),
+        ("apk", apk::trials()),
         ("cli", cli::trials()),
         ("faults", faults::trials()),
         ("net_programs", net_programs::trials()),

@@ -3,6 +3,8 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Barrier;
+use std::thread;
 
 use apk::prelude::*;
 use apk_packer::identity::for_debugging;
@@ -127,6 +129,37 @@ fn the_apk_is_signed_aligned_and_complete() {
     place("assets/NOTICES.txt");
     let bytes = fs::read(workshop.path("a.apk")).unwrap();
     assert!(bytes.windows(CLIP.len()).any(|window| window == CLIP), "the clip is stored uncompressed");
+}
+
+#[test]
+fn first_runs_at_the_same_time_share_one_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("key.pem");
+    let start = Barrier::new(4);
+    let used = || {
+        start.wait();
+        for_debugging(&path).unwrap().certificate().sha256_fingerprint()
+    };
+    let all: Vec<_> = thread::scope(|scope| {
+        let runs: Vec<_> = (0..4).map(|_| scope.spawn(used)).collect();
+        runs.into_iter().map(|run| run.join().unwrap()).collect()
+    });
+    let kept = for_debugging(&path).unwrap().certificate().sha256_fingerprint();
+    assert!(all.iter().all(|used| *used == kept));
+    assert_eq!(folder.path().read_dir().unwrap().count(), 1, "nothing else is left");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_key_behind_a_link_is_never_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let [link, key] = ["link.pem", "key.pem"].map(|name| folder.path().join(name));
+    std::os::unix::fs::symlink(&key, &link).unwrap();
+    let error = for_debugging(&link).unwrap_err().to_string();
+    assert!(error.contains("link.pem: a link to nothing"), "{error}");
+    assert!(link.is_symlink() && !key.exists());
+    let made = for_debugging(&key).unwrap().certificate().sha256_fingerprint();
+    assert_eq!(for_debugging(&link).unwrap().certificate().sha256_fingerprint(), made);
 }
 
 #[test]

@@ -47,7 +47,8 @@ android-jni-wrappers; their notices are at https://github.com/KhronosGroup/OpenX
 /// Build the player as a signed APK for headsets.
 ///
 /// APK_KEYSTORE names the keystore to sign with (.p12 or .jks with one key), APK_KEYSTORE_PASSWORD holds
-/// its password. Without them a debug key signs, made on first use and stored in android/debug-key.pem.
+/// its password, which only the packer sees. Without them a debug key signs, made on first use and stored in
+/// android/debug-key.pem.
 /// Android installs an update only if the same key signed it.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -204,12 +205,9 @@ fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
 /// Runs the packer.
 fn pack(library: &Path, loader: &Path, notices: &Path, out: &Path) -> anyhow::Result<()> {
     let root = workspace::root();
-    let out = env::current_dir()?.join(out);
-    let mut packer = workspace::cargo();
+    let mut packer = Command::new(workspace::build_packer()?);
     packer
-        .current_dir(root.join("xtask/apk"))
-        .args(["run", "--quiet", "--locked", "--", "--app-version", env!("CARGO_PKG_VERSION")])
-        .arg("--manifest")
+        .args(["--app-version", env!("CARGO_PKG_VERSION"), "--manifest"])
         .arg(root.join("android/AndroidManifest.xml"))
         .arg("--icon")
         .arg(root.join("android/icon.png"))
@@ -222,12 +220,12 @@ fn pack(library: &Path, loader: &Path, notices: &Path, out: &Path) -> anyhow::Re
         .arg("--notices")
         .arg(notices)
         .arg("--out")
-        .arg(&out);
+        .arg(out);
     match env::var_os("APK_KEYSTORE") {
         Some(keystore) => packer.arg("--keystore").arg(keystore),
         None => packer.arg("--debug-key").arg(root.join("android/debug-key.pem")),
     };
-    let status = packer.stdin(Stdio::null()).status().context("cannot run cargo")?;
+    let status = packer.stdin(Stdio::null()).status().context("cannot run the packer")?;
     if !status.success() {
         return Err(Fault::Data("the APK could not be packed; the packer's message is above".into()).into());
     }

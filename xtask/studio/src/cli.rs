@@ -1,6 +1,5 @@
 //! The command line of `aarc-studio`; `cargo xtask` hands these commands over.
 
-use std::process::ExitCode;
 use std::sync::LazyLock;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -102,11 +101,9 @@ impl Command {
     }
 }
 
-/// Prints the error of a command, if any, and returns its exit code.
-pub fn exit_code(result: anyhow::Result<()>) -> ExitCode {
-    let Err(error) = result else { return ExitCode::SUCCESS };
-    eprintln!("error: {error:#}");
-    ExitCode::from(error.downcast_ref::<Fault>().map_or(1, Fault::exit_code))
+/// The exit code for the error of a command.
+pub fn exit_code(error: &anyhow::Error) -> u8 {
+    error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
 }
 
 #[cfg(test)]
@@ -122,6 +119,24 @@ mod tests {
             for command in Cli::command().get_subcommands() {
                 let name = command.get_name();
                 assert!(text.contains(name), "{document:?} lacks {name}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_man_page_has_every_option_of_every_command() {
+        let page = String::from_utf8(generate::render(Generated::Man, Cli::command())).expect("text");
+        // Roff escapes hyphens.
+        let page = page.replace("\\-", "-");
+        for command in Cli::command().get_subcommands() {
+            let heading = format!(".SH {}\n", command.get_name().to_uppercase());
+            let section = page.split(&heading).nth(1).expect(&heading);
+            let section = section.split("\n.SH ").next().unwrap_or_default();
+            assert!(section.contains(&format!("aarc-studio {}", command.get_name())), "{section}");
+            // The synopsis names them, too.
+            let (_, options) = section.split_once("\n.SS OPTIONS\n").expect("a list of options");
+            for option in command.get_arguments().filter_map(|argument| argument.get_long()) {
+                assert!(options.contains(&format!("--{option}")), "{heading}{option} is missing");
             }
         }
     }

@@ -12,5 +12,6 @@ static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    cli::exit_code(Cli::parse().run())
+    let cli = Cli::parse();
+    program::run(|| cli.run(), cli::exit_code)
 }

@@ -3,10 +3,14 @@
 //! One request per connection, one thread per connection: enough for a few players; for
 //! the public use any static host. It answers as those do: versions (`ETag`), parts
 //! (`Range`), conditions (`If-None-Match`, `If-Range`), after RFC 9110.
+//!
+//! A web page that a browser on this network shows may give its own name the address of this server, and
+//! so read what it serves (DNS rebinding). Such requests carry the page's name in `Host`: only addresses
+//! and `localhost` are answered.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -21,13 +25,17 @@ const REQUEST_BYTES: u64 = 16 << 10;
 /// Bytes per write.
 const PIECE_BYTES: usize = 16 << 10;
 
-/// Timeout of a client.
+/// Time for a request to arrive, and for a client to take the next piece.
 const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Maximum number of connections at once.
+const CONNECTIONS_MAX: usize = 64;
 
 /// Serve the files of a folder over HTTP, to try URLs. For the public, use any static host.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder; all of it is readable for everyone who reaches the address
+    /// The folder; all of it, but nothing that links lead to outside, is readable for everyone who reaches the
+    /// address
     folder: PathBuf,
     /// Where to listen: 0.0.0.0:8000 for the whole network, a headset for one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8000")]
@@ -38,32 +46,56 @@ pub struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let folder = &args.folder;
-    if !folder.is_dir() {
-        return Err(Fault::Data(format!("{}: not a folder", folder.display())).into());
-    }
+    let folder = args.folder.canonicalize().ok().filter(|folder| folder.is_dir());
+    let folder = folder.ok_or_else(|| Fault::Data(format!("{}: not a folder", args.folder.display())))?;
     let listener = TcpListener::bind(args.address)
         .map_err(|error| Fault::Usage(format!("cannot listen on {}: {error}", args.address)))?;
-    println!("{}: http://{}/, until Ctrl-C", folder.display(), listener.local_addr()?);
-    let folder: Arc<Path> = folder.as_path().into();
-    let bytes_per_s = args.mbit.map(|mbit| mbit * 1e6 / 8.0);
+    println!("{}: http://{}/, until Ctrl-C", args.folder.display(), listener.local_addr()?);
+    serve(&listener, &folder.into(), args.mbit.map(|mbit| mbit * 1e6 / 8.0));
+    Ok(())
+}
+
+/// Answers connections, each in a thread, as long as the listener accepts.
+fn serve(listener: &TcpListener, folder: &Arc<Path>, bytes_per_s: Option<f64>) {
     for stream in listener.incoming() {
+        // Each connection's thread has a copy.
         let folder = folder.clone();
+        let is_crowded = Arc::strong_count(&folder) > 1 + CONNECTIONS_MAX;
         let serve = move |stream: TcpStream| -> std::io::Result<()> {
-            stream.set_read_timeout(Some(PATIENCE))?;
             stream.set_write_timeout(Some(PATIENCE))?;
-            let Some(request) = Request::read(&stream) else { return Ok(()) };
+            let Some(request) = Request::read(Limited { stream: &stream, end: Instant::now() + PATIENCE })
+            else {
+                return Reply::empty("400 Bad Request").send(&stream, None);
+            };
             let reply = answer(&request, &folder);
             println!("{} {} {}", reply.status, request.method.escape_debug(), request.path.escape_debug());
             reply.send(&stream, bytes_per_s)
         };
+        let started = stream.and_then(|stream| match is_crowded {
+            true => Reply::empty("503 Service Unavailable").send(&stream, None),
+            false => thread::Builder::new().spawn(move || drop(serve(stream))).map(drop),
+        });
         // A client that went away is no news; nor is one that the system has no thread for, or no file.
-        let started = stream.and_then(|stream| thread::Builder::new().spawn(move || drop(serve(stream))));
         if started.is_err() {
             thread::sleep(Duration::from_millis(100));
         }
     }
-    Ok(())
+}
+
+/// Reads from a client until a moment, however many pieces come.
+struct Limited<'a> {
+    stream: &'a TcpStream,
+    end: Instant,
+}
+
+impl Read for Limited<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let left = self.end.saturating_duration_since(Instant::now());
+        // No timeout is zero: that would be none.
+        self.stream.set_read_timeout(Some(left.max(Duration::from_millis(1))))?;
+        let mut stream = self.stream;
+        stream.read(bytes)
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -79,6 +111,8 @@ struct Request {
     method: String,
     /// Without the query.
     path: String,
+    /// Name or address, and port, by which the client reaches the server.
+    host: Option<String>,
     range: Option<String>,
     if_range: Option<String>,
     if_none_match: Option<String>,
@@ -97,6 +131,7 @@ impl Request {
         for line in lines.take_while(|line| !line.is_empty()) {
             let (name, value) = line.split_once(':')?;
             let field = match name.to_ascii_lowercase().as_str() {
+                "host" => &mut request.host,
                 "range" => &mut request.range,
                 "if-range" => &mut request.if_range,
                 "if-none-match" => &mut request.if_none_match,
@@ -150,6 +185,9 @@ impl Reply {
 
 /// The answer to a request for a file in `folder`.
 fn answer(request: &Request, folder: &Path) -> Reply {
+    if !request.host.as_deref().is_some_and(is_own_host) {
+        return Reply::empty("421 Misdirected Request");
+    }
     if !matches!(request.method.as_str(), "GET" | "HEAD") {
         return Reply::empty("405 Method Not Allowed");
     }
@@ -189,11 +227,26 @@ fn answer(request: &Request, folder: &Path) -> Reply {
     Reply { status, headers, body: (request.method == "GET").then_some((file, part)) }
 }
 
-/// The file at the path of a request; `None` if it may lie outside the folder.
+/// Whether the value of `Host` is an address or `localhost`, with a port or without: nobody can give those
+/// names to another server.
+fn is_own_host(host: &str) -> bool {
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let inside_brackets = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+    name.eq_ignore_ascii_case("localhost")
+        || name.parse::<Ipv4Addr>().is_ok()
+        || inside_brackets.is_some_and(|name| name.parse::<Ipv6Addr>().is_ok())
+}
+
+/// The file at the path of a request; `None` if it lies outside the folder, a canonical path, also by a
+/// link.
 fn file_path(path: &str, folder: &Path) -> Option<PathBuf> {
     let decoded = percent_decoded(path.strip_prefix('/')?)?;
     let inside = Path::new(&decoded).components().all(|part| matches!(part, Component::Normal(_)));
-    inside.then(|| folder.join(decoded))
+    let path = inside.then(|| folder.join(decoded))?.canonicalize().ok()?;
+    path.starts_with(folder).then_some(path)
 }
 
 /// Decodes percent-encoded bytes.
@@ -229,7 +282,8 @@ mod tests {
     use super::*;
 
     fn get(path: &str) -> Request {
-        Request { method: "GET".into(), path: path.into(), ..Request::default() }
+        let host = Some("127.0.0.1:8000".into());
+        Request { method: "GET".into(), path: path.into(), host, ..Request::default() }
     }
 
     /// What a client sees: the head and the body.
@@ -301,9 +355,93 @@ mod tests {
         assert_eq!(answer(&post, &inside).status, "405 Method Not Allowed");
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn links_inside_the_folder_are_followed_and_others_are_not() {
+        use std::os::unix::fs::symlink;
+        let folder = folder();
+        let inside = folder.path().join("in");
+        std::fs::write(folder.path().join("secret"), "").unwrap();
+        symlink("a b.aarc", inside.join("latest")).unwrap();
+        symlink("../secret", inside.join("file")).unwrap();
+        symlink("..", inside.join("folder")).unwrap();
+        assert_eq!(answer(&get("/latest"), &inside).status, "200 OK");
+        for path in ["/file", "/folder/secret", "/folder/in/../secret"] {
+            assert_eq!(answer(&get(path), &inside).status, "404 Not Found", "{path}");
+        }
+        // A link back into the folder stays inside.
+        assert_eq!(answer(&get("/folder/in/latest"), &inside).status, "200 OK");
+    }
+
+    #[test]
+    fn names_of_other_servers_are_refused() {
+        let folder = folder();
+        let status = |host: Option<&str>| {
+            let request = Request { host: host.map(str::to_owned), ..get("/in/a%20b.aarc") };
+            answer(&request, folder.path()).status
+        };
+        for host in ["127.0.0.1", "192.168.1.5:8000", "localhost", "LocalHost:80", "[::1]:8000", "[fe80::1]"]
+        {
+            assert_eq!(status(Some(host)), "200 OK", "{host}");
+        }
+        for host in
+            ["example.org", "example.org:8000", "localhost.example.org", "", ":", "127.0.0.1.nip.io", "::1"]
+        {
+            assert_eq!(status(Some(host)), "421 Misdirected Request", "{host}");
+        }
+        assert_eq!(status(None), "421 Misdirected Request");
+    }
+
+    #[test]
+    fn connections_have_a_limit_and_make_room_for_others() {
+        let folder = folder();
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let shared: Arc<Path> = folder.path().canonicalize().unwrap().into();
+        // Ends with the test program.
+        thread::spawn(move || serve(&listener, &shared, None));
+        let reply = || {
+            let mut stream = TcpStream::connect(address).unwrap();
+            // The server may close the connection before it has read the request.
+            let _ = write!(stream, "GET /in/a%20b.aarc HTTP/1.1\r\nHost: {address}\r\n\r\n");
+            let mut text = Vec::new();
+            let _ = stream.read_to_end(&mut text);
+            String::from_utf8_lossy(&text).into_owned()
+        };
+        assert!(reply().starts_with("HTTP/1.1 200 OK"));
+        let silent: Vec<_> = (0..CONNECTIONS_MAX).map(|_| TcpStream::connect(address).unwrap()).collect();
+        // One thread accepts all: it has accepted those before.
+        let crowded = reply();
+        assert!(!crowded.contains("200 OK"), "{crowded}");
+        drop(silent);
+        let start = Instant::now();
+        while !reply().starts_with("HTTP/1.1 200 OK") {
+            assert!(start.elapsed() < PATIENCE, "the places are not given back");
+            thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    #[test]
+    fn a_request_has_to_arrive_in_time() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut slow = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (stream, _) = listener.accept().unwrap();
+        let start = Instant::now();
+        let patience = Duration::from_millis(300);
+        let sender = thread::spawn(move || {
+            while start.elapsed() < 10 * patience && slow.write_all(b"G").is_ok() {
+                thread::sleep(patience / 10);
+            }
+        });
+        assert_eq!(Request::read(Limited { stream: &stream, end: start + patience }), None);
+        assert!(start.elapsed() < 5 * patience, "{:?}", start.elapsed());
+        drop(stream);
+        sender.join().unwrap();
+    }
+
     #[test]
     fn requests_are_read_and_nonsense_is_not() {
-        let text = b"GET /a?b HTTP/1.1\r\nHost: x\r\nRANGE: bytes=1-\r\n\r\n";
+        let text = b"GET /a?b HTTP/1.1\r\nHost: 127.0.0.1:8000\r\nRANGE: bytes=1-\r\n\r\n";
         assert_eq!(Request::read(&text[..]), Some(Request { range: Some("bytes=1-".into()), ..get("/a") }));
         for text in
             [&b""[..], b"GET", b"GET /", b"GET / SMTP\r\n\r\n", b"GET / HTTP/1.1\r\nx\r\n\r\n", b"\xff\xff"]
