@@ -1,14 +1,19 @@
 //! What the player and the host tool share: [`Fault`] with its exit code, [`output`] files written
-//! completely or not at all, and the man page and completions that `generate` renders from a command
-//! line.
+//! completely or not at all, [`images`] of a run, camera files, and the man page and completions that
+//! `generate` renders from a command line.
 
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "camera")]
+mod camera;
 mod fault;
 #[cfg(not(target_os = "android"))]
 pub mod generate;
+pub mod images;
 pub mod output;
 
+#[cfg(feature = "camera")]
+pub use camera::read_camera;
 pub use fault::Fault;
 
 /// Ends the program silently when the reader of its output stops, as `head` does. Rust's default would

@@ -23,7 +23,7 @@ pub(crate) struct ClipController<T: ClipTarget> {
 
 impl<T: ClipTarget> ClipController<T> {
     /// Starts the loader. `wake` is called from its thread whenever [`ClipController::poll`] may have a
-    /// change. In a `cyclic` playlist the first clip follows the last.
+    /// change. In a `cyclic` playlist the first clip follows the last, and the next one is always held ready.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
@@ -110,6 +110,13 @@ impl<T: ClipTarget> ClipController<T> {
         }
         let is_over = player.overrun_s().is_some() && player.is_playing();
         if is_over || self.state.skip_requested() { self.follow() } else { None }
+    }
+
+    /// Asks for the next clip of the playlist ahead of [`ClipController::follow`].
+    #[cfg(not(target_os = "android"))]
+    pub(crate) fn prefetch(&mut self) {
+        self.state.prefetch();
+        self.send_request();
     }
 
     /// Goes to the next clip of the playlist if it is ready; else playback is blocked on it.
