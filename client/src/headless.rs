@@ -14,7 +14,8 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, printable,
+    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, redacted,
+    too_few_layers,
 };
 use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
@@ -250,17 +251,17 @@ impl ClipTarget for HeadlessTarget {
 }
 
 fn named(fault: Fault, entry: &Entry) -> Fault {
-    fault.about(&printable(entry.name.as_deref().unwrap_or_default()))
+    fault.about(&redacted(entry.name.as_deref().unwrap_or_default()))
 }
 
 /// Renders a playlist, its clips one after the other. Reports and skips clips that cannot be loaded or
 /// rendered.
 fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fault> {
     if args.stats.is_some() {
-        return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
+        return Err(Fault::Usage("--stats are of one clip, not of a playlist: name a clip of it".into()));
     }
     let mut reporter = Reporter::new();
-    let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
+    let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
     clips.open(Some(list.into()));
     clips.set_target(HeadlessTarget { args: args.clone() });
@@ -321,7 +322,7 @@ impl PlaylistRun<'_> {
         if self.last.is_none() {
             let times = times(self.args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
-                return Err(Fault::Usage(format!("time {time} s is before the start")));
+                return Err(Fault::Usage(format!("time {time} s is before the start: give 0 or later")));
             }
             self.pending = times.into_iter().enumerate().collect();
         }
@@ -410,7 +411,7 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |event| {
+    let clip = clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(None, |event| {
         if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
@@ -437,9 +438,10 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
     // Half a captured frame beyond the end is the end: times in text are rounded.
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
-        Some(time) => {
-            Err(Fault::Usage(format!("time {time} s is outside the clip, which lasts {duration} s")))
-        }
+        Some(time) => Err(Fault::Usage(format!(
+            "time {time} s is outside the clip: give 0 to {} s",
+            (duration * 1e3).round() / 1e3
+        ))),
         None => Ok(()),
     }
 }
@@ -478,9 +480,7 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
 pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
-        Some(layers) if layers > clip.layers.len() => {
-            Err(Fault::Usage(format!("--layer {layers}: the clip has {} layers", clip.layers.len())))
-        }
+        Some(layers) if layers > clip.layers.len() => Err(too_few_layers(layers, "the clip", clip)),
         _ => Ok(settings),
     }
 }

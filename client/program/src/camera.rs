@@ -4,7 +4,7 @@ use std::path::Path;
 
 use codec::Camera;
 
-use crate::Fault;
+use crate::{Fault, read_error};
 
 /// Reads a camera file: JSON with `width`, `height`, `K` (3x3) and `world_to_camera` (4x4).
 ///
@@ -12,7 +12,7 @@ use crate::Fault;
 /// [`Fault::Data`] with the path and the reason.
 pub fn read_camera(path: &Path) -> Result<Camera, Fault> {
     let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
+    let text = std::fs::read_to_string(path).map_err(|error| fault(read_error(&error)))?;
     let camera: Camera = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
     camera.check().map_err(fault)?;
     Ok(camera)

@@ -1,4 +1,4 @@
-//! What the player and the host tool share: [`Fault`] with its exit code, [`output`] files written
+//! What the player and the host tool share: [`Fault`] with its exit code, how a command line is parsed, [`output`] files written
 //! completely or not at all, [`images`] of a run, camera files, and the man page and completions that
 //! `generate` renders from a command line.
 
@@ -11,10 +11,16 @@ mod fault;
 pub mod generate;
 pub mod images;
 pub mod output;
+mod text;
+mod usage;
 
 #[cfg(feature = "camera")]
 pub use camera::read_camera;
 pub use fault::Fault;
+pub use text::{counted, read_error};
+#[cfg(not(target_os = "android"))]
+pub use usage::parse;
+pub use usage::usage_line;
 
 /// Ends the program silently when the reader of its output stops, as `head` does. Rust's default would
 /// make that a panic in `println!`.

@@ -364,7 +364,7 @@ mod tests {
     type State = QueueState<&'static str>;
 
     fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
-        let entry = Entry { number, name: Some(number.to_string()) };
+        let entry = Entry { number, name: Some(number.to_string()), from_public: false };
         LoadEvent::Clip(Version { entry, is_first, clip })
     }
 
@@ -373,7 +373,7 @@ mod tests {
     }
 
     fn queue(count: usize) -> Queue {
-        Queue::new((0..count).map(|number| number.to_string()).collect())
+        Queue::new((0..count).map(|number| number.to_string()).collect(), false)
     }
 
     /// A change in short.

@@ -2,7 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use studio::cli::{self, Cli};
 
 /// Counts the heap for the stability suite.
@@ -12,5 +11,8 @@ static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    cli::exit_code(Cli::parse().run())
+    match program::parse::<Cli>() {
+        Ok(cli) => cli::exit_code(cli.run()),
+        Err(code) => code,
+    }
 }
