@@ -154,12 +154,10 @@ mod tests {
     fn a_stereo_pair_is_apart_and_has_parallax() {
         let camera = camera();
         let [left, right] = camera.stereo_pair(0.25);
-        let center = camera.position();
-        for axis in 0..3 {
-            let (l, r) = (left.position()[axis], right.position()[axis]);
-            assert!((0.5 * (l + r) - center[axis]).abs() < 1e-12);
-        }
-        assert!((norm(sub(left.position(), right.position())) - 0.25).abs() < 1e-12);
+        let [l, r] = [left.position(), right.position()];
+        let center = [0, 1, 2].map(|axis| 0.5 * (l[axis] + r[axis]));
+        assert!(norm(sub(center, camera.position())) < 1e-12);
+        assert!((norm(sub(l, r)) - 0.25).abs() < 1e-12);
         // Disparity is focal length times distance over depth.
         let [x_left, _, depth] = project(&left, [4.0, 2.0, -1.0]);
         let [x_right, _, _] = project(&right, [4.0, 2.0, -1.0]);
