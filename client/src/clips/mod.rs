@@ -53,7 +53,7 @@ pub use source_options::{Servers, SourceOptions};
 pub(crate) use state::Change;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use state::Transition;
-#[cfg(feature = "xr")]
+#[cfg(any(feature = "net", feature = "xr"))]
 pub(crate) use url::is_url;
 pub(crate) use url::redacted;
 #[cfg(any(feature = "window", feature = "xr"))]
