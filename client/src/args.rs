@@ -9,6 +9,7 @@ use glam::UVec2;
 #[cfg(not(target_os = "android"))]
 use program::generate::Generated;
 
+use crate::clips::{Servers, SourceOptions};
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
@@ -70,8 +71,8 @@ pub struct Args {
     #[arg(long, group = "windowless", conflicts_with_all = ["size", "view", "fps"])]
     pub xr: bool,
 
-    /// Image to write, or folder for several (frame_0000.png, ...). With --xr: folder for the last frame
-    /// of --frames as both eyes saw it (left.png, right.png) and the cameras with the time in seconds
+    /// Image to write, a PNG; with --frames or several times, folder for images (frame_0000.png, ...). With
+    /// --xr: folder for the last frame of --frames as both eyes saw it (left.png, right.png) and the cameras with the time in seconds
     /// (left.json, right.json) [default with --xr: no images].
     #[arg(long, value_name = "PATH", requires = "windowless")]
     pub out: Option<PathBuf>,
@@ -137,6 +138,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
 
+    /// Let playlists and redirects of servers with public addresses lead to private, link-local and loopback
+    /// addresses, such as those of a home network.
+    #[arg(long)]
+    pub private_network: bool,
+
     /// Print the man page, or completions for a shell, and exit.
     #[cfg(not(target_os = "android"))]
     #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
@@ -144,6 +150,12 @@ pub struct Args {
 }
 
 impl Args {
+    /// Where clips may come from; downloads are cached in `cache_dir`.
+    pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
+        let servers = if self.private_network { Servers::All } else { Servers::Guarded };
+        SourceOptions { cache_dir, servers }
+    }
+
     /// The renderer's settings.
     pub fn settings(&self) -> RenderSettings {
         // Turning the head must not change the order.

@@ -3,22 +3,24 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
-use program::{Fault, output};
+use image::RgbImage;
+use program::images::{ImageOutput, tiled};
+use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, printable,
+    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, redacted,
+    too_few_layers,
 };
 use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
-use crate::view::{EYE_DISTANCE_M, View};
+use crate::view::View;
 use crate::{clips, viewpoint};
 
 /// Default size of images.
@@ -32,42 +34,27 @@ const CHANGE_TOLERANCE_S: f64 = 1e-6;
 /// # Errors
 /// The first [`Fault`]; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let output = Output::check(args)?;
+    let output = check_outputs(args)?;
     match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
         Some(list) => run_playlist(args, list, &output),
         None => run_clip(args, &output),
     }
 }
 
-/// The path of the images.
-struct Output<'a> {
-    path: &'a Path,
-    /// Whether `path` is a folder for several images.
-    is_folder: bool,
+/// Checks before any work is done that the images and statistics can be written.
+fn check_outputs(args: &Args) -> Result<ImageOutput, Fault> {
+    let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
+    args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
+    ImageOutput::check(path, args.frames.is_some() || args.time.len() > 1)
 }
 
-impl Output<'_> {
-    fn check(args: &Args) -> Result<Output<'_>, Fault> {
-        let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
-        let is_folder = args.time.len() > 1 || args.frames.as_ref().is_some_and(|frames| frames.len() > 1);
-        if is_folder {
-            output::check_folder(path)?;
-        } else {
-            output::check(path)?;
-        }
-        args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
-        Ok(Output { path, is_folder })
-    }
-
-    /// Writes image number `i`.
-    fn write(&self, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
-        let (rgb, size) = side_by_side(eyes);
-        if !self.is_folder {
-            return output::write_png(self.path, &rgb, size.into());
-        }
-        output::make_folder(self.path)?;
-        output::write_png(&self.path.join(format!("frame_{i:04}.png")), &rgb, size.into())
-    }
+/// Writes image number `i`: all eyes from left to right.
+fn write_image(output: &ImageOutput, i: usize, eyes: &[Pixels]) -> Result<(), Fault> {
+    let image = |eye: &Pixels| {
+        RgbImage::from_raw(eye.size.x, eye.size.y, eye.to_rgb8()).expect("three bytes per pixel")
+    };
+    let images: Vec<RgbImage> = eyes.iter().map(image).collect();
+    output.write(i, &tiled(&images, images.len() as u32)).map(drop)
 }
 
 /// The graphics device.
@@ -80,6 +67,21 @@ struct Device {
 impl Device {
     fn open() -> Result<Device, Fault> {
         Ok(Device { gpu: Gpu::new_headless()?, images: 0 })
+    }
+
+    /// Opens another device in place of one that failed with `fault`: that was lost after it had rendered
+    /// enough images.
+    ///
+    /// # Errors
+    /// `fault` if the device was not lost or had not worked long enough; [`Fault::Device`] if no other one
+    /// can be opened.
+    fn replace(&mut self, fault: Fault) -> Result<(), Fault> {
+        if !self.gpu.is_worth_replacing(self.images) {
+            return Err(fault);
+        }
+        *self = Device::open()?;
+        Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
+        Ok(())
     }
 }
 
@@ -114,7 +116,13 @@ impl DeviceState {
 impl<'a> ClipRenderer<'a> {
     fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
         let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
-        let state = DeviceState::new(&device.gpu, &clip, &views, args)?;
+        let state = match DeviceState::new(&device.gpu, &clip, &views, args) {
+            Err(fault) => {
+                device.replace(fault)?;
+                DeviceState::new(&device.gpu, &clip, &views, args)
+            }
+            state => state,
+        }?;
         Ok(ClipRenderer { args, device, clip, views, settings, state })
     }
 
@@ -164,10 +172,9 @@ impl<'a> ClipRenderer<'a> {
     /// enough images.
     fn with_device<T>(&mut self, mut work: impl FnMut(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
         let result = match work(self) {
-            Err(_) if self.device.gpu.is_worth_replacing(self.device.images) => {
-                *self.device = Device::open()?;
+            Err(fault) => {
+                self.device.replace(fault)?;
                 self.state = DeviceState::new(&self.device.gpu, &self.clip, &self.views, self.args)?;
-                Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
                 work(self)
             }
             result => result,
@@ -200,7 +207,7 @@ impl<'a> ClipRenderer<'a> {
     }
 }
 
-fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
+fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     let (clip, loading) = load(args)?;
     let times = times(args, clip.info.fps.into());
     check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
@@ -213,9 +220,9 @@ fn run_clip(args: &Args, output: &Output) -> Result<(), Fault> {
         if args.stats.is_some() {
             let (stats, eyes) = renderer.measure(time_s)?;
             frames.push(stats);
-            output.write(i, &eyes)?;
+            write_image(output, i, &eyes)?;
         } else {
-            output.write(i, &renderer.pixels(time_s)?)?;
+            write_image(output, i, &renderer.pixels(time_s)?)?;
         }
     }
     let Some(path) = &args.stats else { return Ok(()) };
@@ -244,17 +251,17 @@ impl ClipTarget for HeadlessTarget {
 }
 
 fn named(fault: Fault, entry: &Entry) -> Fault {
-    fault.about(&printable(entry.name.as_deref().unwrap_or_default()))
+    fault.about(&redacted(entry.name.as_deref().unwrap_or_default()))
 }
 
 /// Renders a playlist, its clips one after the other. Reports and skips clips that cannot be loaded or
 /// rendered.
-fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
+fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fault> {
     if args.stats.is_some() {
-        return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
+        return Err(Fault::Usage("--stats are of one clip, not of a playlist: name a clip of it".into()));
     }
     let mut reporter = Reporter::new();
-    let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
+    let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
     clips.open(Some(list.into()));
     clips.set_target(HeadlessTarget { args: args.clone() });
@@ -264,7 +271,11 @@ fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         if let Some(fault) = failed.take() {
             reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
         }
-        match run.render(&entry, clip)? {
+        let times = run.take_times(&clip)?;
+        if !run.pending.is_empty() {
+            clips.prefetch();
+        }
+        match run.render(&entry, clip, times)? {
             Rendered::More => {}
             Rendered::All => return Ok(()),
             Rendered::Skipped(fault) => failed = Some(fault),
@@ -283,7 +294,7 @@ fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
 /// The images of a playlist that are left to render.
 struct PlaylistRun<'a> {
     args: &'a Args,
-    output: &'a Output<'a>,
+    output: &'a ImageOutput,
     /// Opened for the first image.
     device: Option<Device>,
     /// Number and time of each image. The frame rate of the first clip decides the times.
@@ -303,29 +314,51 @@ enum Rendered {
 }
 
 impl PlaylistRun<'_> {
-    /// Renders the images within `clip`.
-    fn render(&mut self, entry: &Entry, clip: Arc<Clip>) -> Result<Rendered, Fault> {
+    /// Takes the images within `clip`, the next one, from those that are left.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if a time is before the start.
+    fn take_times(&mut self, clip: &Clip) -> Result<Vec<(usize, f64)>, Fault> {
         if self.last.is_none() {
             let times = times(self.args, clip.info.fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
-                return Err(Fault::Usage(format!("time {time} s is before the start")));
+                return Err(Fault::Usage(format!("time {time} s is before the start: give 0 or later")));
             }
             self.pending = times.into_iter().enumerate().collect();
         }
         let end_s = self.start_s + f64::from(clip.info.duration_s);
-        let (here, later): (Vec<_>, Vec<_>) =
-            self.pending.iter().copied().partition(|&(_, time_s)| time_s < end_s - CHANGE_TOLERANCE_S);
-        if !here.is_empty() {
-            match ClipRenderer::new(opened(&mut self.device)?, clip.clone(), self.args) {
+        let is_here = |&(_, time_s): &(usize, f64)| time_s < end_s - CHANGE_TOLERANCE_S;
+        let (here, later) = self.pending.iter().partition(|image| is_here(image));
+        self.pending = later;
+        Ok(here)
+    }
+
+    /// Renders the images `times` of `clip`. If it cannot be uploaded, the next clip takes its place.
+    fn render(
+        &mut self,
+        entry: &Entry,
+        clip: Arc<Clip>,
+        times: Vec<(usize, f64)>,
+    ) -> Result<Rendered, Fault> {
+        if !times.is_empty() {
+            let device = opened(&mut self.device)?;
+            match ClipRenderer::new(device, clip.clone(), self.args) {
                 Ok(mut renderer) => {
-                    for (i, time_s) in here {
-                        self.output.write(i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
+                    for (i, time_s) in times {
+                        write_image(self.output, i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
                     }
                 }
-                Err(fault) => return Ok(Rendered::Skipped(named(fault, entry))),
+                Err(fault) => {
+                    if self.device.as_ref().is_some_and(|device| device.gpu.is_lost()) {
+                        // The next clip would fail as this one did.
+                        return Err(fault);
+                    }
+                    self.pending.splice(0..0, times);
+                    return Ok(Rendered::Skipped(named(fault, entry)));
+                }
             }
         }
-        (self.pending, self.start_s, self.last) = (later, end_s, Some(clip));
+        (self.start_s, self.last) = (self.start_s + f64::from(clip.info.duration_s), Some(clip));
         Ok(if self.pending.is_empty() { Rendered::All } else { Rendered::More })
     }
 
@@ -339,7 +372,7 @@ impl PlaylistRun<'_> {
         check_times(&times, self.start_s, fps.into())?;
         let mut renderer = ClipRenderer::new(opened(&mut self.device)?, clip, self.args)?;
         for &(i, _) in &self.pending {
-            self.output.write(i, &renderer.pixels(duration_s.into())?)?;
+            write_image(self.output, i, &renderer.pixels(duration_s.into())?)?;
         }
         Ok(())
     }
@@ -378,7 +411,7 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |event| {
+    let clip = clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(None, |event| {
         if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
@@ -405,9 +438,10 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
     // Half a captured frame beyond the end is the end: times in text are rounded.
     let slack = if captured_fps > 0.0 { 0.5 / captured_fps } else { 0.0 };
     match times.iter().find(|&&time| !(0.0..=duration + slack).contains(&time)) {
-        Some(time) => {
-            Err(Fault::Usage(format!("time {time} s is outside the clip, which lasts {duration} s")))
-        }
+        Some(time) => Err(Fault::Usage(format!(
+            "time {time} s is outside the clip: give 0 to {} s",
+            (duration * 1e3).round() / 1e3
+        ))),
         None => Ok(()),
     }
 }
@@ -422,7 +456,7 @@ fn clip_time(clip: &Clip, time: f64) -> f64 {
 fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     let camera: Camera = match (&args.camera, &args.view) {
         (Some(path), _) => {
-            let camera = viewpoint::read_camera(path)?;
+            let camera = read_camera(path)?;
             args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y))
         }
         (None, name) => {
@@ -431,12 +465,12 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
             viewpoint::camera(clip, &viewpoints[chosen], args.size.unwrap_or(DEFAULT_SIZE))
         }
     };
-    let view = View::from_camera(&camera);
-    if args.stereo {
-        Ok(view.stereo_pair(EYE_DISTANCE_M / clip.info.metres_per_unit).to_vec())
+    let eyes = if args.stereo {
+        camera.stereo_pair(Camera::EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit)).to_vec()
     } else {
-        Ok(vec![view])
-    }
+        vec![camera]
+    };
+    Ok(eyes.iter().map(View::from_camera).collect())
 }
 
 /// The render settings of `args` for `clip`.
@@ -446,18 +480,7 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
 pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
-        Some(layers) if layers > clip.layers.len() => {
-            Err(Fault::Usage(format!("--layer {layers}: the clip has {} layers", clip.layers.len())))
-        }
+        Some(layers) if layers > clip.layers.len() => Err(too_few_layers(layers, "the clip", clip)),
         _ => Ok(settings),
     }
-}
-
-/// One RGB image of all eyes from left to right, and its size.
-fn side_by_side(eyes: &[Pixels]) -> (Vec<u8>, UVec2) {
-    let size = eyes[0].size;
-    let row = size.x as usize * 3;
-    let images: Vec<Vec<u8>> = eyes.iter().map(Pixels::to_rgb8).collect();
-    let rows = (0..size.y as usize).flat_map(|y| images.iter().map(move |image| &image[y * row..][..row]));
-    (rows.flatten().copied().collect(), uvec2(size.x * eyes.len() as u32, size.y))
 }

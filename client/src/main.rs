@@ -2,15 +2,20 @@
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::CommandFactory;
 use client::args::Args;
 use client::headless;
+use log::LevelFilter;
 use program::{Fault, generate};
 
 fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
-    env_logger::Builder::from_env(quiet).init();
-    let args = Args::parse();
+    // Below that level the HTTP library logs URLs with their secrets.
+    env_logger::Builder::from_env(quiet).filter_module("ureq", LevelFilter::Info).init();
+    let args: Args = match program::parse() {
+        Ok(args) => args,
+        Err(code) => return code,
+    };
     program::run(|| run(&args), Fault::exit_code)
 }
 

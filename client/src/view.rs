@@ -3,9 +3,6 @@
 use codec::Camera;
 use glam::{DMat4, DVec3, UVec2, Vec2, vec2};
 
-/// Mean distance between the eyes of an adult.
-pub const EYE_DISTANCE_M: f32 = 0.063;
-
 /// A pinhole camera and its image size, in OpenCV axes: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -30,17 +27,6 @@ impl View {
             principal: vec2(k[0][2], k[1][2]),
             size: UVec2::new(camera.width, camera.height),
         }
-    }
-
-    /// Views of a left and a right eye, `distance` units apart, with this view midway between them and
-    /// the same orientation.
-    pub fn stereo_pair(&self, distance: f32) -> [View; 2] {
-        // The left eye is at x = -distance / 2: points in its frame move by +distance / 2.
-        [0.5, -0.5].map(|side| View {
-            view_from_world: DMat4::from_translation(DVec3::X * (side * f64::from(distance)))
-                * self.view_from_world,
-            ..*self
-        })
     }
 
     /// Position of the eye in the world.
@@ -106,17 +92,11 @@ mod tests {
     }
 
     #[test]
-    fn a_stereo_pair_is_apart_and_has_parallax() {
+    fn the_cyclopean_eye_is_midway_between_two_eyes() {
         let view = View::from_camera(&camera());
-        let [left, right] = view.stereo_pair(0.25);
-        assert!((left.eye().distance(right.eye()) - 0.25).abs() < 1e-5);
-        let center = CyclopeanEye::new(&[left, right]);
+        let eyes = camera().stereo_pair(0.25).map(|eye| View::from_camera(&eye));
+        let center = CyclopeanEye::new(&eyes);
         assert!(center.position.distance(view.eye()) < 1e-12);
         assert!(center.forward.distance(view.forward()) < 1e-12);
-        // Disparity is focal length times distance over depth.
-        let target = DVec3::new(0.5, 0.0, 4.0);
-        let depth = view.view_from_world.transform_point3(target).z as f32;
-        let disparity = project(&left, target) - project(&right, target);
-        assert!(disparity.distance(vec2(view.focal.x * 0.25 / depth, 0.0)) < 1e-3, "{disparity}");
     }
 }

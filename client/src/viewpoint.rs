@@ -1,6 +1,4 @@
-//! The camera of a clip: from one of its viewpoints, or from a file.
-
-use std::path::Path;
+//! The camera of a clip, from one of its viewpoints.
 
 use codec::{Camera, Clip, Viewpoint};
 use glam::UVec2;
@@ -22,25 +20,14 @@ pub fn find(viewpoints: &[Viewpoint], name: &str) -> Result<usize, Fault> {
     let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
     let numbered = || name.parse().ok().filter(|&index| index < viewpoints.len());
     named.or_else(numbered).ok_or_else(|| {
-        let list = viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("{i} \"{}\"", viewpoint.name));
+        let list =
+            viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("\"{}\" ({i})", viewpoint.name));
         let list = list.collect::<Vec<_>>().join(", ");
-        Fault::Usage(format!("there is no viewpoint \"{name}\": the clip has {list}"))
+        Fault::Usage(format!("there is no viewpoint \"{name}\": give one of {list}"))
     })
 }
 
 /// The camera of `viewpoint` for images of `size` pixels.
 pub fn camera(clip: &Clip, viewpoint: &Viewpoint, size: UVec2) -> Camera {
     viewpoint.camera(clip.info.up, size.x, size.y)
-}
-
-/// Reads a camera file: JSON with `width`, `height`, `K` (3x3) and `world_to_camera` (4x4).
-///
-/// # Errors
-/// [`Fault::Data`] with the path and the reason.
-pub fn read_camera(path: &Path) -> Result<Camera, Fault> {
-    let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-    let camera: Camera = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
-    camera.check().map_err(fault)?;
-    Ok(camera)
 }

@@ -61,6 +61,20 @@ impl Camera {
         Camera { width, height, k, camera_from_world: self.camera_from_world }
     }
 
+    /// Mean distance between the eyes of an adult, in metres.
+    pub const EYE_DISTANCE_M: f64 = 0.063;
+
+    /// Returns the cameras of a left and a right eye, `distance` world units apart, with this camera
+    /// midway between them and the same orientation.
+    pub fn stereo_pair(&self, distance: f64) -> [Camera; 2] {
+        // The left eye is at x = -distance / 2: points in its axes move by +distance / 2.
+        [0.5, -0.5].map(|side| {
+            let mut eye = self.clone();
+            eye.camera_from_world[0][3] += side * distance;
+            eye
+        })
+    }
+
     /// Position of the camera in world units.
     pub fn position(&self) -> [f64; 3] {
         let m = &self.camera_from_world;
@@ -134,6 +148,23 @@ mod tests {
 
     fn camera() -> Camera {
         Camera::look_at([1.0, 2.0, 3.0], [4.0, 2.0, -1.0], [0.0, 1.0, 0.0], 1.0, 640, 480)
+    }
+
+    #[test]
+    fn a_stereo_pair_is_apart_and_has_parallax() {
+        let camera = camera();
+        let [left, right] = camera.stereo_pair(0.25);
+        let [l, r] = [left.position(), right.position()];
+        let center = [0, 1, 2].map(|axis| 0.5 * (l[axis] + r[axis]));
+        assert!(norm(sub(center, camera.position())) < 1e-12);
+        assert!((norm(sub(l, r)) - 0.25).abs() < 1e-12);
+        // Disparity is focal length times distance over depth.
+        let [x_left, _, depth] = project(&left, [4.0, 2.0, -1.0]);
+        let [x_right, _, _] = project(&right, [4.0, 2.0, -1.0]);
+        assert!(
+            (x_left - x_right - camera.k[0][0] * 0.25 / depth).abs() < 1e-9,
+            "the left eye sees it right"
+        );
     }
 
     #[test]

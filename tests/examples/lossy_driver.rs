@@ -1,10 +1,10 @@
 //! A Vulkan layer that simulates the loss of a device and exhausted memory. Tests load it below the player.
 //!
 //! `AARC_LOSE=submit:N` loses the device in the Nth `vkQueueSubmit`, `AARC_LOSE=wait:N` in the wait after it.
-//! From then on `vkQueueSubmit`, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
+//! From then on `vkQueueSubmit`, `vkCreateBuffer`, `vkAllocateMemory`, `vkWaitForFences`, `vkWaitSemaphores` and
 //! `vkGetSemaphoreCounterValue` return `VK_ERROR_DEVICE_LOST`; other calls are passed on. A suffix `:M` loses
-//! only the first M devices. `AARC_LOSE=memory:N` fails `vkAllocateMemory` from the Nth call on. The layer
-//! implements version 2 of the interface in "LoaderLayerInterface.md" of the Vulkan loader.
+//! only the first M devices. `AARC_LOSE=upload:N` loses the device in the first `vkCreateBuffer` of N bytes or
+//! more. `AARC_LOSE=memory:N` fails `vkAllocateMemory` from the Nth call on. The layer implements version 2 of the interface in "LoaderLayerInterface.md" of the Vulkan loader.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
@@ -62,6 +62,7 @@ static WAIT_FENCES: OnceLock<vk::PFN_vkWaitForFences> = OnceLock::new();
 static WAIT_SEMAPHORES: OnceLock<vk::PFN_vkWaitSemaphores> = OnceLock::new();
 static COUNTER: OnceLock<vk::PFN_vkGetSemaphoreCounterValue> = OnceLock::new();
 
+static CREATE_BUFFER: OnceLock<vk::PFN_vkCreateBuffer> = OnceLock::new();
 static ALLOCATE: OnceLock<vk::PFN_vkAllocateMemory> = OnceLock::new();
 
 /// Number of opened devices, of submissions to the latest, of allocations, and whether the latest is lost.
@@ -75,6 +76,7 @@ static LOST: AtomicBool = AtomicBool::new(false);
 enum Loss {
     Submission,
     Wait,
+    Upload,
     Memory,
 }
 
@@ -82,7 +84,7 @@ enum Loss {
 #[derive(Clone, Copy)]
 struct Plan {
     loss: Loss,
-    /// Number of the call, from 1.
+    /// Number of the call, from 1; of an upload, its least bytes.
     call: u32,
     /// Number of devices to lose.
     devices: u32,
@@ -95,6 +97,7 @@ fn plan() -> Plan {
         let mut parts = text.split(':');
         let loss = match parts.next() {
             Some("wait") => Loss::Wait,
+            Some("upload") => Loss::Upload,
             Some("memory") => Loss::Memory,
             _ => Loss::Submission,
         };
@@ -182,6 +185,8 @@ unsafe extern "system" fn create_device(
             let function = |name: &CStr| of_device(*device, name.as_ptr());
             let _ = DEVICE.set(of_device);
             function(c"vkQueueSubmit").map(|f| SUBMIT.set(transmute::<Any, vk::PFN_vkQueueSubmit>(f)));
+            function(c"vkCreateBuffer")
+                .map(|f| CREATE_BUFFER.set(transmute::<Any, vk::PFN_vkCreateBuffer>(f)));
             function(c"vkAllocateMemory")
                 .map(|f| ALLOCATE.set(transmute::<Any, vk::PFN_vkAllocateMemory>(f)));
             function(c"vkWaitForFences")
@@ -204,7 +209,9 @@ unsafe extern "system" fn submit(
 ) -> vk::Result {
     let Plan { loss, call, devices } = plan();
     let is_time = SUBMISSIONS.fetch_add(1, Ordering::Relaxed) + 1 >= call;
-    let loses = loss != Loss::Memory && is_time && DEVICES.load(Ordering::Relaxed) <= devices;
+    let is_meant =
+        matches!(loss, Loss::Submission | Loss::Wait) && DEVICES.load(Ordering::Relaxed) <= devices;
+    let loses = is_meant && is_time;
     if LOST.load(Ordering::Relaxed) || loses && loss == Loss::Submission {
         LOST.store(true, Ordering::Relaxed);
         return vk::Result::ERROR_DEVICE_LOST;
@@ -214,6 +221,22 @@ unsafe extern "system" fn submit(
         SUBMIT.get().map_or(vk::Result::ERROR_DEVICE_LOST, |f| unsafe { f(queue, count, submits, fence) });
     LOST.fetch_or(loses, Ordering::Relaxed);
     result
+}
+
+// SAFETY: called as vkCreateBuffer is.
+unsafe extern "system" fn create_buffer(
+    device: vk::Device,
+    info: *const vk::BufferCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    buffer: *mut vk::Buffer,
+) -> vk::Result {
+    let Plan { loss, call, devices } = plan();
+    // SAFETY: the caller passes a valid pointer.
+    let is_large = unsafe { &*info }.size >= call.into();
+    let loses = loss == Loss::Upload && is_large && DEVICES.load(Ordering::Relaxed) <= devices;
+    LOST.fetch_or(loses, Ordering::Relaxed);
+    // SAFETY: the caller's arguments, to the function of the same name.
+    unless_lost(|| CREATE_BUFFER.get().map(|f| unsafe { f(device, info, allocator, buffer) }))
 }
 
 // SAFETY: called as vkAllocateMemory is.
@@ -279,6 +302,7 @@ fn own(name: &CStr) -> vk::PFN_vkVoidFunction {
         b"vkCreateInstance" => create_instance as *const (),
         b"vkCreateDevice" => create_device as *const (),
         b"vkQueueSubmit" => submit as *const (),
+        b"vkCreateBuffer" => create_buffer as *const (),
         b"vkAllocateMemory" => allocate as *const (),
         b"vkWaitForFences" => wait_fences as *const (),
         b"vkWaitSemaphores" | b"vkWaitSemaphoresKHR" => wait_semaphores as *const (),

@@ -77,6 +77,11 @@ impl Answer<'_> {
         self.raw(&file[range]);
     }
 
+    /// Waits until the client closes the connection.
+    pub fn wait_until_closed(&mut self) {
+        while self.stream.read(&mut [0]).is_ok_and(|count| count > 0) {}
+    }
+
     /// Sends `bytes` at `bytes_per_s`.
     pub fn paced(&mut self, bytes: &[u8], bytes_per_s: f64) -> bool {
         // Fifty pieces a second of at most 8 KiB.

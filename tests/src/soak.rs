@@ -22,7 +22,7 @@ use fastrand::Rng;
 use glam::UVec2;
 use program::Fault;
 
-use crate::scene::{Motion, Place, Recipe, camera, packaged, stereo_pair};
+use crate::scene::{Motion, Place, Recipe, camera, packaged};
 use crate::server::Server;
 
 /// Frames of a round.
@@ -267,7 +267,7 @@ fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<
         account.played_s += FRAME_S * player.speed();
         let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][rng.usize(..4)];
         let seen = camera(place, shown.x, shown.y);
-        let cameras = if eyes == 2 { stereo_pair(&seen, 0.065).to_vec() } else { vec![seen] };
+        let cameras = if eyes == 2 { seen.stereo_pair(0.065).to_vec() } else { vec![seen] };
         let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
         let settings = RenderSettings {
             sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],

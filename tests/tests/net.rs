@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
 use client::clips::LoadEvent;
-use client::clips::Progress;
-use client::clips::playlist;
+use client::clips::playlist::{self, Playlist};
+use client::clips::{Progress, Servers, SourceOptions};
 use client::net::{Cache, Download, Options, RetryPolicy};
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
@@ -23,6 +23,8 @@ const ETAG: &str = "\"one\"";
 const RETRY: RetryPolicy = RetryPolicy {
     response_timeout: Duration::from_secs(2),
     read_timeout: Duration::from_secs(3),
+    grace: Duration::from_secs(30),
+    least_bytes_per_s: 1000,
     retries: 3,
     first_retries: 3,
     first_wait: Duration::from_millis(50),
@@ -239,24 +241,86 @@ fn a_wrong_range_is_discarded() {
     assert_eq!(server.requests()[2].header("range"), None, "no range");
 }
 
+/// The bodies of redirects are not read: one of them has no end.
 #[test]
 fn redirects_are_followed_at_most_five_times() {
     let file = package(9);
     let sent = file.clone();
+    let (closed, is_closed) = channel();
+    let closed = Mutex::new(closed);
     let server = Server::start(move |_, request, answer| match request.path.as_str() {
-        "/old" => answer.head(301, &[("Location", "/newer"), ("Content-Length", "0")]),
+        "/old" => {
+            answer.head(301, &[("Location", "/newer")]);
+            while answer.raw(&[b' '; 10_000]) {}
+            closed.lock().unwrap().send(()).unwrap();
+        }
         "/newer" => {
             let host = request.header("host").unwrap();
-            let location = format!("http://{host}/clip.aarc");
-            answer.head(302, &[("Location", &location), ("Content-Length", "0")]);
+            let location = format!("http://{host}/clip.aarc#top");
+            answer.head(302, &[("Location", &location)]);
+            answer.raw(b"<p>over there");
         }
         "/round" => answer.head(307, &[("Location", "/round"), ("Content-Length", "0")]),
+        "/nowhere" => answer.head(302, &[("Content-Length", "0")]),
+        "/file" => answer.head(302, &[("Location", "file:///etc/passwd")]),
         _ => answer.file(request, &sent, ETAG, sent.len()),
     });
     assert_eq!(get(&server.url("old")).clip(), &decoded(&file));
-    let events = get(&server.url("round"));
-    let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
-    assert!(why.contains("redirects more than 5 times"), "{why}");
+    is_closed.recv_timeout(Duration::from_secs(10)).expect("the connection was closed");
+    for (path, sentence) in [
+        ("round", "redirects more than 5 times"),
+        ("nowhere", "answers 302"),
+        ("file", "neither http nor https"),
+    ] {
+        let events = get(&server.url(path));
+        let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
+        assert!(why.contains(sentence), "{why}");
+    }
+}
+
+/// Bytes that come too slowly end the request, also those that are no part of the file.
+#[test]
+fn a_trickle_ends() {
+    let file = package(23);
+    let sent = file.clone();
+    let server = Server::start(move |_, request, answer| {
+        let drip = |answer: &mut Answer<'_>, byte: &[u8]| {
+            while answer.raw(byte) {
+                std::thread::sleep(Duration::from_millis(100));
+            }
+        };
+        match request.path.as_str() {
+            "/head" => {
+                answer.raw(b"HTTP/1.1 200 OK\r\nX: ");
+                drip(answer, b"x");
+            }
+            "/extension" => {
+                answer.head(200, &[("Transfer-Encoding", "chunked")]);
+                answer.raw(b"1;");
+                drip(answer, b"x");
+            }
+            _ => {
+                let first = answer.file_head(request, &sent, ETAG);
+                answer.paced(&sent[first..], 10.0);
+            }
+        }
+    });
+    let retry = RetryPolicy {
+        grace: Duration::from_secs(1),
+        response_timeout: Duration::from_secs(1),
+        retries: 1,
+        first_retries: 1,
+        ..RETRY
+    };
+    for path in ["clip.aarc", "head", "extension"] {
+        let start = Instant::now();
+        let events = collect(Download::new(&server.url(path), Options { retry, ..options() }));
+        let Some(Fault::Network(why)) = &events.fault else { panic!("{path}: {events:?}") };
+        assert!(start.elapsed() < Duration::from_secs(8), "{path}: {why} after {:?}", start.elapsed());
+        if path == "clip.aarc" {
+            assert!(why.contains("fewer than 1000 bytes a second"), "{why}");
+        }
+    }
 }
 
 #[test]
@@ -356,6 +420,10 @@ fn faults_are_one_sentence() {
                 answer.head(200, &[]);
                 answer.raw(b"<!doctype html><title>Welcome</title>");
             }
+            "/other" => {
+                answer.head(200, &[]);
+                answer.raw(b"ply\nformat binary");
+            }
             "/empty" => answer.head(200, &[("Content-Length", "0")]),
             "/packed" => answer.head(200, &[("Content-Encoding", "gzip")]),
             "/smtp" => {
@@ -401,9 +469,12 @@ fn faults_are_one_sentence() {
     }
     network(&format!("http://{free_port}/clip.aarc"), "takes no connections");
     network("http://nowhere.invalid/clip.aarc", "name");
-    network(&secure, "no secure connection");
+    network(&secure, "no secure connection: the server does not speak TLS: try the URL with http://");
+    let hangs_up = Server::start_with(|_| None, |_, _, _| ());
+    network(&format!("https://{}/clip.aarc", hangs_up.socket()), "try the URL with http://");
     network("http://", "not a URL");
-    for (path, sentence) in [("page", "not an .aarc package"), ("damaged", "CRC-32")] {
+    for (path, sentence) in [("page", "a web page"), ("other", "not an .aarc package"), ("damaged", "CRC-32")]
+    {
         let events = get(&server.url(path));
         let Some(Fault::Data(why)) = &events.fault else { panic!("{path}: {events:?}") };
         assert!(why.contains(sentence), "{why}");
@@ -502,6 +573,51 @@ fn a_definite_answer_overrules_the_cache() {
     assert!(matches!(gone.fault, Some(Fault::Network(_))), "{gone:?}");
 }
 
+/// A network sends a page until the user logs in.
+#[test]
+fn a_web_page_does_not_replace_a_cached_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(24);
+    let sent = file.clone();
+    let server = Server::start(move |number, request, answer| match number {
+        0 => answer.file(request, &sent, ETAG, sent.len()),
+        1 => {
+            answer.head(200, &[("Content-Type", "text/html")]);
+            answer.raw(b"\r\n<!doctype html><title>Welcome</title>");
+        }
+        _ => answer.head(511, &[("Content-Length", "0")]),
+    });
+    let url = server.url("clip.aarc");
+    get_cached(&url, folder.path()).clip();
+    for sentence in ["sends a web page", "log-in (511"] {
+        let events = get_cached(&url, folder.path());
+        assert_eq!((events.clip(), events.clips.len()), (&decoded(&file), 1));
+        let [note] = &events.notes[..] else { panic!("{events:?}") };
+        assert!(note.contains(sentence) && note.contains("cached"), "{note}");
+    }
+}
+
+/// What a playlist on the internet names does not come from this machine.
+#[test]
+fn private_networks_are_refused_before_anything_is_sent() {
+    let file = package(25);
+    let server = server_of(&file);
+    let url = server.url("clip.aarc");
+    let local = url.replace("127.0.0.1", "localhost");
+    for url in [&url, &local] {
+        let start = Instant::now();
+        let events = collect(Download::new(url, Options { servers: Servers::Public, ..options() }));
+        let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
+        assert!(why.contains("a private address: --private-network"), "{why}");
+        assert!(start.elapsed() < Duration::from_secs(2) && events.progress.is_empty(), "{events:?}");
+    }
+    assert!(server.requests().is_empty());
+    for servers in [Servers::Guarded, Servers::All] {
+        let events = collect(Download::new(&url, Options { servers, ..options() }));
+        assert_eq!(events.clip(), &decoded(&file));
+    }
+}
+
 #[test]
 fn a_damaged_entry_is_fetched_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -579,12 +695,14 @@ fn a_playlist_arrives_as_clips_do() {
         }
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
-    let open = |path: &str| playlist::open(&server.url(path), None, &mut |_| ControlFlow::Continue(()));
+    let open = |path: &str| {
+        playlist::open(&server.url(path), &SourceOptions::default(), &mut |_| ControlFlow::Continue(()))
+    };
     for path in ["list.json", "short.json"] {
         assert_eq!(open(path).unwrap().unwrap().clips, [server.url("a.aarc")], "{path}");
     }
     assert_eq!(server.sent(), [0..10, 10..text.len()], "every byte once");
-    for (path, sentence) in [("long.json", "larger than 1 MiB"), ("page.json", "no playlist")] {
+    for (path, sentence) in [("long.json", "larger than 1 MiB"), ("page.json", "a web page")] {
         let Err(Fault::Data(why)) = open(path) else { panic!("{path} is no playlist") };
         assert!(why.starts_with(&server.url(path)) && why.contains(sentence), "{why}");
     }
@@ -592,8 +710,66 @@ fn a_playlist_arrives_as_clips_do() {
     // A caller can stop waiting.
     let silent = Server::start(|_, _, _| std::thread::sleep(Duration::from_secs(5)));
     let start = Instant::now();
-    let stopped = playlist::open(&silent.url("a.json"), None, &mut |_| ControlFlow::Break(()));
+    let stopped =
+        playlist::open(&silent.url("a.json"), &SourceOptions::default(), &mut |_| ControlFlow::Break(()));
     assert!(matches!(stopped, Ok(None)) && start.elapsed() < Duration::from_secs(4));
+}
+
+/// Where redirects led, also from the cache.
+#[test]
+fn entries_of_a_playlist_are_relative_to_its_last_url() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = r#"{"version": 1, "clips": ["a.aarc", "/b.aarc"]}"#;
+    let server = Server::start(move |_, request, answer| match request.path.as_str() {
+        "/list.json" => {
+            answer.head(302, &[("Location", "shows/today/list.json?key"), ("Content-Length", "0")]);
+        }
+        "/shows/today/list.json?key" if request.header("if-none-match") == Some(ETAG) => {
+            answer.head(304, &[("ETag", ETAG)]);
+        }
+        "/shows/today/list.json?key" => answer.file(request, text.as_bytes(), ETAG, text.len()),
+        _ => answer.head(404, &[("Content-Length", "0")]),
+    });
+    let (url, clips) = (server.url("list.json"), [server.url("shows/today/a.aarc"), server.url("b.aarc")]);
+    let options = SourceOptions { cache_dir: Some(folder.path().into()), ..SourceOptions::default() };
+    let open = || playlist::open(&url, &options, &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
+    for what in ["fetched", "current", "alone"] {
+        assert_eq!(open(), Playlist { clips: clips.to_vec(), from_public: false }, "{what}");
+        if what == "current" {
+            assert_eq!(server.sent().len(), 1);
+            server.forget();
+        }
+    }
+    drop(server);
+    assert_eq!(open(), Playlist { clips: clips.to_vec(), from_public: false }, "without the server");
+}
+
+/// While nothing arrives, and the connection could be silent for long.
+#[test]
+fn a_dropped_download_closes_its_connection_within_a_second() {
+    let file = package(26);
+    let (answered, is_answered) = channel();
+    let (closed, is_closed) = channel();
+    let senders = Mutex::new((answered, closed));
+    let sent = file.clone();
+    let server = Server::start(move |_, request, answer| {
+        if request.path != "/mute" {
+            answer.file(request, &sent, ETAG, 100);
+        }
+        senders.lock().unwrap().0.send(()).unwrap();
+        answer.wait_until_closed();
+        senders.lock().unwrap().1.send(Instant::now()).unwrap();
+    });
+    for path in ["mute", "clip.aarc"] {
+        let mut download = Download::new(&server.url(path), Options::default());
+        assert!(matches!(download.next(), Some(Ok(LoadEvent::Progress(_)))));
+        is_answered.recv_timeout(Duration::from_secs(60)).unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+        let dropped = Instant::now();
+        drop(download);
+        let closed = is_closed.recv_timeout(Duration::from_secs(60)).expect("the connection was closed");
+        assert!(closed - dropped < Duration::from_secs(1), "{path}: {:?}", closed - dropped);
+    }
 }
 
 #[test]

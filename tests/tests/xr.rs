@@ -14,7 +14,7 @@ use aarc_tests::headset::{Headset, MISSING};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::programs::{Outcome, client, example, run};
 use aarc_tests::remote::Remote;
-use aarc_tests::scene::{decoded, lasting, packaged, stereo_pair};
+use aarc_tests::scene::{decoded, lasting, packaged};
 use aarc_tests::server::Server;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Level, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
@@ -198,7 +198,7 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
     let (full, ends) = (UVec2::new(420, 440), layer_ends(&clip));
     let cameras = |size: UVec2| {
         let camera = Camera::look_at([0.0, 1.6, 2.0], [0.0, 1.2, 0.0], [0.0, 1.0, 0.0], 1.6, size.x, size.y);
-        stereo_pair(&camera, 0.063)
+        camera.stereo_pair(Camera::EYE_DISTANCE_M)
     };
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
     let mut renderer = Renderer::new(gpu, uploaded, ChannelDepth::Eight.format(), 2).map_err(fault)?;

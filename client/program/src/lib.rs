@@ -1,19 +1,30 @@
-//! What the programs share: [`Fault`] with its exit code, `run`, which ends a program with it, [`output`]
-//! files written completely or not at all, and the man page and completions that `generate` renders from
-//! a command line.
+//! What the programs share: [`Fault`] with its exit code, how a command line is parsed, `run`, which ends a
+//! program with an exit code, [`output`] files written completely or not at all, [`images`] of a run,
+//! camera files, and the man page and completions that `generate` renders from a command line.
 
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "camera")]
+mod camera;
 mod fault;
 #[cfg(not(target_os = "android"))]
 pub mod generate;
+pub mod images;
 pub mod output;
 #[cfg(not(target_os = "android"))]
 mod run;
+mod text;
+mod usage;
 
+#[cfg(feature = "camera")]
+pub use camera::read_camera;
 pub use fault::Fault;
 #[cfg(not(target_os = "android"))]
 pub use run::run;
+pub use text::{counted, read_error};
+#[cfg(not(target_os = "android"))]
+pub use usage::parse;
+pub use usage::usage_line;
 
 /// Ends the program silently when the reader of its output stops, as `head` does. Rust's default would
 /// make that a panic in `println!`.

@@ -8,7 +8,7 @@ use super::event::LoadEvent;
 use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
 use super::queue::Queue;
 use super::state::{Change, QueueState};
-use super::worker::{Ended, Report, Worker};
+use super::worker::{Report, Worker};
 use crate::player::Player;
 use program::Fault;
 
@@ -23,7 +23,7 @@ pub(crate) struct ClipController<T: ClipTarget> {
 
 impl<T: ClipTarget> ClipController<T> {
     /// Starts the loader. `wake` is called from its thread whenever [`ClipController::poll`] may have a
-    /// change. In a `cyclic` playlist the first clip follows the last.
+    /// change. In a `cyclic` playlist the first clip follows the last, and the next one is always held ready.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
@@ -73,7 +73,7 @@ impl<T: ClipTarget> ClipController<T> {
         while self.state.is_loading() {
             let event = match self.worker.poll() {
                 Ok(event) => event?,
-                Err(ended) => failure(ended),
+                Err(_) => failure(),
             };
             if let Some(change) = self.on_event(event) {
                 return Some(change);
@@ -83,10 +83,13 @@ impl<T: ClipTarget> ClipController<T> {
     }
 
     /// Waits for the next change; `None` if nothing is being loaded.
+    ///
+    /// # Panics
+    /// If the loader has panicked.
     #[cfg(not(target_os = "android"))]
     pub(crate) fn wait(&mut self) -> Option<Change<T::Ready>> {
         while self.state.is_loading() {
-            let event = self.worker.wait().unwrap_or_else(failure);
+            let event = self.worker.wait().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             if let Some(change) = self.on_event(event) {
                 return Some(change);
             }
@@ -110,6 +113,13 @@ impl<T: ClipTarget> ClipController<T> {
         }
         let is_over = player.overrun_s().is_some() && player.is_playing();
         if is_over || self.state.skip_requested() { self.follow() } else { None }
+    }
+
+    /// Asks for the next clip of the playlist ahead of [`ClipController::follow`].
+    #[cfg(not(target_os = "android"))]
+    pub(crate) fn prefetch(&mut self) {
+        self.state.prefetch();
+        self.send_request();
     }
 
     /// Goes to the next clip of the playlist if it is ready; else playback is blocked on it.
@@ -161,6 +171,8 @@ impl<T: ClipTarget> ClipController<T> {
     }
 }
 
-fn failure<C>(Ended: Ended) -> LoadEvent<C> {
-    LoadEvent::Failed(Fault::Data("the clip could not be loaded: the loader's thread ended early".into()))
+/// The event of a loader that has panicked. It takes further requests.
+fn failure<C>() -> LoadEvent<C> {
+    let why = "the clip could not be loaded: this is a defect of the player, which its log describes";
+    LoadEvent::Failed(Fault::Data(why.into()))
 }

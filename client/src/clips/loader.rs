@@ -1,7 +1,7 @@
 //! [`load`]: carries out a [`LoadRequest`] on the loader's thread, up to clips that can be drawn.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,9 +12,10 @@ use super::file::clips_in;
 use super::playlist;
 use super::queue::{Entry, Queue};
 use super::source::{self, Arrival};
+use super::source_options::SourceOptions;
 use super::url::{is_url, title};
 use super::worker::Report;
-use program::Fault;
+use program::{Fault, counted};
 
 /// What can show clips: a window, a headset, or images.
 pub(crate) trait ClipTarget: Clone + Send + 'static {
@@ -31,8 +32,8 @@ pub(crate) trait ClipTarget: Clone + Send + 'static {
 /// How clips are loaded.
 #[derive(Clone, Debug)]
 pub(crate) struct LoadOptions {
-    /// The folder in which downloads are cached.
-    pub(crate) cache_dir: Option<PathBuf>,
+    /// Where they may come from.
+    pub(crate) source: SourceOptions,
     /// Layers that a version must have to be shown. A clip with fewer fails.
     pub(crate) min_layers: usize,
     /// Whether to load only complete clips, as measuring needs.
@@ -94,10 +95,10 @@ impl<T: ClipTarget> Loading<'_, T> {
             #[cfg(feature = "window")]
             Selection::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
             Selection::Named(Some(name)) if playlist::is_playlist(&name) => {
-                let cache_dir = self.options.cache_dir.clone();
-                let opened = playlist::open(&name, cache_dir, &mut |event| self.pass_on(event))?;
+                let source = &self.options.source;
+                let opened = playlist::open(&name, source, &mut |event| self.pass_on(event))?;
                 let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
-                let queue = Queue::new(opened.clips);
+                let queue = Queue::new(opened.clips, opened.from_public);
                 let entries = queue.all();
                 if (self.report)(LoadEvent::Playlist(queue)).is_break() {
                     return Ok(ControlFlow::Break(()));
@@ -121,7 +122,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn first_of(&self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
-            let arrival = source::open(entry.name.as_deref(), self.options.cache_dir.clone());
+            let arrival = source::open_entry(entry, &self.options.source);
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
                     if (self.report)(LoadEvent::Skipped(fault)).is_break() {
@@ -160,8 +161,7 @@ impl<T: ClipTarget> Loading<'_, T> {
         match latest {
             None => Ok(ControlFlow::Continue(())),
             Some(clip) if clip.layers.len() < min_layers => {
-                let (title, layers) = (title(entry.name.as_deref()), clip.layers.len());
-                Err(Fault::Usage(format!("--layer {min_layers}: {title} has {layers} layers")))
+                Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &clip))
             }
             Some(clip) => self.version(entry, clip, is_first),
         }
@@ -184,6 +184,12 @@ impl<T: ClipTarget> Loading<'_, T> {
     }
 }
 
+/// The fault of a clip with fewer than the `asked` layers; `subject` is its name.
+pub(crate) fn too_few_layers(asked: usize, subject: &str, clip: &Clip) -> Fault {
+    let has = counted(clip.layers.len(), "layer");
+    Fault::Usage(format!("--layer {asked}: {subject} has {has}: give no larger number"))
+}
+
 /// The clip after `path` in its folder, by name, the first one after the last; `None` for the only one.
 fn next_in_folder(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -196,6 +202,7 @@ fn next_in_folder(path: &Path) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use std::cell::RefCell;
+    use std::path::PathBuf;
 
     use super::*;
 
@@ -226,7 +233,7 @@ mod tests {
         is_blocking: bool,
         too_large: Option<usize>,
     ) -> String {
-        let options = LoadOptions { cache_dir: None, min_layers, is_complete: false };
+        let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
         let request = LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) };
         let text = RefCell::new(String::new());
         let _ = load(request, &Target { too_large }, &|event| {
@@ -246,7 +253,8 @@ mod tests {
     }
 
     fn entries(folder: &Path, names: &[&str]) -> Vec<Entry> {
-        Queue::new(names.iter().map(|name| folder.join(name).to_str().unwrap().to_owned()).collect()).all()
+        let clips = names.iter().map(|name| folder.join(name).to_str().unwrap().to_owned()).collect();
+        Queue::new(clips, false).all()
     }
 
     #[test]

@@ -23,6 +23,7 @@ pub mod playlist;
 mod progress;
 mod queue;
 mod source;
+mod source_options;
 #[cfg_attr(
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
@@ -38,20 +39,24 @@ pub(crate) use file::clips_in;
 #[cfg(feature = "net")]
 pub(crate) use file::decode;
 pub use file::load_file;
+#[cfg(not(target_os = "android"))]
+pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{ClipTarget, LoadOptions};
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
 pub use source::cache_dir;
+#[cfg(feature = "window")]
+pub(crate) use source::open_entry;
 pub use source::{Arrival, open};
+pub use source_options::{Servers, SourceOptions};
 pub(crate) use state::Change;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use state::Transition;
-#[cfg(feature = "xr")]
-pub(crate) use url::is_url;
-#[cfg(not(target_os = "android"))]
-pub(crate) use url::printable;
 #[cfg(any(feature = "net", feature = "xr"))]
+pub(crate) use url::is_url;
 pub(crate) use url::redacted;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use url::title;
+#[cfg(feature = "net")]
+pub(crate) use url::{has_user_info, is_secure, resolve};

@@ -2,15 +2,15 @@
 //! describes it.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use program::Fault;
 use serde::Deserialize;
 
 use super::event::LoadEvent;
 use super::file::read;
-use super::url::{is_url, printable, redacted};
+use super::source_options::SourceOptions;
+use super::url::{UNKNOWN_SCHEME, has_user_info, is_secure, is_url, join, redacted, scheme};
 
 /// Most bytes of a playlist.
 pub const BYTES_MAX: usize = 1 << 20;
@@ -21,14 +21,13 @@ pub const CLIPS_MAX: usize = 10_000;
 /// Version of the playlist format.
 const VERSION: u32 = 1;
 
-/// Characters that are percent-encoded in a URL: all but the unreserved ones (RFC 3986, 2.3).
-const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
-
 /// The clips of a playlist.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Playlist {
     /// Paths and URLs, at least one.
     pub clips: Vec<String>,
+    /// Whether it comes from a server with a public address, which may name no private ones.
+    pub from_public: bool,
 }
 
 /// A playlist of any version.
@@ -48,29 +47,28 @@ struct Manifest {
 
 /// Whether a path or URL names a playlist rather than a clip: it ends in `.json`.
 pub fn is_playlist(name: &str) -> bool {
-    Path::new(&printable(name)).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+    Path::new(&redacted(name)).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Opens the playlist with this path or URL. Downloads are cached in `cache_dir`. `on_event` takes progress
-/// and notes; where it breaks, the result is `None`.
+/// Opens the playlist with this path or URL. `on_event` takes progress and notes; where it breaks, the result
+/// is `None`.
 ///
 /// # Errors
 /// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] with the name of the playlist.
 pub fn open(
     name: &str,
-    cache_dir: Option<PathBuf>,
+    options: &SourceOptions,
     on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
-    let bytes = if is_url(name) {
-        match fetch(name, cache_dir, on_event)? {
-            Some(bytes) => bytes,
-            None => return Ok(None),
-        }
-    } else {
-        read(Path::new(name), BYTES_MAX).map_err(|reason| Fault::Data(format!("{name}: {reason}")))?
-    };
-    let playlist = Playlist::parse(name, &bytes);
-    playlist.map(Some).map_err(|reason| Fault::Data(format!("{}: {reason}", printable(name))))
+    if is_url(name) {
+        return fetch(name, options, on_event);
+    }
+    if scheme(name).is_some() {
+        return Err(Fault::Usage(format!("{}: {UNKNOWN_SCHEME}", redacted(name))));
+    }
+    let clips = read(Path::new(name), BYTES_MAX).and_then(|bytes| parse(name, &bytes));
+    let clips = clips.map_err(|reason| Fault::Data(format!("{name}: {reason}")))?;
+    Ok(Some(Playlist { clips, from_public: false }))
 }
 
 /// Opens a playlist as [`open`] does, without a way to stop.
@@ -80,10 +78,10 @@ pub fn open(
 #[cfg(feature = "window")]
 pub(crate) fn wait(
     name: &str,
-    cache_dir: Option<PathBuf>,
+    options: &SourceOptions,
     mut on_event: impl FnMut(&LoadEvent),
 ) -> Result<Playlist, Fault> {
-    let opened = open(name, cache_dir, &mut |event| {
+    let opened = open(name, options, &mut |event| {
         on_event(&event);
         ControlFlow::Continue(())
     });
@@ -93,14 +91,13 @@ pub(crate) fn wait(
 #[cfg(feature = "net")]
 fn fetch(
     url: &str,
-    cache_dir: Option<PathBuf>,
+    options: &SourceOptions,
     on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
-) -> Result<Option<Vec<u8>>, Fault> {
-    use super::source::net_options;
+) -> Result<Option<Playlist>, Fault> {
     let progress =
         &mut |progress: &super::progress::Progress| on_event(LoadEvent::Progress(progress.clone()));
-    let is_sound = &|bytes: &[u8]| Playlist::parse(url, bytes).is_ok();
-    let options = net_options(cache_dir);
+    let is_sound = &|bytes: &[u8]| parse(url, bytes).is_ok();
+    let options = super::source::net_options(options);
     let Some(document) = crate::net::document(url, &options, BYTES_MAX, is_sound, progress)? else {
         return Ok(None);
     };
@@ -109,39 +106,41 @@ fn fetch(
     {
         return Ok(None);
     }
-    Ok(Some(document.bytes))
+    // Where redirects led: entries are relative to that.
+    let clips = parse(&document.url, &document.bytes)
+        .map_err(|reason| Fault::Data(format!("{}: {reason}", redacted(url))))?;
+    Ok(Some(Playlist { clips, from_public: !document.is_local }))
 }
 
 #[cfg(not(feature = "net"))]
 fn fetch(
     url: &str,
-    _cache_dir: Option<PathBuf>,
+    _options: &SourceOptions,
     _on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
-) -> Result<Option<Vec<u8>>, Fault> {
+) -> Result<Option<Playlist>, Fault> {
     Err(super::source::no_net(url))
 }
 
-impl Playlist {
-    /// Parses the playlist `name`; relative entries start from its folder.
-    fn parse(name: &str, bytes: &[u8]) -> Result<Playlist, String> {
-        let Versioned { version } = serde_json::from_slice(bytes)
-            .map_err(|error| format!("no playlist, which is {{\"version\": 1, \"clips\": [..]}}: {error}"))?;
-        if version != VERSION {
-            return Err(format!("a playlist of version {version}; this player reads version {VERSION}"));
-        }
-        let Manifest { clips, .. } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-        match clips.len() {
-            0 => return Err("the playlist has no clip".into()),
-            count if count > CLIPS_MAX => {
-                return Err(format!("{count} clips; a playlist has {CLIPS_MAX} at most"));
-            }
-            _ => {}
-        }
-        let resolve = |(i, entry): (usize, &String)| {
-            resolve(name, entry).map_err(|reason| format!("clips[{i}] {reason}"))
-        };
-        Ok(Playlist { clips: clips.iter().enumerate().map(resolve).collect::<Result<_, _>>()? })
+/// Parses the playlist `name`; relative entries start from its folder.
+fn parse(name: &str, bytes: &[u8]) -> Result<Vec<String>, String> {
+    let Versioned { version } = serde_json::from_slice(bytes)
+        .map_err(|error| format!("no playlist, which is {{\"version\": 1, \"clips\": [..]}}: {error}"))?;
+    if version != VERSION {
+        return Err(format!(
+            "a playlist of version {version}; this player reads version {VERSION}: update it"
+        ));
     }
+    let Manifest { clips, .. } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    match clips.len() {
+        0 => return Err("the playlist has no clip: name one in \"clips\"".into()),
+        count if count > CLIPS_MAX => {
+            return Err(format!("{count} clips; a playlist has {CLIPS_MAX} at most: make several"));
+        }
+        _ => {}
+    }
+    let resolve =
+        |(i, entry): (usize, &String)| resolve(name, entry).map_err(|reason| format!("clips[{i}] {reason}"));
+    clips.iter().enumerate().map(resolve).collect()
 }
 
 /// Path or URL of an entry of the playlist `base`.
@@ -150,14 +149,18 @@ fn resolve(base: &str, entry: &str) -> Result<String, String> {
         return Err("is neither a path nor a URL".into());
     }
     if is_playlist(entry) {
-        return Err(format!("is a playlist itself, {}", printable(entry)));
+        return Err(format!("is a playlist itself, {}: name its clips", redacted(entry)));
     }
-    if is_url(entry) {
-        let is_secure = |url: &str| url.get(..6).is_some_and(|start| start.eq_ignore_ascii_case("https:"));
-        // A list that was fetched encrypted names no clip that would be fetched in the open.
-        return match is_secure(base) && !is_secure(entry) {
-            true => Err(format!("leads from https to http, {}", redacted(entry))),
-            false => Ok(entry.into()),
+    if scheme(entry).is_some() {
+        let refused = |why: &str| Err(format!("is {}: {why}", redacted(entry)));
+        return match is_url(entry) {
+            false => refused(UNKNOWN_SCHEME),
+            true if has_user_info(entry) => {
+                refused("a playlist passes on no user name and password: leave them out")
+            }
+            // A list that was fetched encrypted names no clip that would be fetched in the open.
+            true if is_secure(base) && !is_secure(entry) => refused("it leads from https to http: use https"),
+            true => Ok(entry.into()),
         };
     }
     if is_url(base) {
@@ -167,34 +170,12 @@ fn resolve(base: &str, entry: &str) -> Result<String, String> {
     Ok(path.into_os_string().into_string().expect("both parts are text"))
 }
 
-/// URL of the path `entry`, relative to the folder of the URL `base` (RFC 3986, 5.2). The path is written as
-/// on disk: characters with a meaning in URLs are encoded.
-fn join(base: &str, entry: &str) -> String {
-    let base = base.split(['?', '#']).next().unwrap_or_default();
-    let host_at = base.find("://").map_or(0, |at| at + 3);
-    let path_at = base[host_at..].find('/').map_or(base.len(), |at| host_at + at);
-    let (server, path) = base.split_at(path_at);
-    let mut parts: Vec<String> = Vec::new();
-    if !entry.starts_with('/') {
-        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
-        parts.extend(folder.split('/').filter(|part| !part.is_empty()).map(String::from));
-    }
-    for part in entry.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => drop(parts.pop()),
-            part => parts.push(utf8_percent_encode(part, RESERVED).to_string()),
-        }
-    }
-    format!("{server}/{}", parts.join("/"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn parse(name: &str, text: &str) -> Result<Vec<String>, String> {
-        Playlist::parse(name, text.as_bytes()).map(|playlist| playlist.clips)
+        super::parse(name, text.as_bytes())
     }
 
     #[test]
@@ -219,17 +200,13 @@ mod tests {
         assert_eq!(
             parse("https://ann:x@h:8/shows/x%20y/today.json?key=a/b", text).unwrap(),
             [
-                "https://ann:x@h:8/shows/x%20y/a.aarc",
-                "https://ann:x@h:8/shows/b/c%20d%231.aarc",
-                "https://ann:x@h:8/e.aarc",
+                "https://h:8/shows/x%20y/a.aarc",
+                "https://h:8/shows/b/c%20d%231.aarc",
+                "https://h:8/e.aarc",
                 "https://o/f.aarc?g"
-            ]
+            ],
+            "without user name and password"
         );
-        let clip = |entry: &str| {
-            parse("http://h/l.json", &format!(r#"{{"version":1,"clips":["{entry}"]}}"#)).unwrap()
-        };
-        assert_eq!(clip("../../a.aarc"), ["http://h/a.aarc"]);
-        assert_eq!(clip("./ä/100%.aarc"), ["http://h/%C3%A4/100%25.aarc"]);
     }
 
     #[test]
@@ -254,8 +231,16 @@ mod tests {
             let error = parse("l.json", text).unwrap_err();
             assert!(error.contains(what) && !error.contains('\n'), "{text}: {error}");
         }
-        let down = parse("https://h/l.json", r#"{"version":1,"clips":["http://h/a?key"]}"#).unwrap_err();
-        assert!(down.contains("from https to http, http://h/a") && !down.contains("key"), "{down}");
+        for (base, clip, what) in [
+            ("https://h/l.json", "http://h/a?key", "is http://h/a: it leads from https to http"),
+            ("https://h/l.json", "file:///key", "is file:///key: clips come from"),
+            ("l.json", "ftp://h/a?key", "is ftp://h/a: clips come from"),
+            ("l.json", "https://ann:key@h/a", "is https://h/a: a playlist passes on no user name"),
+        ] {
+            let error = parse(base, &format!(r#"{{"version":1,"clips":["{clip}"]}}"#)).unwrap_err();
+            assert!(error.contains(what), "{error}");
+            assert!(clip.starts_with("file") || !error.contains("key"), "{error}");
+        }
         // Nesting without end.
         assert!(parse("l.json", &"[".repeat(BYTES_MAX)).is_err());
     }
@@ -265,7 +250,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("l.json");
         let name = path.to_str().unwrap();
-        let open = || open(name, None, &mut |_| ControlFlow::Continue(()));
+        let open = || open(name, &SourceOptions::default(), &mut |_| ControlFlow::Continue(()));
         assert!(open().unwrap_err().to_string().starts_with(name));
         std::fs::write(&path, r#"{"version":1,"clips":["a.aarc"]}"#).unwrap();
         let expected = folder.path().join("a.aarc").to_str().unwrap().to_owned();

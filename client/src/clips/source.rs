@@ -1,14 +1,16 @@
 //! [`open`]: a clip from a file, from a URL, or the built-in demo, as an [`Arrival`].
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use codec::{Clip, Limits};
 use program::Fault;
 
 use super::demo;
 use super::event::LoadEvent;
-use super::file::{decode, load_file};
-use super::url::is_url;
+use super::file::{decode, load_file, truncation};
+use super::queue::Entry;
+use super::source_options::SourceOptions;
+use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
 
@@ -16,8 +18,13 @@ use crate::net::{self, Download};
 /// complete clip or the first error.
 #[derive(Debug)]
 pub enum Arrival {
-    /// In memory, until it is taken.
-    Loaded(Option<Box<Clip>>),
+    /// In memory, until it is taken, after what there is to say of it.
+    Loaded {
+        /// A remark for the viewer.
+        note: Option<String>,
+        /// The clip.
+        clip: Option<Box<Clip>>,
+    },
     /// From the network.
     #[cfg(feature = "net")]
     Download(Box<Download>),
@@ -28,7 +35,10 @@ impl Iterator for Arrival {
 
     fn next(&mut self) -> Option<Result<LoadEvent, Fault>> {
         match self {
-            Arrival::Loaded(clip) => clip.take().map(|clip| Ok(LoadEvent::Clip(clip))),
+            Arrival::Loaded { note, clip } => {
+                let note = note.take().map(LoadEvent::Note);
+                note.or_else(|| clip.take().map(LoadEvent::Clip)).map(Ok)
+            }
             #[cfg(feature = "net")]
             Arrival::Download(download) => download.next(),
         }
@@ -63,24 +73,39 @@ impl Arrival {
 }
 
 /// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
-/// `None`. Downloads are cached in `cache_dir`.
+/// `None`.
 ///
 /// # Errors
-/// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`.
-pub fn open(name: Option<&str>, cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
-    let loaded = |clip| Arrival::Loaded(Some(Box::new(clip)));
+/// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
+/// its scheme is another one.
+pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
+    let loaded = |note, clip| Arrival::Loaded { note, clip: Some(Box::new(clip)) };
     match name {
         None => decode(&demo::package()?, &Limits::default())
-            .map(loaded)
+            .map(|clip| loaded(None, clip))
             .map_err(|error| Fault::Data(format!("demo clip: {error}"))),
-        Some(name) if is_url(name) => download(name, cache_dir),
-        Some(path) => load_file(Path::new(path)).map(loaded),
+        Some(name) if is_url(name) => download(name, options),
+        Some(url) if scheme(url).is_some() => {
+            Err(Fault::Usage(format!("{}: {UNKNOWN_SCHEME}", redacted(url))))
+        }
+        Some(path) => {
+            let path = Path::new(path);
+            load_file(path).map(|clip| loaded(truncation(path, &clip), clip))
+        }
     }
+}
+
+/// Opens a clip of a playlist, or one that was named alone, as [`open`] does.
+///
+/// # Errors
+/// As for [`open`].
+pub(crate) fn open_entry(entry: &Entry, options: &SourceOptions) -> Result<Arrival, Fault> {
+    open(entry.name.as_deref(), &options.for_entry(entry.from_public))
 }
 
 /// The folder in which this user's downloads are cached; `None` if the system has no place for them.
 #[cfg(not(target_os = "android"))]
-pub fn cache_dir() -> Option<PathBuf> {
+pub fn cache_dir() -> Option<std::path::PathBuf> {
     #[cfg(feature = "net")]
     return crate::folders::cache().map(|folder| folder.join("clips"));
     #[cfg(not(feature = "net"))]
@@ -88,25 +113,26 @@ pub fn cache_dir() -> Option<PathBuf> {
 }
 
 #[cfg(feature = "net")]
-fn download(url: &str, cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
-    Ok(Arrival::Download(Box::new(Download::new(url, net_options(cache_dir)))))
+fn download(url: &str, options: &SourceOptions) -> Result<Arrival, Fault> {
+    Ok(Arrival::Download(Box::new(Download::new(url, net_options(options)))))
 }
 
-/// Options of downloads that are cached in `cache_dir`.
+/// The options of a download.
 #[cfg(feature = "net")]
-pub(super) fn net_options(cache_dir: Option<PathBuf>) -> net::Options {
-    let cache = cache_dir.map(|folder| net::Cache::new(&folder, net::CACHE_BYTES));
-    net::Options { cache, ..net::Options::default() }
+pub(super) fn net_options(options: &SourceOptions) -> net::Options {
+    let cache = options.cache_dir.as_ref().map(|folder| net::Cache::new(folder, net::CACHE_BYTES));
+    net::Options { cache, servers: options.servers, ..net::Options::default() }
 }
 
 #[cfg(not(feature = "net"))]
-fn download(url: &str, _cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
+fn download(url: &str, _options: &SourceOptions) -> Result<Arrival, Fault> {
     Err(no_net(url))
 }
 
 /// The fault of a program that was built without the feature `net`.
 #[cfg(not(feature = "net"))]
 pub(super) fn no_net(url: &str) -> Fault {
+    let url = redacted(url);
     Fault::Usage(format!("{url}: built without URLs: download it first, or build with the feature net"))
 }
 
@@ -116,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
-        let clip = open(None, None).unwrap().wait(None, |_| ()).unwrap();
+        let clip = open(None, &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
         assert!(
             !clip.dynamic_field.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty()
         );
@@ -124,11 +150,19 @@ mod tests {
 
     #[test]
     fn a_url_is_not_fetched_before_it_is_iterated() {
-        let opened = open(Some("http://a/b.aarc"), None);
+        let opened = open(Some("http://a/b.aarc"), &SourceOptions::default());
         if cfg!(feature = "net") {
-            assert!(!matches!(opened.unwrap(), Arrival::Loaded(_)), "nothing is fetched yet");
+            assert!(!matches!(opened.unwrap(), Arrival::Loaded { .. }), "nothing is fetched yet");
         } else {
             assert!(matches!(opened, Err(Fault::Usage(_))));
         }
+    }
+
+    #[test]
+    fn other_urls_are_no_paths() {
+        let opened = open(Some("ftp://ann:key@a/b.aarc?key"), &SourceOptions::default());
+        let Err(Fault::Usage(message)) = opened else { panic!("{opened:?}") };
+        assert!(message.starts_with("ftp://a/b.aarc: ") && message.contains("http://"), "{message}");
+        assert!(!message.contains("key"), "{message}");
     }
 }

@@ -71,8 +71,11 @@ enum Next<C> {
 /// The clip on display, the next one, and the loader's work.
 #[derive(Debug)]
 pub(super) struct QueueState<C> {
-    /// Whether the first clip of a playlist follows the last.
+    /// Whether the first clip of a playlist follows the last, and the next one is always held ready. Else the
+    /// next one is loaded when it is asked for.
     cyclic: bool,
+    /// Whether the next clip was asked for.
+    next_wanted: bool,
     /// What was opened last, a clip or a playlist.
     named: Option<String>,
     /// The playlist on display.
@@ -94,6 +97,7 @@ impl<C> QueueState<C> {
     pub(super) fn new(cyclic: bool) -> QueueState<C> {
         QueueState {
             cyclic,
+            next_wanted: false,
             named: None,
             queue: None,
             opened: None,
@@ -250,8 +254,16 @@ impl<C> QueueState<C> {
         self.skip_requested
     }
 
+    /// Asks for the next clip of the playlist, which [`QueueState::follow`] will go to.
+    #[cfg(not(target_os = "android"))]
+    pub(super) fn prefetch(&mut self) {
+        self.next_wanted = true;
+        self.request_next();
+    }
+
     /// Goes to the next clip of the playlist if it is ready; else playback is blocked on it.
     pub(super) fn follow(&mut self) -> Option<Change<C>> {
+        self.next_wanted = true;
         self.request_next();
         match std::mem::replace(&mut self.next, Next::Pending) {
             Next::Ready(entry, clip) => {
@@ -259,7 +271,7 @@ impl<C> QueueState<C> {
                     queue.go_to(entry.number);
                 }
                 self.current = Some(entry.clone());
-                self.skip_requested = false;
+                (self.next_wanted, self.skip_requested) = (false, false);
                 // Its better versions may be on their way.
                 if let Some(Loading::Next(_)) = self.loading {
                     self.loading = Some(Loading::Current);
@@ -300,10 +312,11 @@ impl<C> QueueState<C> {
         self.queue.as_ref()
     }
 
-    /// Requests the next clip of the playlist, unless the loader is at work.
+    /// Requests the next clip of the playlist if it is wanted, unless the loader is at work.
     fn request_next(&mut self) {
         let (Some(queue), Some(_)) = (&self.queue, &self.current) else { return };
-        if self.loading.is_some() || !matches!(self.next, Next::Pending) {
+        let is_wanted = self.cyclic || self.next_wanted;
+        if !is_wanted || self.loading.is_some() || !matches!(self.next, Next::Pending) {
             return;
         }
         let candidates = queue.candidates(self.cyclic);
@@ -324,7 +337,7 @@ impl<C> QueueState<C> {
     }
 
     fn forget_next(&mut self) {
-        (self.next, self.skip_requested) = (Next::Pending, false);
+        (self.next, self.next_wanted, self.skip_requested) = (Next::Pending, false, false);
     }
 
     fn is_next_coming(&self) -> bool {
@@ -351,7 +364,7 @@ mod tests {
     type State = QueueState<&'static str>;
 
     fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
-        let entry = Entry { number, name: Some(number.to_string()) };
+        let entry = Entry { number, name: Some(number.to_string()), from_public: false };
         LoadEvent::Clip(Version { entry, is_first, clip })
     }
 
@@ -360,7 +373,7 @@ mod tests {
     }
 
     fn queue(count: usize) -> Queue {
-        Queue::new((0..count).map(|number| number.to_string()).collect())
+        Queue::new((0..count).map(|number| number.to_string()).collect(), false)
     }
 
     /// A change in short.
@@ -555,17 +568,27 @@ mod tests {
     }
 
     #[test]
-    fn images_play_a_list_once() {
+    fn images_play_a_list_once_and_load_no_clip_that_is_not_asked_for() {
         let mut state = State::new(false);
         state.open(Some("list".into()));
+        assert!(state.follow().is_none(), "there is none yet");
         state.take_request();
-        state.on_event(LoadEvent::Playlist(queue(2)));
+        state.on_event(LoadEvent::Playlist(queue(3)));
         state.on_event(clip(0, true, "a"));
         state.on_event(LoadEvent::Done);
-        assert_eq!(candidates(&mut state).unwrap(), [1]);
+        assert!(state.take_request().is_none(), "images may need no other clip");
+        state.prefetch();
+        assert_eq!(candidates(&mut state).unwrap(), [1, 2]);
         state.on_event(clip(1, true, "b"));
         state.on_event(LoadEvent::Done);
         assert_eq!(short(state.follow()), "Follow 1 b");
+        assert!(state.take_request().is_none());
+        assert_eq!(short(state.follow()), "waiting", "it has to be loaded first");
+        assert_eq!(candidates(&mut state).unwrap(), [2]);
+        state.on_event(clip(2, true, "c"));
+        state.on_event(LoadEvent::Done);
+        assert_eq!(short(state.follow()), "Follow 2 c");
+        state.prefetch();
         assert!(state.take_request().is_none() && state.follow().is_none() && !state.is_loading());
     }
 }

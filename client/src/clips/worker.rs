@@ -1,26 +1,71 @@
 //! [`Worker`]: a thread that carries out the latest request only.
+//!
+//! It holds one event until the caller takes it, and goes on only then: a caller that takes none, as a headset
+//! that was put down, has no clips pile up.
 
+use std::any::Any;
 use std::ops::ControlFlow;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// A thread that carries out requests `R` and reports events `E`. A new request overtakes the one before.
 pub(super) struct Worker<R, E> {
     /// `None` while the worker is dropped, which ends the thread.
     requests: Option<Sender<(u64, R)>>,
-    events: Receiver<(u64, E)>,
+    shared: Arc<Shared<E>>,
     thread: Option<JoinHandle<()>>,
-    latest: Arc<AtomicU64>,
 }
 
 /// Reports an event; breaks once the request was overtaken.
 pub(super) type Report<'a, E> = &'a dyn Fn(E) -> ControlFlow<()>;
 
-/// The thread has panicked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Ended;
+/// What the work on the latest request panicked with; no event of it follows.
+pub(super) type Panic = Box<dyn Any + Send>;
+
+/// What both threads share.
+struct Shared<E> {
+    state: Mutex<State<E>>,
+    changed: Condvar,
+}
+
+struct State<E> {
+    /// Number of the latest request.
+    latest: u64,
+    /// The next event of the latest request.
+    event: Option<Result<E, Panic>>,
+}
+
+impl<E> Shared<E> {
+    fn lock(&self) -> MutexGuard<'_, State<E>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until the event before was taken, and leaves one of request `number`, unless it was overtaken.
+    fn leave(&self, number: u64, event: Result<E, Panic>) -> ControlFlow<()> {
+        let is_full = |state: &mut State<E>| state.latest == number && state.event.is_some();
+        let waited = self.changed.wait_while(self.lock(), is_full);
+        let mut state = waited.unwrap_or_else(PoisonError::into_inner);
+        if state.latest != number {
+            return ControlFlow::Break(());
+        }
+        state.event = Some(event);
+        self.changed.notify_all();
+        ControlFlow::Continue(())
+    }
+
+    /// Makes `number` the latest request, and forgets the event of the one before.
+    fn overtake(&self, number: impl FnOnce(u64) -> u64) -> u64 {
+        let mut state = self.lock();
+        state.latest = number(state.latest);
+        let (latest, forgotten) = (state.latest, state.event.take());
+        drop(state);
+        drop(forgotten);
+        self.changed.notify_all();
+        latest
+    }
+}
 
 impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     /// Starts the thread, which carries requests out by `work` and calls `wake` after each event.
@@ -32,67 +77,63 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
         wake: impl Fn() + Send + 'static,
     ) -> std::io::Result<Worker<R, E>> {
         let (requests, incoming) = channel::<(u64, R)>();
-        let (report, events) = channel();
-        let latest = Arc::new(AtomicU64::new(0));
-        let current = latest.clone();
+        let shared =
+            Arc::new(Shared { state: Mutex::new(State { latest: 0, event: None }), changed: Condvar::new() });
+        let ours = shared.clone();
         let thread = std::thread::Builder::new().name("loader".into()).spawn(move || {
             while let Ok(request) = incoming.recv() {
                 // Requests that were overtaken while they waited are not begun.
                 let (number, request) = incoming.try_iter().last().unwrap_or(request);
-                work(request, &|event| {
-                    // The receiver goes away together with `current` being overtaken.
-                    let _ = report.send((number, event));
+                let leave = |event| {
+                    let flow = ours.leave(number, event);
                     wake();
-                    let is_latest = current.load(Ordering::Relaxed) == number;
-                    if is_latest { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-                });
+                    flow
+                };
+                let work = || work(request, &|event| leave(Ok(event)));
+                if let Err(panic) = panic::catch_unwind(AssertUnwindSafe(work)) {
+                    let _ = leave(Err(panic));
+                }
             }
         })?;
-        Ok(Worker { requests: Some(requests), events, thread: Some(thread), latest })
+        Ok(Worker { requests: Some(requests), shared, thread: Some(thread) })
     }
 
     /// Hands over a request, which overtakes all before it.
     pub(super) fn request(&mut self, request: R) {
-        let number = self.latest.fetch_add(1, Ordering::Relaxed) + 1;
+        let number = self.shared.overtake(|latest| latest + 1);
         if let Some(requests) = &self.requests {
-            // A thread that has panicked is found out by the next `poll` or `wait`.
-            let _ = requests.send((number, request));
+            requests.send((number, request)).expect("the thread catches panics");
         }
     }
 
     /// The next event of the latest request, if there is one. Does not block.
-    pub(super) fn poll(&self) -> Result<Option<E>, Ended> {
-        loop {
-            match self.events.try_recv() {
-                Ok((number, event)) if self.is_latest(number) => return Ok(Some(event)),
-                Ok(_) => {}
-                Err(TryRecvError::Empty) => return Ok(None),
-                Err(TryRecvError::Disconnected) => return Err(Ended),
-            }
-        }
+    ///
+    /// # Errors
+    /// What the work panicked with.
+    pub(super) fn poll(&self) -> Result<Option<E>, Panic> {
+        let event = self.shared.lock().event.take();
+        self.shared.changed.notify_all();
+        event.transpose()
     }
 
     /// Waits for the next event of the latest request, which must not be complete.
+    ///
+    /// # Errors
+    /// What the work panicked with.
     #[cfg(any(not(target_os = "android"), test))]
-    pub(super) fn wait(&self) -> Result<E, Ended> {
-        loop {
-            match self.events.recv() {
-                Ok((number, event)) if self.is_latest(number) => return Ok(event),
-                Ok(_) => {}
-                Err(_) => return Err(Ended),
-            }
-        }
-    }
-
-    fn is_latest(&self, number: u64) -> bool {
-        number == self.latest.load(Ordering::Relaxed)
+    pub(super) fn wait(&self) -> Result<E, Panic> {
+        let is_empty = |state: &mut State<E>| state.event.is_none();
+        let waited = self.shared.changed.wait_while(self.shared.lock(), is_empty);
+        let event = waited.unwrap_or_else(PoisonError::into_inner).event.take();
+        self.shared.changed.notify_all();
+        event.expect("it was waited for")
     }
 }
 
 impl<R, E> Drop for Worker<R, E> {
     /// Blocks until the request under way reports its next event: the graphics device must outlive it.
     fn drop(&mut self) {
-        self.latest.store(u64::MAX, Ordering::Relaxed);
+        self.shared.overtake(|_| u64::MAX);
         self.requests = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -105,6 +146,8 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(60);
 
     #[test]
     fn the_latest_request_wins() {
@@ -120,11 +163,11 @@ mod tests {
         worker.request("a");
         assert_eq!(begun.recv().unwrap(), "a");
         permit.send(()).unwrap();
-        assert_eq!(worker.wait(), Ok("a"), "more of it may follow");
+        assert_eq!(worker.wait().unwrap(), "a", "more of it may follow");
         worker.request("b");
         worker.request("c");
         (0..2).for_each(|_| permit.send(()).unwrap());
-        assert_eq!(worker.wait(), Ok("c"), "events of an overtaken request are dropped");
+        assert_eq!(worker.wait().unwrap(), "c", "events of an overtaken request are dropped");
         assert_eq!(begun.recv().unwrap(), "c", "b was never begun");
         assert!(woken.try_iter().count() >= 2);
         drop(permit);
@@ -145,17 +188,54 @@ mod tests {
         };
         let mut worker = Worker::new(work, || ()).unwrap();
         worker.request(());
-        assert_eq!(worker.wait(), Ok(()));
+        worker.wait().unwrap();
         drop(worker);
         assert!(reports.iter().count() < ENOUGH, "it was stopped");
     }
 
     #[test]
-    fn a_thread_that_panicked_is_found_out() {
-        let mut worker = Worker::new(|(), _: Report<'_, ()>| panic!("of the test"), || ()).unwrap();
+    fn a_panic_ends_its_request_and_no_other() {
+        let work = |defective: bool, report: Report<'_, ()>| {
+            assert!(!defective, "of the test");
+            let _ = report(());
+        };
+        let (wake, woken) = channel();
+        let mut worker = Worker::new(work, move || wake.send(()).unwrap()).unwrap();
+        for _ in 0..2 {
+            worker.request(true);
+            // A window that is not woken would load for ever.
+            woken.recv_timeout(PATIENCE).unwrap();
+            assert_eq!(worker.poll().unwrap_err().downcast_ref(), Some(&"of the test"));
+            worker.request(true);
+            assert!(worker.wait().is_err());
+            worker.request(false);
+            worker.wait().unwrap();
+            while woken.try_recv().is_ok() {}
+        }
+    }
+
+    #[test]
+    fn events_that_are_not_taken_do_not_pile_up() {
+        let (reported, reports) = channel();
+        let work = move |(), report: Report<'_, u32>| {
+            for event in 0.. {
+                reported.send(event).unwrap();
+                if report(event).is_break() {
+                    return;
+                }
+            }
+        };
+        let mut worker = Worker::new(work, || ()).unwrap();
         worker.request(());
-        assert_eq!(worker.wait(), Err(Ended));
+        let next = || reports.recv_timeout(PATIENCE).unwrap();
+        assert_eq!((next(), next()), (0, 1));
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(reports.try_recv().is_err(), "it waits with the second event");
+        assert_eq!(worker.wait().unwrap(), 0);
+        assert_eq!((next(), worker.poll().unwrap()), (2, Some(1)));
         worker.request(());
-        assert_eq!(worker.poll(), Err(Ended));
+        assert_eq!(worker.wait().unwrap(), 0, "an event of the request before is forgotten");
+        // It does not wait for ever for an event to be taken.
+        drop(worker);
     }
 }

@@ -1,9 +1,10 @@
 //! [`Cache`]: downloaded files on disk, which play again without the network.
 //!
-//! An entry is one file, named by the SHA-256 of its URL: the SHA-256 of the rest, the length of the
-//! version as a 16-bit number, the version (`ETag`), and the downloaded bytes. It is written under another
-//! name and renamed, so several players can share a folder. Reading an entry renews its date; the entries
-//! with the oldest dates are removed when the folder exceeds its limit.
+//! An entry is one file, named by the SHA-256 of its URL: the SHA-256 of the layout's name and the rest, the
+//! version (`ETag`) and the base URL, each after its length as a 16-bit number, and the downloaded bytes. It is
+//! written under another name and renamed, so several players can share a folder. Reading an entry renews its
+//! date; the entries with the oldest dates are removed when the folder exceeds its limit. A date in the
+//! future, of a clock that was wrong, is set to the present.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -20,9 +21,11 @@ pub const CACHE_BYTES: u64 = 512 << 20;
 const ENTRY: &str = "clip";
 const WRITING: &str = "part";
 
-/// Bytes of a checksum, and of the part before the version: checksum and length of the version.
+/// Bytes of a checksum.
 const SUM_BYTES: usize = 32;
-const PREFIX_BYTES: usize = SUM_BYTES + 2;
+
+/// The name of the layout of entries: those of another one count as damaged.
+const LAYOUT: &[u8] = b"aarc cache 2";
 
 /// Age at which a file being written counts as left behind by a player that ended.
 const STALE_AFTER: Duration = Duration::from_secs(3600);
@@ -32,6 +35,8 @@ const STALE_AFTER: Duration = Duration::from_secs(3600);
 pub(super) struct CachedFile {
     /// The server's name of the version; empty if it has none.
     pub(super) etag: String,
+    /// Its URL, where redirects led, without secrets: what it names is relative to that.
+    pub(super) base: String,
     pub(super) bytes: Vec<u8>,
 }
 
@@ -71,17 +76,19 @@ impl Cache {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(super) fn put(&self, url: &str, etag: &str, file: &[u8]) -> io::Result<()> {
-        let version = etag.as_bytes();
-        let bytes = (PREFIX_BYTES + version.len() + file.len()) as u64;
-        let Ok(length) = u16::try_from(version.len()) else { return Ok(()) };
-        if bytes > self.max_bytes {
+    pub(super) fn put(&self, url: &str, file: &CachedFile) -> io::Result<()> {
+        let length = |text: &str| u16::try_from(text.len()).map(u16::to_le_bytes);
+        let (Ok(etag_length), Ok(base_length)) = (length(&file.etag), length(&file.base)) else {
+            return Ok(());
+        };
+        let parts = [&etag_length[..], file.etag.as_bytes(), &base_length, file.base.as_bytes(), &file.bytes];
+        let bytes = SUM_BYTES + parts.iter().map(|part| part.len()).sum::<usize>();
+        if bytes as u64 > self.max_bytes {
             return Ok(());
         }
-        let parts = [&length.to_le_bytes()[..], version, file];
         fs::create_dir_all(&self.folder)?;
         let path = self.path(url);
-        self.make_room(bytes, &path)?;
+        self.make_room(bytes as u64, &path)?;
         let mut file = Builder::new().suffix(&format!(".{WRITING}")).tempfile_in(&self.folder)?;
         file.write_all(&sum(&parts))?;
         for part in parts {
@@ -115,14 +122,19 @@ impl Cache {
             let path = file?.path();
             // Another player may have removed it.
             let Ok(metadata) = path.metadata() else { continue };
-            let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            let mut used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let ends_in = |ending: &str| path.extension().is_some_and(|end| end == ending);
-            if path == replaced {
+            if path == replaced || !(ends_in(ENTRY) || ends_in(WRITING)) {
                 continue;
+            }
+            if used > now {
+                // On disk, so that it ages from now on.
+                set_date(&path, now);
+                used = now;
             }
             if ends_in(ENTRY) {
                 entries.push((used, metadata.len(), path));
-            } else if ends_in(WRITING) && now.duration_since(used).is_ok_and(|age| age > STALE_AFTER) {
+            } else if now.duration_since(used).is_ok_and(|age| age > STALE_AFTER) {
                 let _ = fs::remove_file(path);
             }
         }
@@ -146,9 +158,13 @@ fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
     Read::by_ref(&mut file).take(max_bytes).read_to_end(&mut bytes)?;
-    // On failure the entry is removed earlier than it should be.
-    let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
+    set_date(path, SystemTime::now());
     Ok(bytes)
+}
+
+/// Sets the date of a file. If that fails, it is removed earlier or later than it should be.
+fn set_date(path: &Path, date: SystemTime) {
+    let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(date));
 }
 
 /// Parses an entry; `None` if its checksum differs.
@@ -157,14 +173,21 @@ fn parse(mut bytes: Vec<u8>) -> Option<CachedFile> {
     if stored != sum(&[rest]) {
         return None;
     }
-    let (length, rest) = rest.split_at_checked(PREFIX_BYTES - SUM_BYTES)?;
-    let length = usize::from(u16::from_le_bytes(length.try_into().ok()?));
-    let etag = String::from_utf8(rest.get(..length)?.to_vec()).ok()?;
-    Some(CachedFile { etag, bytes: bytes.split_off(PREFIX_BYTES + length) })
+    let (etag, rest) = text(rest)?;
+    let (base, rest) = text(rest)?;
+    let at = bytes.len() - rest.len();
+    Some(CachedFile { etag, base, bytes: bytes.split_off(at) })
+}
+
+/// A text after its length, and the rest.
+fn text(bytes: &[u8]) -> Option<(String, &[u8])> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    let (text, rest) = rest.split_at_checked(u16::from_le_bytes(*length).into())?;
+    Some((String::from_utf8(text.to_vec()).ok()?, rest))
 }
 
 fn sum(parts: &[&[u8]]) -> [u8; SUM_BYTES] {
-    let mut sum = Sha256::new();
+    let mut sum = Sha256::new_with_prefix(LAYOUT);
     parts.iter().for_each(|part| sum.update(part));
     sum.finalize().into()
 }
@@ -172,6 +195,11 @@ fn sum(parts: &[&[u8]]) -> [u8; SUM_BYTES] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A file of the version `etag`.
+    fn file(etag: &str, bytes: &[u8]) -> CachedFile {
+        CachedFile { etag: etag.into(), base: "http://h/a".into(), bytes: bytes.to_vec() }
+    }
 
     fn cached(cache: &Cache, urls: &[&str]) -> Vec<bool> {
         urls.iter().map(|url| cache.path(url).exists()).collect()
@@ -183,8 +211,8 @@ mod tests {
         let cache = Cache::new(&folder.path().join("a/b"), 1000);
         assert_eq!(cache.get("u"), None);
         for (etag, bytes) in [("\"1\"", &b"old"[..]), ("", b""), ("\"2\"", b"new")] {
-            cache.put("u", etag, bytes).unwrap();
-            assert_eq!(cache.get("u"), Some(CachedFile { etag: etag.into(), bytes: bytes.to_vec() }));
+            cache.put("u", &file(etag, bytes)).unwrap();
+            assert_eq!(cache.get("u"), Some(file(etag, bytes)));
         }
         assert_eq!(cache.get("v"), None);
         assert_eq!(cache.folder.read_dir().unwrap().count(), 1, "nothing else is left");
@@ -197,7 +225,7 @@ mod tests {
     fn flipped_bits_and_truncations_are_detected_and_remove_the_entry() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
-        cache.put("u", "\"1\"", b"package").unwrap();
+        cache.put("u", &file("\"1\"", b"package")).unwrap();
         let path = cache.path("u");
         let whole = fs::read(&path).unwrap();
         let flipped = (0..whole.len() * 8).map(|bit| {
@@ -222,13 +250,13 @@ mod tests {
             file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
         };
         for (age, url) in [(30, "a"), (20, "b"), (10, "c")] {
-            cache.put(url, "", &[0; 250]).unwrap();
+            cache.put(url, &file("", &[0; 250])).unwrap();
             set_age(url, age);
         }
         assert!(cache.get("a").is_some());
-        cache.put("d", "", &[0; 250]).unwrap();
+        cache.put("d", &file("", &[0; 250])).unwrap();
         assert_eq!(cached(&cache, &["a", "b", "c", "d"]), [true, false, true, true]);
-        cache.put("e", "", &[0; 1000]).unwrap();
+        cache.put("e", &file("", &[0; 1000])).unwrap();
         assert_eq!(
             cached(&cache, &["a", "c", "d", "e"]),
             [true, true, true, false],
@@ -240,39 +268,49 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_set_to_another_year_removes_nothing() {
+    fn after_a_clock_was_set_the_entries_read_last_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
-        let year = Duration::from_secs(365 * 24 * 3600);
-        let times = [SystemTime::UNIX_EPOCH, SystemTime::now() - year, SystemTime::now() + year];
-        for (i, time) in times.into_iter().enumerate() {
-            let url = i.to_string();
-            cache.put(&url, "", &[i as u8; 200]).unwrap();
-            File::options().append(true).open(cache.path(&url)).unwrap().set_modified(time).unwrap();
+        let (now, year) = (SystemTime::now(), Duration::from_secs(365 * 24 * 3600));
+        let put = |url: &str, date| {
+            cache.put(url, &file("", &[0; 250])).unwrap();
+            set_date(&cache.path(url), date);
+        };
+        put("past", SystemTime::UNIX_EPOCH);
+        put("future", now + year);
+        put("recent", now - Duration::from_secs(10));
+        put("a", now);
+        let all = ["past", "future", "recent", "a", "b"];
+        assert_eq!(cached(&cache, &all), [false, true, true, true, false], "the oldest date goes");
+        // What lay in the future was as if read at the first look, and ages since.
+        let date = cache.path("future").metadata().unwrap().modified().unwrap();
+        assert!(date >= now && date <= SystemTime::now(), "{date:?}");
+        for url in ["recent", "a"] {
+            assert!(cache.get(url).is_some());
         }
-        File::create(folder.path().join("new.part")).unwrap().set_modified(times[2]).unwrap();
-        cache.put("another", "", &[9; 200]).unwrap();
-        assert_eq!(cached(&cache, &["0", "1", "2", "another"]), [true; 4]);
-        for i in 0..times.len() {
-            assert_eq!(cache.get(&i.to_string()).unwrap().bytes, [i as u8; 200]);
-        }
-        assert!(folder.path().join("new.part").exists(), "another player may be writing it");
+        put("b", now);
+        assert_eq!(cached(&cache, &all), [false, false, true, true, true]);
     }
 
     #[test]
     fn files_left_behind_are_removed_and_other_files_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);
-        let file = |name: &str, age| {
+        let write = |name: &str, age| {
             let file = File::create(folder.path().join(name)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
         };
-        file("old.part", 2 * STALE_AFTER.as_secs());
-        file("new.part", 1);
-        file("someone.else", 2 * STALE_AFTER.as_secs());
-        cache.put("u", "", b"").unwrap();
-        let exists = ["old.part", "new.part", "someone.else"].map(|name| folder.path().join(name).exists());
-        assert_eq!(exists, [false, true, true]);
+        let path = |name: &str| folder.path().join(name);
+        write("old.part", 2 * STALE_AFTER.as_secs());
+        write("new.part", 1);
+        write("someone.else", 2 * STALE_AFTER.as_secs());
+        write("wrong.part", 1);
+        set_date(&path("wrong.part"), SystemTime::now() + 2 * STALE_AFTER);
+        cache.put("u", &file("", b"")).unwrap();
+        let exists = ["old.part", "new.part", "someone.else", "wrong.part"].map(|name| path(name).exists());
+        assert_eq!(exists, [false, true, true, true]);
+        let date = path("wrong.part").metadata().unwrap().modified().unwrap();
+        assert!(date <= SystemTime::now(), "another player may be writing it, but not for ever");
     }
 
     #[test]
@@ -280,7 +318,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("file"), "").unwrap();
         let cache = Cache::new(&folder.path().join("file"), 1000);
-        assert!(cache.put("u", "", b"").is_err());
+        assert!(cache.put("u", &file("", b"")).is_err());
         assert_eq!(cache.get("u"), None);
     }
 }

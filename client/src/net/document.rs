@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use codec::Limits;
 use program::Fault;
 
+use super::cache::CachedFile;
 use super::download::{Options, REPORT_INTERVAL, cached_version_note};
-use super::fetch::{Fetch, Outcome};
+use super::fetch::{Fetch, FetchOptions, Outcome};
 use super::partial_file::PartialFile;
 use crate::clips::{Progress, redacted};
 
@@ -14,6 +15,10 @@ use crate::clips::{Progress, redacted};
 #[derive(Debug)]
 pub(crate) struct Document {
     pub(crate) bytes: Vec<u8>,
+    /// Its URL, where redirects led, without secrets.
+    pub(crate) url: String,
+    /// Whether the server is known to have no address of the internet.
+    pub(crate) is_local: bool,
     /// Why the cached version is used, if the server was not reached.
     pub(crate) note: Option<String>,
 }
@@ -36,11 +41,14 @@ pub(crate) fn document(
     let retry = if cached.is_some() { options.retry.for_revalidation() } else { options.retry };
     let etag = cached.as_ref().map(|file| file.etag.clone()).filter(|etag| !etag.is_empty());
     let limits = Limits { max_bytes, ..options.limits };
-    let fetch = Fetch::start(url, retry, max_bytes, PartialFile::document(limits), etag)?;
-    let (outcome, bytes) = loop {
+    let fetch_options =
+        FetchOptions { url: url.into(), retry, servers: options.servers, max_bytes, cached: etag };
+    let fetch = Fetch::start(fetch_options, PartialFile::document(limits))?;
+    let (outcome, bytes, base, is_local) = loop {
         let mut state = fetch.wait(REPORT_INTERVAL, |state| state.outcome.is_some());
         if let Some(outcome) = state.outcome.take() {
-            break (outcome, state.file.take());
+            let base = redacted(state.url.as_deref().unwrap_or(url));
+            break (outcome, state.file.take(), base, state.is_local);
         }
         let progress = state.progress.clone();
         drop(state);
@@ -50,14 +58,18 @@ pub(crate) fn document(
     };
     match (outcome, cached) {
         (Outcome::Complete { etag }, _) => {
-            if is_valid(&bytes) {
-                options.store(url, etag.as_deref().unwrap_or_default(), &bytes);
+            let file = CachedFile { etag: etag.unwrap_or_default(), base, bytes };
+            if is_valid(&file.bytes) {
+                options.store(url, &file);
             }
-            Ok(Some(Document { bytes, note: None }))
+            Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note: None }))
         }
-        (Outcome::Unchanged, Some(file)) => Ok(Some(Document { bytes: file.bytes, note: None })),
+        (Outcome::Unchanged, Some(file)) => {
+            Ok(Some(Document { bytes: file.bytes, url: base, is_local, note: None }))
+        }
         (Outcome::Failed { fault, is_transient: true }, Some(file)) => {
-            Ok(Some(Document { bytes: file.bytes, note: Some(cached_version_note(url, &fault)) }))
+            let note = Some(cached_version_note(url, &fault));
+            Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note }))
         }
         (Outcome::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
         (Outcome::Unchanged, None) => {
@@ -94,12 +106,20 @@ mod tests {
         let options = Options { cache: Some(cache.clone()), ..Options::default() };
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let url = format!("http://{}/list", listener.local_addr().unwrap());
-        for (body, cached) in [("{one}", "{one}"), ("<html>", "{one}"), ("{two}", "{two}")] {
+        for (body, expected, cached) in [
+            ("{one}", "{one}", "{one}"),
+            ("one", "one", "{one}"),
+            ("\n <html>", "{one}", "{one}"),
+            ("{two}", "{two}", "{two}"),
+        ] {
             let server = serve(&listener, body);
             let is_valid = &|bytes: &[u8]| bytes.starts_with(b"{");
             let fetched = document(&url, &options, 100, is_valid, &mut |_| ControlFlow::Continue(()));
             server.join().unwrap();
-            assert_eq!(fetched.unwrap().unwrap().bytes, body.as_bytes());
+            let fetched = fetched.unwrap().unwrap();
+            assert_eq!(fetched.bytes, expected.as_bytes(), "{body}");
+            assert_eq!(fetched.note.is_some(), expected != body, "{:?}", fetched.note);
+            assert!(fetched.is_local && fetched.url == url, "{fetched:?}");
             assert_eq!(cache.get(&url).unwrap().bytes, cached.as_bytes());
         }
     }

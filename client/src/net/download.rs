@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use codec::{Clip, Limits};
 use program::Fault;
 
-use super::cache::Cache;
-use super::fetch::{Fetch, Outcome, State};
+use super::cache::{Cache, CachedFile};
+use super::fetch::{Fetch, FetchOptions, Outcome, State};
 use super::partial_file::PartialFile;
 use super::retry::RetryPolicy;
-use crate::clips::{LoadEvent, decode, redacted};
+use crate::clips::{LoadEvent, Servers, decode, redacted};
 
 /// Time between two reports of progress: short, and still long enough to read the numbers.
 pub(super) const REPORT_INTERVAL: Duration = Duration::from_millis(250);
@@ -22,15 +22,17 @@ pub struct Options {
     pub cache: Option<Cache>,
     /// Timeouts and retries.
     pub retry: RetryPolicy,
+    /// The servers to download from.
+    pub servers: Servers,
     /// Limits on the clip.
     pub limits: Limits,
 }
 
 impl Options {
     /// Caches a file, if there is a cache. Logs failure: the file plays without.
-    pub(super) fn store(&self, url: &str, etag: &str, bytes: &[u8]) {
+    pub(super) fn store(&self, url: &str, file: &CachedFile) {
         if let Some(cache) = &self.cache
-            && let Err(error) = cache.put(url, etag, bytes)
+            && let Err(error) = cache.put(url, file)
         {
             log::warn!("{}: cannot be cached: {error}", redacted(url));
         }
@@ -100,8 +102,10 @@ impl Download {
         self.has_cached = clip.is_some();
         let retry = if self.has_cached { self.options.retry.for_revalidation() } else { self.options.retry };
         let etag = etag.filter(|etag| !etag.is_empty());
-        let limits = self.options.limits;
-        match Fetch::start(&self.url, retry, limits.max_bytes, PartialFile::package(limits), etag) {
+        let Options { servers, limits, .. } = self.options;
+        let options =
+            FetchOptions { url: self.url.clone(), retry, servers, max_bytes: limits.max_bytes, cached: etag };
+        match Fetch::start(options, PartialFile::package(limits)) {
             Ok(fetch) => self.stage = Stage::Fetching(fetch),
             Err(fault) => return self.fail(fault),
         }
@@ -214,7 +218,8 @@ impl Iterator for Download {
                 Stage::Fetching(fetch) => self.wait(fetch),
                 Stage::Failed(fault) => self.fail(fault),
                 Stage::Store { etag, package } => {
-                    self.options.store(&self.url, &etag, &package);
+                    let file = CachedFile { etag, base: redacted(&self.url), bytes: package };
+                    self.options.store(&self.url, &file);
                     return None;
                 }
                 Stage::End => return None,

@@ -1,8 +1,11 @@
 //! [`Fetch`]: the thread that fetches a file, and the state it shares with its caller.
 //!
 //! On its own thread a slow server does not block the caller, and decoding does not block the transfer.
-//! Dropping a [`Fetch`] cancels it without waiting: the thread ends at its next byte or timeout.
+//! Dropping a [`Fetch`] cancels it without waiting: its connection is closed within a second. Only a name
+//! that is being resolved, or a connection that is being opened, still takes its time; nothing is sent then.
 
+use std::any::Any;
+use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -10,11 +13,12 @@ use program::Fault;
 
 use super::meter::Meter;
 use super::partial_file::PartialFile;
-use super::request::{ResponseBody, Server};
+use super::request::{Response, ResponseBody, Server};
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
-use crate::clips::Progress;
+use super::watch::Watch;
+use crate::clips::{Progress, Servers};
 
 /// Bytes per read: dozens of reads a second on a fast network.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -36,8 +40,13 @@ pub(super) struct State {
     pub(super) file: PartialFile,
     pub(super) progress: Progress,
     pub(super) outcome: Option<Outcome>,
+    /// The URL of the file, where redirects led, once the server has responded.
+    pub(super) url: Option<String>,
+    /// Whether the latest server is known to have no address of the internet.
+    pub(super) is_local: bool,
     meter: Meter,
-    is_cancelled: bool,
+    /// What the thread panicked with: a defect, which goes on in the caller's thread.
+    panic: Option<Box<dyn Any + Send>>,
 }
 
 #[derive(Debug)]
@@ -45,6 +54,7 @@ struct Shared {
     state: Mutex<State>,
     changed: Condvar,
     start: Instant,
+    watch: Arc<Watch>,
 }
 
 impl Shared {
@@ -62,36 +72,65 @@ impl Shared {
 #[derive(Debug)]
 pub(super) struct Fetch(Arc<Shared>);
 
+/// What to fetch.
+#[derive(Clone, Debug)]
+pub(super) struct FetchOptions {
+    pub(super) url: String,
+    pub(super) retry: RetryPolicy,
+    /// The servers to fetch from.
+    pub(super) servers: Servers,
+    /// Limit on the file.
+    pub(super) max_bytes: usize,
+    /// The version in the cache, with which nothing is fetched.
+    pub(super) cached: Option<String>,
+}
+
 impl Fetch {
-    /// Starts to fetch the file at `url`, of at most `max_bytes` bytes, into `file`, unless its version is
-    /// that of the cache, `cached`.
+    /// Starts to fetch a file into `file`.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses a thread.
-    pub(super) fn start(
-        url: &str,
-        retry: RetryPolicy,
-        max_bytes: usize,
+    pub(super) fn start(options: FetchOptions, file: PartialFile) -> Result<Fetch, Fault> {
+        Fetch::run(&options.retry.clone(), file, move |shared| {
+            let FetchOptions { url, retry, servers, max_bytes, cached } = options;
+            let transfer = Transfer::new(retry, max_bytes as u64, cached);
+            match Server::new(&url, retry, servers, &shared.watch) {
+                Ok(server) => Exchange { server, transfer, shared, has_responded: false }.run(),
+                Err(error) => Some(failed(error.text(), false)),
+            }
+        })
+    }
+
+    /// Runs `work` on a thread of its own.
+    fn run(
+        retry: &RetryPolicy,
         file: PartialFile,
-        cached: Option<String>,
+        work: impl FnOnce(&Shared) -> Option<Outcome> + Send + 'static,
     ) -> Result<Fetch, Fault> {
         let state = State {
             file,
             progress: Progress::default(),
             outcome: None,
+            url: None,
+            is_local: false,
             meter: Meter::default(),
-            is_cancelled: false,
+            panic: None,
         };
-        let shared =
-            Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new(), start: Instant::now() });
-        let transfer = Transfer::new(retry, max_bytes as u64, cached);
-        let (ours, url) = (shared.clone(), url.to_owned());
+        let shared = Arc::new(Shared {
+            state: Mutex::new(state),
+            changed: Condvar::new(),
+            start: Instant::now(),
+            watch: Arc::new(Watch::new(retry)),
+        });
+        let ours = shared.clone();
         let thread = std::thread::Builder::new().name("fetch".into()).spawn(move || {
-            let outcome = match Server::new(&url, retry) {
-                Ok(server) => Exchange { server, transfer, shared: &ours, has_responded: false }.run(),
-                Err(error) => Some(failed(error.text(), false)),
-            };
-            ours.lock().outcome = outcome;
+            let result = panic::catch_unwind(AssertUnwindSafe(|| work(&ours)));
+            let mut state = ours.lock();
+            match result {
+                Ok(outcome) => state.outcome = outcome,
+                Err(panic) => state.panic = Some(panic),
+            }
+            drop(state);
             ours.changed.notify_all();
         });
         thread.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
@@ -99,10 +138,17 @@ impl Fetch {
     }
 
     /// Waits until `is_ready`, for `time` at most, and returns the state, locked.
+    ///
+    /// # Panics
+    /// If the thread has panicked.
     pub(super) fn wait(&self, time: Duration, is_ready: impl Fn(&State) -> bool) -> MutexGuard<'_, State> {
         let until = Instant::now() + time;
         let mut state = self.0.lock();
         loop {
+            if let Some(panic) = state.panic.take() {
+                drop(state);
+                panic::resume_unwind(panic);
+            }
             let left = until.saturating_duration_since(Instant::now());
             if is_ready(&state) || left.is_zero() {
                 let now_s = self.0.start.elapsed().as_secs_f64();
@@ -116,13 +162,22 @@ impl Fetch {
 
 impl Drop for Fetch {
     fn drop(&mut self) {
-        self.0.lock().is_cancelled = true;
+        self.0.watch.cancel();
+        // The thread looks at the watch with the state locked before it waits.
+        drop(self.0.lock());
         self.0.changed.notify_all();
     }
 }
 
 fn failed(why: String, is_transient: bool) -> Outcome {
     Outcome::Failed { fault: Fault::Network(why), is_transient }
+}
+
+/// The outcome of a fetch that brought a web page, as networks send in place of anything else until the user
+/// logs in.
+fn web_page() -> Outcome {
+    let why = "the server sends a web page: open the URL in a browser, the network may ask for a log-in";
+    Outcome::Failed { fault: Fault::Data(why.into()), is_transient: true }
 }
 
 /// What follows a request.
@@ -173,8 +228,11 @@ impl Exchange<'_> {
         self.shared.changed.notify_all();
         loop {
             let left = until.saturating_duration_since(Instant::now());
-            if state.is_cancelled || left.is_zero() {
-                return (!state.is_cancelled).then_some(());
+            if self.shared.watch.is_cancelled() {
+                return None;
+            }
+            if left.is_zero() {
+                return Some(());
             }
             state = self.shared.wait(state, left);
         }
@@ -183,10 +241,18 @@ impl Exchange<'_> {
     /// Sends one request and reads the response.
     fn request(&mut self) -> AfterRequest {
         let request = self.transfer.next_request();
-        let (head, body) = match self.server.get(&request) {
+        let response = self.server.get(&request);
+        let mut state = self.shared.lock();
+        state.is_local = self.server.is_local();
+        let Response { head, body, url } = match response {
             Ok(response) => response,
-            Err(error) => return self.on_error(error),
+            Err(error) => {
+                drop(state);
+                return self.on_error(error);
+            }
         };
+        state.url = Some(url);
+        drop(state);
         self.has_responded = true;
         match self.transfer.on_response(&request, &head) {
             Action::Read { skip } => self.read(body, skip),
@@ -202,7 +268,7 @@ impl Exchange<'_> {
     fn read(&mut self, mut body: ResponseBody, mut skip: u64) -> AfterRequest {
         let mut buffer = vec![0; BUFFER_BYTES];
         loop {
-            let count = match body.read(&mut buffer) {
+            let count = match self.server.read(&mut body, &mut buffer) {
                 Ok(0) => return self.on_end(),
                 Ok(count) => count,
                 Err(error) => return self.on_error(error),
@@ -221,13 +287,16 @@ impl Exchange<'_> {
             return Some(action.into());
         }
         let now_s = self.shared.start.elapsed().as_secs_f64();
-        let mut state = self.shared.lock();
-        if state.is_cancelled {
+        if self.shared.watch.is_cancelled() {
             return Some(AfterRequest::Cancelled);
         }
+        self.shared.watch.count(Instant::now(), bytes.len() as u64);
+        let mut state = self.shared.lock();
         if let Err(error) = state.file.push(bytes) {
-            let fault = Fault::Data(error.to_string());
-            return Some(AfterRequest::End(Outcome::Failed { fault, is_transient: false }));
+            return Some(AfterRequest::End(match state.file.is_web_page() {
+                true => web_page(),
+                false => Outcome::Failed { fault: Fault::Data(error.to_string()), is_transient: false },
+            }));
         }
         state.meter.count(now_s, bytes.len() as u64);
         let package_bytes = state.file.package_bytes().map(|bytes| bytes as u64);
@@ -249,7 +318,7 @@ impl Exchange<'_> {
         let state = self.shared.lock();
         let received = state.file.bytes().len() as u64;
         if state.file.is_document() && self.transfer.total().is_none_or(|total| received >= total) {
-            return self.complete();
+            return if state.file.is_web_page() { AfterRequest::End(web_page()) } else { self.complete() };
         }
         let package_bytes = state.file.package_bytes();
         drop(state);
@@ -261,12 +330,33 @@ impl Exchange<'_> {
     }
 
     fn on_error(&mut self, error: RequestError) -> AfterRequest {
+        if self.shared.watch.is_cancelled() {
+            return AfterRequest::Cancelled;
+        }
         match error {
             RequestError::Transient(why) => self.transfer.on_break(&why).into(),
             // A name that resolved before does not resolve while the network is down.
             RequestError::UnknownHost(why) if self.has_responded => self.transfer.on_break(&why).into(),
-            RequestError::UnknownHost(why) | RequestError::Untrusted(why) => Action::GiveUp(why).into(),
+            RequestError::UnknownHost(why) | RequestError::Untrusted(why) | RequestError::Private(why) => {
+                Action::GiveUp(why).into()
+            }
             RequestError::Permanent(why) => Action::Refused(why).into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use codec::Limits;
+
+    use super::*;
+
+    #[test]
+    fn a_panic_of_the_thread_goes_on_in_the_callers() {
+        let file = PartialFile::package(Limits::default());
+        let fetch = Fetch::run(&RetryPolicy::default(), file, |_| panic!("of the test")).unwrap();
+        let wait = || drop(fetch.wait(Duration::from_secs(60), |state| state.outcome.is_some()));
+        let panic = panic::catch_unwind(AssertUnwindSafe(wait)).unwrap_err();
+        assert_eq!(panic.downcast_ref(), Some(&"of the test"));
     }
 }

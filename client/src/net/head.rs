@@ -15,6 +15,8 @@ pub(super) struct Head {
     pub(super) encoding: Option<String>,
     /// `Retry-After` in seconds.
     pub(super) retry_after_s: Option<u64>,
+    /// `Location` of a redirect.
+    pub(super) location: Option<String>,
 }
 
 impl Head {
@@ -33,6 +35,7 @@ impl Head {
                 .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
                 .map(String::from),
             retry_after_s: text("retry-after").and_then(|time| retry_after_s(time, text("date"))),
+            location: text("location").filter(|_| matches!(status, 301..=303 | 307 | 308)).map(String::from),
         }
     }
 
@@ -53,6 +56,7 @@ impl Head {
             502 => "Bad Gateway",
             503 => "Service Unavailable",
             504 => "Gateway Timeout",
+            511 => "Network Authentication Required",
             _ => return self.status.to_string(),
         };
         format!("{} {name}", self.status)
@@ -98,6 +102,17 @@ mod tests {
     fn a_malformed_etag_is_ignored() {
         for etag in ["", "none", "\""] {
             assert_eq!(head(200, &[("etag", etag)]).etag, None, "{etag}");
+        }
+    }
+
+    #[test]
+    fn only_redirects_have_a_location() {
+        for status in [301, 302, 303, 307, 308] {
+            assert_eq!(head(status, &[("location", " /a ")]).location.as_deref(), Some("/a"));
+            assert_eq!(head(status, &[]).location, None);
+        }
+        for status in [200, 201, 300, 304, 404] {
+            assert_eq!(head(status, &[("location", "/a")]).location, None);
         }
     }
 

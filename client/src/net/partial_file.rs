@@ -29,6 +29,12 @@ impl PartialFile {
         !self.is_package
     }
 
+    /// Whether it begins as HTML does, which neither packages nor playlists do.
+    pub(super) fn is_web_page(&self) -> bool {
+        let bytes = self.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&self.bytes);
+        bytes.trim_ascii_start().starts_with(b"<")
+    }
+
     /// Discards all bytes.
     pub(super) fn clear(&mut self) {
         (self.bytes, self.ends) = (Vec::new(), None);
@@ -134,8 +140,10 @@ mod tests {
     fn the_first_bytes_tell_that_a_file_is_no_package() {
         let mut file = PartialFile::package(Limits::default());
         assert!(file.push(b"<!doctype html>").is_err());
+        assert!(file.is_web_page());
         file.clear();
         file.push(&DEMO[..4]).unwrap();
+        assert!(!file.is_web_page());
         assert!(file.push(&[9; 8]).is_err(), "another version");
         let few = Limits { max_gaussians: 10, ..Limits::default() };
         assert!(PartialFile::package(few).push(&DEMO[..DEMO.len() / 2]).is_err(), "more than allowed");

@@ -1,18 +1,28 @@
 //! [`Server`]: requests over HTTP and HTTPS, with errors as sentences.
 //!
-//! Only this file names the HTTP library. It trusts Mozilla's certificates, which are built in and thus
-//! the same on every system, or those in `SSL_CERT_FILE`, as OpenSSL does.
+//! Only this file, `wire` and `addresses` name the HTTP library. It trusts Mozilla's certificates, which are
+//! built in and thus the same on every system, or those in `SSL_CERT_FILE`, as OpenSSL does. Redirects are
+//! followed here, and their bodies are not read: they may be endless.
 
 use std::io::{ErrorKind, Read};
+use std::sync::Arc;
+use std::time::Instant;
 
 use ureq::http::header;
+use ureq::http::uri::Uri;
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
+use ureq::unversioned::resolver::DefaultResolver;
+use ureq::unversioned::transport::{ConnectProxyConnector, Connector, TcpConnector};
 use ureq::{Agent, Body, Error, Timeout};
 
+use super::addresses::{AddressGuard, Addresses, Network};
 use super::head::Head;
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::FileRequest;
+use super::watch::Watch;
+use super::wire::{HANDSHAKE_RESET, Secure, Wire};
+use crate::clips::{Servers, has_user_info, is_secure, is_url, resolve};
 
 /// Limit on redirects.
 const REDIRECTS_MAX: u32 = 5;
@@ -21,37 +31,83 @@ const REDIRECTS_MAX: u32 = 5;
 pub(super) struct Server {
     agent: Agent,
     url: String,
+    watch: Arc<Watch>,
+    addresses: Arc<Addresses>,
+}
+
+/// A response that is no redirect.
+pub(super) struct Response {
+    pub(super) head: Head,
+    pub(super) body: ResponseBody,
+    /// The URL of the file, where redirects led.
+    pub(super) url: String,
 }
 
 impl Server {
-    /// The server of the file at `url`.
+    /// The server of the file at `url`, if it is one of `servers`. Requests end when `watch` says so.
     ///
     /// # Errors
     /// If the certificates to trust cannot be read.
-    pub(super) fn new(url: &str, retry: RetryPolicy) -> Result<Server, RequestError> {
+    pub(super) fn new(
+        url: &str,
+        retry: RetryPolicy,
+        servers: Servers,
+        watch: &Arc<Watch>,
+    ) -> Result<Server, RequestError> {
+        Server::within(Addresses::new(servers), url, retry, watch)
+    }
+
+    fn within(
+        addresses: Arc<Addresses>,
+        url: &str,
+        retry: RetryPolicy,
+        watch: &Arc<Watch>,
+    ) -> Result<Server, RequestError> {
         let config = Agent::config_builder()
             .http_status_as_error(false)
-            // An https URL is not fetched over http.
-            .https_only(url.get(..6).is_some_and(|scheme| scheme.eq_ignore_ascii_case("https:")))
-            .max_redirects(REDIRECTS_MAX)
+            .max_redirects(0)
             .user_agent(concat!("aarc/", env!("CARGO_PKG_VERSION")))
             .accept_encoding("identity")
             .timeout_resolve(Some(retry.response_timeout))
             .timeout_connect(Some(retry.response_timeout))
+            .timeout_send_request(Some(retry.response_timeout))
             .timeout_recv_response(Some(retry.response_timeout))
             .timeout_per_read(Some(retry.read_timeout))
-            .timeout_per_write(Some(retry.read_timeout))
             .tls_config(TlsConfig::builder().root_certs(certificates()?).build())
             .build();
-        Ok(Server { agent: config.new_agent(), url: url.into() })
+        let connector =
+            ().chain(ConnectProxyConnector::default())
+                .chain(TcpConnector::default())
+                .chain(Wire(watch.clone()))
+                .chain(Secure::default());
+        let resolver = AddressGuard { addresses: addresses.clone(), resolver: DefaultResolver::default() };
+        let agent = Agent::with_parts(config, connector, resolver);
+        Ok(Server { agent, url: url.into(), watch: watch.clone(), addresses })
     }
 
-    /// Sends a request; returns the head of the response and its body.
+    /// Sends a request, follows redirects, and returns the response.
     ///
     /// # Errors
     /// If there is no response.
-    pub(super) fn get(&self, file: &FileRequest) -> Result<(Head, ResponseBody), RequestError> {
-        let mut request = self.agent.get(&self.url);
+    pub(super) fn get(&self, file: &FileRequest) -> Result<Response, RequestError> {
+        self.watch.begin(Instant::now());
+        self.addresses.begin();
+        let mut url = self.url.clone();
+        for _ in 0..=REDIRECTS_MAX {
+            let (head, body) = self.send(&url, file).map_err(|error| self.request_error(error))?;
+            let Some(location) = &head.location else { return Ok(Response { head, body, url }) };
+            url = redirected(&url, location)?;
+        }
+        Err(RequestError::Permanent(format!("the server redirects more than {REDIRECTS_MAX} times")))
+    }
+
+    fn send(&self, url: &str, file: &FileRequest) -> Result<(Head, ResponseBody), Error> {
+        let uri: Uri = url.parse().map_err(|_| Error::BadUri(String::new()))?;
+        let proxy = self.agent.config().proxy().filter(|proxy| !proxy.is_no_proxy(&uri));
+        if proxy.is_some() && !self.addresses.admit_unresolved(uri.host().unwrap_or_default()) {
+            return Err(Error::HostNotFound);
+        }
+        let mut request = self.agent.get(uri);
         if file.offset > 0 {
             request = request.header(header::RANGE, format!("bytes={}-", file.offset));
         }
@@ -61,24 +117,60 @@ impl Server {
                 request = request.header(name, etag);
             }
         }
-        let response = request.call().map_err(request_error)?;
+        let response = request.call()?;
         let (parts, body) = response.into_parts();
         let header = |name| parts.headers.get(name).and_then(|value| value.to_str().ok());
         Ok((Head::parse(parts.status.as_u16(), header), ResponseBody(body)))
+    }
+
+    /// Reads a part of `body` into `buffer`; returns the number of bytes, 0 at the end.
+    ///
+    /// # Errors
+    /// If the connection breaks, or ends before the announced length.
+    pub(super) fn read(&self, body: &mut ResponseBody, buffer: &mut [u8]) -> Result<usize, RequestError> {
+        body.0.as_reader().read(buffer).map_err(|error| self.request_error(Error::from(error)))
+    }
+
+    /// Whether the latest server is known to have no address of the internet.
+    pub(super) fn is_local(&self) -> bool {
+        self.addresses.latest() == Network::Local
+    }
+
+    /// An error of the HTTP library as a sentence.
+    fn request_error(&self, error: Error) -> RequestError {
+        if self.addresses.was_refused() {
+            return RequestError::Private(
+                "a server on the internet leads to a private address: --private-network allows that".into(),
+            );
+        }
+        if self.watch.is_late(Instant::now()) {
+            let rate = self.watch.least_bytes_per_s();
+            return RequestError::Transient(format!("the server sends fewer than {rate} bytes a second"));
+        }
+        request_error(error)
     }
 }
 
 /// The body of a response.
 pub(super) struct ResponseBody(Body);
 
-impl ResponseBody {
-    /// Reads into `buffer`; returns the number of bytes, 0 at the end.
-    ///
-    /// # Errors
-    /// If the connection breaks, or ends before the announced length.
-    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, RequestError> {
-        self.0.as_reader().read(buffer).map_err(|error| request_error(Error::from(error)))
+/// The URL that a redirect from `url` leads to.
+///
+/// # Errors
+/// If it is not to be followed.
+fn redirected(url: &str, location: &str) -> Result<String, RequestError> {
+    let target = resolve(url, location);
+    let refused = |what: &str| Err(RequestError::Permanent(format!("the server redirects {what}")));
+    if is_secure(url) && !is_secure(&target) {
+        return refused("from https to http, which is not followed");
     }
+    if !is_url(&target) {
+        return refused("to a URL that is neither http nor https");
+    }
+    if has_user_info(&target) {
+        return refused("to a URL with a user name, which is not followed");
+    }
+    Ok(target)
 }
 
 /// The certificates to trust.
@@ -125,14 +217,71 @@ fn request_error(error: Error) -> RequestError {
         },
         Error::Protocol(error) => RequestError::Transient(format!("the server does not speak HTTP: {error}")),
         Error::Rustls(error) => RequestError::Untrusted(format!("no secure connection: {error}")),
+        Error::Tls(HANDSHAKE_RESET) => {
+            RequestError::Transient(format!("no secure connection: {HANDSHAKE_RESET}"))
+        }
         Error::Tls(error) => RequestError::Untrusted(format!("no secure connection: {error}")),
-        Error::TooManyRedirects => {
-            RequestError::Permanent(format!("the server redirects more than {REDIRECTS_MAX} times"))
+        Error::BadUri(_) | Error::Http(_) => {
+            RequestError::Permanent("not a URL: write it as http://HOST/PATH, with %20 for a blank".into())
         }
-        Error::RequireHttpsOnly(_) => {
-            RequestError::Permanent("the server redirects from https to http, which is not followed".into())
-        }
-        Error::BadUri(_) | Error::Http(_) => RequestError::Permanent("not a URL".into()),
         error => RequestError::Transient(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+    use std::net::{IpAddr, Ipv4Addr, TcpListener};
+    use std::time::Duration;
+
+    use super::*;
+
+    /// 127.0.0.1 stands for an address of the internet. Its server redirects to that of 127.0.0.2.
+    #[test]
+    fn a_redirect_from_a_public_address_leads_to_no_private_one() {
+        let listen = |address: [u8; 4]| TcpListener::bind((Ipv4Addr::from(address), 0)).unwrap();
+        let (public, private) = (listen([127, 0, 0, 1]), listen([127, 0, 0, 2]));
+        private.set_nonblocking(true).unwrap();
+        let location = format!("http://{}/a", private.local_addr().unwrap());
+        let url = format!("http://{}/", public.local_addr().unwrap());
+        std::thread::spawn(move || {
+            for stream in public.incoming() {
+                let mut stream = stream.unwrap();
+                let _ = stream.read(&mut [0; 4096]);
+                let _ = write!(stream, "HTTP/1.1 302 x\r\nLocation: {location}\r\nContent-Length: 0\r\n\r\n");
+            }
+        });
+        let get = |servers| {
+            let addresses = Addresses::with(servers, |address| address == IpAddr::V4(Ipv4Addr::LOCALHOST));
+            let retry =
+                RetryPolicy { response_timeout: Duration::from_millis(500), ..RetryPolicy::default() };
+            let server = Server::within(addresses, &url, retry, &Arc::new(Watch::new(&retry))).unwrap();
+            (server.get(&FileRequest::default()).map(drop), server.is_local())
+        };
+        let (refused, is_local) = get(Servers::Guarded);
+        assert!(matches!(refused, Err(RequestError::Private(_))) && is_local, "{refused:?}");
+        assert!(private.accept().is_err(), "it is not connected to");
+        let (followed, _) = get(Servers::All);
+        assert!(
+            matches!(followed, Err(RequestError::Transient(_))) && private.accept().is_ok(),
+            "{followed:?}"
+        );
+    }
+
+    #[test]
+    fn redirects_lead_to_no_other_scheme_and_no_user() {
+        let target = |location: &str| redirected("http://a/b?key", location).map_err(RequestError::text);
+        assert_eq!(target("c").unwrap(), "http://a/c");
+        assert_eq!(target("https://d").unwrap(), "https://d");
+        for (location, why) in [
+            ("file:///etc", "neither http nor https"),
+            ("ftp://a/b", "neither"),
+            ("//u:key@a/b", "user name"),
+        ] {
+            let error = target(location).unwrap_err();
+            assert!(error.contains(why) && !error.contains("key"), "{location}: {error}");
+        }
+        let down = redirected("https://a/b", "http://a/b?key").map_err(RequestError::text).unwrap_err();
+        assert!(down.contains("from https to http") && !down.contains("key"), "{down}");
     }
 }

@@ -1,15 +1,22 @@
-//! [`RetryPolicy`]: how long to wait for a server, and how often to retry.
+//! [`RetryPolicy`]: how long to wait for a server, how slow it may be, and how often to retry.
 
 use std::time::Duration;
 
-/// Timeouts and number of retries.
+/// New bytes after which all retries are available again: a server that trickles has fewer.
+pub(super) const PROGRESS_BYTES: u64 = 1000;
+
+/// Timeouts, least rate and number of retries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RetryPolicy {
     /// Longest time for each of name resolution, connection and the head of the response.
     pub response_timeout: Duration,
     /// Longest time without a byte.
     pub read_timeout: Duration,
-    /// Retries in a row without a new byte.
+    /// Longest time of a request, beyond that of its bytes at the least rate.
+    pub grace: Duration,
+    /// The least rate of a request.
+    pub least_bytes_per_s: u32,
+    /// Retries in a row without [`PROGRESS_BYTES`].
     pub retries: u32,
     /// Retries before the first byte.
     pub first_retries: u32,
@@ -18,11 +25,13 @@ pub struct RetryPolicy {
 }
 
 impl Default for RetryPolicy {
-    /// Timeouts of 10 s; 5 retries within 8 s.
+    /// Timeouts of 10 s; 1000 bytes a second after 30 s; 5 retries within 8 s.
     fn default() -> RetryPolicy {
         RetryPolicy {
             response_timeout: Duration::from_secs(10),
             read_timeout: Duration::from_secs(10),
+            grace: Duration::from_secs(30),
+            least_bytes_per_s: 1000,
             retries: 5,
             first_retries: 5,
             first_wait: Duration::from_millis(250),

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use super::head::Head;
-use super::retry::RetryPolicy;
+use super::retry::{PROGRESS_BYTES, RetryPolicy};
 
 /// Limit on requests for one file: it ends transfers from servers that send a byte per connection.
 const REQUESTS_MAX: u32 = 100;
@@ -65,10 +65,11 @@ pub(super) struct Transfer {
     /// Whether the server can send the rest of a file.
     ranges: bool,
     requests: u32,
-    /// Broken connections since the last new byte.
+    /// Broken connections since the last progress.
     breaks: u32,
-    /// The most bytes received of any version.
+    /// The most bytes received of any version, and those at the last progress.
     furthest: u64,
+    progress: u64,
 }
 
 impl Transfer {
@@ -85,6 +86,7 @@ impl Transfer {
             requests: 0,
             breaks: 0,
             furthest: 0,
+            progress: 0,
         }
     }
 
@@ -131,6 +133,10 @@ impl Transfer {
                 self.on_break("the file changed on the server")
             }
             408 | 425 | 429 | 500 | 502..=504 => self.on_busy_server(head),
+            511 => Action::GiveUp(format!(
+                "the network asks for a log-in ({}): log in with a browser",
+                head.status_text()
+            )),
             401 | 403 | 407 => Action::Refused(format!("the server denies access ({})", head.status_text())),
             404 | 410 => Action::Refused(format!("there is no such file ({})", head.status_text())),
             _ => Action::Refused(format!("the server answers {}", head.status_text())),
@@ -193,8 +199,9 @@ impl Transfer {
     /// [`Action::TooLarge`].
     pub(super) fn count(&mut self, bytes: u64) -> Result<(), Action> {
         self.received += bytes;
-        if self.received > self.furthest {
-            (self.furthest, self.breaks) = (self.received, 0);
+        self.furthest = self.furthest.max(self.received);
+        if self.furthest - self.progress >= PROGRESS_BYTES {
+            (self.progress, self.breaks) = (self.furthest, 0);
         }
         self.check_limit(self.received)
     }
@@ -319,13 +326,15 @@ mod tests {
     }
 
     #[test]
-    fn waits_double_up_to_the_last_retry_and_new_bytes_reset_them() {
+    fn waits_double_up_to_the_last_retry_and_progress_resets_them() {
         let mut transfer = transfer();
         let request = transfer.next_request();
-        transfer.on_response(&request, &whole(100, "\"a\""));
+        transfer.on_response(&request, &whole(10_000, "\"a\""));
         let wait = |action| if let Action::Retry(wait, _) = action { wait.as_millis() } else { 0 };
         assert_eq!([0; 3].map(|_| wait(transfer.on_break("x"))), [250, 500, 0]);
         assert_eq!(transfer.on_break("gone"), Action::GiveUp("gone".into()));
+        transfer.count(PROGRESS_BYTES - 1).unwrap();
+        assert_eq!(transfer.on_break("gone"), Action::GiveUp("gone".into()), "a trickle is no progress");
         transfer.count(1).unwrap();
         assert_eq!(wait(transfer.on_break("x")), 250);
         transfer.requests = REQUESTS_MAX;
@@ -346,6 +355,7 @@ mod tests {
         for status in [408, 425, 429, 500, 502, 503, 504] {
             assert!(matches!(on_response(status, None), Action::Retry(..)), "{status}");
         }
+        assert!(matches!(on_response(511, None), Action::GiveUp(why) if why.contains("log in")));
         let Action::Retry(wait, _) = on_response(503, Some(20)) else { panic!("a wait of 20 s is allowed") };
         assert_eq!(wait.as_secs(), 20);
         let Action::GiveUp(why) = on_response(503, Some(31)) else { panic!("a wait of 31 s is too long") };

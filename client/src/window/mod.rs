@@ -40,11 +40,12 @@ use session::{Event, Next, Session, Start};
 /// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until the first clip plays;
 /// [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let First { entry, clip, rest, queue } = first_clip(args)?;
+    let First { entry, clip, rest, queue, note } = first_clip(args)?;
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
-    let start = Start { entry, clip, rest, queue, viewpoint, settings, size: args.size };
+    let source = args.source(cache_dir());
+    let start = Start { entry, clip, rest, queue, note, source, viewpoint, settings, size: args.size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop
@@ -60,6 +61,8 @@ struct First {
     /// Its better versions, which are still being loaded.
     rest: Arrival,
     queue: Option<Queue>,
+    /// The last remark on it.
+    note: Option<String>,
 }
 
 /// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of
@@ -67,15 +70,23 @@ struct First {
 fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
+    let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = clips::open(entry.name.as_deref(), cache_dir())?;
-        let clip = rest.wait(Some(layers), |event| reporter.print(event))?;
-        Ok(First { entry, clip, rest, queue })
+        let mut rest = clips::open_entry(&entry, &source)?;
+        let mut note = None;
+        let clip = rest.wait(Some(layers), |event| {
+            reporter.print(event);
+            if let LoadEvent::Note(text) = event {
+                note = Some(text.clone());
+            }
+        })?;
+        Ok(First { entry, clip, rest, queue, note })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(Entry::single(args.clip.clone()), None, &mut reporter);
     };
-    let queue = Queue::new(playlist::wait(list, cache_dir(), |event| reporter.print(event))?.clips);
+    let playlist = playlist::wait(list, &source, |event| reporter.print(event))?;
+    let queue = Queue::new(playlist.clips, playlist.from_public);
     let mut last = None;
     for entry in queue.all() {
         if let Some(fault) = last.take() {

@@ -27,7 +27,7 @@ use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{Requests, Viewer};
 use crate::clips::{
-    Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, Transition, cache_dir, title,
+    Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, SourceOptions, Transition, title,
 };
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame};
 use crate::view::View;
@@ -48,6 +48,10 @@ pub(super) struct Start {
     pub(super) rest: Arrival,
     /// The playlist of the clip, at its entry.
     pub(super) queue: Option<Queue>,
+    /// A remark on the clip.
+    pub(super) note: Option<String>,
+    /// Where further clips may come from.
+    pub(super) source: SourceOptions,
     /// Number of the viewpoint to start from.
     pub(super) viewpoint: usize,
     pub(super) settings: RenderSettings,
@@ -166,13 +170,14 @@ impl Session {
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
-        let viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
+        let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
+        viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
         let wake = {
             let proxy = proxy.clone();
             // The event loop has ended where this fails.
             move || drop(proxy.send_event(Event::Loading))
         };
-        let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: false };
+        let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, wake)?;
         clips.adopt(WindowTarget::of(&screen), start.entry, start.queue, start.rest);
         window.request_redraw();

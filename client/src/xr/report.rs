@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use codec::Camera;
 use glam::UVec2;
-use program::{Fault, output};
+use program::{Fault, counted, output};
 use serde::Serialize;
 
 use super::eye;
@@ -232,7 +232,8 @@ impl Report {
         }
         match self.last {
             Some(last) if self.drawn_frames < last => {
-                Err(Fault::Device(format!("the session ended after {} of {last} frames", self.drawn_frames)))
+                let (drawn, last) = (self.drawn_frames, counted(last as usize, "frame"));
+                Err(Fault::Device(format!("the session ended after {drawn} of {last}: start it again")))
             }
             _ => Ok(()),
         }

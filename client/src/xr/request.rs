@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use program::Fault;
+use program::{Fault, usage_line};
 
 use crate::args::Args;
-use crate::clips::clips_in;
+use crate::clips::{clips_in, redacted};
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -26,8 +26,8 @@ pub(super) fn command_line(request: IntentRequest, folders: &[PathBuf]) -> Resul
     let options = request.options.unwrap_or_default();
     let mut args = Args::try_parse_from(["aarc", "--xr"].into_iter().chain(options.split_whitespace()))
         .map_err(|error| {
-            let text = error.to_string();
-            let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+            let words: Vec<String> = options.split_whitespace().map(redacted).collect();
+            let (options, what) = (words.join(" "), usage_line(&error.to_string()));
             Fault::Usage(format!("the intent's args, {options:?}: {what}"))
         })?;
     args.clip = request.clip.or(args.clip).or_else(|| {
@@ -72,5 +72,10 @@ mod tests {
             };
             assert!(message.contains(options) && !message.contains('\n'), "{message}");
         }
+        let secret = command_line(request(None, Some("a https://ann:key@h/b?key")), &[]).unwrap_err();
+        assert!(
+            secret.to_string().contains("https://h/b") && !secret.to_string().contains("key"),
+            "{secret}"
+        );
     }
 }

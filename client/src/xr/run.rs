@@ -45,7 +45,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     };
     let quality = Quality::new(args.settings(), args.quality, adapts);
     let options = LoadOptions {
-        cache_dir: system.cache_dir(),
+        source: args.source(system.cache_dir()),
         min_layers: args.layer.map_or(1, |layers| layers as usize),
         is_complete: !adapts,
     };

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with, stereo_pair};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use glam::UVec2;
@@ -40,7 +40,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         let t = f64::from(frame) * 0.37 % 1.0;
         let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][frame as usize % 4];
         let camera = camera(place, 96, 64);
-        let cameras = if eyes == 2 { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
+        let cameras = if eyes == 2 { camera.stereo_pair(0.065).to_vec() } else { vec![camera] };
         let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
         let settings = RenderSettings {
             sort: [SortOrder::Depth, SortOrder::Radial][frame as usize % 2],

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use aarc_tests::display::{Display, Screenshot};
 use aarc_tests::gpu::{Passes, device};
 use aarc_tests::programs::{Folder, Outcome, client, example, run, studio};
-use aarc_tests::scene::{Motion, Recipe, packaged};
+use aarc_tests::scene::{Motion, Recipe, lasting, packaged};
 use aarc_tests::server::Server;
 use libtest_mimic::{Completion, Failed, Trial};
 
@@ -23,6 +23,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         ignorable("a full disk is one sentence", Some(small_disk), full_output),
         ignorable("too little graphics memory is one sentence", None, little_memory),
         ignorable("a lost device is reopened once, then one sentence", None, lost_headless),
+        ignorable("a device lost while the next clip is uploaded is reopened", None, lost_in_playlist),
         ignorable("a window reopens a lost device once, and then ends with one sentence", None, lost_window),
     ]
 }
@@ -201,6 +202,36 @@ fn lost_headless(folder: &Folder) -> Result<Completion, String> {
         if images != expected || !outcome.stderr.contains("goes on with another") {
             return Err(format!("{when}: {outcome:?}"));
         }
+    }
+    Ok(Completion::Completed)
+}
+
+/// A playlist whose second clip is larger than anything before it: its upload loses the device.
+fn lost_in_playlist(folder: &Folder) -> Result<Completion, String> {
+    let small = Recipe { count: 50, sh_degree: 0, ..RECIPE };
+    folder.write("small.aarc", &lasting(&small.field(), 1.0, 60.0));
+    let large = Recipe { count: 20_000, ..RECIPE };
+    folder.write("large.aarc", &lasting(&large.field(), 1.0, 60.0));
+    folder.write("list.json", br#"{"version": 1, "clips": ["small.aarc", "large.aarc"]}"#);
+    let player = |out: &str, when: &str| {
+        let line = format!("list.json --headless --frames 0..64 --size 96x64 --out {out}");
+        let mut command = folder.command(client(), &line);
+        lossy(&mut command, folder, when);
+        run(&mut command)
+    };
+    let images = |out: &str| -> Result<Vec<_>, String> {
+        (0..64).map(|i| folder.read(&format!("{out}/frame_{i:04}.png"))).collect()
+    };
+    // Opening a device takes a buffer of half a megabyte.
+    player("never", "upload:100000000").success();
+    let outcome = player("lost", "upload:600000:1").success();
+    if images("lost")? != images("never")? || !outcome.stderr.contains("goes on with another") {
+        return Err(format!("{outcome:?}"));
+    }
+    let outcome = player("always", "upload:600000");
+    let last = outcome.stderr.lines().last().unwrap_or_default();
+    if outcome.code != Some(DEVICE) || !last.starts_with("error: ") || outcome.stderr.contains("skipped") {
+        return Err(format!("{outcome:?}"));
     }
     Ok(Completion::Completed)
 }

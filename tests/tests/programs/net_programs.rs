@@ -29,6 +29,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a URL gives the image of the file, also without the network", Passes::Shared, images),
         gpu::trial("a secure connection needs a trusted certificate", Passes::Shared, secure),
         Trial::test("faults are one sentence and an exit code", || faults().map_err(Failed::from)),
+        gpu::trial("no output has the secrets of a URL", Passes::Shared, secrets),
         display::trial("a window plays the first layer before the rest is sent", window),
     ]
 }
@@ -161,12 +162,76 @@ fn faults() -> Result<(), String> {
     });
     let player = |url: &str| player(&folder, url, "b.png");
     refused(&folder, &mut player(&server.url("a.aarc")), NETWORK, "no such file (404 Not Found)")?;
-    refused(&folder, &mut player(&server.url("page")), DATA, "not an .aarc package")?;
+    refused(&folder, &mut player(&server.url("page")), DATA, "a web page")?;
     refused(&folder, &mut player("http://nowhere.invalid/a.aarc"), NETWORK, "name")?;
     if folder.path("stats.json").exists() || folder.path("cache").exists() {
         return Err("something was left".into());
     }
     Ok(())
+}
+
+/// Whatever happens, and however much is logged.
+fn secrets(_: &Gpu) -> Result<(), String> {
+    let (folder, file) = (Folder::default(), package());
+    let sent = file.clone();
+    let server = Server::start(move |number, request, answer| {
+        match request.path.split('?').next().unwrap_or_default() {
+            "/clip.aarc" => answer.file(request, &sent, ETAG, sent.len()),
+            "/moved.aarc" => {
+                answer.head(302, &[("Location", "/clip.aarc?SECRET4"), ("Content-Length", "0")]);
+            }
+            "/lost.aarc" => {
+                answer.head(302, &[("Location", "//ann:SECRET4@host/a?SECRET5"), ("Content-Length", "0")]);
+            }
+            "/list.json" => {
+                let list = br#"{"version": 1, "clips": ["none.aarc", "clip.aarc"]}"#;
+                answer.file(request, list, ETAG, list.len());
+            }
+            "/busy.aarc" if number % 2 == 0 => answer.head(503, &[("Content-Length", "0")]),
+            "/page.aarc" => {
+                answer.head(200, &[]);
+                answer.raw(b"<!doctype html>");
+            }
+            _ => answer.head(404, &[("Content-Length", "0")]),
+        }
+    });
+    let check = |what: &str, outcome: &Outcome| match format!("{outcome:?}").contains("SECRET") {
+        true => Err(format!("{what}: {outcome:?}")),
+        false => Ok(()),
+    };
+    let tail = "?key=SECRET2#SECRET3";
+    let mut urls: Vec<String> =
+        ["clip.aarc", "moved.aarc", "lost.aarc", "list.json", "busy.aarc", "page.aarc"]
+            .iter()
+            .map(|path| format!("http://ann:SECRET1@{}/{path}{tail}", server.socket()))
+            .collect();
+    urls.push(format!("https://ann:SECRET1@{}/clip.aarc{tail}", server.socket()));
+    urls.push(format!("ftp://ann:SECRET1@host/clip.aarc{tail}"));
+    urls.push(format!("http://ann:SECRET1/x@host/clip.aarc{tail}"));
+    for url in &urls {
+        let line = format!("{url} --headless --time 0.1 --size 16x16 --out image.png");
+        let mut command = folder.command(client(), &line);
+        command
+            .env("XDG_CACHE_HOME", folder.path("cache"))
+            .env("RUST_LOG", "trace,wgpu_core=warn,wgpu_hal=warn,naga=warn");
+        check(url, &run(&mut command))?;
+    }
+    let listed = format!("list.json {} --headless --out image.png", urls[0]);
+    check("a second clip", &run(&mut folder.command(client(), &listed)))?;
+    folder.write("list.json", format!(r#"{{"version": 1, "clips": ["{}"]}}"#, urls[0]).as_bytes());
+    check("a playlist", &run(&mut folder.command(client(), "list.json --headless --out image.png")))?;
+    let entries = folder.path("cache/aarc/clips").read_dir().map_err(|error| error.to_string())?;
+    let mut count = 0;
+    for entry in entries {
+        let path = entry.map_err(|error| error.to_string())?.path();
+        let bytes = fs::read(&path).map_err(|error| error.to_string())?;
+        if path.display().to_string().contains("SECRET") || bytes.windows(6).any(|part| part == b"SECRET") {
+            return Err(format!("{}", path.display()));
+        }
+        count += 1;
+    }
+    // The clip under two URLs and within the playlist, and the playlist.
+    if count == 4 { Ok(()) } else { Err(format!("{count} files are cached")) }
 }
 
 fn window(display: &Display) -> Result<(), String> {
@@ -183,7 +248,8 @@ fn window(display: &Display) -> Result<(), String> {
         }
     });
     let mut command = display.command(client());
-    command.arg(server.url("clip.aarc")).args(["--size", "800x600"]).current_dir(folder.path(""));
+    // The title of the window is the name of the file alone.
+    command.arg(server.url("clip.aarc?key=secret")).args(["--size", "800x600"]).current_dir(folder.path(""));
     command.env("XDG_CACHE_HOME", folder.path("cache"));
     // Dropped before the server, whose thread waits for it.
     let permit = permit;

@@ -91,7 +91,7 @@ fn images(_: &Gpu) -> Result<(), String> {
     play(&folder, "layers.aarc", "--layer 2 --out alone.png").success();
     write_list(&folder, &["a.aarc", "layers.aarc"]);
     let outcome = play(&folder, "list.json", "--layer 2 --out listed.png").success();
-    if outcome.stderr.trim() != "a.aarc: --layer 2: the clip has 1 layers; skipped" {
+    if outcome.stderr.trim() != "a.aarc: --layer 2: the clip has 1 layer: give no larger number; skipped" {
         return Err(format!("{outcome:?}"));
     }
     let [alone, listed] =
@@ -113,7 +113,9 @@ fn urls(_: &Gpu) -> Result<(), String> {
     play(&folder, "list.json", "--frames 0..9 --out files").success();
     let server = Server::start(move |_, request, answer| {
         let relative = list(&["x y/a.aarc", "none.aarc", "/b.aarc?"]);
+        let three = list(&["x y/a.aarc", "/b.aarc?", "c.aarc"]);
         let file: &[u8] = match request.path.as_str() {
+            "/show/three.json" => three.as_bytes(),
             "/show/list.json?key=1" => relative.as_bytes(),
             "/show/x%20y/a.aarc" => &clips[0],
             "/b.aarc%3F" => &clips[1],
@@ -133,6 +135,11 @@ fn urls(_: &Gpu) -> Result<(), String> {
     play(&folder, &url, "--frames 0..9 --out again").success();
     if server.sent().len() != 3 {
         return Err(format!("sent again: {:?}", server.requests()));
+    }
+    let url_of_three = server.url("show/three.json");
+    play(&folder, &url_of_three, "--frames 0..6 --out two").success();
+    if server.requests().iter().any(|request| request.path == "/show/c.aarc") {
+        return Err("a clip was loaded that no image needs".into());
     }
     drop(server);
     let alone = play(&folder, &url, "--frames 0..9 --out alone").success();
@@ -166,7 +173,7 @@ fn faults(_: &Gpu) -> Result<(), String> {
     refused(&list(&["missing.aarc"]), "", DATA, "missing.aarc")?;
     refused(&list(&["list.json"]), "", DATA, "a playlist itself")?;
     refused(&list(&["a.aarc"]), "--stats s.json", USAGE, "of one clip")?;
-    refused(&list(&["a.aarc", "a.aarc"]), "--time 1.5", USAGE, "lasts 1 s")?;
+    refused(&list(&["a.aarc", "a.aarc"]), "--time 1.5", USAGE, "give 0 to 1 s")?;
     refused(&list(&["a.aarc"]), "--time -1", USAGE, "before the start")
 }
 

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
-use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with, stereo_pair};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with};
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings, SortOrder};
 use codec::{Camera, Clip};
 use libtest_mimic::Trial;
@@ -93,7 +93,7 @@ impl Expected {
         let scene = RenderScene::from(&clip);
         let views = PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]).map(|(place, t)| {
             let camera = camera(place, SIZE.0, SIZE.1);
-            let cameras = if stereo { stereo_pair(&camera, 0.065).to_vec() } else { vec![camera] };
+            let cameras = if stereo { camera.stereo_pair(0.065).to_vec() } else { vec![camera] };
             let image = |camera: &Camera| render(&scene, camera, t, Order::Depth);
             (place, t, cameras.into_iter().map(|camera| (camera.clone(), image(&camera))).collect())
         });

@@ -177,16 +177,6 @@ pub fn camera(place: Place, width: u32, height: u32) -> Camera {
     Camera::look_at(position, target, [0.0, 1.0, 0.0], fov_y, width, height)
 }
 
-/// The cameras of a left and a right eye, `distance` apart around `camera`, looking the same way.
-pub fn stereo_pair(camera: &Camera, distance: f64) -> [Camera; 2] {
-    // What lies ahead of the middle is to the right of the left eye.
-    [0.5, -0.5].map(|side| {
-        let mut eye = camera.clone();
-        eye.camera_from_world[0][3] += side * distance;
-        eye
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio, exit};
 
 use anyhow::{Context, bail};
-use image::{RgbImage, imageops};
+use program::images::{frame_name, tiled};
 use program::{Fault, output};
 use serde::Deserialize;
 use xtask::workspace;
@@ -152,39 +152,12 @@ impl Pictures {
         }
         let mut pictures = Vec::new();
         for i in 0..self.times.len() {
-            let path = frames.path().join(format!("frame_{i:04}.png"));
+            let path = frames.path().join(frame_name(i));
             let picture = image::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
             pictures.push(picture.into_rgb8());
         }
         let sheet = tiled(&pictures, SHEET.0);
         output::write_png(&self.sheet, sheet.as_raw(), sheet.dimensions())?;
         Ok(true)
-    }
-}
-
-/// Tiles images of one size in rows of `columns`.
-pub(super) fn tiled(pictures: &[RgbImage], columns: u32) -> RgbImage {
-    let (width, height) = pictures[0].dimensions();
-    let rows = (pictures.len() as u32).div_ceil(columns);
-    let mut sheet = RgbImage::new(width * columns, height * rows);
-    for (i, picture) in pictures.iter().enumerate() {
-        let (column, row) = (i as u32 % columns, i as u32 / columns);
-        imageops::replace(&mut sheet, picture, (column * width).into(), (row * height).into());
-    }
-    sheet
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use image::Rgb;
-
-    #[test]
-    fn images_are_tiled_in_rows() {
-        let picture = |value: u8| RgbImage::from_pixel(3, 2, Rgb([value; 3]));
-        let sheet = tiled(&[picture(1), picture(2), picture(3)], 2);
-        assert_eq!(sheet.dimensions(), (6, 4));
-        let at = |x, y| sheet.get_pixel(x, y).0[0];
-        assert_eq!([at(0, 0), at(5, 1), at(2, 3), at(3, 2)], [1, 2, 3, 0]);
     }
 }

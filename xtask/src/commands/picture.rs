@@ -7,11 +7,10 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
 use image::RgbImage;
+use program::images::tiled;
 use program::output;
 use serde_json::Value;
 use xtask::workspace;
-
-use super::demo::tiled;
 
 /// Images per clip; each clip needs as many viewpoints.
 const COLUMNS: u32 = 4;

@@ -2,7 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use studio::cli::{self, Cli};
 
 /// Counts the heap for the stability suite.
@@ -12,6 +11,9 @@ static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    let cli = Cli::parse();
+    let cli: Cli = match program::parse() {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
     program::run(|| cli.run(), cli::exit_code)
 }

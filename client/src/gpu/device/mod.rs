@@ -249,7 +249,7 @@ impl Gpu {
     }
 
     /// Whether the device is lost.
-    #[cfg(feature = "window")]
+    #[cfg(not(target_os = "android"))]
     pub(crate) fn is_lost(&self) -> bool {
         self.loss.why().is_some()
     }

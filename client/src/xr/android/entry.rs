@@ -13,6 +13,7 @@ use program::Fault;
 
 use super::intent;
 use super::system::System;
+use crate::clips::redacted;
 use crate::xr::request::command_line;
 
 /// Log filter: messages of this program, and warnings of everything else.
@@ -46,7 +47,7 @@ fn play(app: AndroidApp) -> Result<(), Fault> {
         log::warn!("{}: {error}: clips have to be named with their paths", folder.display());
     }
     let args = command_line(intent::read(&app), &folders)?;
-    log::info!("playing {}", args.clip.as_deref().unwrap_or("the demo clip"));
+    log::info!("playing {}", redacted(args.clip.as_deref().unwrap_or("the demo clip")));
     crate::xr::run::play(&args, &mut System::new(app))
 }
 

@@ -57,3 +57,14 @@ fn key(name: Option<&str>) -> String {
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_store_holds_no_secrets() {
+        assert_eq!(key(Some("https://ann:pass@host/a.aarc?key")), "https://host/a.aarc");
+        assert!(key(Some("a.aarc")).ends_with("/a.aarc") && key(None) == "demo");
+    }
+}

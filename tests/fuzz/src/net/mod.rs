@@ -24,11 +24,16 @@ mod retry;
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod transfer;
 
+#[path = "../../../../client/src/net/watch.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
+mod watch;
+
 use std::time::Duration;
 
 use codec::Limits;
 
-use fetch::{Fetch, Outcome};
+use crate::clips::Servers;
+use fetch::{Fetch, FetchOptions, Outcome};
 use partial_file::PartialFile;
 use request::{Script, versions};
 use retry::RetryPolicy;
@@ -37,6 +42,8 @@ use retry::RetryPolicy;
 const RETRY: RetryPolicy = RetryPolicy {
     response_timeout: Duration::ZERO,
     read_timeout: Duration::ZERO,
+    grace: Duration::ZERO,
+    least_bytes_per_s: 1,
     retries: 5,
     first_retries: 5,
     first_wait: Duration::ZERO,
@@ -59,8 +66,14 @@ pub fn check_dialogue(bytes: &[u8]) {
     let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
     let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };
     script.stage();
-    let fetch = Fetch::start("", RETRY, limits.max_bytes, PartialFile::package(limits), known.clone())
-        .expect("a thread can be started");
+    let options = FetchOptions {
+        url: String::new(),
+        retry: RETRY,
+        servers: Servers::Guarded,
+        max_bytes: limits.max_bytes,
+        cached: known.clone(),
+    };
+    let fetch = Fetch::start(options, PartialFile::package(limits)).expect("a thread can be started");
     let mut state = fetch.wait(TIMEOUT, |state| state.outcome.is_some());
     let received = state.file.take();
     assert!(received.len() <= limits.max_bytes + READ_BYTES, "{} bytes received", received.len());

@@ -11,6 +11,8 @@ use super::head::Head;
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::FileRequest;
+use super::watch::Watch;
+use crate::clips::Servers;
 use crate::seeds;
 
 /// Headers, and values of `retry-after`; none is a positive wait, which the downloader would wait.
@@ -125,12 +127,17 @@ pub(super) struct Server {
 }
 
 impl Server {
-    pub(super) fn new(_url: &str, _retry: RetryPolicy) -> Result<Server, RequestError> {
+    pub(super) fn new(
+        _url: &str,
+        _retry: RetryPolicy,
+        _servers: Servers,
+        _watch: &Watch,
+    ) -> Result<Server, RequestError> {
         let script = STAGED.lock().expect("no panic while locked").clone();
         Ok(Server { state: Mutex::new((script, 0)) })
     }
 
-    pub(super) fn get(&self, request: &FileRequest) -> Result<(Head, ResponseBody), RequestError> {
+    pub(super) fn get(&self, request: &FileRequest) -> Result<Response, RequestError> {
         let (script, requests) = &mut *self.state.lock().expect("no panic while locked");
         *requests += 1;
         assert!(*requests <= REQUESTS_MAX, "{requests} requests");
@@ -158,8 +165,25 @@ impl Server {
         let sent = body.len().min(breaks.after);
         // With an announced length, an early end is a broken connection.
         let ends = sent == body.len() || breaks.silently && header("content-length").is_none();
-        Ok((Head::parse(status, header), ResponseBody { body: body[..sent].to_vec(), at: 0, piece, ends }))
+        let head = Head::parse(status, header);
+        let body = ResponseBody { body: body[..sent].to_vec(), at: 0, piece, ends };
+        Ok(Response { head, body, url: String::new() })
     }
+
+    pub(super) fn read(&self, body: &mut ResponseBody, buffer: &mut [u8]) -> Result<usize, RequestError> {
+        body.read(buffer)
+    }
+
+    pub(super) fn is_local(&self) -> bool {
+        false
+    }
+}
+
+/// An answer.
+pub(super) struct Response {
+    pub(super) head: Head,
+    pub(super) body: ResponseBody,
+    pub(super) url: String,
 }
 
 /// Where a connection breaks, and whether that looks like its end.
@@ -238,7 +262,7 @@ pub(super) struct ResponseBody {
 }
 
 impl ResponseBody {
-    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, RequestError> {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, RequestError> {
         let count = (self.body.len() - self.at).min(self.piece).min(buffer.len());
         if count == 0 && !self.ends {
             return Err(RequestError::Transient("the connection was lost".into()));

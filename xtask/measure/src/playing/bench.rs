@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use crate::parameter::ImageErrors;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
-use client::view::{EYE_DISTANCE_M, View};
-use codec::{Clip, Field};
+use client::view::View;
+use codec::{Camera, Clip, Field};
 use glam::UVec2;
 use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
@@ -120,7 +120,7 @@ struct DrawSetup {
     /// Gaussians, the plate's among them.
     rows: usize,
     /// Distance between two eyes in units of the clip; `None` for one.
-    apart: Option<f32>,
+    apart: Option<f64>,
 }
 
 impl<'a> Bench<'a> {
@@ -192,7 +192,8 @@ impl<'a> Bench<'a> {
             VariantContent::Alive(least) => upload(&reduce::to_alive(self.clip, t, *least))?,
         };
         let depth = variant.depth;
-        let apart = (variant.eyes != EyeMode::One).then(|| EYE_DISTANCE_M / self.clip.info.metres_per_unit);
+        let apart = (variant.eyes != EyeMode::One)
+            .then(|| Camera::EYE_DISTANCE_M / f64::from(self.clip.info.metres_per_unit));
         let eyes = 1 + usize::from(apart.is_some());
         let size = variant.size.unwrap_or(self.size);
         Ok(DrawSetup {
@@ -242,11 +243,14 @@ fn of_view(setups: &mut [DrawSetup], posed_view: usize) -> &mut DrawSetup {
 
 impl DrawSetup {
     fn views(&self, posed_view: &PosedView) -> Vec<View> {
-        let view = View::from_camera(&posed_view.camera);
-        let scale = self.size.as_vec2() / view.size.as_vec2();
-        let view =
-            View { focal: view.focal * scale, principal: view.principal * scale, size: self.size, ..view };
-        self.apart.map_or(vec![view], |distance| view.stereo_pair(distance).to_vec())
+        let camera = &posed_view.camera;
+        let eyes = self.apart.map_or(vec![camera.clone()], |distance| camera.stereo_pair(distance).to_vec());
+        let scaled = |camera: &Camera| {
+            let view = View::from_camera(camera);
+            let scale = self.size.as_vec2() / view.size.as_vec2();
+            View { focal: view.focal * scale, principal: view.principal * scale, size: self.size, ..view }
+        };
+        eyes.iter().map(scaled).collect()
     }
 
     /// The picture of the first eye, at the size `full`.

@@ -53,7 +53,7 @@ pub struct Args {
     #[command(flatten)]
     many: TakeOptions,
     /// Most Gaussians to keep; all that can be seen by default
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = budget)]
     budget: Option<NonZeroUsize>,
     /// Ranking that selects Gaussians for a budget: auto tries all, with and without the topology floor, and
     /// takes the one whose package looks most like the whole field
@@ -102,6 +102,10 @@ pub struct Args {
 /// A ranking, or none in particular.
 #[derive(Clone, Copy, Debug)]
 struct Rank(Option<Ranking>);
+
+fn budget(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "not a number of Gaussians, 1 or more".into())
+}
 
 fn rank(text: &str) -> Result<Rank, String> {
     let named = Ranking::ALL.into_iter().find(|ranking| ranking.name() == text);

@@ -3,12 +3,13 @@
 //! Takes the times, sizes and cameras that the player takes with `--headless`, so that the pictures and the
 //! counts of both can be compared.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use codec::{Camera, ClipInfo};
-use image::{RgbImage, imageops};
-use program::{Fault, output};
+use image::RgbImage;
+use program::images::{ImageOutput, tiled};
+use program::{Fault, output, read_camera};
 use refine::reference::{self, Order, Radius, RenderScene, coverage};
 use serde::Serialize;
 
@@ -20,9 +21,6 @@ const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 
 /// Maximum number of pixels of an image: 2 GiB in the renderer.
 const PIXELS_MAX: u64 = 1 << 26;
-
-/// Distance between the eyes: the mean of adults.
-const EYE_DISTANCE_M: f64 = 0.063;
 
 /// Half the side of the quads that players commonly draw, in standard deviations.
 const COMMON_RADIUS: f64 = 2.0 * std::f64::consts::SQRT_2;
@@ -91,12 +89,7 @@ struct FrameStats {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let is_sequence = args.time.len() > 1;
-    if is_sequence {
-        output::check_folder(&args.out)?
-    } else {
-        output::check(&args.out)?
-    }
+    let output = ImageOutput::check(&args.out, args.time.len() > 1)?;
     args.stats.as_deref().map_or(Ok(()), output::check)?;
     let input = Input::load(&args.input)?;
     let info = input.info();
@@ -109,14 +102,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let start = Instant::now();
         let images: Vec<RgbImage> = eyes.iter().map(|camera| render(&scene, camera, t)).collect();
         let draw_ms = start.elapsed().as_secs_f64() * 1e3;
-        let image = side_by_side(&images);
-        let path = if is_sequence {
-            output::make_folder(&args.out)?;
-            args.out.join(format!("frame_{i:04}.png"))
-        } else {
-            args.out.clone()
-        };
-        output::write_png(&path, image.as_raw(), image.dimensions())?;
+        let image = tiled(&images, images.len() as u32);
+        let path = output.write(i, &image)?;
         println!("{}: {}x{}, {time} s", path.display(), image.width(), image.height());
         if args.stats.is_some() {
             frames.push(FrameStats { time, draw_ms, ..counts(&scene, &eyes, t) });
@@ -155,14 +142,7 @@ fn eyes(args: &Args, input: &Input) -> Result<Vec<Camera>, Fault> {
     if !args.stereo {
         return Ok(vec![camera]);
     }
-    let distance = EYE_DISTANCE_M / f64::from(metres_per_unit);
-    // The left eye sees the world shifted to its right.
-    let shifted = |side: f64| {
-        let mut eye = camera.clone();
-        eye.camera_from_world[0][3] += side * distance;
-        eye
-    };
-    Ok(vec![shifted(0.5), shifted(-0.5)])
+    Ok(camera.stereo_pair(Camera::EYE_DISTANCE_M / f64::from(metres_per_unit)).to_vec())
 }
 
 fn render(scene: &RenderScene<'_>, camera: &Camera, t: f64) -> RgbImage {
@@ -192,24 +172,6 @@ fn counts(scene: &RenderScene<'_>, eyes: &[Camera], t: f64) -> FrameStats {
         stats.fragments_fixed += fixed.fragments;
     }
     stats
-}
-
-/// Images of one size in a row.
-fn side_by_side(images: &[RgbImage]) -> RgbImage {
-    let (width, height) = images[0].dimensions();
-    let mut row = RgbImage::new(width * images.len() as u32, height);
-    for (i, image) in images.iter().enumerate() {
-        imageops::replace(&mut row, image, i64::from(width) * i as i64, 0);
-    }
-    row
-}
-
-fn read_camera(path: &Path) -> Result<Camera, Fault> {
-    let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-    let camera: Camera = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
-    camera.check().map_err(fault)?;
-    Ok(camera)
 }
 
 /// Parses the size of an image, WxH.

@@ -130,7 +130,7 @@ fn culled_rows_are_outside_the_image() {
 #[test]
 fn two_eyes_see_the_union() {
     let field = dynamic_field();
-    let [left, right] = View::from_camera(&camera()).stereo_pair(1.0);
+    let [left, right] = camera().stereo_pair(1.0).map(|eye| View::from_camera(&eye));
     let seen = |views: &[View]| {
         let mut items = Vec::new();
         rows(&field).alive(0.4, views, &RenderSettings::default(), &mut items);
