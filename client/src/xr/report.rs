@@ -9,10 +9,10 @@ use glam::UVec2;
 use program::{Fault, output};
 use serde::Serialize;
 
-use super::eye;
 use super::pacing::Pacing;
 use super::runtime::Runtime;
 use super::show::Show;
+use super::tracking::eye;
 use crate::args::Args;
 use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::stats::{FrameStats, Summary};

@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::System;
-use super::error::{self, Halt};
-use super::quality::Quality;
 use super::report::Report;
 use super::runtime::Runtime;
+use super::runtime::error::{self, Halt};
+use super::session::state::{Action, SessionLifecycle};
 use super::session::{Request, Session};
 use super::show::Show;
-use super::state::{Action, SessionLifecycle};
+use super::show::quality::Quality;
 use crate::args::Args;
 use crate::clips::LoadOptions;
 use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};

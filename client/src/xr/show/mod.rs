@@ -1,29 +1,30 @@
 //! [`Show`]: the clip on display, its clock, its place, and the panel.
 //!
 //! It outlives sessions and devices: the next one continues with the same clip at the same instant and
-//! place. `clip` is what the loader makes, `place` where it stands, `notices` and `statistics` what the
-//! panel says.
+//! place. `clip` is what the loader makes, `place` where it stands, `quality` how well it is drawn, `notices`
+//! and `statistics` what the panel says.
 
 mod clip;
 mod notices;
 mod place;
+pub(super) mod quality;
 mod statistics;
 
 use std::sync::Arc;
 
 use glam::UVec2;
 
-use super::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
-use super::pacing::FrameTimer;
-use super::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
-use super::quality::Quality;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
+use crate::xr::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
+use crate::xr::pacing::FrameTimer;
+use crate::xr::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use clip::{HeadsetTarget, ReadyClip};
 use notices::Notices;
 use place::Place;
 use program::Fault;
+use quality::Quality;
 use statistics::{FrameCost, Statistics};
 
 /// What the viewer sees and does.

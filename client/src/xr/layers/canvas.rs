@@ -5,18 +5,18 @@ use std::sync::Arc;
 use glam::UVec2;
 use openxr as xr;
 
-use super::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
-use super::error::{During, Halt};
-use super::eye;
-use super::frame::{Frame, Images};
-use super::panel::{Painting, PointerRay};
 use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
-use super::show::Show;
-use super::tracking::Eyes;
 use crate::gpu::{FrameCounts, Gpu, Pixels, RuntimeTargets};
 use crate::view::View;
+use crate::xr::panel::{Painting, PointerRay};
+use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
+use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::frame::{Frame, Images};
+use crate::xr::show::Show;
+use crate::xr::tracking::Eyes;
+use crate::xr::tracking::eye;
 use program::Fault;
 
 /// Background while no clip is loaded: dark, and not the black of a defect.
@@ -26,23 +26,23 @@ const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
 const LAYERS: usize = 5;
 
 /// What a session draws into.
-pub(super) struct Canvas {
+pub(in crate::xr) struct Canvas {
     // Textures go before the images that they wrap.
-    pub(super) panel: PanelLayer,
-    pub(super) rays: RayLayer,
-    pub(super) eyes: RuntimeTargets,
-    pub(super) images: Images<SwapchainImages>,
-    pub(super) passthrough: PassthroughMode,
+    pub(in crate::xr) panel: PanelLayer,
+    pub(in crate::xr) rays: RayLayer,
+    pub(in crate::xr) eyes: RuntimeTargets,
+    pub(in crate::xr) images: Images<SwapchainImages>,
+    pub(in crate::xr) passthrough: PassthroughMode,
     /// Size of an eye's image in pixels; a frame may use less of it.
-    pub(super) size: UVec2,
-    pub(super) stopwatch: Stopwatch,
-    pub(super) gpu: Arc<Gpu>,
+    pub(in crate::xr) size: UVec2,
+    pub(in crate::xr) stopwatch: Stopwatch,
+    pub(in crate::xr) gpu: Arc<Gpu>,
 }
 
 /// The clip as a frame shows it.
-pub(super) struct DrawnClip {
-    pub(super) views: [View; 2],
-    pub(super) counts: FrameCounts,
+pub(in crate::xr) struct DrawnClip {
+    pub(in crate::xr) views: [View; 2],
+    pub(in crate::xr) counts: FrameCounts,
 }
 
 impl Canvas {
@@ -51,7 +51,7 @@ impl Canvas {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn draw(
+    pub(in crate::xr) fn draw(
         &mut self,
         eyes: &Eyes,
         size: UVec2,
@@ -89,7 +89,7 @@ impl Canvas {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn compose(
+    pub(in crate::xr) fn compose(
         &mut self,
         frame: Frame<'_, SessionFrames>,
         stage: &xr::Space,
@@ -122,7 +122,7 @@ impl Canvas {
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
-    pub(super) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
+    pub(in crate::xr) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
         let eyes = self.eyes.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
         Ok((eyes, self.panel.read(&self.gpu)?))
     }

@@ -5,13 +5,13 @@
 use glam::UVec2;
 use openxr as xr;
 
-use super::calls::{Stopwatch, SwapchainImages};
-use super::error::{During, Halt};
-use super::frame::Images;
-use super::panel::PointerRay;
 use super::quad::quad;
 use super::swapchain::{make, wrap};
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets};
+use crate::xr::panel::PointerRay;
+use crate::xr::runtime::calls::{Stopwatch, SwapchainImages};
+use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::frame::Images;
 
 /// Some runtimes refuse smaller images.
 const SIZE: UVec2 = UVec2::splat(16);
@@ -20,7 +20,7 @@ const SIZE: UVec2 = UVec2::splat(16);
 const COLOR: [f64; 4] = [0.5; 4];
 
 /// The pointer rays in a session.
-pub(super) struct RayLayer {
+pub(in crate::xr) struct RayLayer {
     // Before the images that they wrap.
     _targets: RuntimeTargets,
     images: Images<SwapchainImages>,
@@ -31,7 +31,7 @@ impl RayLayer {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn open(
+    pub(in crate::xr) fn open(
         session: &xr::Session<xr::Vulkan>,
         gpu: &Gpu,
         format: RuntimeFormat,
@@ -51,7 +51,7 @@ impl RayLayer {
     }
 
     /// The layer that shows `ray`.
-    pub(super) fn quad<'a>(
+    pub(in crate::xr) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
         ray: &PointerRay,

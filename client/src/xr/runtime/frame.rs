@@ -6,7 +6,7 @@
 //! once. So neither an error nor a lost head leaves the runtime waiting.
 
 /// The calls for frames.
-pub(super) trait FrameCalls {
+pub(in crate::xr) trait FrameCalls {
     /// When a frame will be seen.
     type Timing: Copy;
     /// Layers of a frame; the default is none.
@@ -18,22 +18,22 @@ pub(super) trait FrameCalls {
 }
 
 /// The frames of a session.
-pub(super) struct Frames<C: FrameCalls>(C);
+pub(in crate::xr) struct Frames<C: FrameCalls>(C);
 
 /// A frame that was begun.
-pub(super) struct Frame<'f, C: FrameCalls> {
+pub(in crate::xr) struct Frame<'f, C: FrameCalls> {
     calls: &'f mut C,
     timing: C::Timing,
     ended: bool,
 }
 
 impl<C: FrameCalls> Frames<C> {
-    pub(super) fn new(calls: C) -> Frames<C> {
+    pub(in crate::xr) fn new(calls: C) -> Frames<C> {
         Frames(calls)
     }
 
     /// Waits until it is time to draw a frame, then begins it.
-    pub(super) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
+    pub(in crate::xr) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
         let timing = self.0.wait()?;
         self.0.begin()?;
         Ok(Frame { calls: &mut self.0, timing, ended: false })
@@ -41,12 +41,12 @@ impl<C: FrameCalls> Frames<C> {
 }
 
 impl<C: FrameCalls> Frame<'_, C> {
-    pub(super) fn timing(&self) -> C::Timing {
+    pub(in crate::xr) fn timing(&self) -> C::Timing {
         self.timing
     }
 
     /// Ends the frame with its layers.
-    pub(super) fn end(mut self, layers: C::Layers<'_>) -> Result<(), C::Error> {
+    pub(in crate::xr) fn end(mut self, layers: C::Layers<'_>) -> Result<(), C::Error> {
         self.ended = true;
         self.calls.end(self.timing, layers)
     }
@@ -62,7 +62,7 @@ impl<C: FrameCalls> Drop for Frame<'_, C> {
 }
 
 /// The calls for the images of a swapchain.
-pub(super) trait ImageCalls {
+pub(in crate::xr) trait ImageCalls {
     type Error;
     fn acquire(&mut self) -> Result<usize, Self::Error>;
     fn wait(&mut self) -> Result<(), Self::Error>;
@@ -70,27 +70,27 @@ pub(super) trait ImageCalls {
 }
 
 /// The images of a swapchain.
-pub(super) struct Images<C: ImageCalls>(C);
+pub(in crate::xr) struct Images<C: ImageCalls>(C);
 
 /// An image that may be drawn into.
-pub(super) struct Image<'i, C: ImageCalls> {
+pub(in crate::xr) struct Image<'i, C: ImageCalls> {
     calls: &'i mut C,
     index: usize,
     released: bool,
 }
 
 impl<C: ImageCalls> Images<C> {
-    pub(super) fn new(calls: C) -> Images<C> {
+    pub(in crate::xr) fn new(calls: C) -> Images<C> {
         Images(calls)
     }
 
     /// The calls, for the swapchain in them.
-    pub(super) fn calls(&self) -> &C {
+    pub(in crate::xr) fn calls(&self) -> &C {
         &self.0
     }
 
     /// Acquires the next image and waits until the runtime no longer reads it.
-    pub(super) fn acquire(&mut self) -> Result<Image<'_, C>, C::Error> {
+    pub(in crate::xr) fn acquire(&mut self) -> Result<Image<'_, C>, C::Error> {
         let index = self.0.acquire()?;
         // Only an image whose wait has ended may be released.
         self.0.wait()?;
@@ -100,12 +100,12 @@ impl<C: ImageCalls> Images<C> {
 
 impl<C: ImageCalls> Image<'_, C> {
     /// Its number among the images of the swapchain.
-    pub(super) fn index(&self) -> usize {
+    pub(in crate::xr) fn index(&self) -> usize {
         self.index
     }
 
     /// Releases the image to the runtime. All drawing into it must be submitted.
-    pub(super) fn release(mut self) -> Result<(), C::Error> {
+    pub(in crate::xr) fn release(mut self) -> Result<(), C::Error> {
         self.released = true;
         self.calls.release()
     }

@@ -2,6 +2,8 @@
 
 #![allow(unsafe_code, reason = "handles of Vulkan are handed over, and images of the runtime wrapped")]
 
+pub(super) mod state;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -9,26 +11,27 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::calls::{DisplayRate, Layers, SessionFrames, Stopwatch, SwapchainImages};
-use super::canvas::{Canvas, DrawnClip};
-use super::error::{During, Halt};
-use super::extensions::{performance, refresh_rate};
-use super::frame::{Frames, Images};
-use super::input::Input;
-use super::interaction::Haptics;
-use super::panel_layer::PanelLayer;
-use super::passthrough::PassthroughMode;
-use super::ray_layer::RayLayer;
-use super::report::{Drawn, EyeImages, Report, Work};
-use super::runtime::{EYES, Runtime, raw};
-use super::show::{Moved, Show, Viewer};
-use super::state::{Event, State};
-use super::tracking::Tracking;
-use super::{space, swapchain};
 use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
+use crate::xr::interaction::Haptics;
+use crate::xr::layers::canvas::{Canvas, DrawnClip};
+use crate::xr::layers::panel_layer::PanelLayer;
+use crate::xr::layers::passthrough::PassthroughMode;
+use crate::xr::layers::ray_layer::RayLayer;
+use crate::xr::layers::swapchain;
+use crate::xr::report::{Drawn, EyeImages, Report, Work};
+use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch, SwapchainImages};
+use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::extensions::{performance, refresh_rate};
+use crate::xr::runtime::frame::{Frames, Images};
+use crate::xr::runtime::{EYES, Runtime, raw};
+use crate::xr::show::{Moved, Show, Viewer};
+use crate::xr::tracking::Tracking;
+use crate::xr::tracking::input::Input;
+use crate::xr::tracking::space;
+use state::{Event, State};
 
 /// A session with a headset.
-pub(super) struct Session {
+pub(in crate::xr) struct Session {
     // Everything goes before the session, which holds the device.
     canvas: Canvas,
     tracking: Tracking,
@@ -43,7 +46,7 @@ pub(super) struct Session {
 
 /// What a frame asks of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Request {
+pub(in crate::xr) enum Request {
     Nothing,
     /// To end the session.
     Exit,
@@ -54,7 +57,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Fault::Device`] if the runtime refuses, or has no images that can be drawn into.
-    pub(super) fn open(
+    pub(in crate::xr) fn open(
         runtime: &Runtime,
         gpu: &Arc<Gpu>,
         handles: &VulkanHandles,
@@ -126,7 +129,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn poll(&mut self, runtime: &Runtime) -> Result<Option<Event>, Halt> {
+    pub(in crate::xr) fn poll(&mut self, runtime: &Runtime) -> Result<Option<Event>, Halt> {
         let ours = self.session.as_raw();
         while let Some(event) = runtime.instance.poll_event(&mut self.events).halt("telling its events")? {
             match event {
@@ -163,7 +166,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn begin(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn begin(&self) -> Result<(), Halt> {
         self.session.begin(EYES).halt("beginning the session").map(drop)
     }
 
@@ -171,7 +174,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn end(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn end(&self) -> Result<(), Halt> {
         self.session.end().halt("ending the session").map(drop)
     }
 
@@ -179,17 +182,17 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn request_exit(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn request_exit(&self) -> Result<(), Halt> {
         self.session.request_exit().halt("leaving")
     }
 
     /// Whether the headset can show the room behind the clip.
-    pub(super) fn has_passthrough(&self) -> bool {
+    pub(in crate::xr) fn has_passthrough(&self) -> bool {
         self.canvas.passthrough.is_possible()
     }
 
     /// The format that eyes are drawn in.
-    pub(super) fn format(&self) -> RuntimeFormat {
+    pub(in crate::xr) fn format(&self) -> RuntimeFormat {
         self.format
     }
 
@@ -198,7 +201,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn frame(
+    pub(in crate::xr) fn frame(
         &mut self,
         show: &mut Show,
         report: &mut Report,

@@ -7,14 +7,14 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::error::{During, Halt};
 use crate::gpu::{RuntimeFormat, RuntimeImages};
+use crate::xr::runtime::error::{During, Halt};
 
 /// The best of the formats that the runtime offers.
 ///
 /// # Errors
 /// See [`Halt`].
-pub(super) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<RuntimeFormat, Halt> {
+pub(in crate::xr) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<RuntimeFormat, Halt> {
     let offered = session.enumerate_swapchain_formats().halt("asking for its formats")?;
     let offered: Vec<_> = offered.into_iter().map(|format| vk::Format::from_raw(format as i32)).collect();
     RuntimeFormat::choose(&offered).ok_or_else(|| {
@@ -27,7 +27,7 @@ pub(super) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<Runtime
 ///
 /// # Errors
 /// See [`Halt`].
-pub(super) fn make(
+pub(in crate::xr) fn make(
     session: &xr::Session<xr::Vulkan>,
     format: RuntimeFormat,
     size: UVec2,
@@ -61,7 +61,7 @@ pub(super) fn make(
 /// # Safety
 /// The images must be wrapped for the device of the session; the textures must be dropped before the
 /// swapchain, and be used only between acquiring and releasing.
-pub(super) unsafe fn wrap(
+pub(in crate::xr) unsafe fn wrap(
     swapchain: &xr::Swapchain<xr::Vulkan>,
     size: UVec2,
     layers: u32,

@@ -2,7 +2,7 @@
 
 /// The state of a session, as the runtime reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum State {
+pub(in crate::xr) enum State {
     /// The runtime shows nothing; the headset may be off.
     #[default]
     Idle,
@@ -24,7 +24,7 @@ pub(super) enum State {
 
 /// An event of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Event {
+pub(in crate::xr) enum Event {
     /// The session is now in this state.
     State(State),
     /// At this display time, in nanoseconds, the origin of the stage moves: the viewer recentred the view
@@ -36,7 +36,7 @@ pub(super) enum Event {
 
 /// What an event asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Action {
+pub(in crate::xr) enum Action {
     /// Begin the session: frames run from now on.
     Begin,
     /// End it: no frames until it begins again.
@@ -53,7 +53,7 @@ pub(super) enum Action {
 
 /// The state of a session between opening and leaving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct SessionLifecycle {
+pub(in crate::xr) struct SessionLifecycle {
     state: State,
     /// Begun and not ended.
     running: bool,
@@ -63,7 +63,7 @@ pub(super) struct SessionLifecycle {
 
 impl SessionLifecycle {
     /// The lifecycle after `event`, and the action it asks for.
-    pub(super) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
+    pub(in crate::xr) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
         let state = match event {
             Event::State(state) => state,
             Event::SpaceChanges { at_ns } => return (self, Some(Action::Recentre { at_ns })),
@@ -87,18 +87,18 @@ impl SessionLifecycle {
     }
 
     /// Whether the runtime wants frames; it wants some before it shows any.
-    pub(super) fn wants_frames(&self) -> bool {
+    pub(in crate::xr) fn wants_frames(&self) -> bool {
         self.running
     }
 
     /// Whether the viewer is with this program. Otherwise input goes elsewhere and the clip waits: the
     /// viewer would miss what plays behind the system's menu, or with the headset off.
-    pub(super) fn has_focus(&self) -> bool {
+    pub(in crate::xr) fn has_focus(&self) -> bool {
         self.running && self.state == State::Focused
     }
 
     /// Whether to request the exit from the runtime: once, and only of a running session.
-    pub(super) fn ask_exit(&mut self) -> bool {
+    pub(in crate::xr) fn ask_exit(&mut self) -> bool {
         !std::mem::replace(&mut self.exit_requested, true) && self.running
     }
 }

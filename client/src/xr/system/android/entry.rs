@@ -13,7 +13,7 @@ use program::Fault;
 
 use super::intent;
 use super::system::System;
-use crate::xr::request::command_line;
+use crate::xr::system::request::command_line;
 
 /// Log filter: messages of this program, and warnings of everything else.
 const LOG_FILTER: &str = "warn,client=info";

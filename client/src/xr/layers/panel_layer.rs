@@ -8,16 +8,16 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::calls::{Stopwatch, SwapchainImages};
-use super::error::{During, Halt};
-use super::frame::Images;
-use super::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
 use super::quad::quad;
 use super::swapchain::{make, wrap};
 use crate::gpu::{Gpu, Pixels, RuntimeFormat, RuntimeTargets, UiPainter};
+use crate::xr::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
+use crate::xr::runtime::calls::{Stopwatch, SwapchainImages};
+use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::frame::Images;
 
 /// The panel in a session.
-pub(super) struct PanelLayer {
+pub(in crate::xr) struct PanelLayer {
     // Before the images that they wrap.
     targets: RuntimeTargets,
     images: Images<SwapchainImages>,
@@ -33,7 +33,7 @@ impl PanelLayer {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn open(
+    pub(in crate::xr) fn open(
         session: &xr::Session<xr::Vulkan>,
         gpu: &Gpu,
         format: RuntimeFormat,
@@ -58,7 +58,7 @@ impl PanelLayer {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn paint(
+    pub(in crate::xr) fn paint(
         &mut self,
         gpu: &Gpu,
         painter: &mut UiPainter,
@@ -79,7 +79,7 @@ impl PanelLayer {
     }
 
     /// The layer that shows the picture on `panel`; `None` before the first picture.
-    pub(super) fn quad<'a>(
+    pub(in crate::xr) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
         panel: &PanelQuad,
@@ -93,7 +93,7 @@ impl PanelLayer {
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
-    pub(super) fn read(&self, gpu: &Gpu) -> Result<Option<Pixels>, Fault> {
+    pub(in crate::xr) fn read(&self, gpu: &Gpu) -> Result<Option<Pixels>, Fault> {
         if !self.painted {
             return Ok(None);
         }
