@@ -8,12 +8,13 @@ use openxr as xr;
 use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
-use crate::gpu::{FrameCounts, Gpu, Pixels, RuntimeTargets};
+use super::swapchain::TargetSwapchain;
+use crate::gpu::{FrameCounts, Gpu, Pixels};
 use crate::view::View;
 use crate::xr::panel::{Painting, PointerRay};
-use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
+use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt};
-use crate::xr::runtime::frame::{Frame, Images};
+use crate::xr::runtime::frame::Frame;
 use crate::xr::show::Show;
 use crate::xr::tracking::Eyes;
 use crate::xr::tracking::eye;
@@ -27,11 +28,9 @@ const LAYERS: usize = 5;
 
 /// What a session draws into.
 pub(in crate::xr) struct Canvas {
-    // Textures go before the images that they wrap.
     pub(in crate::xr) panel: PanelLayer,
     pub(in crate::xr) rays: RayLayer,
-    pub(in crate::xr) eyes: RuntimeTargets,
-    pub(in crate::xr) images: Images<SwapchainImages>,
+    pub(in crate::xr) eyes: TargetSwapchain,
     pub(in crate::xr) passthrough: PassthroughMode,
     /// Size of an eye's image in pixels; a frame may use less of it.
     pub(in crate::xr) size: UVec2,
@@ -64,18 +63,19 @@ impl Canvas {
             Some([view(0)?, view(1)?])
         });
         let (t, settings) = (show.player().clip_time(), show.quality().settings());
-        let image = self.images.acquire().halt("taking an image")?;
+        let TargetSwapchain { targets, images } = &mut self.eyes;
+        let image = images.acquire().halt("taking an image")?;
         let mut encoder = self.gpu.encoder();
         let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
-            let targets = self.eyes.targets(image.index());
-            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, targets);
+            let eyes = targets.targets(image.index());
+            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, eyes);
             DrawnClip { views, counts }
         });
         if drawn.is_none() {
             let color = if show.shows_passthrough() { [0.0; 4] } else { EMPTY };
-            self.eyes.fill(&mut encoder, image.index(), color);
+            targets.fill(&mut encoder, image.index(), color);
         } else if is_captured {
-            self.eyes.record_read(&mut encoder, image.index());
+            targets.record_read(&mut encoder, image.index());
         }
         self.stopwatch.time(|| self.gpu.submit(encoder));
         image.release().halt("handing an image over")?;
@@ -99,7 +99,7 @@ impl Canvas {
         show: &Show,
     ) -> Result<(), Halt> {
         let passthrough = show.shows_passthrough();
-        let projections = projections(&self.images.calls().swapchain, &eyes.views, size);
+        let projections = projections(self.eyes.swapchain(), &eyes.views, size);
         let alpha = if passthrough {
             xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
         } else {
@@ -123,7 +123,7 @@ impl Canvas {
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
     pub(in crate::xr) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
-        let eyes = self.eyes.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
+        let eyes = self.eyes.targets.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
         Ok((eyes, self.panel.read(&self.gpu)?))
     }
 }

@@ -2,13 +2,17 @@
 
 #![allow(unsafe_code, reason = "images of the runtime are wrapped")]
 
+use std::sync::Arc;
+
 use ash::vk::{self, Handle as _};
 use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use crate::gpu::{RuntimeFormat, RuntimeImages};
+use crate::gpu::{Gpu, RuntimeFormat, RuntimeImages, RuntimeTargets};
+use crate::xr::runtime::calls::{Stopwatch, SwapchainImages};
 use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::frame::Images;
 
 /// The best of the formats that the runtime offers.
 ///
@@ -23,17 +27,56 @@ pub(in crate::xr) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<
     })
 }
 
-/// Creates images of `size` with `layers` layers for drawing in `format` and, if `readable`, for copying.
-///
-/// # Errors
-/// See [`Halt`].
-pub(in crate::xr) fn make(
-    session: &xr::Session<xr::Vulkan>,
-    format: RuntimeFormat,
-    size: UVec2,
-    layers: u32,
-    readable: bool,
-) -> Result<xr::Swapchain<xr::Vulkan>, Halt> {
+/// The images of a swapchain.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::xr) struct ImageLayout {
+    pub(in crate::xr) format: RuntimeFormat,
+    pub(in crate::xr) size: UVec2,
+    /// One per eye, or one for all.
+    pub(in crate::xr) layers: u32,
+    /// Whether they can be read back.
+    pub(in crate::xr) readable: bool,
+}
+
+/// A swapchain with a render target in each of its images.
+pub(in crate::xr) struct TargetSwapchain {
+    // Before the images that they wrap.
+    pub(in crate::xr) targets: RuntimeTargets,
+    pub(in crate::xr) images: Images<SwapchainImages>,
+}
+
+impl TargetSwapchain {
+    /// Creates the images, and targets for drawing into them on `gpu`, the device of the session.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(in crate::xr) fn open(
+        session: &xr::Session<xr::Vulkan>,
+        gpu: &Arc<Gpu>,
+        layout: ImageLayout,
+        stopwatch: Stopwatch,
+    ) -> Result<TargetSwapchain, Halt> {
+        let swapchain = make(session, layout)?;
+        let handles = swapchain.enumerate_images().halt("making images")?;
+        let handles = handles.into_iter().map(|image| vk::Image::from_raw(image as _)).collect();
+        let ImageLayout { format, size, layers, readable } = layout;
+        // SAFETY: `make` had the same layout, and XR_KHR_vulkan_enable2 hands out images in the layout of a
+        // colour attachment. The targets go before `images`, which owns them, and are used only between acquiring
+        // and releasing.
+        let wrapped = unsafe { RuntimeImages::new(handles, size, layers, format, readable) };
+        let images = Images::new(SwapchainImages { swapchain, stopwatch, gpu: gpu.clone() });
+        Ok(TargetSwapchain { targets: RuntimeTargets::new(gpu, &wrapped)?, images })
+    }
+
+    /// The swapchain, for layers that show its image released last.
+    pub(in crate::xr) fn swapchain(&self) -> &xr::Swapchain<xr::Vulkan> {
+        &self.images.calls().swapchain
+    }
+}
+
+/// Creates images for drawing and, if they are readable, for copying.
+fn make(session: &xr::Session<xr::Vulkan>, layout: ImageLayout) -> Result<xr::Swapchain<xr::Vulkan>, Halt> {
+    let ImageLayout { format, size, layers, readable } = layout;
     let mut usage = xr::SwapchainUsageFlags::COLOR_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED;
     if format.is_reinterpreted() {
         usage |= xr::SwapchainUsageFlags::MUTABLE_FORMAT;
@@ -54,23 +97,4 @@ pub(in crate::xr) fn make(
             mip_count: 1,
         })
         .halt("making images")
-}
-
-/// The images of a swapchain made by [`make`] with the same arguments.
-///
-/// # Safety
-/// The images must be wrapped for the device of the session; the textures must be dropped before the
-/// swapchain, and be used only between acquiring and releasing.
-pub(in crate::xr) unsafe fn wrap(
-    swapchain: &xr::Swapchain<xr::Vulkan>,
-    size: UVec2,
-    layers: u32,
-    format: RuntimeFormat,
-    readable: bool,
-) -> Result<RuntimeImages, Halt> {
-    let images = swapchain.enumerate_images().halt("making images")?;
-    let images = images.into_iter().map(|image| vk::Image::from_raw(image as _)).collect();
-    // SAFETY: the caller vouches for their use; XR_KHR_vulkan_enable2 hands out images in the layout of a
-    // colour attachment.
-    Ok(unsafe { RuntimeImages::new(images, size, layers, format, readable) })
 }

@@ -3,12 +3,14 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use openxr as xr;
 
 use super::Blends;
 use super::frame::{FrameCalls, ImageCalls};
+use crate::gpu::Gpu;
 
 /// Sums the time that a frame spends in the runtime and the driver.
 #[derive(Clone, Default)]
@@ -104,6 +106,8 @@ impl FrameCalls for SessionFrames {
 pub(in crate::xr) struct SwapchainImages {
     pub(in crate::xr) swapchain: xr::Swapchain<xr::Vulkan>,
     pub(in crate::xr) stopwatch: Stopwatch,
+    /// The device that draws into them.
+    pub(in crate::xr) gpu: Arc<Gpu>,
 }
 
 impl ImageCalls for SwapchainImages {
@@ -120,6 +124,11 @@ impl ImageCalls for SwapchainImages {
 
     fn release(&mut self) -> xr::Result<()> {
         self.stopwatch.time(|| self.swapchain.release_image())
+    }
+
+    fn finish(&mut self) {
+        // A lost device, which the frames report, draws no more.
+        let _ = self.gpu.wait();
     }
 }
 

@@ -1,6 +1,6 @@
 //! [`Session`]: a session of the runtime, and the course of a frame: locate, advance, draw, compose, record.
 
-#![allow(unsafe_code, reason = "handles of Vulkan are handed over, and images of the runtime wrapped")]
+#![allow(unsafe_code, reason = "handles of Vulkan are handed over")]
 
 pub(super) mod state;
 
@@ -11,18 +11,18 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
+use crate::gpu::{Gpu, RuntimeFormat, VulkanHandles};
 use crate::xr::interaction::Haptics;
 use crate::xr::layers::canvas::{Canvas, DrawnClip};
 use crate::xr::layers::panel_layer::PanelLayer;
 use crate::xr::layers::passthrough::PassthroughMode;
 use crate::xr::layers::ray_layer::RayLayer;
-use crate::xr::layers::swapchain;
+use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
-use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch, SwapchainImages};
+use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt};
 use crate::xr::runtime::extensions::{performance, refresh_rate};
-use crate::xr::runtime::frame::{Frames, Images};
+use crate::xr::runtime::frame::Frames;
 use crate::xr::runtime::{EYES, Runtime, raw};
 use crate::xr::show::{Moved, Show, Viewer};
 use crate::xr::tracking::Tracking;
@@ -41,7 +41,6 @@ pub(in crate::xr) struct Session {
     events: xr::EventDataBuffer,
     stopwatch: Stopwatch,
     rate: DisplayRate,
-    gpu: Arc<Gpu>,
 }
 
 /// What a frame asks of the program.
@@ -78,12 +77,8 @@ impl Session {
         readable: bool,
     ) -> Result<Session, Halt> {
         let (session, waiter, stream) = create(runtime, gpu, handles)?;
-        let format = swapchain::choose_format(&session)?;
+        let format = choose_format(&session)?;
         let size = runtime.eye_size.min(UVec2::splat(gpu.caps.max_image_side));
-        let swapchain = swapchain::make(&session, format, size, 2, readable)?;
-        // SAFETY: `eyes` goes before `images`, which owns them, and is drawn into and read only between
-        // acquiring and releasing.
-        let images = unsafe { swapchain::wrap(&swapchain, size, 2, format, readable) }?;
 
         performance::request(&session);
         let rate = DisplayRate::default();
@@ -93,12 +88,12 @@ impl Session {
             rate.set(hz);
         }
         let stopwatch = Stopwatch::default();
+        let eyes = ImageLayout { format, size, layers: 2, readable };
         Ok(Session {
             canvas: Canvas {
                 panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
-                eyes: RuntimeTargets::new(gpu, &images)?,
-                images: Images::new(SwapchainImages { swapchain, stopwatch: stopwatch.clone() }),
+                eyes: TargetSwapchain::open(&session, gpu, eyes, stopwatch.clone())?,
                 passthrough: PassthroughMode::open(runtime, &session),
                 size,
                 stopwatch: stopwatch.clone(),
@@ -117,7 +112,6 @@ impl Session {
                 rate: rate.clone(),
             }),
             events: xr::EventDataBuffer::new(),
-            gpu: gpu.clone(),
             session,
             format,
             stopwatch,
@@ -292,13 +286,4 @@ fn create(
         runtime.instance.create_session_with_guard::<xr::Vulkan>(runtime.system, &info, guard)
     }
     .halt("opening a session")
-}
-
-impl Drop for Session {
-    /// Waits for the GPU: the runtime destroys its images even while they are being drawn into.
-    fn drop(&mut self) {
-        if let Err(fault) = self.gpu.wait() {
-            log::warn!("{fault}");
-        }
-    }
 }
