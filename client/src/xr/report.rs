@@ -205,6 +205,11 @@ impl Report {
         self.last.is_some_and(|last| self.drawn_frames >= last)
     }
 
+    /// Number of frames so far: with the clip, without one, and not visible.
+    pub(super) fn frames(&self) -> u64 {
+        self.drawn_frames + self.empty + self.unseen
+    }
+
     /// Number of frames with the clip so far.
     pub(super) fn frames_drawn(&self) -> u64 {
         self.drawn_frames

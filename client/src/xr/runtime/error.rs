@@ -51,6 +51,11 @@ pub(in crate::xr) fn instance_lost() -> Fault {
     Fault::Device("the OpenXR runtime went away: start it again, then this program".into())
 }
 
+/// The fault of a runtime that drops its sessions as soon as they are opened.
+pub(in crate::xr) fn sessions_dropped() -> Fault {
+    Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
+}
+
 fn fault(what: &str, code: Code) -> Fault {
     Fault::Device(match code {
         Code::ERROR_INSTANCE_LOST => return instance_lost(),
@@ -69,7 +74,7 @@ fn fault(what: &str, code: Code) -> Fault {
         Code::ERROR_FORM_FACTOR_UNAVAILABLE => {
             "the headset is not available: connect it and switch it on, then start again".into()
         }
-        code => format!("OpenXR runtime: {what} failed: {code:?}"),
+        code => format!("OpenXR runtime: {what} failed ({code:?}): start it again, then this program"),
     })
 }
 

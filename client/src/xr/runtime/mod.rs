@@ -108,7 +108,7 @@ fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::Syst
     let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
     retry(ask, |attempt| {
         if attempt == 0 {
-            eprintln!("waiting for the headset: connect it, switch it on, put it on");
+            System::notify("waiting for the headset: connect it, switch it on, put it on");
         }
         !system.wait(RETRY_DELAY)
     })

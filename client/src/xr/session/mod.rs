@@ -20,7 +20,7 @@ use crate::xr::layers::ray_layer::RayLayer;
 use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
 use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch};
-use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::error::{During, Halt, sessions_dropped};
 use crate::xr::runtime::extensions::{performance, refresh_rate};
 use crate::xr::runtime::frame::Frames;
 use crate::xr::runtime::{EYES, Runtime, raw};
@@ -64,9 +64,7 @@ impl Session {
     ) -> Result<Session, Fault> {
         Session::try_open(runtime, gpu, handles, readable).map_err(|halt| match halt {
             Halt::Fault(fault) => fault,
-            Halt::SessionLost => {
-                Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
-            }
+            Halt::SessionLost => sessions_dropped(),
         })
     }
 

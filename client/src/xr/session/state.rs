@@ -103,6 +103,26 @@ impl SessionLifecycle {
     }
 }
 
+/// Frames that a session must have run before its loss not to count as dropped at once, and the most sessions
+/// in a row that may be: a runtime that drops every session would be asked for another one for ever.
+const LASTING_FRAMES: u64 = 50;
+const DROPPED_MAX: u32 = 3;
+
+/// Decides whether another session follows a lost one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::xr) struct Renewals {
+    /// Number of sessions in a row that were dropped at once.
+    dropped: u32,
+}
+
+impl Renewals {
+    /// Takes in the loss of a session that ran `frames` frames; returns whether to open another one.
+    pub(in crate::xr) fn follows(&mut self, frames: u64) -> bool {
+        self.dropped = if frames < LASTING_FRAMES { self.dropped + 1 } else { 0 };
+        self.dropped <= DROPPED_MAX
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,6 +200,15 @@ mod tests {
         assert!(lifecycle.ask_exit() && !lifecycle.ask_exit(), "requested once");
         assert_eq!(lifecycle.on(Event::State(LossPending)).1, Some(Action::Leave));
         assert!(!SessionLifecycle::default().ask_exit(), "a session that does not run cannot exit");
+    }
+
+    #[test]
+    fn a_runtime_that_drops_every_session_is_not_asked_for_ever() {
+        let mut renewals = Renewals::default();
+        for frames in [1000, 0, 0, LASTING_FRAMES - 1, LASTING_FRAMES, 0, 0, 0] {
+            assert!(renewals.follows(frames), "{frames}");
+        }
+        assert!(!renewals.follows(0), "four in a row");
     }
 
     #[test]

@@ -135,11 +135,20 @@ impl Show {
         self.painter = Some(UiPainter::for_runtime(gpu, format));
     }
 
-    /// Lets go of everything on the device. The clip stays where it is and waits.
-    pub(super) fn release_device(&mut self) {
+    /// Lets go of a lost device. The clip stays where it is and waits; the panel says why.
+    pub(super) fn lose_device(&mut self) {
+        self.release_device();
+        if self.playing.is_some() {
+            self.notices.work("The graphics device stopped working: loading the clip for another one".into());
+        }
+    }
+
+    /// Lets go of everything on the device.
+    fn release_device(&mut self) {
         (self.panel, self.painter) = (None, None);
-        if let Some(playing) = &mut self.playing {
-            playing.clip.renderer = None;
+        if let Some(playing) = &mut self.playing
+            && playing.clip.renderer.take().is_some()
+        {
             self.notices.work("Loading the clip for another graphics device".into());
         }
         self.device = None;

@@ -43,6 +43,11 @@ impl System {
         entry.create_instance(application, extensions, &[], &())
     }
 
+    /// Prints a line where the user of a desktop looks: on the terminal.
+    pub(in crate::xr) fn notify(line: &str) {
+        eprintln!("{line}");
+    }
+
     /// Waits for `time`; returns whether the program has to end now.
     pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
         if !time.is_zero() {

@@ -57,6 +57,11 @@ impl System {
         entry.create_instance(application, &extensions, &[], &self.platform)
     }
 
+    /// Prints a line where the user of a headset looks: in the system's log.
+    pub(in crate::xr) fn notify(line: &str) {
+        log::warn!("{line}");
+    }
+
     /// Handles the activity's events for `time`, or longer while the activity is paused; returns whether the
     /// program has to end now.
     pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
