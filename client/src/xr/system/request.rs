@@ -1,12 +1,28 @@
 //! [`IntentRequest`]: an Android intent as the command line that asks for the same.
+//!
+//! Any app on the headset can send one, so only development builds take all options from it. Others take those
+//! that change how the clip plays, and none that writes a file.
 
 use std::path::PathBuf;
 
-use clap::Parser;
+use clap::parser::ValueSource;
+use clap::{CommandFactory, FromArgMatches};
 use program::Fault;
 
 use crate::args::Args;
 use crate::clips::clips_in;
+
+/// Names of the arguments that every build takes.
+const PLAYBACK: [&str; 6] = ["clip", "xr", "layer", "sort", "cutoff", "quality"];
+
+/// Which options of an intent a build takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Trust {
+    /// All options of the command line: a development build.
+    All,
+    /// Only those that change how the clip plays.
+    Playback,
+}
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -21,15 +37,25 @@ pub(super) struct IntentRequest {
 /// the `folders` that has any; without one, the demo plays.
 ///
 /// # Errors
-/// [`Fault::Usage`] if the options cannot be parsed.
-pub(super) fn command_line(request: IntentRequest, folders: &[PathBuf]) -> Result<Args, Fault> {
+/// [`Fault::Usage`] if the options cannot be parsed, or this build does not take one of them.
+pub(super) fn command_line(request: IntentRequest, folders: &[PathBuf], trust: Trust) -> Result<Args, Fault> {
     let options = request.options.unwrap_or_default();
-    let mut args = Args::try_parse_from(["aarc", "--xr"].into_iter().chain(options.split_whitespace()))
-        .map_err(|error| {
-            let text = error.to_string();
-            let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-            Fault::Usage(format!("the intent's args, {options:?}: {what}"))
-        })?;
+    let fault = |what: &str| Fault::Usage(format!("the intent's args, {options:?}: {what}"));
+    let refused = |error: clap::Error| {
+        let text = error.to_string();
+        fault(text.lines().next().unwrap_or_default().trim_start_matches("error: "))
+    };
+    let line = ["aarc", "--xr"].into_iter().chain(options.split_whitespace());
+    let matches = Args::command().try_get_matches_from(line).map_err(refused)?;
+    let command = Args::command();
+    let mut names = command.get_arguments().map(|argument| argument.get_id().as_str());
+    let is_given = |name: &str| matches.value_source(name) == Some(ValueSource::CommandLine);
+    if trust == Trust::Playback
+        && let Some(name) = names.find(|name| is_given(name) && !PLAYBACK.contains(name))
+    {
+        return Err(fault(&format!("--{name} is only for development builds: pack one without --release")));
+    }
+    let mut args = Args::from_arg_matches(&matches).map_err(refused)?;
     args.clip = request.clip.or(args.clip).or_else(|| {
         let clip = folders.iter().find_map(|folder| clips_in(folder).into_iter().next())?;
         clip.into_os_string().into_string().ok()
@@ -49,8 +75,10 @@ mod tests {
     fn the_intent_comes_before_the_folders_and_those_before_the_demo() {
         let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let folders = [first.path().to_owned(), "/nowhere".into(), second.path().to_owned()];
-        let clip =
-            |clip, options| command_line(request(clip, options), &folders).unwrap().clip.map(PathBuf::from);
+        let clip = |clip, options| {
+            let args = command_line(request(clip, options), &folders, Trust::Playback);
+            args.unwrap().clip.map(PathBuf::from)
+        };
         assert_eq!(clip(None, None), None, "the demo");
         for name in ["b.aarc", "c.aarc", "a.txt"] {
             std::fs::write(second.path().join(name), "").unwrap();
@@ -63,14 +91,40 @@ mod tests {
     }
 
     #[test]
-    fn options_are_those_of_the_command_line() {
-        let args = command_line(request(None, Some(" --frames 10..20  --stats s.json ")), &[]).unwrap();
+    fn a_development_build_takes_the_options_of_the_command_line() {
+        let parse = |options| command_line(request(None, Some(options)), &[], Trust::All);
+        let args = parse(" --frames 10..20  --stats s.json ").unwrap();
         assert!(args.xr && args.frames == Some(10..20) && args.stats == Some("s.json".into()));
         for options in ["--frames 3..3", "--headless --out o", "--nothing", "a b", "--help"] {
-            let Err(Fault::Usage(message)) = command_line(request(None, Some(options)), &[]) else {
-                panic!("{options} is refused")
-            };
+            let Err(Fault::Usage(message)) = parse(options) else { panic!("{options} is refused") };
             assert!(message.contains(options) && !message.contains('\n'), "{message}");
+        }
+    }
+
+    #[test]
+    fn other_builds_take_only_options_of_playing() {
+        let parse = |options: &str| command_line(request(None, Some(options)), &[], Trust::Playback);
+        let args = parse("--layer 2 --sort depth --cutoff 5 --quality least a.aarc").unwrap();
+        assert!(args.xr && args.layer == Some(2) && args.clip == Some("a.aarc".into()));
+        // Each option of the command line, also those that come later.
+        for option in Args::command().get_arguments() {
+            let (name, Some(long)) = (option.get_id().as_str(), option.get_long()) else { continue };
+            if PLAYBACK.contains(&name) {
+                continue;
+            }
+            let value = match name {
+                "frames" => "0..9",
+                "time" => "0",
+                "size" => "9x9",
+                _ => "x",
+            };
+            let value = if option.get_action().takes_values() { value } else { "" };
+            assert!(parse(&format!("--{long} {value}")).is_err(), "--{long}");
+        }
+        for options in ["--frames 0..9", "--frames 0..9 --stats placements.json", "--frames 0..9 --out eyes"]
+        {
+            let Err(Fault::Usage(message)) = parse(options) else { panic!("{options} is refused") };
+            assert!(message.contains("development builds"), "{message}");
         }
     }
 }
