@@ -294,6 +294,7 @@ impl Show {
         let state = PanelState {
             title,
             player: &self.player,
+            is_static: self.playing.as_ref().is_some_and(|playing| playing.clip.is_static),
             qualities: &Level::ALL.map(Level::name),
             quality: self.quality.level() as usize,
             lowered: self.quality.is_lowered(),
