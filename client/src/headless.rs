@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use codec::{Camera, Clip};
+use codec::{Camera, Clip, Limits};
 use glam::{UVec2, uvec2};
 use program::{Fault, output};
 
@@ -254,7 +254,8 @@ fn run_playlist(args: &Args, list: &str, output: &Output) -> Result<(), Fault> {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name the clip".into()));
     }
     let mut reporter = Reporter::new();
-    let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: true };
+    let options =
+        LoadOptions { cache_dir: cache_dir(), limits: Limits::default(), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
     clips.open(Some(list.into()));
     clips.set_target(HeadlessTarget { args: args.clone() });
@@ -378,7 +379,7 @@ fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = clips::open(args.clip.as_deref(), cache_dir())?.wait(None, |event| {
+    let clip = clips::open(args.clip.as_deref(), cache_dir(), Limits::default())?.wait(None, |event| {
         if let LoadEvent::Clip(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }

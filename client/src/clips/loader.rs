@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use codec::Clip;
+use codec::{Clip, Limits};
 
 use super::event::{LoadEvent, Version};
 use super::file::clips_in;
@@ -33,6 +33,8 @@ pub(crate) trait ClipTarget: Clone + Send + 'static {
 pub(crate) struct LoadOptions {
     /// The folder in which downloads are cached.
     pub(crate) cache_dir: Option<PathBuf>,
+    /// Limits on each clip.
+    pub(crate) limits: Limits,
     /// Layers that a version must have to be shown. A clip with fewer fails.
     pub(crate) min_layers: usize,
     /// Whether to load only complete clips, as measuring needs.
@@ -121,7 +123,8 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn first_of(&self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
-            let arrival = source::open(entry.name.as_deref(), self.options.cache_dir.clone());
+            let LoadOptions { cache_dir, limits, .. } = &self.options;
+            let arrival = source::open(entry.name.as_deref(), cache_dir.clone(), *limits);
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
                     if (self.report)(LoadEvent::Skipped(fault)).is_break() {
@@ -226,7 +229,8 @@ mod tests {
         is_blocking: bool,
         too_large: Option<usize>,
     ) -> String {
-        let options = LoadOptions { cache_dir: None, min_layers, is_complete: false };
+        let options =
+            LoadOptions { cache_dir: None, limits: Limits::default(), min_layers, is_complete: false };
         let request = LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) };
         let text = RefCell::new(String::new());
         let _ = load(request, &Target { too_large }, &|event| {

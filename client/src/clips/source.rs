@@ -63,18 +63,18 @@ impl Arrival {
 }
 
 /// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
-/// `None`. Downloads are cached in `cache_dir`.
+/// `None`. Downloads are cached in `cache_dir`; `limits` are those of the clip.
 ///
 /// # Errors
 /// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`.
-pub fn open(name: Option<&str>, cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
+pub fn open(name: Option<&str>, cache_dir: Option<PathBuf>, limits: Limits) -> Result<Arrival, Fault> {
     let loaded = |clip| Arrival::Loaded(Some(Box::new(clip)));
     match name {
-        None => decode(&demo::package()?, &Limits::default())
+        None => decode(&demo::package()?, &limits)
             .map(loaded)
             .map_err(|error| Fault::Data(format!("demo clip: {error}"))),
-        Some(name) if is_url(name) => download(name, cache_dir),
-        Some(path) => load_file(Path::new(path)).map(loaded),
+        Some(name) if is_url(name) => download(name, cache_dir, limits),
+        Some(path) => load_file(Path::new(path), &limits).map(loaded),
     }
 }
 
@@ -88,8 +88,9 @@ pub fn cache_dir() -> Option<PathBuf> {
 }
 
 #[cfg(feature = "net")]
-fn download(url: &str, cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
-    Ok(Arrival::Download(Box::new(Download::new(url, net_options(cache_dir)))))
+fn download(url: &str, cache_dir: Option<PathBuf>, limits: Limits) -> Result<Arrival, Fault> {
+    let options = net::Options { limits, ..net_options(cache_dir) };
+    Ok(Arrival::Download(Box::new(Download::new(url, options))))
 }
 
 /// Options of downloads that are cached in `cache_dir`.
@@ -100,7 +101,7 @@ pub(super) fn net_options(cache_dir: Option<PathBuf>) -> net::Options {
 }
 
 #[cfg(not(feature = "net"))]
-fn download(url: &str, _cache_dir: Option<PathBuf>) -> Result<Arrival, Fault> {
+fn download(url: &str, _cache_dir: Option<PathBuf>, _limits: Limits) -> Result<Arrival, Fault> {
     Err(no_net(url))
 }
 
@@ -116,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
-        let clip = open(None, None).unwrap().wait(None, |_| ()).unwrap();
+        let clip = open(None, None, Limits::default()).unwrap().wait(None, |_| ()).unwrap();
         assert!(
             !clip.dynamic_field.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty()
         );
@@ -124,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_url_is_not_fetched_before_it_is_iterated() {
-        let opened = open(Some("http://a/b.aarc"), None);
+        let opened = open(Some("http://a/b.aarc"), None, Limits::default());
         if cfg!(feature = "net") {
             assert!(!matches!(opened.unwrap(), Arrival::Loaded(_)), "nothing is fetched yet");
         } else {

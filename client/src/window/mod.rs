@@ -20,7 +20,7 @@ mod viewer;
 
 use std::time::Instant;
 
-use codec::Clip;
+use codec::{Clip, Limits};
 use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
@@ -68,7 +68,7 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
     let mut reporter = Reporter::new();
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = clips::open(entry.name.as_deref(), cache_dir())?;
+        let mut rest = clips::open(entry.name.as_deref(), cache_dir(), Limits::default())?;
         let clip = rest.wait(Some(layers), |event| reporter.print(event))?;
         Ok(First { entry, clip, rest, queue })
     };

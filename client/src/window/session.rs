@@ -10,7 +10,7 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use codec::Clip;
+use codec::{Clip, Limits};
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
 use glam::UVec2;
@@ -174,7 +174,12 @@ impl Session {
             // The event loop has ended where this fails.
             move || drop(proxy.send_event(Event::Loading))
         };
-        let options = LoadOptions { cache_dir: cache_dir(), min_layers: 1, is_complete: false };
+        let options = LoadOptions {
+            cache_dir: cache_dir(),
+            limits: Limits::default(),
+            min_layers: 1,
+            is_complete: false,
+        };
         let mut clips = ClipController::new(options, true, wake)?;
         clips.adopt(WindowTarget::of(&screen), start.entry, start.queue, start.rest);
         window.request_redraw();

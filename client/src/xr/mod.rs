@@ -32,3 +32,4 @@ mod tracking;
 #[cfg(not(target_os = "android"))]
 pub use run::run;
 use system::System;
+pub use system::clip_limits;

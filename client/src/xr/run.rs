@@ -46,6 +46,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let quality = Quality::new(args.settings(), args.quality, adapts);
     let options = LoadOptions {
         cache_dir: system.cache_dir(),
+        limits: system.limits(),
         min_layers: args.layer.map_or(1, |layers| layers as usize),
         is_complete: !adapts,
     };

@@ -317,7 +317,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_stands_before_the_viewer() {
-        let clip = clips::open(None, None).unwrap().wait(None, |_| ()).unwrap();
+        let clip = clips::open(None, None, codec::Limits::default()).unwrap().wait(None, |_| ()).unwrap();
         let subject = Subject::of(&clip);
         let head = head(0.3);
         let stage_from_clip = subject.stage_from_clip(&subject.start(&head));

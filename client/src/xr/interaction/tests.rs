@@ -63,7 +63,8 @@ impl Bench {
 }
 
 fn subject() -> Subject {
-    let mut clip = crate::clips::open(None, None).unwrap().wait(None, |_| ()).unwrap();
+    let mut clip =
+        crate::clips::open(None, None, codec::Limits::default()).unwrap().wait(None, |_| ()).unwrap();
     clip.info.viewpoints = vec![Viewpoint {
         name: "front".into(),
         position: [0.0, 1.0, 4.0],

@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use codec::Limits;
 use openxr as xr;
 use program::Fault;
 
@@ -54,6 +55,11 @@ impl System {
             std::thread::sleep(time);
         }
         false
+    }
+
+    /// Limits on clips: those of a desktop.
+    pub(in crate::xr) fn limits(&self) -> Limits {
+        Limits::default()
     }
 
     /// The store of placements; `None` if the system has no place for it.
