@@ -86,7 +86,8 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     axis = select(vec2<f32>(1.0, 0.0), normalize(axis), spread > 1e-6 * major);
 
     // No side needs to extend beyond the farthest corner of the image; the factor covers rounding.
-    let exact = sqrt(2.0 * log(g.opacity / ALPHA_MIN));
+    // At the threshold, the logarithm may be rounded below 0.
+    let exact = sqrt(max(0.0, 2.0 * log(g.opacity / ALPHA_MIN)));
     let farthest = 1.0001 * length(max(abs(pixel), abs(views[eye].size - pixel)));
     let radius = min(vec2<f32>(min(exact, frame.radius_max)), farthest / sigma);
     let local = radius * vec2<f32>(f32(corner & 1u) * 2.0 - 1.0, f32(corner >> 1u) * 2.0 - 1.0);

@@ -153,7 +153,7 @@ impl Args {
     /// Where clips may come from; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
         let servers = if self.private_network { Servers::All } else { Servers::Guarded };
-        SourceOptions { cache_dir, servers }
+        SourceOptions { cache_dir, servers, ..SourceOptions::default() }
     }
 
     /// The renderer's settings.

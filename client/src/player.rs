@@ -208,6 +208,11 @@ impl Player {
         self.playing && self.duration_s > 0.0
     }
 
+    /// Seconds of real time until the end of the clip at the present speed.
+    pub fn remaining_s(&self) -> f64 {
+        (self.duration_s - self.position_s) / self.speed
+    }
+
     /// Whether the clip starts over at its end.
     pub fn is_looping(&self) -> bool {
         self.looping
@@ -359,7 +364,7 @@ mod tests {
         assert!(near(player.speed(), 0.5));
         player.set_speed(100.0);
         player.faster();
-        assert!(near(player.speed(), 2.0));
+        assert!(near(player.speed(), 2.0) && near(player.remaining_s(), 0.95));
     }
 
     #[test]

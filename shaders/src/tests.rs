@@ -45,6 +45,19 @@ fn every_composition_is_valid() {
     }
 }
 
+/// A root of a number that rounding makes negative is NaN, of which WGSL promises nothing.
+#[test]
+fn no_root_is_of_a_number_that_may_be_negative() {
+    // The variances of a footprint are at least BLUR.
+    let roots = ["sqrt(max(0.0, ", "sqrt(vec2<f32>(major, minor))"];
+    for features in all_features() {
+        let source = compose(features, PURPOSES[0]);
+        for line in source.lines().filter(|line| line.contains("sqrt(")) {
+            assert!(roots.iter().any(|root| line.contains(root)), "{line}");
+        }
+    }
+}
+
 /// Name, group and binding of the global variables.
 fn bindings(module: &naga::Module) -> Vec<(String, u32, u32)> {
     let global = |variable: &naga::GlobalVariable| {

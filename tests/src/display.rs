@@ -1,6 +1,7 @@
 //! [`Display`]: Xvfb, an X server with a screen in memory, for tests of the desktop window. Finds
 //! windows, takes screenshots, presses keys.
 
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -76,6 +77,24 @@ pub struct Player<'a> {
 }
 
 impl Player<'_> {
+    /// Seconds of processor time that the program has used, over all threads.
+    ///
+    /// # Errors
+    /// If the system does not count it as Linux does.
+    pub fn cpu_s(&self) -> Result<f64, String> {
+        /// `USER_HZ`, the same on all machines that Rust knows.
+        const TICKS_PER_S: f64 = 100.0;
+        let path = format!("/proc/{}/stat", self.process.0.id());
+        let stat = fs::read_to_string(&path).map_err(|error| format!("{path}: {error}"))?;
+        // The name, in brackets, may contain blanks; utime and stime are fields 14 and 15.
+        let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields).split_whitespace();
+        let ticks: Vec<f64> = fields.skip(11).take(2).filter_map(|ticks| ticks.parse().ok()).collect();
+        match ticks[..] {
+            [user, system] => Ok((user + system) / TICKS_PER_S),
+            _ => Err(format!("{path}: {stat}")),
+        }
+    }
+
     /// Closes the window and waits for the program to end.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ pub mod display;
 pub mod gpu;
 pub mod headset;
 pub mod image;
+pub mod lossy;
 pub mod programs;
 pub mod remote;
 pub mod server;

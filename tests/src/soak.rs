@@ -3,8 +3,8 @@
 //!
 //! A round takes a clip in from memory or from a server, uploads it, draws it for one eye or two into
 //! images whose size changes, through seeks, steps, speeds, pauses and all settings, counts and reads
-//! back now and then, and puts everything away. At first the device is lost a few times and another
-//! one opened.
+//! back now and then, and puts everything away. One clip is never put away, so that a renderer lives as
+//! long as the device. At first the device is lost a few times and another one opened.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -141,14 +141,14 @@ pub fn soak(
     let mut rng = Rng::with_seed(1);
     let shelf = Shelf::new();
     let mut gpu = Gpu::new_headless().map_err(text)?;
-    let mut at_rest = objects(&gpu)?;
+    let (mut lasting, mut at_rest) = lasting(&gpu, &shelf, &mut rng, &mut account)?;
     let mut kinds = BTreeSet::new();
     while start.elapsed() < duration || !account.is_enough() {
         if account.losses < LOSSES_MAX && account.rounds % LOSS_EVERY == LOSS_EVERY - 1 {
             lose(&gpu, &shelf.clip(0)?)?;
             account.losses += 1;
             gpu = Gpu::new_headless().map_err(text)?;
-            at_rest = objects(&gpu)?;
+            (lasting, at_rest) = self::lasting(&gpu, &shelf, &mut rng, &mut account)?;
         }
         let clip = match rng.u8(..4) {
             0 => {
@@ -161,8 +161,10 @@ pub fn soak(
                 shelf.clip(kind)?
             }
         };
-        play(&gpu, &clip, &mut rng, &mut account).map_err(text)?;
-        drop(clip);
+        let mut watched = Watched::new(&gpu, &clip, &mut rng).map_err(text)?;
+        watched.play(&gpu, &mut rng, &mut account).map_err(text)?;
+        drop((watched, clip));
+        lasting.play(&gpu, &mut rng, &mut account).map_err(text)?;
         gpu.wait().map_err(text)?;
         let held = objects(&gpu)?;
         if held != at_rest {
@@ -183,6 +185,20 @@ pub fn soak(
         on_sample(&account);
     }
     Ok(account)
+}
+
+/// A clip that stays on the device, and the graphics objects that it takes after a round.
+fn lasting(
+    gpu: &Gpu,
+    shelf: &Shelf,
+    rng: &mut Rng,
+    account: &mut Account,
+) -> Result<(Watched, BTreeMap<&'static str, usize>), String> {
+    let text = |fault: Fault| fault.to_string();
+    let mut lasting = Watched::new(gpu, &shelf.clip(0)?, rng).map_err(text)?;
+    lasting.play(gpu, rng, account).map_err(text)?;
+    let at_rest = objects(gpu)?;
+    Ok((lasting, at_rest))
 }
 
 /// Clips of every kind, and a server that has them.
@@ -236,19 +252,64 @@ impl Shelf {
     }
 }
 
-/// A round.
-fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
-    let eyes = 1 + usize::from(rng.bool());
-    let depth = if rng.bool() { ChannelDepth::Eight } else { ChannelDepth::Sixteen };
-    let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
-    let mut renderer = Renderer::new(gpu, on_gpu, depth.format(), eyes)?;
-    let mut player = Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps));
-    let size = |rng: &mut Rng| UVec2::new(rng.u32(16..320), rng.u32(16..240));
-    let mut shown = size(rng);
-    let mut image = Offscreen::new(gpu, shown, eyes as u32, depth)?;
-    for frame in 0..FRAMES {
+/// A clip on a device, and how it is watched.
+struct Watched {
+    renderer: Renderer,
+    player: Player,
+    eyes: usize,
+    depth: ChannelDepth,
+    size: UVec2,
+    image: Offscreen,
+}
+
+impl Watched {
+    fn new(gpu: &Gpu, clip: &Clip, rng: &mut Rng) -> Result<Watched, Fault> {
+        let eyes = 1 + usize::from(rng.bool());
+        let depth = if rng.bool() { ChannelDepth::Eight } else { ChannelDepth::Sixteen };
+        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+        let size = random_size(rng);
+        Ok(Watched {
+            renderer: Renderer::new(gpu, on_gpu, depth.format(), eyes)?,
+            player: Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps)),
+            eyes,
+            depth,
+            size,
+            image: Offscreen::new(gpu, size, eyes as u32, depth)?,
+        })
+    }
+
+    /// The frames of a round.
+    fn play(&mut self, gpu: &Gpu, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
+        for frame in 0..FRAMES {
+            self.act(gpu, rng, account)?;
+            self.player.advance(FRAME_S);
+            account.played_s += FRAME_S * self.player.speed();
+            let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][rng.usize(..4)];
+            let seen = camera(place, self.size.x, self.size.y);
+            let cameras = if self.eyes == 2 { seen.stereo_pair(0.065).to_vec() } else { vec![seen] };
+            let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
+            let settings = RenderSettings {
+                sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],
+                cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
+                layers: [None, Some(1)][rng.usize(..2)],
+                min_contribution_px: [0.0, 0.5][rng.usize(..2)],
+            };
+            let t = self.player.clip_time();
+            self.image.render(gpu, &mut self.renderer, t, &views, &settings)?;
+            account.frames += 1;
+            if frame % 16 == 15 {
+                self.renderer.count(gpu, t, &views, &settings)?;
+                self.image.read(gpu)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What a person may do between two frames.
+    fn act(&mut self, gpu: &Gpu, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
         let action = rng.u8(..16);
         account.seeks += u64::from(action < 4);
+        let player = &mut self.player;
         match action {
             0 => player.seek(rng.f64() * player.duration_s()),
             1 => player.step_forward(),
@@ -257,32 +318,18 @@ fn play(gpu: &Gpu, clip: &Clip, rng: &mut Rng, account: &mut Account) -> Result<
             4 => player.set_speed(SPEED_RANGE.0 + (SPEED_RANGE.1 - SPEED_RANGE.0) * rng.f64()),
             5 => player.set_looping(rng.bool()),
             6 => {
-                shown = size(rng);
-                image = Offscreen::new(gpu, shown, eyes as u32, depth)?;
+                self.size = random_size(rng);
+                self.image = Offscreen::new(gpu, self.size, self.eyes as u32, self.depth)?;
                 account.resizes += 1;
             }
             _ => player.set_playing(true),
         }
-        player.advance(FRAME_S);
-        account.played_s += FRAME_S * player.speed();
-        let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][rng.usize(..4)];
-        let seen = camera(place, shown.x, shown.y);
-        let cameras = if eyes == 2 { seen.stereo_pair(0.065).to_vec() } else { vec![seen] };
-        let views: Vec<View> = cameras.iter().map(View::from_camera).collect();
-        let settings = RenderSettings {
-            sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],
-            cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
-            layers: [None, Some(1)][rng.usize(..2)],
-            min_contribution_px: [0.0, 0.5][rng.usize(..2)],
-        };
-        image.render(gpu, &mut renderer, player.clip_time(), &views, &settings)?;
-        account.frames += 1;
-        if frame % 16 == 15 {
-            renderer.count(gpu, player.clip_time(), &views, &settings)?;
-            image.read(gpu)?;
-        }
+        Ok(())
     }
-    Ok(())
+}
+
+fn random_size(rng: &mut Rng) -> UVec2 {
+    UVec2::new(rng.u32(16..320), rng.u32(16..240))
 }
 
 /// Loses the device under a clip that is drawn: every way to use it says so and none panics.

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use aarc_tests::gpu::{self, Passes, device, draw};
 use aarc_tests::headset::{Headset, MISSING};
 use aarc_tests::image::{Tolerance, check, difference};
+use aarc_tests::lossy::lossy;
 use aarc_tests::programs::{Outcome, client, example, run};
 use aarc_tests::remote::Remote;
 use aarc_tests::scene::{decoded, lasting, packaged};
@@ -51,6 +52,10 @@ fn main() -> ExitCode {
         hand_trial("the next clip loads while frames continue", loading, false),
         hand_trial("the next clip loads while 2000 frames continue", loading_long, true),
         trial("the validation layer reports a forbidden call", forbidden_call_is_reported),
+        hand_trial("a lost device is replaced, and the clip goes on", lost_device, false),
+        trial("a device that is lost at once ends the player with one sentence", device_lost_at_once),
+        trial("too little graphics memory ends the player with one sentence", little_memory),
+        trial("a skipped clip is a line on the terminal", skipped),
         trial("a killed runtime ends the player with one sentence", killed),
         trial("a missing service is named", no_service),
         trial("a missing runtime is named", no_runtime),
@@ -367,6 +372,67 @@ fn killed(mut headset: Headset) -> Result<(), String> {
     headset.kill();
     let outcome = wait_for(|| player.ended()).ok_or("it runs without its runtime")?;
     one_sentence(&outcome, DEVICE, "runtime went away")
+}
+
+/// Submissions of the player and of the runtime to the player's device before it is lost, in which more than 50
+/// frames are shown: fewer would not be worth another device.
+const SUBMISSIONS: u32 = 1000;
+
+/// Only the player's device is lost: the service has one of its own.
+fn lost_device(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    for when in ["submit", "wait"] {
+        let stats = headset.path("stats.json");
+        let mut command = headset.command(client());
+        lossy(&mut command, &headset.path(""), &format!("{when}:{SUBMISSIONS}:1"));
+        let arguments = ["--quality", "least", "--stats"].map(Path::new);
+        let mut player = Player::start(headset, command, &[&arguments[..], &[&stats]].concat())?;
+        // A line on the terminal, which no log filter hides.
+        player.wait_for_log("\nthe graphics device stopped working: the clip goes on with another one")?;
+        // The viewer did nothing, and sees the clip again.
+        player.wait_for_log(": now ")?;
+        let outcome = exit(&mut player, &mut remote)?;
+        let stats = json(&stats).map_err(|error| format!("{when}: {error} {outcome:?}"))?;
+        let (frames, lost) = (number(&stats["frames_shown"])?, number(&stats["sessions_lost"])?);
+        if outcome.code != Some(0) || frames < 50 || lost != 1 {
+            return Err(format!("{when}: {outcome:?} {stats}"));
+        }
+    }
+    Ok(())
+}
+
+fn device_lost_at_once(headset: Headset) -> Result<(), String> {
+    for when in ["submit:20", "wait:20"] {
+        let mut command = headset.command(client());
+        lossy(&mut command, &headset.path(""), when);
+        one_sentence(&run(command.arg("--xr")), DEVICE, "stopped working")
+            .map_err(|error| format!("{when}: {error}"))?;
+    }
+    Ok(())
+}
+
+/// All allocations on the player's device fail from one on, those of the runtime too. Opening the session then fails
+/// before or after its first drawing.
+fn little_memory(headset: Headset) -> Result<(), String> {
+    for call in [1, 2, 4, 6, 8, 10] {
+        let mut command = headset.command(client());
+        lossy(&mut command, &headset.path(""), &format!("memory:{call}"));
+        let outcome = run(command.args(["--xr", "--frames", "0..9", "--out"]).arg(headset.path("eyes")));
+        one_sentence(&outcome, DEVICE, "").map_err(|error| format!("memory:{call}: {error}"))?;
+    }
+    Ok(())
+}
+
+fn skipped(headset: Headset) -> Result<(), String> {
+    let clips = [("a.aarc", &b"no clip"[..]), ("b.aarc", &packaged(&signpost(), None, &[]))];
+    let clips = write_clips(&headset, &clips)?;
+    let list = clips.join("list.json");
+    fs::write(&list, r#"{"version": 1, "clips": ["a.aarc", "b.aarc"]}"#)
+        .map_err(|error| error.to_string())?;
+    let outcome = run(headset.command(client()).arg(&list).args(["--xr", "--frames", "0..3"]));
+    match outcome.code == Some(0) && outcome.stderr.lines().any(|line| line.ends_with("skipped")) {
+        true => Ok(()),
+        false => Err(format!("{outcome:?}")),
+    }
 }
 
 /// Buttons of the panel, in its points.

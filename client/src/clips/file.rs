@@ -13,14 +13,13 @@ use program::{Fault, read_error};
 ///
 /// # Errors
 /// [`Fault::Data`] with the path and the reason.
-pub fn load_file(path: &Path) -> Result<Clip, Fault> {
-    let limits = Limits::default();
+pub fn load_file(path: &Path, limits: &Limits) -> Result<Clip, Fault> {
     let fault = |reason: String| Fault::Data(format!("{}: {reason}", path.display()));
     if path.is_dir() {
         return Err(fault("is a folder: name an .aarc file in it".into()));
     }
     let bytes = read(path, limits.max_bytes).map_err(fault)?;
-    decode(&bytes, &limits).map_err(|error| {
+    decode(&bytes, limits).map_err(|error| {
         fault(match error {
             Error::Format { error: FormatError::Magic, .. } => {
                 format!("{}: {}", FormatError::Magic, remedy(path))
@@ -92,10 +91,12 @@ mod tests {
         let path = folder.path().join("a.aarc");
         for bytes in [None, Some(&b""[..]), Some(b"not a package")] {
             bytes.map_or(Ok(()), |bytes| std::fs::write(&path, bytes)).unwrap();
-            let Err(Fault::Data(message)) = load_file(&path) else { panic!("{bytes:?} is bad data") };
+            let Err(Fault::Data(message)) = load_file(&path, &Limits::default()) else {
+                panic!("{bytes:?} is bad data")
+            };
             assert!(message.starts_with(&path.display().to_string()), "{message}");
         }
-        assert!(matches!(load_file(folder.path()), Err(Fault::Data(_))));
+        assert!(matches!(load_file(folder.path(), &Limits::default()), Err(Fault::Data(_))));
     }
 
     #[test]

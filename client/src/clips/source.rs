@@ -81,7 +81,7 @@ impl Arrival {
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
     let loaded = |note, clip| Arrival::Loaded { note, clip: Some(Box::new(clip)) };
     match name {
-        None => decode(&demo::package()?, &Limits::default())
+        None => decode(&demo::package()?, &options.limits)
             .map(|clip| loaded(None, clip))
             .map_err(|error| Fault::Data(format!("demo clip: {error}"))),
         Some(name) if is_url(name) => download(name, options),
@@ -90,7 +90,7 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
         }
         Some(path) => {
             let path = Path::new(path);
-            load_file(path).map(|clip| loaded(truncation(path, &clip), clip))
+            load_file(path, &options.limits).map(|clip| loaded(truncation(path, &clip), clip))
         }
     }
 }
@@ -121,7 +121,7 @@ fn download(url: &str, options: &SourceOptions) -> Result<Arrival, Fault> {
 #[cfg(feature = "net")]
 pub(super) fn net_options(options: &SourceOptions) -> net::Options {
     let cache = options.cache_dir.as_ref().map(|folder| net::Cache::new(folder, net::CACHE_BYTES));
-    net::Options { cache, servers: options.servers, ..net::Options::default() }
+    net::Options { cache, servers: options.servers, limits: options.limits, ..net::Options::default() }
 }
 
 #[cfg(not(feature = "net"))]

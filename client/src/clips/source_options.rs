@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use codec::Limits;
+
 /// Where clips and playlists may come from, and where downloads are cached.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SourceOptions {
@@ -9,6 +11,8 @@ pub struct SourceOptions {
     pub cache_dir: Option<PathBuf>,
     /// The servers that downloads may come from.
     pub servers: Servers,
+    /// Limits on each clip.
+    pub limits: Limits,
 }
 
 /// Servers that a download may come from. Private are also link-local and loopback addresses.

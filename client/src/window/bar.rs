@@ -1,8 +1,10 @@
-//! The bar at the bottom: timeline, transport and menus.
+//! The bar at the bottom: timeline, transport and menus. A static clip has menus alone.
 
 use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
-use egui::{Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, RichText, Slider, Ui, vec2};
+use egui::{
+    Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Response, RichText, Sense, Slider, Ui, vec2,
+};
 
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
@@ -16,6 +18,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) settings: &'a mut RenderSettings,
     /// Whether the pointer holds the timeline.
     pub(crate) is_scrubbing: &'a mut bool,
+    /// Whether the clip has no timeline.
+    pub(crate) is_static: bool,
     /// Number of layers of the clip.
     pub(crate) layers: usize,
     pub(crate) viewpoints: &'a [Viewpoint],
@@ -24,7 +28,7 @@ pub(crate) struct Controls<'a> {
 }
 
 /// Shows the bar. Appends the commands of its buttons to `commands`.
-pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<Command>) {
+pub(crate) fn show(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     let frame = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
         left: 14,
         right: 14,
@@ -32,28 +36,35 @@ pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<C
         bottom: 8,
     });
     Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
-        timeline(ui, &mut controls);
+        *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.player);
         ui.horizontal(|ui| {
-            transport(ui, controls.player, commands);
+            if !controls.is_static {
+                transport(ui, controls.player, commands);
+            }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, controls, commands));
         });
     });
 }
 
-/// The slider over the clip.
-fn timeline(ui: &mut Ui, controls: &mut Controls<'_>) {
-    let player = &mut *controls.player;
+/// Shows the slider over the clip; returns whether the pointer holds it.
+fn timeline(ui: &mut Ui, player: &mut Player) -> bool {
     let mut position_s = player.position_s();
     let has_duration = player.duration_s() > 0.0;
     let slider = Slider::new(&mut position_s, 0.0..=player.duration_s().max(f64::MIN_POSITIVE))
         .show_value(false)
         .smart_aim(false);
     ui.spacing_mut().slider_width = ui.available_width();
-    let response = ui.add_enabled(has_duration, slider);
+    let response = ui.add_enabled_ui(has_duration, |ui| clickable(ui, slider)).inner;
     if response.changed() {
         player.seek(position_s);
     }
-    *controls.is_scrubbing = response.dragged();
+    response.is_pointer_button_down_on()
+}
+
+/// Shows a slider that also follows a press and release within one frame, which is a click and no drag.
+fn clickable(ui: &mut Ui, slider: Slider<'_>) -> Response {
+    let response = ui.add(slider);
+    response.interact(Sense::click()) | response
 }
 
 fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
@@ -103,7 +114,13 @@ fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     }
     rendering_menu(ui, controls.settings, controls.layers);
     ui.menu_button("View", |ui| view_menu(ui, &controls, commands));
-    let player = controls.player;
+    if !controls.is_static {
+        playing_menus(ui, controls.player, commands);
+    }
+}
+
+/// Loop and speed.
+fn playing_menus(ui: &mut Ui, player: &mut Player, commands: &mut Vec<Command>) {
     let looping = player.is_looping();
     if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
         commands.push(Command::ToggleLoop);
@@ -165,7 +182,7 @@ fn rendering_menu(ui: &mut Ui, settings: &mut RenderSettings, layers: usize) {
             ui.separator();
             ui.label(RichText::new("Layers").color(style::QUIET));
             let mut drawn = settings.layers.unwrap_or(layers).min(layers);
-            if ui.add(Slider::new(&mut drawn, 1..=layers)).changed() {
+            if clickable(ui, Slider::new(&mut drawn, 1..=layers)).changed() {
                 settings.layers = (drawn < layers).then_some(drawn);
             }
         }

@@ -10,7 +10,7 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use codec::Clip;
+use codec::{Clip, Limits};
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
 use glam::UVec2;
@@ -139,8 +139,10 @@ pub(super) struct Session {
     drawn: Option<PictureState>,
     counts: FrameCounts,
     frame_times: FrameTimes,
-    /// Time of the previous frame; `None` after a rest.
+    /// Time of the previous frame; `None` after a rest, of which the clip's clock knows nothing.
     last_frame: Option<Instant>,
+    /// Whether the previous frame asked for this one at once.
+    is_continuous: bool,
     clips: ClipController<WindowTarget>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
@@ -187,6 +189,7 @@ impl Session {
             counts: FrameCounts::default(),
             frame_times: FrameTimes::default(),
             last_frame: None,
+            is_continuous: false,
             clips,
             saving: None,
             proxy,
@@ -228,6 +231,8 @@ impl Session {
                 while let Some(change) = self.clips.poll() {
                     self.apply(change);
                 }
+                // The end of a static clip may now lead to another one.
+                self.window.request_redraw();
             }
             Event::Saved(Ok(path)) => self.note(format!("Saved {}", path.display())),
             Event::Saved(Err(fault)) => self.set_message(Message::Error(fault.to_string())),
@@ -294,7 +299,7 @@ impl Session {
         };
         let now = Instant::now();
         let elapsed_s = self.last_frame.map_or(0.0, |last| (now - last).as_secs_f64());
-        if self.last_frame.is_some() {
+        if self.is_continuous {
             self.frame_times.push(elapsed_s);
         }
 
@@ -311,7 +316,7 @@ impl Session {
 
         let [width, height] = frame.size;
         let state = PictureState {
-            t: self.viewer.player.clip_time(),
+            t: self.viewer.clip_time(),
             view: View::from_camera(&self.viewer.camera(width, height)),
             settings: self.viewer.settings,
         };
@@ -331,13 +336,15 @@ impl Session {
         if requests.screenshot {
             self.save_picture(state);
         }
-        let animating = self.viewer.is_animating();
-        self.last_frame = animating.then_some(now);
-        let delay =
+        let next_change =
+            self.viewer.next_change_s(self.clips.queue().is_some()).map(Duration::from_secs_f64);
+        self.last_frame = next_change.map(|_| now);
+        self.is_continuous = next_change == Some(Duration::ZERO);
+        let repaint =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
-        Ok(match delay {
+        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint) {
             // The statistics are those of the previous frame.
-            _ if animating || outdated => Next::Now,
+            _ if outdated => Next::Now,
             Duration::ZERO => Next::Now,
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),

@@ -9,6 +9,8 @@ use crate::viewpoint;
 pub(crate) struct ViewedClip {
     pub(super) duration_s: f64,
     pub(super) fps: f64,
+    /// Whether the image is the same at all times.
+    pub(super) is_static: bool,
     pub(super) up: [f32; 3],
     /// At least one.
     pub(super) viewpoints: Vec<Viewpoint>,
@@ -23,6 +25,7 @@ impl ViewedClip {
         ViewedClip {
             duration_s: info.duration_s.into(),
             fps: info.fps.into(),
+            is_static: clip.dynamic_field.is_empty(),
             up: info.up,
             viewpoints: viewpoint::viewpoints(clip),
             layers: clip.layers.len().max(1),

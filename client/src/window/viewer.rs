@@ -83,11 +83,12 @@ impl Viewer {
         self.clip = clip;
     }
 
-    /// Replaces the clip by a version of it with other layers, and changes nothing else. A version that
-    /// differs in more plays as by [`Viewer::change_clip`].
+    /// Replaces the clip by a version of it with other layers, which may be the first dynamic ones, and changes
+    /// nothing else. A version that differs in more plays as by [`Viewer::change_clip`].
     pub(crate) fn update_clip(&mut self, clip: ViewedClip) {
-        if (ViewedClip { layers: self.clip.layers, ..clip.clone() }) == self.clip {
-            self.clip.layers = clip.layers;
+        let ViewedClip { layers, is_static, .. } = self.clip;
+        if (ViewedClip { layers, is_static, ..clip.clone() }) == self.clip {
+            self.clip = clip;
         } else {
             self.change_clip(clip);
         }
@@ -103,9 +104,22 @@ impl Viewer {
         self.camera.camera(width, height)
     }
 
-    /// Whether the image changes without further input.
-    pub(crate) fn is_animating(&self) -> bool {
-        self.player.is_advancing() || self.fly_keys.fly().is_flying()
+    /// Normalised clip time of the image; always 0 for a static clip.
+    pub(crate) fn clip_time(&self) -> f64 {
+        if self.clip.is_static { 0.0 } else { self.player.clip_time() }
+    }
+
+    /// Seconds until the image changes without further input: 0 while it moves, `None` for never. A static clip
+    /// changes only at its end, if it is `in_playlist`.
+    pub(crate) fn next_change_s(&self, in_playlist: bool) -> Option<f64> {
+        if self.fly_keys.fly().is_flying() {
+            return Some(0.0);
+        }
+        match (self.player.is_advancing(), self.clip.is_static) {
+            (true, false) => Some(0.0),
+            (true, true) => in_playlist.then(|| self.player.remaining_s()),
+            (false, _) => None,
+        }
     }
 
     /// Handles the input of a frame, advances player and camera by `elapsed_s` seconds, and shows the
@@ -119,6 +133,7 @@ impl Viewer {
                 player: &mut self.player,
                 settings: &mut self.settings,
                 is_scrubbing: &mut self.is_scrubbing,
+                is_static: self.clip.is_static,
                 layers: self.clip.layers,
                 viewpoints: &self.clip.viewpoints,
                 viewpoint: self.viewpoint,

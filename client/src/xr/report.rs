@@ -9,10 +9,10 @@ use glam::UVec2;
 use program::{Fault, counted, output};
 use serde::Serialize;
 
-use super::eye;
 use super::pacing::Pacing;
 use super::runtime::Runtime;
 use super::show::Show;
+use super::tracking::eye;
 use crate::args::Args;
 use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::stats::{FrameStats, Summary};
@@ -203,6 +203,11 @@ impl Report {
     /// Whether all requested frames were drawn.
     pub(super) fn is_complete(&self) -> bool {
         self.last.is_some_and(|last| self.drawn_frames >= last)
+    }
+
+    /// Number of frames so far: with the clip, without one, and not visible.
+    pub(super) fn frames(&self) -> u64 {
+        self.drawn_frames + self.empty + self.unseen
     }
 
     /// Number of frames with the clip so far.

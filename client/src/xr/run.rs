@@ -4,15 +4,15 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::System;
-use super::error::{self, Halt};
-use super::quality::Quality;
 use super::report::Report;
 use super::runtime::Runtime;
+use super::runtime::error::{self, Halt};
+use super::session::state::{Action, Renewals, SessionLifecycle};
 use super::session::{Request, Session};
 use super::show::Show;
-use super::state::{Action, SessionLifecycle};
+use super::show::quality::Quality;
 use crate::args::Args;
-use crate::clips::LoadOptions;
+use crate::clips::{LoadOptions, SourceOptions};
 use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};
 use program::Fault;
 use program::output;
@@ -45,7 +45,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     };
     let quality = Quality::new(args.settings(), args.quality, adapts);
     let options = LoadOptions {
-        source: args.source(system.cache_dir()),
+        source: SourceOptions { limits: system.limits(), ..args.source(system.cache_dir()) },
         min_layers: args.layer.map_or(1, |layers| layers as usize),
         is_complete: !adapts,
     };
@@ -60,12 +60,15 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
                 report.write(args, &runtime, &device.gpu, &mut show)?;
                 return show.outcome();
             }
-            Err(_) if device.gpu.is_worth_replacing(report.frames_drawn() - drawn_before) => {
-                log::warn!("{DEVICE_REPLACED}");
+            Err(fault) => {
+                let fault = device.cause(fault);
+                if !device.gpu.is_worth_replacing(report.frames_drawn() - drawn_before) {
+                    return Err(fault);
+                }
+                System::notify(DEVICE_REPLACED);
                 report.lose_session();
-                show.release_device();
+                show.lose_device();
             }
-            Err(fault) => return Err(fault),
         }
     }
 }
@@ -84,6 +87,12 @@ impl Device {
         Ok(Device { gpu: Arc::new(gpu), handles, failures })
     }
 
+    /// The cause of `fault`: the loss of this device, if it is lost. The runtime, which uses the same queue, may
+    /// fail before the renderer notices.
+    fn cause(&self, fault: Fault) -> Fault {
+        self.gpu.wait().err().unwrap_or(fault)
+    }
+
     /// Runs sessions until one ends that was not lost.
     fn run_sessions(
         &self,
@@ -93,13 +102,18 @@ impl Device {
         show: &mut Show,
         report: &mut Report,
     ) -> Result<(), Fault> {
+        let mut renewals = Renewals::default();
         loop {
+            let frames_before = report.frames();
             let mut session = Session::open(runtime, &self.gpu, &self.handles, args.out.is_some())?;
             show.prepare(&self.gpu, session.format(), session.has_passthrough());
             match self.run_session(system, runtime, &mut session, show, report) {
                 Ok(()) => return Ok(()),
                 Err(Halt::SessionLost) => {
-                    log::warn!("the headset's session was lost: starting another");
+                    if !renewals.follows(report.frames() - frames_before) {
+                        return Err(error::sessions_dropped());
+                    }
+                    System::notify("the headset's session was lost: starting another");
                     report.lose_session();
                     drop(session);
                     runtime.wait_for_headset(system)?;

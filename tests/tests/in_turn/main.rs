@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use aarc_tests::gpu;
 use peak_alloc::PeakAlloc;
 
+mod footprint;
 mod frame_loop;
 mod playing;
 mod soak;
@@ -15,6 +16,7 @@ static HEAP: PeakAlloc = PeakAlloc;
 
 fn main() -> ExitCode {
     gpu::run_in_turn([
+        ("footprint", footprint::trials()),
         ("frame_loop", frame_loop::trials()),
         ("playing", playing::trials()),
         ("soak", soak::trials()),

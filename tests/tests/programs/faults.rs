@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use aarc_tests::display::{Display, Screenshot};
 use aarc_tests::gpu::{Passes, device};
-use aarc_tests::programs::{Folder, Outcome, client, example, run, studio};
+use aarc_tests::lossy::lossy;
+use aarc_tests::programs::{Folder, Outcome, client, run, studio};
 use aarc_tests::scene::{Motion, Recipe, lasting, packaged};
 use aarc_tests::server::Server;
 use libtest_mimic::{Completion, Failed, Trial};
@@ -146,26 +147,11 @@ fn full_output(folder: &Folder) -> Result<Completion, String> {
     Ok(Completion::Completed)
 }
 
-/// Adds a Vulkan layer to a command that loses the device at `when`.
-fn lossy(command: &mut Command, folder: &Folder, when: &str) {
-    let library = example("lossy_driver");
-    let layer = serde_json::json!({
-        "file_format_version": "1.1.2",
-        "layer": {
-            "name": "VK_LAYER_AARC_lossy_driver", "type": "GLOBAL", "library_path": library,
-            "api_version": "1.3.0", "implementation_version": "1", "description": "loses the device",
-        },
-    });
-    fs::write(folder.path("lossy.json"), layer.to_string()).expect("files can be written");
-    command.env("VK_ADD_LAYER_PATH", folder.path("")).env("VK_INSTANCE_LAYERS", "VK_LAYER_AARC_lossy_driver");
-    command.env("AARC_LOSE", when);
-}
-
 fn little_memory(folder: &Folder) -> Result<Completion, String> {
     // The first, second or third allocation of device memory fails.
     for when in ["memory:1", "memory:2", "memory:3"] {
         let mut command = folder.command(client(), "clip.aarc --headless --size 8000x6000 --out frame.png");
-        lossy(&mut command, folder, when);
+        lossy(&mut command, &folder.path(""), when);
         sentence(&run(&mut command), DEVICE, &["enough memory"]).map_err(|what| format!("{when}: {what}"))?;
         if folder.path("frame.png").exists() {
             return Err("an image without memory".into());
@@ -179,19 +165,19 @@ fn lost_headless(folder: &Folder) -> Result<Completion, String> {
     for (when, frames) in [("submit:1", 1), ("submit:2", 1), ("wait:1", 1), ("wait:2", 1), ("wait:5", 4)] {
         let line = format!("clip.aarc --headless --frames 0..{frames} --size 96x64 --out out");
         let mut command = folder.command(client(), &line);
-        lossy(&mut command, folder, when);
+        lossy(&mut command, &folder.path(""), when);
         sentence(&run(&mut command), DEVICE, &["stopped working"])
             .map_err(|what| format!("{when}: {what}"))?;
     }
     // The layer itself is harmless: lost after the last frame, nothing fails.
     let mut command = folder.command(client(), &format!("clip.aarc {HEADLESS} --out late.png"));
-    lossy(&mut command, folder, "submit:1000");
+    lossy(&mut command, &folder.path(""), "submit:1000");
     run(&mut command).success();
     // The first device is lost after 150 submissions or waits: another draws the same images.
     let frames = |out: &str, when: &str| {
         let line = format!("clip.aarc --headless --frames 0..120 --fps 60 --size 96x64 --out {out}");
         let mut command = folder.command(client(), &line);
-        lossy(&mut command, folder, when);
+        lossy(&mut command, &folder.path(""), when);
         let outcome = run(&mut command).success();
         let images = (0..120).map(|i| folder.read(&format!("{out}/frame_{i:04}.png")));
         images.collect::<Result<Vec<_>, _>>().map(|images| (outcome, images))
@@ -216,7 +202,7 @@ fn lost_in_playlist(folder: &Folder) -> Result<Completion, String> {
     let player = |out: &str, when: &str| {
         let line = format!("list.json --headless --frames 0..64 --size 96x64 --out {out}");
         let mut command = folder.command(client(), &line);
-        lossy(&mut command, folder, when);
+        lossy(&mut command, &folder.path(""), when);
         run(&mut command)
     };
     let images = |out: &str| -> Result<Vec<_>, String> {
@@ -242,7 +228,11 @@ fn lost_window(folder: &Folder) -> Result<Completion, String> {
     };
     let player = |when| {
         let mut command = display.command(client());
-        lossy(command.args(["clip.aarc", "--size", "720x400"]).current_dir(folder.path("")), folder, when);
+        lossy(
+            command.args(["clip.aarc", "--size", "720x400"]).current_dir(folder.path("")),
+            &folder.path(""),
+            when,
+        );
         command
     };
     // Every device is lost.

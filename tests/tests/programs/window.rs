@@ -20,6 +20,7 @@ const U: u32 = 'u' as u32;
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("a clip plays, pauses, steps and is saved as an image", plays),
+        trial("a static clip rests", rests),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
     ]
@@ -80,6 +81,27 @@ fn plays(display: &Display) -> Result<(), String> {
         return Err(format!("{} has {size:?} pixels", saved.display()));
     }
 
+    player.close()
+}
+
+/// A static clip is drawn once; from then on the window waits for input.
+fn rests(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("statue.aarc");
+    let recipe =
+        Recipe { count: 300, sh_degree: 1, motion: Motion::Static, motion_order: 0, turning: false, seed: 3 };
+    fs::write(&clip, packaged(&recipe.field(), None, &[])).map_err(|error| error.to_string())?;
+    let mut command = display.command(client());
+    let player = display.open(command.arg(&clip).args(["--size", "800x600"]), "statue.aarc")?;
+    let is_drawn = |screen: &Screenshot| screen.colors() > 500;
+    display.wait_until(player.window, is_drawn).ok_or("the window never shows an image")?;
+    unchanging(display, player.window).ok_or("it changes")?;
+    let before_s = player.cpu_s()?;
+    sleep(Duration::from_secs(2));
+    let busy_s = player.cpu_s()? - before_s;
+    if busy_s > 0.1 {
+        return Err(format!("it keeps a processor busy for {busy_s:.2} of 2 s"));
+    }
     player.close()
 }
 

@@ -7,6 +7,7 @@ mod loss;
 #[cfg(feature = "xr")]
 pub(crate) mod vulkan;
 
+use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(any(feature = "window", feature = "xr"))]
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::ThreadId;
@@ -55,6 +56,7 @@ pub struct Gpu {
     pub(super) loss: Loss,
     /// The only thread that may submit work; `None` for any.
     submitter: Option<ThreadId>,
+    waits: AtomicU64,
 }
 
 /// Features and limits to request from an adapter.
@@ -154,6 +156,7 @@ impl Gpu {
             loss,
             device,
             submitter,
+            waits: AtomicU64::new(0),
         }
     }
 
@@ -181,7 +184,13 @@ impl Gpu {
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
     pub fn wait(&self) -> Result<(), Fault> {
+        self.waits.fetch_add(1, Ordering::Relaxed);
         self.loss.wait(&self.device).map_err(|why| self.lost_fault(&why))
+    }
+
+    /// Number of waits for the GPU so far.
+    pub fn waits(&self) -> u64 {
+        self.waits.load(Ordering::Relaxed)
     }
 
     /// Creates a resource and reports a lack of memory as an error. `purpose` names it in messages.

@@ -26,6 +26,7 @@ fn clip() -> ViewedClip {
     ViewedClip {
         duration_s: 2.0,
         fps: 10.0,
+        is_static: false,
         up: [0.0, 1.0, 0.0],
         viewpoints: vec![viewpoint("front", 0.0), viewpoint("side", 3.0)],
         layers: 3,
@@ -34,9 +35,13 @@ fn clip() -> ViewedClip {
 
 impl Bench {
     fn new() -> Bench {
+        Bench::with(clip())
+    }
+
+    fn with(clip: ViewedClip) -> Bench {
         let ctx = Context::default();
         crate::window::style::apply(&ctx);
-        let viewer = Viewer::new(clip(), 0, RenderSettings::default());
+        let viewer = Viewer::new(clip, 0, RenderSettings::default());
         let mut bench = Bench { ctx, viewer, time_s: 0.0 };
         // The first frame lays the controls out.
         bench.frame(0.0, vec![]);
@@ -96,7 +101,8 @@ fn it_plays_at_once_and_keys_control_the_player() {
     assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
     bench.press(Key::Space);
     bench.frame(0.5, vec![]);
-    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9 && !bench.viewer.is_animating());
+    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    assert_eq!(bench.viewer.next_change_s(false), None);
     bench.press(Key::ArrowRight);
     assert_eq!(bench.viewer.player.frame(), 6);
     bench.press(Key::L);
@@ -166,39 +172,63 @@ fn the_wheel_zooms_only_over_the_picture() {
     assert!((bench.eye()[2] - expected).abs() < 0.05, "{:?}, expected {expected}", bench.eye());
 }
 
+fn primary(pos: Pos2, pressed: bool) -> Event {
+    Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE }
+}
+
+/// Height of the timeline of `clip` in the window, if there is one.
+fn timeline_y(clip: &ViewedClip) -> Option<f32> {
+    (600..700).map(|y| y as f32).find(|&y| {
+        let mut probe = Bench::with(clip.clone());
+        probe.frame(0.0, vec![Event::PointerMoved(pos2(500.0, y))]);
+        probe.frame(0.0, vec![primary(pos2(500.0, y), true)]);
+        probe.viewer.is_scrubbing
+    })
+}
+
 #[test]
 fn the_timeline_seeks_and_pauses_while_held() {
     let mut bench = Bench::new();
-    // The timeline spans the window less its margins, at the top of the bar.
-    let y = (600..700).map(|y| y as f32).find(|&y| {
-        let mut probe = Bench::new();
-        probe.frame(0.0, vec![Event::PointerMoved(pos2(500.0, y))]);
-        let event = |pressed| Event::PointerButton {
-            pos: pos2(500.0, y),
-            button: PointerButton::Primary,
-            pressed,
-            modifiers: Modifiers::NONE,
-        };
-        probe.frame(0.0, vec![event(true)]);
-        probe.viewer.is_scrubbing
-    });
-    let at = |x: f32| pos2(x, y.expect("a timeline"));
-    let button = |x, pressed| Event::PointerButton {
-        pos: at(x),
-        button: PointerButton::Primary,
-        pressed,
-        modifiers: Modifiers::NONE,
-    };
-    bench.frame(0.0, vec![Event::PointerMoved(at(500.0))]);
-    bench.frame(0.0, vec![button(500.0, true)]);
-    bench.frame(0.3, vec![Event::PointerMoved(at(750.0))]);
+    let y = timeline_y(&clip()).expect("a timeline");
+    bench.frame(0.0, vec![Event::PointerMoved(pos2(500.0, y))]);
+    bench.frame(0.0, vec![primary(pos2(500.0, y), true)]);
+    bench.frame(0.3, vec![Event::PointerMoved(pos2(750.0, y))]);
     let position_s = bench.viewer.player.position_s();
     assert!((position_s - 1.5).abs() < 0.05, "{position_s}");
     bench.frame(0.3, vec![]);
     assert_eq!(bench.viewer.player.position_s(), position_s, "held");
-    bench.frame(0.0, vec![button(750.0, false)]);
+    bench.frame(0.0, vec![primary(pos2(750.0, y), false)]);
     bench.frame(0.1, vec![]);
     assert!((bench.viewer.player.position_s() - position_s - 0.1).abs() < 1e-9, "released, it plays");
+}
+
+#[test]
+fn a_click_within_one_frame_seeks() {
+    let mut bench = Bench::new();
+    let at = pos2(750.0, timeline_y(&clip()).expect("a timeline"));
+    bench.frame(0.0, vec![Event::PointerMoved(at)]);
+    bench.frame(0.0, vec![primary(at, true), primary(at, false)]);
+    let position_s = bench.viewer.player.position_s();
+    assert!((position_s - 1.5).abs() < 0.05 && !bench.viewer.is_scrubbing, "{position_s}");
+    bench.frame(0.1, vec![]);
+    assert!((bench.viewer.player.position_s() - position_s - 0.1).abs() < 1e-9, "it plays on");
+}
+
+#[test]
+fn a_static_clip_has_no_timeline_and_rests() {
+    let statue = ViewedClip { is_static: true, ..clip() };
+    assert_eq!(timeline_y(&statue), None);
+    let mut bench = Bench::with(statue);
+    assert_eq!(bench.viewer.next_change_s(false), None);
+    bench.frame(0.5, vec![]);
+    assert_eq!(bench.viewer.clip_time(), 0.0);
+    assert_eq!(bench.viewer.next_change_s(true), Some(1.5), "the next clip of a playlist follows");
+    bench.press(Key::Space);
+    assert_eq!(bench.viewer.next_change_s(true), None, "it is paused");
+    bench.press(Key::Space);
+    bench.viewer.update_clip(ViewedClip { layers: 4, ..clip() });
+    assert_eq!(bench.viewer.next_change_s(false), Some(0.0), "its next layer moves");
+    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
 }
 
 #[test]
@@ -213,7 +243,7 @@ fn held_keys_fly_and_a_drag_steers() {
     };
     bench.frame(0.0, vec![key(true)]);
     bench.frame(1.0, vec![]);
-    assert!(bench.eye()[2] < 4.9 && bench.viewer.is_animating());
+    assert!(bench.eye()[2] < 4.9 && bench.viewer.next_change_s(false) == Some(0.0));
     let eye = bench.eye();
     bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(70.0, 0.0));
     assert!(distance(bench.eye(), eye) < 1e-9);

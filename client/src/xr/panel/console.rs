@@ -50,16 +50,18 @@ pub(super) fn show(ui: &Ui, state: &PanelState, open: OpenParts, commands: &mut 
     let at = pos2(MARGIN, top + TITLE_Y);
     fitted(ui.painter(), at, Align2::LEFT_TOP, state.title, style::font(25.0), style::TEXT, INNER);
     let scrubbing =
-        timeline(ui, rect(MARGIN, top + TIMELINE_Y, INNER, TIMES_Y - TIMELINE_Y), state.player, commands);
-    times(ui.painter(), top + TIMES_Y, state.player);
+        timeline(ui, rect(MARGIN, top + TIMELINE_Y, INNER, TIMES_Y - TIMELINE_Y), state, commands);
+    if state.has_timeline() {
+        times(ui.painter(), top + TIMES_Y, state.player);
+    }
     transport(ui, top + TRANSPORT_Y, state, commands);
     let exit_pressed = tiles(ui, top + TILES_Y, state, open, commands);
     Done { scrubbing, exit_pressed }
 }
 
 /// Shows the track over the whole clip; returns whether a hand holds it.
-fn timeline(ui: &Ui, area: Rect, player: &Player, commands: &mut Vec<Command>) -> bool {
-    let is_static = player.duration_s() <= 0.0;
+fn timeline(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>) -> bool {
+    let (player, is_static) = (state.player, !state.has_timeline());
     let response = ui.interact(area, id("Timeline"), if is_static { Sense::hover() } else { Sense::drag() });
     response.widget_info(|| WidgetInfo::slider(!is_static, player.position_s(), "Timeline"));
     let held = response.is_pointer_button_down_on();
@@ -107,7 +109,7 @@ pub(super) fn time_text(seconds: f64, minutes: bool) -> String {
 
 fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     let player = state.player;
-    let is_static = player.duration_s() <= 0.0;
+    let is_static = !state.has_timeline();
     let plain = State { disabled: is_static, ..State::default() };
     let mut press = |pressed: bool, command: Command| {
         if pressed {

@@ -247,7 +247,9 @@ impl Panel {
         let mut hasher = DefaultHasher::new();
         let player = state.player;
         (self.page, self.leaving_until_s.is_some(), state.title).hash(&mut hasher);
-        ((player.position_s() * TIMELINE_RATE) as u64, player.duration_s().to_bits()).hash(&mut hasher);
+        if state.has_timeline() {
+            ((player.position_s() * TIMELINE_RATE) as u64, player.duration_s().to_bits()).hash(&mut hasher);
+        }
         (player.is_playing(), player.is_looping(), player.speed().to_bits()).hash(&mut hasher);
         (state.qualities, state.quality, state.lowered).hash(&mut hasher);
         (state.passthrough, state.has_next).hash(&mut hasher);

@@ -25,6 +25,8 @@ pub struct PanelState<'a> {
     pub title: &'a str,
     /// Clock of the clip.
     pub player: &'a Player,
+    /// Whether the image is the same at all times.
+    pub is_static: bool,
     /// Names of the levels of quality, the best one first; may be empty.
     pub qualities: &'a [&'a str],
     /// Number of the level in use.
@@ -39,6 +41,13 @@ pub struct PanelState<'a> {
     pub statistics: &'a [(&'a str, String)],
     /// Message above the console.
     pub notice: Option<Notice<'a>>,
+}
+
+impl PanelState<'_> {
+    /// Whether there is another instant to go to.
+    pub(super) fn has_timeline(&self) -> bool {
+        !self.is_static && self.player.duration_s() > 0.0
+    }
 }
 
 /// A page above the console.

@@ -15,6 +15,7 @@ const FRAME_S: f64 = 0.02;
 struct Bench {
     panel: Panel,
     player: Player,
+    is_static: bool,
     inputs: Inputs,
     hands: Hands,
     notice: Option<Notice<'static>>,
@@ -29,6 +30,7 @@ impl Bench {
         let mut bench = Bench {
             panel: Panel::new(&HEAD),
             player: Player::new(10.0, 30.0),
+            is_static: false,
             inputs: Inputs::default(),
             hands: Hands::default(),
             notice: None,
@@ -63,6 +65,7 @@ impl Bench {
         let state = PanelState {
             title: "juggler",
             player: &self.player,
+            is_static: self.is_static,
             qualities: &["Auto", "High", "Low"],
             quality: 1,
             lowered: false,
@@ -109,6 +112,26 @@ impl Bench {
         assert_eq!(self.select(side, true), [], "{name} acts when it is let go");
         self.select(side, false).to_vec()
     }
+}
+
+#[test]
+fn a_static_clip_has_no_timeline_and_the_panel_rests() {
+    let mut bench = Bench { is_static: true, ..Bench::new() };
+    for _ in 0..5 {
+        bench.frame();
+    }
+    let at = bench.place("Timeline");
+    for _ in 0..10 {
+        bench.player.advance(0.1);
+        bench.frame();
+        assert!(!bench.painted, "time changes nothing");
+    }
+    bench.aim(Side::Right, at);
+    bench.frame();
+    assert_eq!(bench.select(Side::Right, true), []);
+    bench.is_static = false;
+    bench.select(Side::Right, false);
+    assert!(matches!(bench.select(Side::Right, true), [Command::Seek(_)]));
 }
 
 #[test]

@@ -31,6 +31,7 @@ impl ClipTarget for HeadsetTarget {
             layer_ends: on_gpu.layer_ends(),
             renderer: Some(Renderer::new(&gpu, on_gpu, self.format.drawn(), 2)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            is_static: clip.dynamic_field.is_empty(),
             info: clip.info,
         }))
     }
@@ -41,6 +42,8 @@ pub(super) struct ReadyClip {
     pub(super) subject: Subject,
     /// `None` once its device was lost.
     pub(super) renderer: Option<Renderer>,
+    /// Whether the image is the same at all times.
+    pub(super) is_static: bool,
     pub(super) info: ClipInfo,
     /// Number of Gaussians in the first k layers, for each k.
     pub(super) layer_ends: Vec<usize>,

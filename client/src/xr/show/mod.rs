@@ -1,29 +1,30 @@
 //! [`Show`]: the clip on display, its clock, its place, and the panel.
 //!
 //! It outlives sessions and devices: the next one continues with the same clip at the same instant and
-//! place. `clip` is what the loader makes, `place` where it stands, `notices` and `statistics` what the
-//! panel says.
+//! place. `clip` is what the loader makes, `place` where it stands, `quality` how well it is drawn, `notices`
+//! and `statistics` what the panel says.
 
 mod clip;
 mod notices;
 mod place;
+pub(super) mod quality;
 mod statistics;
 
 use std::sync::Arc;
 
 use glam::UVec2;
 
-use super::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
-use super::pacing::FrameTimer;
-use super::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
-use super::quality::Quality;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
+use crate::xr::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
+use crate::xr::pacing::FrameTimer;
+use crate::xr::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use clip::{HeadsetTarget, ReadyClip};
 use notices::Notices;
 use place::Place;
 use program::Fault;
+use quality::Quality;
 use statistics::{FrameCost, Statistics};
 
 /// What the viewer sees and does.
@@ -134,11 +135,20 @@ impl Show {
         self.painter = Some(UiPainter::for_runtime(gpu, format));
     }
 
-    /// Lets go of everything on the device. The clip stays where it is and waits.
-    pub(super) fn release_device(&mut self) {
+    /// Lets go of a lost device. The clip stays where it is and waits; the panel says why.
+    pub(super) fn lose_device(&mut self) {
+        self.release_device();
+        if self.playing.is_some() {
+            self.notices.work("The graphics device stopped working: loading the clip for another one".into());
+        }
+    }
+
+    /// Lets go of everything on the device.
+    fn release_device(&mut self) {
         (self.panel, self.painter) = (None, None);
-        if let Some(playing) = &mut self.playing {
-            playing.clip.renderer = None;
+        if let Some(playing) = &mut self.playing
+            && playing.clip.renderer.take().is_some()
+        {
             self.notices.work("Loading the clip for another graphics device".into());
         }
         self.device = None;
@@ -284,6 +294,7 @@ impl Show {
         let state = PanelState {
             title,
             player: &self.player,
+            is_static: self.playing.as_ref().is_some_and(|playing| playing.clip.is_static),
             qualities: &Level::ALL.map(Level::name),
             quality: self.quality.level() as usize,
             lowered: self.quality.is_lowered(),

@@ -1,6 +1,7 @@
 //! [`Notices`]: the line that the panel shows, and the fault that a run without any clip ends with.
 
 use crate::clips::Progress;
+use crate::xr::System;
 use crate::xr::panel::Notice;
 use program::Fault;
 
@@ -35,9 +36,9 @@ impl Notices {
         self.line = Some(Line::Working { text, part: progress.part() });
     }
 
-    /// Shows and logs a remark.
+    /// Shows a remark, such as that a clip was skipped.
     pub(super) fn note(&mut self, text: String) {
-        log::info!("{text}");
+        System::notify(&text);
         self.line = Some(Line::Note(text));
     }
 
@@ -48,9 +49,11 @@ impl Notices {
     pub(super) fn fail(&mut self, fault: Fault, is_playing: bool) -> Result<(), Fault> {
         self.line = Some(Line::Error(fault.to_string()));
         if is_playing {
-            log::warn!("{fault}");
+            System::notify(&fault.to_string());
         } else if self.attended {
-            eprintln!("{fault}; the headset shows this and waits for another clip, or the exit");
+            System::notify(&format!(
+                "{fault}; the headset shows this and waits for another clip, or the exit"
+            ));
             self.unplayed = Some(fault);
         } else {
             return Err(fault);

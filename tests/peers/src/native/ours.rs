@@ -19,7 +19,7 @@ struct Ours {
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
 pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
-    let clip = load_file(path)?;
+    let clip = load_file(path, &codec::Limits::default())?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;

@@ -3,9 +3,10 @@
 //! Columns are plain slices, and the operations on a batch have no branches, so the compiler vectorises
 //! them to four Gaussians or more.
 
+use std::mem::size_of;
 use std::ops::Range;
 
-use codec::{ALPHA_MIN, Field};
+use codec::{ALPHA_MIN, Field, MOTION_ORDER_MAX};
 use glam::{DVec3, Vec2};
 
 use crate::gpu::pack::moment::Moment;
@@ -35,6 +36,10 @@ pub(super) struct RowColumns {
     pub(super) support_radius: Vec<f32>,
     pub(super) contribution: Vec<ContributionBound>,
 }
+
+/// Most bytes of a row in all columns.
+pub(in crate::gpu) const ROW_BYTES: usize =
+    size_of::<f32>() * (4 + 3 + 3 * MOTION_ORDER_MAX as usize + 1) + size_of::<ContributionBound>();
 
 /// Parameters of the upper bound of a Gaussian's contribution.
 #[derive(Clone, Copy)]

@@ -18,6 +18,7 @@ use glam::{DVec3, Vec3A};
 use super::sort::Item;
 use crate::gpu::settings::{RenderSettings, SortOrder};
 use crate::view::{CyclopeanEye, View};
+pub(in crate::gpu) use columns::ROW_BYTES;
 use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;

@@ -14,7 +14,7 @@ use program::Fault;
 use super::intent;
 use super::system::System;
 use crate::clips::redacted;
-use crate::xr::request::command_line;
+use crate::xr::system::request::{Trust, command_line};
 
 /// Log filter: messages of this program, and warnings of everything else.
 const LOG_FILTER: &str = "warn,client=info";
@@ -46,7 +46,8 @@ fn play(app: AndroidApp) -> Result<(), Fault> {
     {
         log::warn!("{}: {error}: clips have to be named with their paths", folder.display());
     }
-    let args = command_line(intent::read(&app), &folders)?;
+    let trust = if cfg!(debug_assertions) { Trust::All } else { Trust::Playback };
+    let args = command_line(intent::read(&app), &folders, trust)?;
     log::info!("playing {}", redacted(args.clip.as_deref().unwrap_or("the demo clip")));
     crate::xr::run::play(&args, &mut System::new(app))
 }

@@ -23,7 +23,7 @@ const ROOM_FRAMES: (u32, u32) = (180, 180 << 4);
 
 /// The level in use, and how it follows the GPU.
 #[derive(Clone, Debug)]
-pub(super) struct Quality {
+pub(in crate::xr) struct Quality {
     /// Settings of the command line: no level draws more.
     asked: RenderSettings,
     /// Number of Gaussians in the first k layers, for each k.
@@ -42,7 +42,7 @@ pub(super) struct Quality {
 impl Quality {
     /// Starts at the level `chosen` and draws no more than `asked`. Without `adapts` the level changes only
     /// at the viewer's wish.
-    pub(super) fn new(asked: RenderSettings, chosen: Level, adapts: bool) -> Quality {
+    pub(in crate::xr) fn new(asked: RenderSettings, chosen: Level, adapts: bool) -> Quality {
         Quality {
             asked,
             layer_ends: Vec::new(),
@@ -57,37 +57,37 @@ impl Quality {
     }
 
     /// Changes to a clip with `layer_ends[k - 1]` Gaussians in its first k layers.
-    pub(super) fn change_clip(&mut self, layer_ends: Vec<usize>) {
+    pub(in crate::xr) fn change_clip(&mut self, layer_ends: Vec<usize>) {
         self.layer_ends = layer_ends;
     }
 
     /// Number of layers of the clip.
-    pub(super) fn layers(&self) -> usize {
+    pub(in crate::xr) fn layers(&self) -> usize {
         self.layer_ends.len()
     }
 
     /// Settings of the next frame.
-    pub(super) fn settings(&self) -> RenderSettings {
+    pub(in crate::xr) fn settings(&self) -> RenderSettings {
         self.level.settings(self.asked, &self.layer_ends)
     }
 
     /// Size of the next frame's viewport in an image of `full` pixels.
-    pub(super) fn size(&self, full: UVec2) -> UVec2 {
+    pub(in crate::xr) fn size(&self, full: UVec2) -> UVec2 {
         self.level.size(full)
     }
 
     /// The level in use.
-    pub(super) fn level(&self) -> Level {
+    pub(in crate::xr) fn level(&self) -> Level {
         self.level
     }
 
     /// Whether the level is below the chosen one, because the GPU does not keep up.
-    pub(super) fn is_lowered(&self) -> bool {
+    pub(in crate::xr) fn is_lowered(&self) -> bool {
         self.level > self.chosen
     }
 
     /// Changes to this level, the best one from now on.
-    pub(super) fn choose(&mut self, level: Level) {
+    pub(in crate::xr) fn choose(&mut self, level: Level) {
         (self.chosen, self.level) = (level, level);
         (self.slow, self.room) = (0, 0);
         (self.room_frames, self.climbed) = (ROOM_FRAMES.0, false);
@@ -95,7 +95,7 @@ impl Quality {
 
     /// Takes in the GPU's milliseconds for a frame, if it has timestamps, on a display with one image every
     /// `period_ms`.
-    pub(super) fn measure(&mut self, gpu_ms: Option<f64>, period_ms: f64) {
+    pub(in crate::xr) fn measure(&mut self, gpu_ms: Option<f64>, period_ms: f64) {
         let Some(load) = gpu_ms.filter(|_| self.adapts && period_ms > 0.0).map(|ms| ms / (SHARE * period_ms))
         else {
             return;

@@ -9,7 +9,7 @@ use jni::objects::JString;
 use jni::refs::{Global, Reference};
 use jni::{Env, JavaVM};
 
-use crate::xr::request::IntentRequest;
+use crate::xr::system::request::IntentRequest;
 
 /// Names of the extras that the player reads.
 const CLIP: &str = "clip";

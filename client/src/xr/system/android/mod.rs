@@ -12,4 +12,4 @@ mod entry;
 mod intent;
 mod system;
 
-pub(super) use system::System;
+pub(in crate::xr) use system::System;

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
+use codec::Limits;
 use openxr as xr;
 use program::Fault;
 
 use crate::xr::interaction::PlacementStore;
+use crate::xr::system::memory;
 
 /// Interval between looks for events while another program has the headset.
 const PAUSED_REST: Duration = Duration::from_millis(250);
@@ -57,6 +59,11 @@ impl System {
         entry.create_instance(application, &extensions, &[], &self.platform)
     }
 
+    /// Prints a line where the user of a headset looks: in the system's log.
+    pub(in crate::xr) fn notify(line: &str) {
+        log::warn!("{line}");
+    }
+
     /// Handles the activity's events for `time`, or longer while the activity is paused; returns whether the
     /// program has to end now.
     pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
@@ -88,6 +95,14 @@ impl System {
             // The activity's window stays empty: the runtime has its own.
             _ => {}
         }
+    }
+
+    /// Limits on clips that fit the headset's memory.
+    pub(in crate::xr) fn limits(&self) -> Limits {
+        let total_bytes = memory::total_bytes();
+        let limits = memory::clip_limits(total_bytes);
+        log::info!("{} MiB of memory, {limits:?}", total_bytes >> 20);
+        limits
     }
 
     /// The store of placements; `None` if the system has no place for it.

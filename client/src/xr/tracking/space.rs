@@ -2,7 +2,7 @@
 
 use openxr as xr;
 
-use super::error::{During, Halt};
+use crate::xr::runtime::error::{During, Halt};
 
 /// Assumed eye height, between sitting and standing, for a runtime that does not know the floor.
 const EYE_HEIGHT_M: f32 = 1.5;
@@ -11,7 +11,7 @@ const EYE_HEIGHT_M: f32 = 1.5;
 ///
 /// # Errors
 /// See [`Halt`].
-pub(super) fn open(session: &xr::Session<xr::Vulkan>) -> Result<xr::Space, Halt> {
+pub(in crate::xr) fn open(session: &xr::Session<xr::Vulkan>) -> Result<xr::Space, Halt> {
     let offered = session.enumerate_reference_spaces().halt("asking for its spaces")?;
     let (kind, floor_m) = choose(&offered);
     log::info!("reference space {kind:?}, floor at {floor_m} m");

@@ -1,6 +1,14 @@
 //! [`Runtime`]: the OpenXR runtime, its headset, and the Vulkan objects that it creates.
+//!
+//! `frame` proves the order of `calls` for frames and images, `extensions` are optional, and `error` gives each
+//! failure a sentence.
 
 #![allow(unsafe_code, reason = "a library is loaded, and handles of Vulkan are handed over")]
+
+pub(super) mod calls;
+pub(super) mod error;
+pub(super) mod extensions;
+pub(super) mod frame;
 
 use std::ffi::c_void;
 use std::time::Duration;
@@ -10,29 +18,29 @@ use glam::{UVec2, uvec2};
 use openxr as xr;
 use program::Fault;
 
-use super::error::{During, STARTING};
-use super::{System, extensions};
+use super::System;
 use crate::gpu::VulkanRuntime;
+use error::{During, STARTING};
 
 /// View configuration of a headset with two eyes.
-pub(super) const EYES: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+pub(in crate::xr) const EYES: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
 /// Number of times to ask again for a headset that is not available, and the delay in between.
 const RETRIES: u32 = 60;
 const RETRY_DELAY: Duration = Duration::from_millis(500);
 
 /// A runtime and its headset.
-pub(super) struct Runtime {
-    pub(super) instance: xr::Instance,
-    pub(super) system: xr::SystemId,
-    pub(super) extensions: xr::ExtensionSet,
-    pub(super) blends: Blends,
+pub(in crate::xr) struct Runtime {
+    pub(in crate::xr) instance: xr::Instance,
+    pub(in crate::xr) system: xr::SystemId,
+    pub(in crate::xr) extensions: xr::ExtensionSet,
+    pub(in crate::xr) blends: Blends,
     /// Size of an eye's image in pixels that the runtime recommends.
-    pub(super) eye_size: UVec2,
+    pub(in crate::xr) eye_size: UVec2,
     /// Name and version of the runtime.
-    pub(super) name: String,
+    pub(in crate::xr) name: String,
     /// Name of the headset.
-    pub(super) headset: String,
+    pub(in crate::xr) headset: String,
 }
 
 impl Runtime {
@@ -40,7 +48,7 @@ impl Runtime {
     ///
     /// # Errors
     /// [`Fault::Device`] that names what is missing.
-    pub(super) fn open(system: &mut System) -> Result<Runtime, Fault> {
+    pub(in crate::xr) fn open(system: &mut System) -> Result<Runtime, Fault> {
         let entry = system.entry()?;
         let offered = entry.enumerate_extensions().fault(STARTING)?;
         if !offered.khr_vulkan_enable2 {
@@ -90,7 +98,7 @@ impl Runtime {
     ///
     /// # Errors
     /// [`Fault::Device`] if it stays away.
-    pub(super) fn wait_for_headset(&self, system: &mut System) -> Result<(), Fault> {
+    pub(in crate::xr) fn wait_for_headset(&self, system: &mut System) -> Result<(), Fault> {
         find_headset(&self.instance, system).map(drop)
     }
 }
@@ -100,7 +108,7 @@ fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::Syst
     let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
     retry(ask, |attempt| {
         if attempt == 0 {
-            eprintln!("waiting for the headset: connect it, switch it on, put it on");
+            System::notify("waiting for the headset: connect it, switch it on, put it on");
         }
         !system.wait(RETRY_DELAY)
     })
@@ -121,7 +129,7 @@ fn retry<T>(mut ask: impl FnMut() -> xr::Result<T>, mut wait: impl FnMut(u32) ->
 
 /// Environment blend modes: with and without the room behind the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Blends {
+pub(in crate::xr) struct Blends {
     usual: xr::EnvironmentBlendMode,
     passthrough: Option<xr::EnvironmentBlendMode>,
 }
@@ -137,12 +145,12 @@ impl Blends {
     }
 
     /// Whether the runtime can blend the room behind the clip.
-    pub(super) fn has_passthrough(&self) -> bool {
+    pub(in crate::xr) fn has_passthrough(&self) -> bool {
         self.passthrough.is_some()
     }
 
     /// The mode with or without the room; without one for the room, the usual one.
-    pub(super) fn mode(&self, passthrough: bool) -> xr::EnvironmentBlendMode {
+    pub(in crate::xr) fn mode(&self, passthrough: bool) -> xr::EnvironmentBlendMode {
         self.passthrough.filter(|_| passthrough).unwrap_or(self.usual)
     }
 }
@@ -207,7 +215,7 @@ unsafe impl VulkanRuntime for Runtime {
 }
 
 /// A dispatchable Vulkan handle in the type of the runtime.
-pub(super) fn raw(handle: impl vk::Handle) -> *const c_void {
+pub(in crate::xr) fn raw(handle: impl vk::Handle) -> *const c_void {
     handle.as_raw() as *const c_void
 }
 

@@ -1,8 +1,8 @@
 //! Optional extensions, one file each.
 
-pub(super) mod passthrough;
-pub(super) mod performance;
-pub(super) mod refresh_rate;
+pub(in crate::xr) mod passthrough;
+pub(in crate::xr) mod performance;
+pub(in crate::xr) mod refresh_rate;
 
 use openxr as xr;
 

@@ -3,20 +3,22 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use openxr as xr;
 
+use super::Blends;
 use super::frame::{FrameCalls, ImageCalls};
-use super::runtime::Blends;
+use crate::gpu::Gpu;
 
 /// Sums the time that a frame spends in the runtime and the driver.
 #[derive(Clone, Default)]
-pub(super) struct Stopwatch(Rc<Cell<Duration>>);
+pub(in crate::xr) struct Stopwatch(Rc<Cell<Duration>>);
 
 impl Stopwatch {
     /// Measures a call into the runtime or the driver.
-    pub(super) fn time<T>(&self, call: impl FnOnce() -> T) -> T {
+    pub(in crate::xr) fn time<T>(&self, call: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = call();
         self.0.set(self.0.get() + start.elapsed());
@@ -24,47 +26,47 @@ impl Stopwatch {
     }
 
     /// The sum since the last call of `take`.
-    pub(super) fn take(&self) -> Duration {
+    pub(in crate::xr) fn take(&self) -> Duration {
         self.0.take()
     }
 }
 
 /// When a frame will be seen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Timing {
+pub(in crate::xr) struct Timing {
     /// In nanoseconds, on the clock of the runtime.
-    pub(super) display_ns: i64,
+    pub(in crate::xr) display_ns: i64,
     /// Nanoseconds between two images of the display; 0 if the runtime does not know.
-    pub(super) period_ns: i64,
+    pub(in crate::xr) period_ns: i64,
     /// Whether the viewer will see it.
-    pub(super) visible: bool,
+    pub(in crate::xr) visible: bool,
 }
 
 /// What a frame shows.
 #[derive(Default)]
-pub(super) struct Layers<'a> {
+pub(in crate::xr) struct Layers<'a> {
     /// Back to front.
-    pub(super) layers: &'a [&'a xr::CompositionLayerBase<'a, xr::Vulkan>],
+    pub(in crate::xr) layers: &'a [&'a xr::CompositionLayerBase<'a, xr::Vulkan>],
     /// Whether the room shows behind them.
-    pub(super) passthrough: bool,
+    pub(in crate::xr) passthrough: bool,
 }
 
 /// The calls for frames.
-pub(super) struct SessionFrames {
-    pub(super) waiter: xr::FrameWaiter,
-    pub(super) stream: xr::FrameStream<xr::Vulkan>,
-    pub(super) blends: Blends,
-    pub(super) stopwatch: Stopwatch,
-    pub(super) rate: DisplayRate,
+pub(in crate::xr) struct SessionFrames {
+    pub(in crate::xr) waiter: xr::FrameWaiter,
+    pub(in crate::xr) stream: xr::FrameStream<xr::Vulkan>,
+    pub(in crate::xr) blends: Blends,
+    pub(in crate::xr) stopwatch: Stopwatch,
+    pub(in crate::xr) rate: DisplayRate,
 }
 
 /// Images per second of the display, if the runtime reports them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DisplayRate(Rc<Cell<Option<f32>>>);
+pub(in crate::xr) struct DisplayRate(Rc<Cell<Option<f32>>>);
 
 impl DisplayRate {
     /// Sets the rate; a rate that is not positive is unknown.
-    pub(super) fn set(&self, hz: f32) {
+    pub(in crate::xr) fn set(&self, hz: f32) {
         self.0.set(Some(hz).filter(|hz| *hz > 0.0));
     }
 
@@ -101,9 +103,11 @@ impl FrameCalls for SessionFrames {
 }
 
 /// The calls for images.
-pub(super) struct SwapchainImages {
-    pub(super) swapchain: xr::Swapchain<xr::Vulkan>,
-    pub(super) stopwatch: Stopwatch,
+pub(in crate::xr) struct SwapchainImages {
+    pub(in crate::xr) swapchain: xr::Swapchain<xr::Vulkan>,
+    pub(in crate::xr) stopwatch: Stopwatch,
+    /// The device that draws into them.
+    pub(in crate::xr) gpu: Arc<Gpu>,
 }
 
 impl ImageCalls for SwapchainImages {
@@ -120,6 +124,11 @@ impl ImageCalls for SwapchainImages {
 
     fn release(&mut self) -> xr::Result<()> {
         self.stopwatch.time(|| self.swapchain.release_image())
+    }
+
+    fn finish(&mut self) {
+        // A lost device, which the frames report, draws no more.
+        let _ = self.gpu.wait();
     }
 }
 

@@ -3,10 +3,11 @@
 //! [`Frames::begin`] waits for the time of the next frame and begins it; the [`Frame`] it returns
 //! is ended exactly once, with nothing to show if it is dropped. [`Images::acquire`] takes the next
 //! image of a swapchain and waits until it is free; the [`Image`] it returns is released exactly
-//! once. So neither an error nor a lost head leaves the runtime waiting.
+//! once. So neither an error nor a lost head leaves the runtime waiting. Dropping [`Images`] waits for
+//! the drawing into them, because the runtime destroys images even while they are drawn into.
 
 /// The calls for frames.
-pub(super) trait FrameCalls {
+pub(in crate::xr) trait FrameCalls {
     /// When a frame will be seen.
     type Timing: Copy;
     /// Layers of a frame; the default is none.
@@ -18,22 +19,22 @@ pub(super) trait FrameCalls {
 }
 
 /// The frames of a session.
-pub(super) struct Frames<C: FrameCalls>(C);
+pub(in crate::xr) struct Frames<C: FrameCalls>(C);
 
 /// A frame that was begun.
-pub(super) struct Frame<'f, C: FrameCalls> {
+pub(in crate::xr) struct Frame<'f, C: FrameCalls> {
     calls: &'f mut C,
     timing: C::Timing,
     ended: bool,
 }
 
 impl<C: FrameCalls> Frames<C> {
-    pub(super) fn new(calls: C) -> Frames<C> {
+    pub(in crate::xr) fn new(calls: C) -> Frames<C> {
         Frames(calls)
     }
 
     /// Waits until it is time to draw a frame, then begins it.
-    pub(super) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
+    pub(in crate::xr) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
         let timing = self.0.wait()?;
         self.0.begin()?;
         Ok(Frame { calls: &mut self.0, timing, ended: false })
@@ -41,12 +42,12 @@ impl<C: FrameCalls> Frames<C> {
 }
 
 impl<C: FrameCalls> Frame<'_, C> {
-    pub(super) fn timing(&self) -> C::Timing {
+    pub(in crate::xr) fn timing(&self) -> C::Timing {
         self.timing
     }
 
     /// Ends the frame with its layers.
-    pub(super) fn end(mut self, layers: C::Layers<'_>) -> Result<(), C::Error> {
+    pub(in crate::xr) fn end(mut self, layers: C::Layers<'_>) -> Result<(), C::Error> {
         self.ended = true;
         self.calls.end(self.timing, layers)
     }
@@ -62,35 +63,37 @@ impl<C: FrameCalls> Drop for Frame<'_, C> {
 }
 
 /// The calls for the images of a swapchain.
-pub(super) trait ImageCalls {
+pub(in crate::xr) trait ImageCalls {
     type Error;
     fn acquire(&mut self) -> Result<usize, Self::Error>;
     fn wait(&mut self) -> Result<(), Self::Error>;
     fn release(&mut self) -> Result<(), Self::Error>;
+    /// Waits until all submitted drawing into the images is done.
+    fn finish(&mut self);
 }
 
-/// The images of a swapchain.
-pub(super) struct Images<C: ImageCalls>(C);
+/// The images of a swapchain, which go with it after all drawing into them.
+pub(in crate::xr) struct Images<C: ImageCalls>(C);
 
 /// An image that may be drawn into.
-pub(super) struct Image<'i, C: ImageCalls> {
+pub(in crate::xr) struct Image<'i, C: ImageCalls> {
     calls: &'i mut C,
     index: usize,
     released: bool,
 }
 
 impl<C: ImageCalls> Images<C> {
-    pub(super) fn new(calls: C) -> Images<C> {
+    pub(in crate::xr) fn new(calls: C) -> Images<C> {
         Images(calls)
     }
 
     /// The calls, for the swapchain in them.
-    pub(super) fn calls(&self) -> &C {
+    pub(in crate::xr) fn calls(&self) -> &C {
         &self.0
     }
 
     /// Acquires the next image and waits until the runtime no longer reads it.
-    pub(super) fn acquire(&mut self) -> Result<Image<'_, C>, C::Error> {
+    pub(in crate::xr) fn acquire(&mut self) -> Result<Image<'_, C>, C::Error> {
         let index = self.0.acquire()?;
         // Only an image whose wait has ended may be released.
         self.0.wait()?;
@@ -98,14 +101,20 @@ impl<C: ImageCalls> Images<C> {
     }
 }
 
+impl<C: ImageCalls> Drop for Images<C> {
+    fn drop(&mut self) {
+        self.0.finish();
+    }
+}
+
 impl<C: ImageCalls> Image<'_, C> {
     /// Its number among the images of the swapchain.
-    pub(super) fn index(&self) -> usize {
+    pub(in crate::xr) fn index(&self) -> usize {
         self.index
     }
 
     /// Releases the image to the runtime. All drawing into it must be submitted.
-    pub(super) fn release(mut self) -> Result<(), C::Error> {
+    pub(in crate::xr) fn release(mut self) -> Result<(), C::Error> {
         self.released = true;
         self.calls.release()
     }
@@ -121,23 +130,25 @@ impl<C: ImageCalls> Drop for Image<'_, C> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use super::*;
 
-    /// Records the calls, and fails at one of them.
+    /// Records the calls for frames and images in the order in which they come, and fails at one of them.
     #[derive(Default)]
     struct Log {
-        calls: Vec<String>,
+        calls: RefCell<Vec<String>>,
         fails: &'static str,
     }
 
     impl Log {
-        fn call(&mut self, name: &str) -> Result<(), String> {
-            self.calls.push(name.into());
+        fn call(&self, name: &str) -> Result<(), String> {
+            self.calls.borrow_mut().push(name.into());
             if self.fails == name { Err(name.into()) } else { Ok(()) }
         }
     }
 
-    impl FrameCalls for &mut Log {
+    impl FrameCalls for &Log {
         type Timing = i64;
         type Layers<'a> = usize;
         type Error = String;
@@ -153,7 +164,7 @@ mod tests {
         }
     }
 
-    impl ImageCalls for &mut Log {
+    impl ImageCalls for &Log {
         type Error = String;
         fn acquire(&mut self) -> Result<usize, String> {
             self.call("acquire").map(|()| 2)
@@ -164,19 +175,22 @@ mod tests {
         fn release(&mut self) -> Result<(), String> {
             self.call("release")
         }
+        fn finish(&mut self) {
+            // Nothing can fail here.
+            let _ = self.call("finish");
+        }
     }
 
-    /// The calls of a frame with the drawing `draw`, and the result.
-    fn frame(
+    /// The calls of a session of one frame with the drawing `draw`, and the result.
+    fn session(
         fails: &'static str,
         draw: impl Fn() -> Result<(), String>,
     ) -> (Vec<String>, Result<(), String>) {
-        let (mut frames, mut images) = (Log { fails, ..Log::default() }, Log { fails, ..Log::default() });
+        let log = Log { fails, ..Log::default() };
+        let (mut frames, mut images) = (Frames::new(&log), Images::new(&log));
         let mut run = || {
-            let mut frames = Frames::new(&mut frames);
             let frame = frames.begin()?;
             assert_eq!(frame.timing(), 7);
-            let mut images = Images::new(&mut images);
             let image = images.acquire()?;
             assert_eq!(image.index(), 2);
             draw()?;
@@ -184,35 +198,48 @@ mod tests {
             frame.end(1)
         };
         let result = run();
-        (frames.calls.into_iter().chain(images.calls).collect(), result)
+        drop(images);
+        (log.calls.into_inner(), result)
     }
 
     #[test]
     fn calls_come_in_order() {
-        let (calls, result) = frame("", || Ok(()));
-        assert_eq!(calls, ["wait", "begin", "end 1", "acquire", "wait image", "release"]);
+        let (calls, result) = session("", || Ok(()));
+        assert_eq!(calls, ["wait", "begin", "acquire", "wait image", "release", "end 1", "finish"]);
         assert_eq!(result, Ok(()));
     }
 
     #[test]
     fn frames_are_ended_and_images_released_after_errors() {
-        let (calls, result) = frame("", || Err("draw".into()));
-        assert_eq!(calls, ["wait", "begin", "end 0", "acquire", "wait image", "release"]);
+        let (calls, result) = session("", || Err("draw".into()));
+        assert_eq!(calls, ["wait", "begin", "acquire", "wait image", "release", "end 0", "finish"]);
         assert_eq!(result, Err("draw".into()));
         for (fails, expected) in [
-            ("wait", vec!["wait"]),
-            ("begin", vec!["wait", "begin"]),
-            ("acquire", vec!["wait", "begin", "end 0", "acquire"]),
-            ("wait image", vec!["wait", "begin", "end 0", "acquire", "wait image"]),
-            ("release", vec!["wait", "begin", "end 0", "acquire", "wait image", "release"]),
-            ("end 1", vec!["wait", "begin", "end 1", "acquire", "wait image", "release"]),
+            ("wait", &["wait"][..]),
+            ("begin", &["wait", "begin"]),
+            ("acquire", &["wait", "begin", "acquire", "end 0"]),
+            ("wait image", &["wait", "begin", "acquire", "wait image", "end 0"]),
+            ("release", &["wait", "begin", "acquire", "wait image", "release", "end 0"]),
+            ("end 1", &["wait", "begin", "acquire", "wait image", "release", "end 1"]),
         ] {
-            let (calls, result) = frame(fails, || Ok(()));
+            let (calls, result) = session(fails, || Ok(()));
             assert_eq!(
                 (calls, result),
-                (expected.into_iter().map(String::from).collect(), Err(fails.into())),
+                ([expected, &["finish"]].concat().into_iter().map(String::from).collect(), Err(fails.into())),
                 "{fails}"
             );
         }
+    }
+
+    #[test]
+    fn images_wait_for_drawing_even_if_opening_fails_after_it() {
+        let log = Log::default();
+        let open = || -> Result<(), String> {
+            let mut images = Images::new(&log);
+            images.acquire()?.release()?;
+            Err("the next step".into())
+        };
+        assert!(open().is_err());
+        assert_eq!(*log.calls.borrow(), ["acquire", "wait image", "release", "finish"]);
     }
 }

@@ -1,6 +1,8 @@
 //! [`Session`]: a session of the runtime, and the course of a frame: locate, advance, draw, compose, record.
 
-#![allow(unsafe_code, reason = "handles of Vulkan are handed over, and images of the runtime wrapped")]
+#![allow(unsafe_code, reason = "handles of Vulkan are handed over")]
+
+pub(super) mod state;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,26 +11,27 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::calls::{DisplayRate, Layers, SessionFrames, Stopwatch, SwapchainImages};
-use super::canvas::{Canvas, DrawnClip};
-use super::error::{During, Halt};
-use super::extensions::{performance, refresh_rate};
-use super::frame::{Frames, Images};
-use super::input::Input;
-use super::interaction::Haptics;
-use super::panel_layer::PanelLayer;
-use super::passthrough::PassthroughMode;
-use super::ray_layer::RayLayer;
-use super::report::{Drawn, EyeImages, Report, Work};
-use super::runtime::{EYES, Runtime, raw};
-use super::show::{Moved, Show, Viewer};
-use super::state::{Event, State};
-use super::tracking::Tracking;
-use super::{space, swapchain};
-use crate::gpu::{Gpu, RuntimeFormat, RuntimeTargets, VulkanHandles};
+use crate::gpu::{Gpu, RuntimeFormat, VulkanHandles};
+use crate::xr::interaction::Haptics;
+use crate::xr::layers::canvas::{Canvas, DrawnClip};
+use crate::xr::layers::panel_layer::PanelLayer;
+use crate::xr::layers::passthrough::PassthroughMode;
+use crate::xr::layers::ray_layer::RayLayer;
+use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
+use crate::xr::report::{Drawn, EyeImages, Report, Work};
+use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch};
+use crate::xr::runtime::error::{During, Halt, sessions_dropped};
+use crate::xr::runtime::extensions::{performance, refresh_rate};
+use crate::xr::runtime::frame::Frames;
+use crate::xr::runtime::{EYES, Runtime, raw};
+use crate::xr::show::{Moved, Show, Viewer};
+use crate::xr::tracking::Tracking;
+use crate::xr::tracking::input::Input;
+use crate::xr::tracking::space;
+use state::{Event, State};
 
 /// A session with a headset.
-pub(super) struct Session {
+pub(in crate::xr) struct Session {
     // Everything goes before the session, which holds the device.
     canvas: Canvas,
     tracking: Tracking,
@@ -38,12 +41,11 @@ pub(super) struct Session {
     events: xr::EventDataBuffer,
     stopwatch: Stopwatch,
     rate: DisplayRate,
-    gpu: Arc<Gpu>,
 }
 
 /// What a frame asks of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Request {
+pub(in crate::xr) enum Request {
     Nothing,
     /// To end the session.
     Exit,
@@ -54,7 +56,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Fault::Device`] if the runtime refuses, or has no images that can be drawn into.
-    pub(super) fn open(
+    pub(in crate::xr) fn open(
         runtime: &Runtime,
         gpu: &Arc<Gpu>,
         handles: &VulkanHandles,
@@ -62,9 +64,7 @@ impl Session {
     ) -> Result<Session, Fault> {
         Session::try_open(runtime, gpu, handles, readable).map_err(|halt| match halt {
             Halt::Fault(fault) => fault,
-            Halt::SessionLost => {
-                Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
-            }
+            Halt::SessionLost => sessions_dropped(),
         })
     }
 
@@ -75,12 +75,8 @@ impl Session {
         readable: bool,
     ) -> Result<Session, Halt> {
         let (session, waiter, stream) = create(runtime, gpu, handles)?;
-        let format = swapchain::choose_format(&session)?;
+        let format = choose_format(&session)?;
         let size = runtime.eye_size.min(UVec2::splat(gpu.caps.max_image_side));
-        let swapchain = swapchain::make(&session, format, size, 2, readable)?;
-        // SAFETY: `eyes` goes before `images`, which owns them, and is drawn into and read only between
-        // acquiring and releasing.
-        let images = unsafe { swapchain::wrap(&swapchain, size, 2, format, readable) }?;
 
         performance::request(&session);
         let rate = DisplayRate::default();
@@ -90,12 +86,12 @@ impl Session {
             rate.set(hz);
         }
         let stopwatch = Stopwatch::default();
+        let eyes = ImageLayout { format, size, layers: 2, readable };
         Ok(Session {
             canvas: Canvas {
                 panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
-                eyes: RuntimeTargets::new(gpu, &images)?,
-                images: Images::new(SwapchainImages { swapchain, stopwatch: stopwatch.clone() }),
+                eyes: TargetSwapchain::open(&session, gpu, eyes, stopwatch.clone())?,
                 passthrough: PassthroughMode::open(runtime, &session),
                 size,
                 stopwatch: stopwatch.clone(),
@@ -114,7 +110,6 @@ impl Session {
                 rate: rate.clone(),
             }),
             events: xr::EventDataBuffer::new(),
-            gpu: gpu.clone(),
             session,
             format,
             stopwatch,
@@ -126,7 +121,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn poll(&mut self, runtime: &Runtime) -> Result<Option<Event>, Halt> {
+    pub(in crate::xr) fn poll(&mut self, runtime: &Runtime) -> Result<Option<Event>, Halt> {
         let ours = self.session.as_raw();
         while let Some(event) = runtime.instance.poll_event(&mut self.events).halt("telling its events")? {
             match event {
@@ -163,7 +158,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn begin(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn begin(&self) -> Result<(), Halt> {
         self.session.begin(EYES).halt("beginning the session").map(drop)
     }
 
@@ -171,7 +166,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn end(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn end(&self) -> Result<(), Halt> {
         self.session.end().halt("ending the session").map(drop)
     }
 
@@ -179,17 +174,17 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn request_exit(&self) -> Result<(), Halt> {
+    pub(in crate::xr) fn request_exit(&self) -> Result<(), Halt> {
         self.session.request_exit().halt("leaving")
     }
 
     /// Whether the headset can show the room behind the clip.
-    pub(super) fn has_passthrough(&self) -> bool {
+    pub(in crate::xr) fn has_passthrough(&self) -> bool {
         self.canvas.passthrough.is_possible()
     }
 
     /// The format that eyes are drawn in.
-    pub(super) fn format(&self) -> RuntimeFormat {
+    pub(in crate::xr) fn format(&self) -> RuntimeFormat {
         self.format
     }
 
@@ -198,7 +193,7 @@ impl Session {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn frame(
+    pub(in crate::xr) fn frame(
         &mut self,
         show: &mut Show,
         report: &mut Report,
@@ -289,13 +284,4 @@ fn create(
         runtime.instance.create_session_with_guard::<xr::Vulkan>(runtime.system, &info, guard)
     }
     .halt("opening a session")
-}
-
-impl Drop for Session {
-    /// Waits for the GPU: the runtime destroys its images even while they are being drawn into.
-    fn drop(&mut self) {
-        if let Err(fault) = self.gpu.wait() {
-            log::warn!("{fault}");
-        }
-    }
 }

@@ -3,11 +3,11 @@
 use glam::{UVec2, Vec2};
 use openxr as xr;
 
-use super::interaction::Pose;
+use crate::xr::interaction::Pose;
 
 /// The image of `swapchain` released last, `pixels` in size and premultiplied, at `pose` in `stage` and
 /// `meters` wide and high.
-pub(super) fn quad<'a>(
+pub(in crate::xr) fn quad<'a>(
     swapchain: &'a xr::Swapchain<xr::Vulkan>,
     pixels: UVec2,
     stage: &'a xr::Space,

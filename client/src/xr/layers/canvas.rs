@@ -5,18 +5,19 @@ use std::sync::Arc;
 use glam::UVec2;
 use openxr as xr;
 
-use super::calls::{Layers, SessionFrames, Stopwatch, SwapchainImages};
-use super::error::{During, Halt};
-use super::eye;
-use super::frame::{Frame, Images};
-use super::panel::{Painting, PointerRay};
 use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
-use super::show::Show;
-use super::tracking::Eyes;
-use crate::gpu::{FrameCounts, Gpu, Pixels, RuntimeTargets};
+use super::swapchain::TargetSwapchain;
+use crate::gpu::{FrameCounts, Gpu, Pixels};
 use crate::view::View;
+use crate::xr::panel::{Painting, PointerRay};
+use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
+use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::frame::Frame;
+use crate::xr::show::Show;
+use crate::xr::tracking::Eyes;
+use crate::xr::tracking::eye;
 use program::Fault;
 
 /// Background while no clip is loaded: dark, and not the black of a defect.
@@ -26,23 +27,21 @@ const EMPTY: [f64; 4] = [0.06, 0.06, 0.07, 1.0];
 const LAYERS: usize = 5;
 
 /// What a session draws into.
-pub(super) struct Canvas {
-    // Textures go before the images that they wrap.
-    pub(super) panel: PanelLayer,
-    pub(super) rays: RayLayer,
-    pub(super) eyes: RuntimeTargets,
-    pub(super) images: Images<SwapchainImages>,
-    pub(super) passthrough: PassthroughMode,
+pub(in crate::xr) struct Canvas {
+    pub(in crate::xr) panel: PanelLayer,
+    pub(in crate::xr) rays: RayLayer,
+    pub(in crate::xr) eyes: TargetSwapchain,
+    pub(in crate::xr) passthrough: PassthroughMode,
     /// Size of an eye's image in pixels; a frame may use less of it.
-    pub(super) size: UVec2,
-    pub(super) stopwatch: Stopwatch,
-    pub(super) gpu: Arc<Gpu>,
+    pub(in crate::xr) size: UVec2,
+    pub(in crate::xr) stopwatch: Stopwatch,
+    pub(in crate::xr) gpu: Arc<Gpu>,
 }
 
 /// The clip as a frame shows it.
-pub(super) struct DrawnClip {
-    pub(super) views: [View; 2],
-    pub(super) counts: FrameCounts,
+pub(in crate::xr) struct DrawnClip {
+    pub(in crate::xr) views: [View; 2],
+    pub(in crate::xr) counts: FrameCounts,
 }
 
 impl Canvas {
@@ -51,7 +50,7 @@ impl Canvas {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn draw(
+    pub(in crate::xr) fn draw(
         &mut self,
         eyes: &Eyes,
         size: UVec2,
@@ -64,18 +63,19 @@ impl Canvas {
             Some([view(0)?, view(1)?])
         });
         let (t, settings) = (show.player().clip_time(), show.quality().settings());
-        let image = self.images.acquire().halt("taking an image")?;
+        let TargetSwapchain { targets, images } = &mut self.eyes;
+        let image = images.acquire().halt("taking an image")?;
         let mut encoder = self.gpu.encoder();
         let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
-            let targets = self.eyes.targets(image.index());
-            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, targets);
+            let eyes = targets.targets(image.index());
+            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, eyes);
             DrawnClip { views, counts }
         });
         if drawn.is_none() {
             let color = if show.shows_passthrough() { [0.0; 4] } else { EMPTY };
-            self.eyes.fill(&mut encoder, image.index(), color);
+            targets.fill(&mut encoder, image.index(), color);
         } else if is_captured {
-            self.eyes.record_read(&mut encoder, image.index());
+            targets.record_read(&mut encoder, image.index());
         }
         self.stopwatch.time(|| self.gpu.submit(encoder));
         image.release().halt("handing an image over")?;
@@ -89,7 +89,7 @@ impl Canvas {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn compose(
+    pub(in crate::xr) fn compose(
         &mut self,
         frame: Frame<'_, SessionFrames>,
         stage: &xr::Space,
@@ -99,7 +99,7 @@ impl Canvas {
         show: &Show,
     ) -> Result<(), Halt> {
         let passthrough = show.shows_passthrough();
-        let projections = projections(&self.images.calls().swapchain, &eyes.views, size);
+        let projections = projections(self.eyes.swapchain(), &eyes.views, size);
         let alpha = if passthrough {
             xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
         } else {
@@ -122,8 +122,8 @@ impl Canvas {
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
-    pub(super) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
-        let eyes = self.eyes.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
+    pub(in crate::xr) fn read(&self, size: UVec2) -> Result<(Vec<Pixels>, Option<Pixels>), Fault> {
+        let eyes = self.eyes.targets.read(&self.gpu)?.iter().map(|eye| eye.corner(size)).collect();
         Ok((eyes, self.panel.read(&self.gpu)?))
     }
 }

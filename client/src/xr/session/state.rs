@@ -2,7 +2,7 @@
 
 /// The state of a session, as the runtime reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum State {
+pub(in crate::xr) enum State {
     /// The runtime shows nothing; the headset may be off.
     #[default]
     Idle,
@@ -24,7 +24,7 @@ pub(super) enum State {
 
 /// An event of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Event {
+pub(in crate::xr) enum Event {
     /// The session is now in this state.
     State(State),
     /// At this display time, in nanoseconds, the origin of the stage moves: the viewer recentred the view
@@ -36,7 +36,7 @@ pub(super) enum Event {
 
 /// What an event asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Action {
+pub(in crate::xr) enum Action {
     /// Begin the session: frames run from now on.
     Begin,
     /// End it: no frames until it begins again.
@@ -53,7 +53,7 @@ pub(super) enum Action {
 
 /// The state of a session between opening and leaving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct SessionLifecycle {
+pub(in crate::xr) struct SessionLifecycle {
     state: State,
     /// Begun and not ended.
     running: bool,
@@ -63,7 +63,7 @@ pub(super) struct SessionLifecycle {
 
 impl SessionLifecycle {
     /// The lifecycle after `event`, and the action it asks for.
-    pub(super) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
+    pub(in crate::xr) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
         let state = match event {
             Event::State(state) => state,
             Event::SpaceChanges { at_ns } => return (self, Some(Action::Recentre { at_ns })),
@@ -87,19 +87,39 @@ impl SessionLifecycle {
     }
 
     /// Whether the runtime wants frames; it wants some before it shows any.
-    pub(super) fn wants_frames(&self) -> bool {
+    pub(in crate::xr) fn wants_frames(&self) -> bool {
         self.running
     }
 
     /// Whether the viewer is with this program. Otherwise input goes elsewhere and the clip waits: the
     /// viewer would miss what plays behind the system's menu, or with the headset off.
-    pub(super) fn has_focus(&self) -> bool {
+    pub(in crate::xr) fn has_focus(&self) -> bool {
         self.running && self.state == State::Focused
     }
 
     /// Whether to request the exit from the runtime: once, and only of a running session.
-    pub(super) fn ask_exit(&mut self) -> bool {
+    pub(in crate::xr) fn ask_exit(&mut self) -> bool {
         !std::mem::replace(&mut self.exit_requested, true) && self.running
+    }
+}
+
+/// Frames that a session must have run before its loss not to count as dropped at once, and the most sessions
+/// in a row that may be: a runtime that drops every session would be asked for another one for ever.
+const LASTING_FRAMES: u64 = 50;
+const DROPPED_MAX: u32 = 3;
+
+/// Decides whether another session follows a lost one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::xr) struct Renewals {
+    /// Number of sessions in a row that were dropped at once.
+    dropped: u32,
+}
+
+impl Renewals {
+    /// Takes in the loss of a session that ran `frames` frames; returns whether to open another one.
+    pub(in crate::xr) fn follows(&mut self, frames: u64) -> bool {
+        self.dropped = if frames < LASTING_FRAMES { self.dropped + 1 } else { 0 };
+        self.dropped <= DROPPED_MAX
     }
 }
 
@@ -180,6 +200,15 @@ mod tests {
         assert!(lifecycle.ask_exit() && !lifecycle.ask_exit(), "requested once");
         assert_eq!(lifecycle.on(Event::State(LossPending)).1, Some(Action::Leave));
         assert!(!SessionLifecycle::default().ask_exit(), "a session that does not run cannot exit");
+    }
+
+    #[test]
+    fn a_runtime_that_drops_every_session_is_not_asked_for_ever() {
+        let mut renewals = Renewals::default();
+        for frames in [1000, 0, 0, LASTING_FRAMES - 1, LASTING_FRAMES, 0, 0, 0] {
+            assert!(renewals.follows(frames), "{frames}");
+        }
+        assert!(!renewals.follows(0), "four in a row");
     }
 
     #[test]

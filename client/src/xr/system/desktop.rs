@@ -5,21 +5,22 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use codec::Limits;
 use openxr as xr;
 use program::Fault;
 
-use super::interaction::PlacementStore;
+use crate::xr::interaction::PlacementStore;
 use crate::{clips, folders};
 
 /// The operating system, as a player needs it.
-pub(super) struct System;
+pub(in crate::xr) struct System;
 
 impl System {
     /// Loads the OpenXR loader.
     ///
     /// # Errors
     /// [`Fault::Device`] that names the package to install.
-    pub(super) fn entry(&self) -> Result<xr::Entry, Fault> {
+    pub(in crate::xr) fn entry(&self) -> Result<xr::Entry, Fault> {
         // SAFETY: the library with this name is the system's OpenXR loader.
         unsafe { xr::Entry::load(&()) }.map_err(|error| {
             log::info!("{error}");
@@ -34,7 +35,7 @@ impl System {
     ///
     /// # Errors
     /// The code of the loader or the runtime.
-    pub(super) fn start(
+    pub(in crate::xr) fn start(
         &self,
         entry: &xr::Entry,
         application: &xr::ApplicationInfo<'_>,
@@ -43,21 +44,31 @@ impl System {
         entry.create_instance(application, extensions, &[], &())
     }
 
+    /// Prints a line where the user of a desktop looks: on the terminal.
+    pub(in crate::xr) fn notify(line: &str) {
+        eprintln!("{line}");
+    }
+
     /// Waits for `time`; returns whether the program has to end now.
-    pub(super) fn wait(&mut self, time: Duration) -> bool {
+    pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
         if !time.is_zero() {
             std::thread::sleep(time);
         }
         false
     }
 
+    /// Limits on clips: those of a desktop.
+    pub(in crate::xr) fn limits(&self) -> Limits {
+        Limits::default()
+    }
+
     /// The store of placements; `None` if the system has no place for it.
-    pub(super) fn store(&self) -> Option<PlacementStore> {
+    pub(in crate::xr) fn store(&self) -> Option<PlacementStore> {
         folders::state().map(|folder| PlacementStore::open(&folder))
     }
 
     /// The folder in which downloads are cached; `None` if the system has no place for them.
-    pub(super) fn cache_dir(&self) -> Option<PathBuf> {
+    pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         clips::cache_dir()
     }
 }

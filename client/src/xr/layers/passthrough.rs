@@ -3,11 +3,11 @@
 
 use openxr as xr;
 
-use super::extensions::passthrough::{Passthrough, PassthroughLayer};
-use super::runtime::Runtime;
+use crate::xr::runtime::Runtime;
+use crate::xr::runtime::extensions::passthrough::{Passthrough, PassthroughLayer};
 
 /// How a session shows the room.
-pub(super) enum PassthroughMode {
+pub(in crate::xr) enum PassthroughMode {
     /// It cannot.
     Never,
     /// By an environment blend mode.
@@ -35,7 +35,7 @@ fn choose(blends: bool, has_layer: bool) -> Offer {
 
 impl PassthroughMode {
     /// The best mode that `runtime` offers to a session.
-    pub(super) fn open(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> PassthroughMode {
+    pub(in crate::xr) fn open(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> PassthroughMode {
         match choose(runtime.blends.has_passthrough(), runtime.extensions.fb_passthrough) {
             Offer::Never => PassthroughMode::Never,
             Offer::Blend => PassthroughMode::Blend,
@@ -44,12 +44,12 @@ impl PassthroughMode {
     }
 
     /// Whether the session can show the room.
-    pub(super) fn is_possible(&self) -> bool {
+    pub(in crate::xr) fn is_possible(&self) -> bool {
         !matches!(self, PassthroughMode::Never)
     }
 
     /// The layer to show below all others, if this mode has one and the room is `visible`.
-    pub(super) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
+    pub(in crate::xr) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
         match self {
             PassthroughMode::Never | PassthroughMode::Blend => None,
             PassthroughMode::Layer(passthrough) => passthrough.layer(visible),

@@ -2,25 +2,22 @@
 //!
 //! A new picture is drawn only when the panel changes; until then the runtime shows the last one.
 
-#![allow(unsafe_code, reason = "images of the runtime are wrapped")]
+use std::sync::Arc;
 
 use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use super::calls::{Stopwatch, SwapchainImages};
-use super::error::{During, Halt};
-use super::frame::Images;
-use super::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
 use super::quad::quad;
-use super::swapchain::{make, wrap};
-use crate::gpu::{Gpu, Pixels, RuntimeFormat, RuntimeTargets, UiPainter};
+use super::swapchain::{ImageLayout, TargetSwapchain};
+use crate::gpu::{Gpu, Pixels, RuntimeFormat, UiPainter};
+use crate::xr::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
+use crate::xr::runtime::calls::Stopwatch;
+use crate::xr::runtime::error::{During, Halt};
 
 /// The panel in a session.
-pub(super) struct PanelLayer {
-    // Before the images that they wrap.
-    targets: RuntimeTargets,
-    images: Images<SwapchainImages>,
+pub(in crate::xr) struct PanelLayer {
+    layer: TargetSwapchain,
     /// Whether a picture was drawn.
     painted: bool,
     /// Whether pictures can be read back.
@@ -33,21 +30,16 @@ impl PanelLayer {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn open(
+    pub(in crate::xr) fn open(
         session: &xr::Session<xr::Vulkan>,
-        gpu: &Gpu,
+        gpu: &Arc<Gpu>,
         format: RuntimeFormat,
         readable: bool,
         stopwatch: Stopwatch,
     ) -> Result<PanelLayer, Halt> {
-        let size = UVec2::from(Painting::SIZE);
-        let swapchain = make(session, format, size, 1, readable)?;
-        // SAFETY: `make` had the same arguments; `targets` goes before `images`, which owns them, and is drawn
-        // into only between acquiring and releasing.
-        let images = unsafe { wrap(&swapchain, size, 1, format, readable) }?;
+        let layout = ImageLayout { format, size: UVec2::from(Painting::SIZE), layers: 1, readable };
         Ok(PanelLayer {
-            targets: RuntimeTargets::new(gpu, &images)?,
-            images: Images::new(SwapchainImages { swapchain, stopwatch: stopwatch.clone() }),
+            layer: TargetSwapchain::open(session, gpu, layout, stopwatch.clone())?,
             painted: false,
             readable,
             stopwatch,
@@ -58,19 +50,20 @@ impl PanelLayer {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn paint(
+    pub(in crate::xr) fn paint(
         &mut self,
         gpu: &Gpu,
         painter: &mut UiPainter,
         painting: Painting,
     ) -> Result<(), Halt> {
-        let image = self.images.acquire().halt("taking an image of the panel")?;
+        let TargetSwapchain { targets, images } = &mut self.layer;
+        let image = images.acquire().halt("taking an image of the panel")?;
         let mut encoder = gpu.encoder();
-        let target = self.targets.ui_target(image.index());
+        let target = targets.ui_target(image.index());
         let (triangles, textures) = painting.into_parts();
         painter.draw(gpu, &mut encoder, &target, &triangles, PIXELS_PER_POINT, textures);
         if self.readable {
-            self.targets.record_read(&mut encoder, image.index());
+            targets.record_read(&mut encoder, image.index());
         }
         self.stopwatch.time(|| gpu.submit(encoder));
         image.release().halt("handing over an image of the panel")?;
@@ -79,24 +72,23 @@ impl PanelLayer {
     }
 
     /// The layer that shows the picture on `panel`; `None` before the first picture.
-    pub(super) fn quad<'a>(
+    pub(in crate::xr) fn quad<'a>(
         &'a self,
         stage: &'a xr::Space,
         panel: &PanelQuad,
     ) -> Option<xr::CompositionLayerQuad<'a, xr::Vulkan>> {
-        let swapchain = &self.images.calls().swapchain;
         let pixels = UVec2::from(Painting::SIZE);
-        self.painted.then(|| quad(swapchain, pixels, stage, panel.pose(), panel.size_m()))
+        self.painted.then(|| quad(self.layer.swapchain(), pixels, stage, panel.pose(), panel.size_m()))
     }
 
     /// Waits for the last picture; `None` if there is none or it cannot be read.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost.
-    pub(super) fn read(&self, gpu: &Gpu) -> Result<Option<Pixels>, Fault> {
+    pub(in crate::xr) fn read(&self, gpu: &Gpu) -> Result<Option<Pixels>, Fault> {
         if !self.painted {
             return Ok(None);
         }
-        Ok(self.targets.read(gpu)?.pop())
+        Ok(self.layer.targets.read(gpu)?.pop())
     }
 }

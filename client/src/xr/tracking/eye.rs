@@ -4,16 +4,16 @@ use codec::Camera;
 use glam::{Quat, UVec2, vec2};
 use openxr as xr;
 
-use super::interaction::{Pose, Similarity};
 use crate::view::View;
+use crate::xr::interaction::{Pose, Similarity};
 
 /// Four half angles from the view axis, in radians, right and up positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fov {
-    pub(super) left: f32,
-    pub(super) right: f32,
-    pub(super) up: f32,
-    pub(super) down: f32,
+pub(in crate::xr) struct Fov {
+    pub(in crate::xr) left: f32,
+    pub(in crate::xr) right: f32,
+    pub(in crate::xr) up: f32,
+    pub(in crate::xr) down: f32,
 }
 
 impl From<xr::Fovf> for Fov {
@@ -23,7 +23,7 @@ impl From<xr::Fovf> for Fov {
 }
 
 /// Converts a pose of the runtime.
-pub(super) fn pose(pose: xr::Posef) -> Pose {
+pub(in crate::xr) fn pose(pose: xr::Posef) -> Pose {
     let (p, q) = (pose.position, pose.orientation);
     Pose { position: [p.x, p.y, p.z].into(), orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w) }
 }
@@ -31,7 +31,7 @@ pub(super) fn pose(pose: xr::Posef) -> Pose {
 /// The view of a clip from the pose `eye` in the stage, in an image of `size` pixels with its edges at the
 /// angles of `fov`. `None` for an invalid pose or angles without an image: the view axis may lie outside the
 /// image, but left must be left of right.
-pub(super) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similarity) -> Option<View> {
+pub(in crate::xr) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similarity) -> Option<View> {
     let [left, right, up, down] = [fov.left, fov.right, fov.up, fov.down].map(f32::tan);
     let image = size.as_vec2();
     let focal = image / vec2(right - left, up - down);
@@ -43,7 +43,7 @@ pub(super) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similari
 }
 
 /// The pose midway between the eyes.
-pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
+pub(in crate::xr) fn head(eyes: &[Pose; 2]) -> Pose {
     Pose {
         position: 0.5 * (eyes[0].position + eyes[1].position),
         orientation: eyes[0].orientation.slerp(eyes[1].orientation, 0.5).normalize(),
@@ -51,7 +51,7 @@ pub(super) fn head(eyes: &[Pose; 2]) -> Pose {
 }
 
 /// The camera file of a view.
-pub(super) fn camera(view: &View) -> Camera {
+pub(in crate::xr) fn camera(view: &View) -> Camera {
     let [fx, fy, cx, cy] = [view.focal.x, view.focal.y, view.principal.x, view.principal.y].map(f64::from);
     Camera {
         width: view.size.x,

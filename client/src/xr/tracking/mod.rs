@@ -1,33 +1,38 @@
 //! [`Tracking`]: where the eyes are and what the hands do, in the space of the stage.
+//!
+//! `space` opens the stage, `eye` turns the runtime's poses and angles into views, and `input` reads the hands.
+
+pub(super) mod eye;
+pub(super) mod input;
+pub(super) mod space;
 
 use openxr as xr;
 
-use super::calls::Stopwatch;
-use super::error::{During, Halt};
-use super::eye;
-use super::input::Input;
-use super::interaction::{Hands, Haptics, Pose};
-use super::runtime::EYES;
+use crate::xr::interaction::{Hands, Haptics, Pose};
+use crate::xr::runtime::EYES;
+use crate::xr::runtime::calls::Stopwatch;
+use crate::xr::runtime::error::{During, Halt};
+use input::Input;
 
 /// The tracked space of a session.
-pub(super) struct Tracking {
-    pub(super) input: Input,
-    pub(super) stage: xr::Space,
-    pub(super) stopwatch: Stopwatch,
+pub(in crate::xr) struct Tracking {
+    pub(in crate::xr) input: Input,
+    pub(in crate::xr) stage: xr::Space,
+    pub(in crate::xr) stopwatch: Stopwatch,
 }
 
 /// The viewer at a display time.
-pub(super) struct Tracked {
+pub(in crate::xr) struct Tracked {
     /// `None` while the headset is not tracked.
-    pub(super) eyes: Option<Eyes>,
-    pub(super) head: Option<Pose>,
-    pub(super) hands: Hands,
+    pub(in crate::xr) eyes: Option<Eyes>,
+    pub(in crate::xr) head: Option<Pose>,
+    pub(in crate::xr) hands: Hands,
 }
 
 /// Both eyes, left then right.
-pub(super) struct Eyes {
-    pub(super) views: [xr::View; 2],
-    pub(super) poses: [Pose; 2],
+pub(in crate::xr) struct Eyes {
+    pub(in crate::xr) views: [xr::View; 2],
+    pub(in crate::xr) poses: [Pose; 2],
 }
 
 impl Tracking {
@@ -35,7 +40,7 @@ impl Tracking {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn locate(
+    pub(in crate::xr) fn locate(
         &self,
         session: &xr::Session<xr::Vulkan>,
         display_ns: i64,
@@ -53,7 +58,7 @@ impl Tracking {
     }
 
     /// Lets the hands feel `haptics`.
-    pub(super) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
+    pub(in crate::xr) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
         self.stopwatch.time(|| self.input.feel(session, haptics));
     }
 

@@ -3,9 +3,9 @@
 use glam::Vec2;
 use openxr as xr;
 
-use super::error::{During, Halt};
 use super::eye;
-use super::interaction::{Hand, Hands, Haptics, Side};
+use crate::xr::interaction::{Hand, Hands, Haptics, Side};
+use crate::xr::runtime::error::{During, Halt};
 
 /// An action of a hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +99,7 @@ impl Profile {
 }
 
 /// The actions, attached to a session.
-pub(super) struct Input {
+pub(in crate::xr) struct Input {
     hands: [HandSpaces; 2],
     actions: Actions,
 }
@@ -128,7 +128,7 @@ impl Input {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn attach(
+    pub(in crate::xr) fn attach(
         session: &xr::Session<xr::Vulkan>,
         extensions: &xr::ExtensionSet,
     ) -> Result<Input, Halt> {
@@ -161,7 +161,7 @@ impl Input {
     ///
     /// # Errors
     /// See [`Halt`].
-    pub(super) fn hands(
+    pub(in crate::xr) fn hands(
         &self,
         session: &xr::Session<xr::Vulkan>,
         stage: &xr::Space,
@@ -204,7 +204,7 @@ impl Input {
     }
 
     /// Plays `haptics`. A controller without vibration ignores them.
-    pub(super) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
+    pub(in crate::xr) fn feel(&self, session: &xr::Session<xr::Vulkan>, haptics: &Haptics) {
         for side in Side::BOTH {
             let Some(pulse) = haptics.on(side) else { continue };
             let vibration = xr::HapticVibration::new()

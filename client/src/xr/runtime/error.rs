@@ -5,7 +5,7 @@ use program::Fault;
 
 /// Why a session cannot continue.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Halt {
+pub(in crate::xr) enum Halt {
     /// The runtime has dropped it; the program may open another one.
     SessionLost,
     /// The run is over.
@@ -19,7 +19,7 @@ impl From<Fault> for Halt {
 }
 
 /// Adds to a result of the runtime what the program was doing.
-pub(super) trait During<T> {
+pub(in crate::xr) trait During<T> {
     /// Turns a failure into a fault.
     ///
     /// # Errors
@@ -47,8 +47,13 @@ impl<T> During<T> for Result<T, Code> {
 }
 
 /// The fault of a runtime that ended during the run.
-pub(super) fn instance_lost() -> Fault {
+pub(in crate::xr) fn instance_lost() -> Fault {
     Fault::Device("the OpenXR runtime went away: start it again, then this program".into())
+}
+
+/// The fault of a runtime that drops its sessions as soon as they are opened.
+pub(in crate::xr) fn sessions_dropped() -> Fault {
+    Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
 }
 
 fn fault(what: &str, code: Code) -> Fault {
@@ -69,12 +74,12 @@ fn fault(what: &str, code: Code) -> Fault {
         Code::ERROR_FORM_FACTOR_UNAVAILABLE => {
             "the headset is not available: connect it and switch it on, then start again".into()
         }
-        code => format!("OpenXR runtime: {what} failed: {code:?}"),
+        code => format!("OpenXR runtime: {what} failed ({code:?}): start it again, then this program"),
     })
 }
 
 /// What the program does while a runtime starts.
-pub(super) const STARTING: &str = "starting";
+pub(in crate::xr) const STARTING: &str = "starting";
 
 #[cfg(test)]
 mod tests {
