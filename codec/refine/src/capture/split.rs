@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{Capture, PhotoId};
 
 /// Held-out frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Holdout {
     /// Frames with odd numbers, counted from 0, as in the paper.
-    #[default]
     Odd,
     /// None.
     None,

@@ -38,7 +38,6 @@ pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use crate::backbone::Backbone;
     use crate::capture::pfm_file;
-    use anyhow::bail;
     use indicatif::{ProgressBar, ProgressStyle};
     use program::{Fault, output};
     use refine::capture::{PhotoId, Split};
@@ -59,9 +58,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         for (photo_id, map) in photo_ids.iter().zip(&maps) {
             let path = args.out.join(format!("{}.pfm", capture_files.name(*photo_id)));
             let folder = path.parent().expect("it is a file");
-            if let Err(error) = std::fs::create_dir_all(folder) {
-                bail!(Fault::Usage(format!("cannot make {}: {error}", folder.display())));
-            }
+            output::make_folder(folder)?;
             output::write(&path, &pfm_file(map))?;
             size = (map.width, map.height);
             bar.inc(1);

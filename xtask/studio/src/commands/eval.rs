@@ -17,7 +17,7 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, describe, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, describe, held_frames, load_lpips};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -33,8 +33,8 @@ pub struct Args {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that were held out from fitting; by default what the field file records, and odd frames
-    /// where SUBJECT has no record
+    /// Frames that were held out from fitting; by default what the field file records, and none where
+    /// SUBJECT has no record, such as a package
     #[arg(long, value_enum)]
     holdout: Option<HeldFrames>,
     /// Also compare held frames with two baselines: SUBJECT at the nearest fitted frame, and a blend of the
@@ -131,7 +131,7 @@ impl Evaluation<'_> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
         let capture_files = args.selection.open(capture)?;
         let subject = Subject::load(path, &capture_files)?;
-        let (holdout, note) = held_frames(path, &subject, args.holdout.map(Holdout::from));
+        let (holdout, note) = held_frames(path, args.holdout, holdout_record(&subject));
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
@@ -142,8 +142,7 @@ impl Evaluation<'_> {
             (_, false) => None,
         };
         if let Some(out) = &out {
-            std::fs::create_dir_all(out)
-                .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
+            output::make_folder(out)?;
         }
         if capture_files.missing_count() > 0 {
             eprintln!(
@@ -215,25 +214,14 @@ impl Evaluation<'_> {
     }
 }
 
-/// The frames that were held out from fitting `subject`: `named` on the command line, or recorded in its
-/// file, or odd frames. With a note where the file has no record, or another.
-fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> (Holdout, Option<String>) {
-    let recorded = match subject {
-        Subject::Drawn(input) => input.holdout(),
-        Subject::Pictures(_) => None,
-    };
-    let path = path.display();
-    match (named, recorded) {
-        (Some(named), Some(recorded)) if named != recorded => {
-            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
+/// The holdout that a subject records.
+fn holdout_record(subject: &Subject) -> HoldoutRecord {
+    match subject {
+        Subject::Drawn(input) => {
+            let source = if matches!(**input, Input::Package(_)) { "a package" } else { "this field" };
+            HoldoutRecord { recorded: input.holdout(), source }
         }
-        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
-        (None, None) => {
-            let assumed = UNRECORDED_HOLDOUT;
-            let note =
-                format!("{path} does not record the held frames: --holdout {} is assumed", assumed.name());
-            (assumed, Some(note))
-        }
+        Subject::Pictures(_) => HoldoutRecord { recorded: None, source: "a folder of pictures" },
     }
 }
 

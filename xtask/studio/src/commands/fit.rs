@@ -18,7 +18,7 @@ use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_training_views};
+use super::capture::{FrameSelection, HeldFrames, assumed_fps, describe, load_lpips, load_training_views};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
@@ -137,22 +137,23 @@ fn positive(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
-/// Fits a capture with the defaults of `fit`.
+/// Fits a capture with the defaults of `fit`, captured at `fps` frames per second.
 pub(super) fn by_default(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     plan: &FitPlan,
+    fps: f32,
     out: &Path,
 ) -> anyhow::Result<()> {
     let runtime =
         FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_and_write(out, plan, capture_files, views, runtime, None).map(drop)
+    fit_and_write(out, plan, capture_files, views, runtime, fps).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    match (&args.many.list, &args.out) {
-        (Some(list), Some(folder)) => run_many(args, list, folder),
-        _ => run_one(args),
+    match args.many.list_and_folder(&args.out) {
+        Some((list, folder)) => run_many(args, list, folder),
+        None => run_one(args),
     }
 }
 
@@ -218,7 +219,8 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, args.fps)?;
+    let fps = args.fps.unwrap_or_else(|| assumed_fps(&capture_files, "--fps states another number"));
+    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, fps)?;
     Ok(FitResult { plan, fitted, splits })
 }
 
@@ -236,14 +238,14 @@ fn fit_and_write(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     runtime: FitRuntime,
-    fps: Option<f32>,
+    fps: f32,
 ) -> anyhow::Result<Fitted> {
     let bar = ProgressBar::new(plan.steps)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
     bar.println(describe(capture_files, plan.holdout)?);
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::clip_info(capture_files, frame_rate(fps));
+    let info = fit::clip_info(capture_files, fps);
     output::write(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)

@@ -102,16 +102,15 @@ struct Layer {
     complete: bool,
 }
 
-/// Bytes that an attribute of all Gaussians takes, and would take by simpler coding of the same
-/// numbers.
+/// Coded size of an attribute of all Gaussians, and the sizes that simpler coders would reach for the same numbers.
 #[derive(Serialize)]
 struct Attribute {
     attribute: &'static str,
-    /// By the frequencies of its numbers (order-0 entropy), the Gaussians in an order of their own.
+    /// Order-0 entropy: each number coded by its frequency alone. Preserves any order of the Gaussians.
     order_0_bytes: usize,
-    /// By the frequencies of the distances from their predictions, the order left to the coder.
+    /// Order-0 entropy of the prediction residuals. The coder chooses the order of the Gaussians.
     predicted_bytes: usize,
-    /// Coded bytes.
+    /// Size by the coder `context`.
     coded_bytes: usize,
 }
 
@@ -119,9 +118,9 @@ struct Attribute {
 #[derive(Serialize)]
 struct Alive {
     time_s: f64,
-    /// Those that the time index names, and all motionless ones.
+    /// Gaussians that the time index lists, and all motionless ones.
     candidates: usize,
-    /// Those of them with an opacity of at least 1/255.
+    /// Candidates with an opacity of at least 1/255.
     alive: usize,
 }
 
@@ -309,7 +308,7 @@ impl Inspection {
                 part.part, part.gaussians, part.bytes_saved, part.gpu_bytes_saved
             );
         }
-        println!("(package bytes: what columns of zeros would take, before zstd with the coder fixed)");
+        println!("(package bytes: size of columns of zeros; with the coder fixed, before zstd)");
 
         println!("\n{:<12}{:>12}{:>12}{:>10}", "time in s", "candidates", "alive", "share");
         for Alive { time_s, candidates, alive } in &self.alive {
@@ -337,10 +336,8 @@ impl Inspection {
             row(part.attribute, sizes);
         }
         row("all", sums);
-        println!(
-            "(order 0: the entropy of the same rounded numbers, the Gaussians in an order of their own;"
-        );
-        println!(" predicted: the entropy of their distances from the predictions, in the coder's order)");
+        println!("(order 0: entropy of the same rounded numbers, with the Gaussians in any order;");
+        println!(" predicted: entropy of the prediction residuals, with the Gaussians in the coder's order)");
     }
 }
 

@@ -22,7 +22,9 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, load_training_views};
+use super::capture::{
+    FrameSelection, HeldFrames, HoldoutRecord, assumed_fps, held_frames, load_training_views,
+};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -93,8 +95,8 @@ pub struct Args {
     json: bool,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
     selection: FrameSelection,
-    /// Frames that are held out from fitting and refining; by default none, and with --refine what the
-    /// field file records
+    /// Frames that are held out from fitting and refining; by default none, and with --refine those that
+    /// the field file records
     #[arg(long, value_enum, help_heading = "Of the capture, where one is looked at")]
     holdout: Option<HeldFrames>,
 }
@@ -126,9 +128,9 @@ fn quality(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    match (&args.many.list, &args.out) {
-        (Some(list), Some(folder)) => run_many(args, list, folder),
-        _ => run_one(args),
+    match args.many.list_and_folder(&args.out) {
+        Some((list, folder)) => run_many(args, list, folder),
+        None => run_one(args),
     }
 }
 
@@ -150,7 +152,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let list = List::read(list)?;
     let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
-    takes::make_folder(folder)?;
+    output::make_folder(folder)?;
     let job = TakeCommand {
         command: "package",
         ending: "aarc",
@@ -325,20 +327,24 @@ impl Captured {
 
     fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
         let views = load_training_views(&self.capture_files, plan.holdout)?;
-        super::fit::by_default(&self.capture_files, &views, plan, out)
+        let fps = assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
+        super::fit::by_default(&self.capture_files, &views, plan, fps, out)
     }
 
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
-        let recorded = scene.subject.hints.holdout;
-        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(UNRECORDED_HOLDOUT);
+        let record = HoldoutRecord { recorded: scene.subject.hints.holdout, source: "this field" };
+        let (holdout, note) = held_frames(args.scene(), args.holdout, record);
         let views = load_training_views(&self.capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
                     .into()
             ));
+        }
+        if let Some(note) = note {
+            eprintln!("note: {note}");
         }
         Ok(views)
     }

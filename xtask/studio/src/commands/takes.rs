@@ -24,6 +24,13 @@ pub(super) struct TakeOptions {
     pub(super) shard: Option<Shard>,
 }
 
+impl TakeOptions {
+    /// The list and the folder of its outputs, `out`, if there is a list.
+    pub(super) fn list_and_folder<'a>(&'a self, out: &'a Option<PathBuf>) -> Option<(&'a Path, &'a Path)> {
+        self.list.as_deref().zip(out.as_deref())
+    }
+}
+
 /// A command that is run for each take.
 pub(super) struct TakeCommand<'a> {
     pub(super) command: &'static str,
@@ -62,7 +69,7 @@ pub(super) fn run(
     job: &TakeCommand,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<()> {
-    make_folder(folder)?;
+    output::make_folder(folder)?;
     let shard = shard.unwrap_or(Shard::ALL);
     let mut outcomes = Vec::new();
     for take in takes.of(shard) {
@@ -116,12 +123,6 @@ pub(super) fn run(
         5 => bail!(Fault::Device(message)),
         _ => bail!(message),
     }
-}
-
-/// Creates the folder of the outputs if it does not exist.
-pub(super) fn make_folder(folder: &Path) -> Result<(), Fault> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display())))
 }
 
 /// Makes the output of a take unless it is done.
