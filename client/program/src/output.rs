@@ -3,6 +3,7 @@
 //! A file is written under a temporary name in its folder and then renamed. Its path never holds an
 //! incomplete file, and a file that was there before stays until the new one is complete.
 
+use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
@@ -56,6 +57,27 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
+/// Writes `bytes` to `path` as [`write`] does, so that a power loss right after leaves the whole file there.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn write_durable(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
+    write_synced(path, bytes, |file| file.sync_all())
+}
+
+/// Writes `bytes` to a temporary file and syncs it before it gets its name, so that the name never stands for
+/// less; then syncs the folder, which holds the name.
+fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> std::io::Result<()>) -> Result<(), Fault> {
+    let mut file = temporary(path)?;
+    let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
+    file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| cannot_write(path, error))?;
+    file.persist(path).map_err(|error| cannot_write(path, error.error))?;
+    // Other systems cannot open a folder, and write names through.
+    #[cfg(unix)]
+    File::open(folder).and_then(|folder| sync(&folder)).map_err(|error| cannot_write(path, error))?;
+    Ok(())
+}
+
 /// Writes a PNG to `path`. `rgb` holds 3 bytes for each of `width * height` pixels.
 ///
 /// # Errors
@@ -103,6 +125,30 @@ mod tests {
         check(&path).unwrap();
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_durable_file_is_synced_before_its_name_and_its_folder_after() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        write_durable(&path, b"old").unwrap();
+        let synced = std::cell::RefCell::new(Vec::new());
+        let sync = |file: &File| {
+            let visible = std::fs::read(&path).unwrap();
+            synced.borrow_mut().push((file.metadata()?.is_dir(), file.metadata()?.len(), visible));
+            Ok(())
+        };
+        write_synced(&path, b"newer", sync).unwrap();
+        let synced = synced.into_inner();
+        assert_eq!(synced.len(), 2, "{synced:?}");
+        assert_eq!(synced[0], (false, 5, b"old".to_vec()));
+        assert_eq!((synced[1].0, &synced[1].2), (true, &b"newer".to_vec()));
+        // A file that cannot be synced does not replace the old one.
+        let full = |_: &File| Err(std::io::Error::other("no space"));
+        assert!(write_synced(&path, b"newest", full).unwrap_err().to_string().contains("no space"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"newer");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

@@ -259,4 +259,12 @@ fn errors_take_one_line() {
     assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
     fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();
     assert!(error(3, &["-o", "field.ply"]).contains("field.checkpoint: no checkpoint of this version"));
+    // A checkpoint that cannot be read is no absent one.
+    fs::remove_file(folder.join("field.checkpoint")).unwrap();
+    std::os::unix::fs::symlink("field.checkpoint", folder.join("field.checkpoint")).unwrap();
+    let unreadable = error(3, &["-o", "field.ply"]);
+    assert!(
+        unreadable.contains("field.checkpoint: ") && unreadable.contains("remove it to start"),
+        "{unreadable}"
+    );
 }

@@ -246,7 +246,8 @@ fn fit_and_write(
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files, fps);
-    output::write(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
+    // The checkpoint goes only when the field is safe.
+    output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
 }

@@ -312,7 +312,7 @@ impl Captured {
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
-        match Record::state(&out, FIELD_OF_PACKAGE, &key) {
+        match Record::state(&out, FIELD_OF_PACKAGE, &key)? {
             OutputState::Done => return Ok(out),
             OutputState::Begun => {}
             OutputState::Stale => fit::remove_checkpoint(&out)?,

@@ -142,7 +142,7 @@ fn run_take(
     check_apart(scene, out)?;
     let inputs: Vec<&Path> = [scene].into_iter().chain(job.inputs.iter().copied()).collect();
     let key = key(job.command, &job.options, &inputs)?;
-    match Record::state(out, job.command, &key) {
+    match Record::state(out, job.command, &key)? {
         OutputState::Done => return Ok("skipped"),
         OutputState::Stale => (job.forget)(out)?,
         OutputState::Begun | OutputState::Unknown => {}
