@@ -19,3 +19,4 @@ pub mod report;
 pub mod scene;
 pub mod synth;
 pub mod takes;
+mod up_axis;
