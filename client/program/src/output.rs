@@ -4,7 +4,7 @@
 //! incomplete file, and a file that was there before stays until the new one is complete.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -67,7 +67,7 @@ pub fn write_durable(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
 
 /// Writes `bytes` to a temporary file and syncs it before it gets its name, so that the name never stands for
 /// less; then syncs the folder, which holds the name.
-fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> std::io::Result<()>) -> Result<(), Fault> {
+fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()>) -> Result<(), Fault> {
     let mut file = temporary(path)?;
     let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
     file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| cannot_write(path, error))?;
@@ -106,7 +106,14 @@ fn temporary(path: &Path) -> Result<NamedTempFile, Fault> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, error))
+    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, without_name(&error)))
+}
+
+/// The reason of an error of `tempfile`, which adds the name of its file to the text; no user knows that file.
+fn without_name(error: &io::Error) -> String {
+    let text = error.to_string();
+    let reason = text.rsplit_once(" at path ").map_or(text.as_str(), |(reason, _)| reason);
+    format!("{reason}; name another place")
 }
 
 fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {
@@ -164,6 +171,18 @@ mod tests {
         usage(check_folder(&file));
         usage(check_folder(&file.join("a/b")));
         usage(make_folder(&file.join("a")));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn errors_do_not_name_the_temporary_file() {
+        // Not even root makes files there.
+        let error = check(Path::new("/proc/a")).unwrap_err().to_string();
+        assert!(
+            error.starts_with("cannot write /proc/a: ") && error.ends_with("; name another place"),
+            "{error}"
+        );
+        assert!(!error.contains(".writing-"), "{error}");
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod fit;
 pub mod import;
 pub mod input;
 pub mod machine;
+mod messages;
 pub mod package;
 pub mod playlist;
 pub mod progress;

@@ -159,15 +159,22 @@ fn cameras_of_splatv_count_if_they_see_the_field() {
 
 #[test]
 fn many_properties_are_no_more_work_each_than_few() {
-    let properties: String = (0..38_000).map(|k| format!("property char f_rest_{k}\n")).collect();
-    let text = format!("ply\nformat ascii 1.0\nelement vertex 0\n{properties}end_header\n");
-    let start = std::time::Instant::now();
     let inria: String = INRIA.split(' ').map(|name| format!("property float {name}\n")).collect();
-    let text = text.replace("end_header", &format!("{inria}end_header"));
-    let message = import_error("a.ply", text.as_bytes());
-    assert!(message.contains("38000 properties f_rest_*"), "{message}");
-    // A search through all properties for each takes the better part of a minute here.
-    assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
+    // The quickest of some imports of a header with so many properties.
+    let seconds = |count: usize| {
+        let many: String = (0..count).map(|k| format!("property char f_rest_{k}\n")).collect();
+        let text = format!("ply\nformat ascii 1.0\nelement vertex 0\n{many}{inria}end_header\n");
+        let import = || {
+            let start = std::time::Instant::now();
+            let message = import_error("a.ply", text.as_bytes());
+            assert!(message.contains(&format!("{count} properties f_rest_*")), "{message}");
+            start.elapsed().as_secs_f64()
+        };
+        (0..5).map(|_| import()).fold(f64::INFINITY, f64::min)
+    };
+    let (few, many) = (seconds(4_750), seconds(38_000));
+    println!("{few:.4} s for 4,750 properties, {many:.4} s for 38,000");
+    assert!(many < 24.0 * few, "eight times the properties take {:.0} times as long", many / few);
 }
 
 #[test]
@@ -452,7 +459,7 @@ fn broken_sog_is_refused() {
     broken(&|files| files[3].1.truncate(30), "scales.webp");
     broken(&|files| drop(files.remove(0)), "meta.json");
     broken(&edit("\"version\":2", "\"version\":3"), "version 3");
-    broken(&edit(",\"version\":2", ""), "states no SOG version: name the meta.json of one field");
+    broken(&edit(",\"version\":2", ""), "states no version of SOG");
     broken(&edit("\"count\":3", "\"count\":7"), "4 pixels for 7 Gaussians");
     broken(&edit("\"count\":3", "\"count\":70000000000"), "4 pixels for 70000000000 Gaussians");
     broken(&edit("\"count\":66", "\"count\":129"), "centroids.webp");

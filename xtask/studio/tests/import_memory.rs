@@ -98,7 +98,7 @@ fn memory_is_bounded() {
             match imported {
                 Ok(_) => accepted = limit,
                 Err(error) => {
-                    assert!(error.contains("MB is the limit: prune the field"), "{name}: {error}");
+                    assert!(error.contains("MB is the limit; prune the field"), "{name}: {error}");
                     refused = limit;
                 }
             }

@@ -99,7 +99,9 @@ pub struct SplitError;
 
 impl fmt::Display for SplitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("all photographs are held out: none is left to fit to")
+        f.write_str(
+            "all photographs are held out, and none is left to fit to; hold out fewer cameras or frames",
+        )
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
     for pose in poses {
         let path = folder.join("images").join(&pose.name);
         if !path.is_file() {
-            return Err(bad(&path, "this photograph is missing").into());
+            return Err(bad(&path, "this photograph is missing; put it there").into());
         }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
             return Err(bad(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into());
@@ -68,7 +68,12 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             // COLMAP appends an extension to the whole name.
             Some(masks) => {
                 let mask = find_image(&masks.join(&pose.name)).or_else(|| find_image(&masks.join(&name)));
-                Some(mask.ok_or_else(|| bad(&masks.join(&name), "this mask is missing"))?)
+                Some(mask.ok_or_else(|| {
+                    bad(
+                        &masks.join(&name),
+                        "this mask is missing; put it there, or remove the folder of masks",
+                    )
+                })?)
             }
             None => None,
         };

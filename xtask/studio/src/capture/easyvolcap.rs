@@ -72,7 +72,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             let mask = match &masks {
                 Some(masks) => {
                     let mask = masks.join(&name);
-                    Some(find_image(&mask).ok_or_else(|| bad(&mask, "this mask is missing"))?)
+                    Some(find_image(&mask).ok_or_else(|| {
+                        bad(&mask, "this mask is missing; put it there, or remove the folder of masks")
+                    })?)
                 }
                 None => None,
             };

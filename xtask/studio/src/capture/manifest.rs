@@ -47,7 +47,8 @@ struct ManifestCamera {
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
-    let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
+    let manifest: Manifest = serde_json::from_str(&read_text(&path)?)
+        .map_err(|error| bad(&path, format!("{error}; xtask/CAPTURE.md describes this file")))?;
     manifest.check().map_err(|problem| bad(&path, problem))?;
     let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
@@ -67,7 +68,11 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
                 None => None,
             };
             if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
-                return Err(bad(mask, "this mask is missing").into());
+                return Err(bad(
+                    mask,
+                    "this mask is missing; put it there, or remove masks from capture.json",
+                )
+                .into());
             }
             let name = Path::new(&named(&manifest.images).unwrap_or_default()).with_extension("");
             let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy().into_owned();

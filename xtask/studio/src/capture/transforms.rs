@@ -81,7 +81,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
         for frame in transforms.frames {
             let name = frame.file_path.trim_start_matches("./").to_owned();
             let Some(image) = find_image(&folder.join(&name)) else {
-                return Err(bad(&folder.join(&name), "this photograph is missing").into());
+                return Err(bad(&folder.join(&name), "this photograph is missing; put it there").into());
             };
             let mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
             let size = size_of(&image)?;

@@ -6,6 +6,7 @@ use std::sync::Once;
 
 use crate::capture::CaptureFiles;
 use crate::fit::TrainingViews;
+use crate::messages::{count, unreadable};
 use crate::scene::DEFAULT_FPS;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -62,9 +63,8 @@ impl FrameSelection {
             capture_files.shrink(width, height)?;
         }
         for name in &self.held_cameras {
-            let found = capture_files.capture.cameras.iter_mut().find(|camera| camera.name == *name);
-            let missing = || Fault::Usage(format!("--held-cameras: the capture has no camera \"{name}\""));
-            found.ok_or_else(missing)?.held = true;
+            let index = capture_files.camera(name).map_err(|fault| fault.about("--held-cameras"))?;
+            capture_files.capture.cameras[index].held = true;
         }
         Ok(capture_files)
     }
@@ -83,14 +83,15 @@ pub(crate) fn describe(capture_files: &CaptureFiles, holdout: Holdout) -> Result
     let cameras = &capture_files.capture.cameras;
     let splits =
         Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
-    let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
-    let [train, interp_b, recon, interp_a] = Split::ALL.map(count);
+    let [train, interp_b, recon, interp_a] =
+        Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
     Ok(format!(
-        "{} cameras, {} of them held; {} frames; {train} photographs to fit to, {} held out: {interp_b} of \
-         held frames, {recon} of held cameras, {interp_a} of both",
-        cameras.len(),
+        "{}, {} of them held; {}; {} to fit to, {} held out: {interp_b} of held frames, {recon} of held cameras, \
+         {interp_a} of both",
+        count(cameras.len(), "camera"),
         cameras.iter().filter(|camera| camera.held).count(),
-        capture_files.capture.times.len(),
+        count(capture_files.capture.times.len(), "frame"),
+        count(train, "photograph"),
         interp_b + recon + interp_a,
     ))
 }
@@ -110,9 +111,11 @@ pub(crate) fn load_training_views(
 /// Loads the LPIPS network if its weights are given.
 pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
     let Some(path) = weights else { return Ok(None) };
-    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
-    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
-    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let network = Lpips::from_safetensors(&bytes).map_err(|error| {
+        Fault::Data(format!("{}: {error}; name weights of AlexNet or VGG16 as safetensors", path.display()))
+    })?;
+    Ok(Some(network))
 }
 
 /// Where a command looks for the holdout of a fit, for [`held_frames`].

@@ -9,8 +9,8 @@ use crate::eval::{
     table,
 };
 use crate::input::Input;
+use crate::progress::counting;
 use anyhow::bail;
-use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::fit::Lpips;
@@ -58,7 +58,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let Args { subjects, captures, .. } = args;
     if subjects.len() != captures.len() {
         let (subjects, captures) = (subjects.len(), captures.len());
-        bail!(Fault::Usage(format!("{subjects} SUBJECTs and {captures} --capture: each takes its own")));
+        bail!(Fault::Usage(format!(
+            "{subjects} SUBJECTs and {captures} --capture: name one --capture for each SUBJECT"
+        )));
     }
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
@@ -71,7 +73,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         let names: Vec<String> = captures.iter().map(|capture| name_of(capture)).collect();
         if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-            bail!(Fault::Usage(format!("two captures are called {name}, and scenes are called as these")));
+            bail!(Fault::Usage(format!(
+                "two captures are called {name}, and so would their scenes be: rename one"
+            )));
         }
         let (mut scenes, mut means) = (Map::new(), Vec::new());
         for ((subject, capture), name) in subjects.iter().zip(captures).zip(&names) {
@@ -136,7 +140,7 @@ impl Evaluation<'_> {
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
             (Subject::Pictures(_), true) => bail!(Fault::Usage(format!(
-                "--baselines draw a field or package between frames; {} holds pictures",
+                "--baselines draw a field or package between frames; {} holds pictures: leave --baselines out",
                 path.display()
             ))),
             (_, false) => None,
@@ -145,14 +149,16 @@ impl Evaluation<'_> {
             output::make_folder(out)?;
         }
         if capture_files.missing_count() > 0 {
+            let missing = match capture_files.missing_count() {
+                1 => "1 photograph is".to_owned(),
+                number => format!("{number} photographs are"),
+            };
             eprintln!(
-                "note: {} photographs are missing that others have the like of",
-                capture_files.missing_count()
+                "note: {}: {missing} missing, since not every camera has every frame",
+                capture.display()
             );
         }
-        let style =
-            ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
-        let progress = ProgressBar::new(capture_files.capture.photos.len() as u64).with_style(style);
+        let progress = counting(capture_files.capture.photos.len() as u64, "photographs");
         let mut strips = Strips::new(&subject, &capture_files, holdout)?;
         let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {

@@ -8,10 +8,12 @@ use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
 use crate::input::Input;
+use crate::messages::{count, unreadable};
+use crate::progress::counting;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
@@ -204,7 +206,7 @@ impl Args {
 fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     output::check(out)?;
     if out.extension() != Some(OsStr::new("ply")) {
-        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
+        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
     let capture_files = args.selection.open(args.capture())?;
     let holdout = Holdout::from(args.holdout);
@@ -240,8 +242,7 @@ fn fit_and_write(
     runtime: FitRuntime,
     fps: f32,
 ) -> anyhow::Result<Fitted> {
-    let bar = ProgressBar::new(plan.steps)
-        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
+    let bar = counting(plan.steps, "steps");
     bar.println(describe(capture_files, plan.holdout)?);
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
@@ -322,7 +323,7 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
 
 fn checksum(path: &Path) -> Result<u32, Fault> {
     let bytes = std::fs::read(path);
-    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))
+    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| unreadable(path, &error))
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {
@@ -364,10 +365,12 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.initial_count, fitted.field.len());
     if let Some(psnr) = last.held_psnr_db {
-        println!("held             {psnr:.2} dB, the subject in a few photographs; `eval` measures all");
+        println!(
+            "held             {psnr:.2} dB, the subject in a few held-out photographs; `eval` measures all"
+        );
     }
     if fitted.non_finite > 0 {
-        println!("left out         {} gradients that were not finite", fitted.non_finite);
+        println!("left out         {}, not finite", count(fitted.non_finite as usize, "gradient"));
     }
     if fitted.resumed_at > 0 {
         println!("resumed          at step {}", fitted.resumed_at);

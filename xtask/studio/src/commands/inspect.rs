@@ -7,8 +7,8 @@ mod left_out;
 use std::path::{Path, PathBuf};
 
 use crate::input::read_package;
+use crate::messages::{bad_package, decimal};
 use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
-use program::Fault;
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
@@ -29,7 +29,7 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bytes = read_package(&args.clip)?;
     let limits = Limits::default();
-    let bad = |error: codec::Error| Fault::Data(format!("{}: {error}", args.clip.display()));
+    let bad = |error: codec::Error| bad_package(&args.clip, &error);
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
     let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
@@ -256,7 +256,8 @@ impl Inspection {
             "bytes       {}, {:.2} per Gaussian, {mbps:.2} Mbps; {} on the GPU",
             self.bytes, self.bytes_per_gaussian, self.gpu_bytes
         );
-        println!("duration    {} s at {} frames per second", self.duration_s, self.fps);
+        let [duration_s, fps] = [self.duration_s, self.fps].map(|x| decimal(f64::from(x), 3));
+        println!("duration    {duration_s} s at {fps} frames per second");
         println!("up          {:?}, {} m per unit", self.up, self.metres_per_unit);
         println!("bounds      {:?} to {:?}", self.bounds[0], self.bounds[1]);
         for view in &self.viewpoints {

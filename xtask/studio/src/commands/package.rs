@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crate::capture::CaptureFiles;
 use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
+use crate::messages::decimal;
 use crate::package::{
     Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
     prefix_quality,
@@ -276,16 +277,16 @@ impl Captured {
         let is_scene = Scene::is_capture(args.scene());
         let folder = match (&args.capture, args.refine) {
             (Some(_), _) if is_scene => {
-                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene().display())))
+                bail!(Fault::Usage(format!("--capture: {} is a capture itself; leave --capture out", args.scene().display())))
             }
             (Some(folder), _) => folder.as_path(),
             (None, Some(_)) if !args.scene().is_dir() => bail!(Fault::Usage(
-                "--refine takes the photographs that the field was fitted to: name their folder with --capture"
+                "--refine takes the photographs that the field was fitted to; name their folder with --capture"
                     .into()
             )),
             (None, None) if !is_scene => {
                 if !(args.selection.is_default() && args.holdout.is_none()) {
-                    bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
+                    bail!(Fault::Usage("options of a capture, which no field needs: that takes --refine".into()));
                 }
                 return Ok(None);
             }
@@ -339,7 +340,7 @@ impl Captured {
         let views = load_training_views(&self.capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
-                "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
+                "--refine: the photographs show the background, which plate.ply draws, too; give them masks"
                     .into()
             ));
         }
@@ -360,7 +361,7 @@ fn field_path(args: &Args) -> PathBuf {
 
 fn already_exists(field: &Path) -> Fault {
     let field = field.display();
-    Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
+    Fault::Usage(format!("{field} is there already; package that, or remove it to fit anew"))
 }
 
 fn print_report(report: &PackageReport) {
@@ -380,7 +381,9 @@ fn print_report(report: &PackageReport) {
     let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
     println!(
         "{:16} {}, {per_gaussian:.1} per Gaussian, {mbps:.1} Mbps over {} s",
-        "bytes", report.bytes, report.duration_s
+        "bytes",
+        report.bytes,
+        decimal(f64::from(report.duration_s), 3)
     );
     println!(
         "{:16} {:.1} dB against the field before coding, by coder {}",

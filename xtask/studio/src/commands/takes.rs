@@ -1,5 +1,6 @@
 //! `--list`: runs a command for each take of a list and writes a summary.
 
+use crate::messages::count;
 use crate::takes::{List, OutputState, Record, Shard, Take, key};
 use anyhow::{anyhow, bail};
 use program::{Fault, output};
@@ -97,10 +98,10 @@ pub(super) fn run(
         }
         outcomes.push(outcome);
     }
-    let count = |what| outcomes.iter().filter(|outcome| outcome.outcome == what).count();
+    let number_of = |what| outcomes.iter().filter(|outcome| outcome.outcome == what).count();
     let summary = json!({
         "command": job.command, "list": takes.path, "shard": shard.to_string(),
-        "done": count("done"), "skipped": count("skipped"), "failed": count("failed"), "takes": outcomes,
+        "done": number_of("done"), "skipped": number_of("skipped"), "failed": number_of("failed"), "takes": outcomes,
     });
     let text = format!("{summary:#}\n");
     let path = folder.join(format!("{}-{}.summary.json", job.command, shard.file_name()));
@@ -111,9 +112,9 @@ pub(super) fn run(
     let mut failed = outcomes.iter().filter(|outcome| outcome.error.is_some());
     let Some(first) = failed.next() else { return Ok(()) };
     let message = format!(
-        "{} of {} takes failed, {} first; {} says why",
+        "{} of {} failed, {} first; see {}",
         1 + failed.count(),
-        outcomes.len(),
+        count(outcomes.len(), "take"),
         first.scene.display(),
         path.display()
     );

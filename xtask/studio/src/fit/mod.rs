@@ -24,6 +24,7 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
+use crate::messages::count;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use crate::up_axis::up_of;
 use checkpoint::{Checkpoint, Tally};
@@ -239,13 +240,13 @@ pub fn check_frames(
     match frames {
         _ if field.temporal.is_none() => {
             if capture_frames > 1 {
-                eprintln!("note: {name} does not move, and the fit keeps it static");
+                eprintln!("note: {name} does not move, so the fit keeps it static");
             }
             Ok(())
         }
         Some(frames) if frames != capture_frames => Err(Fault::Usage(format!(
-            "{name} is of {frames} frames (duration_s times fps), the capture of {capture_frames}: select its \
-             frames with --frames"
+            "{name} is of {} (duration_s times fps), the capture of {capture_frames}; select its frames with --frames",
+            count(frames, "frame")
         ))),
         _ => Ok(()),
     }

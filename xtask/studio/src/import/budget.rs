@@ -27,11 +27,12 @@ impl Default for ImportLimits {
 pub(super) struct ImportBudget {
     limit: u64,
     left: u64,
+    exceeded: bool,
 }
 
 impl ImportBudget {
     pub(super) fn new(limits: ImportLimits) -> ImportBudget {
-        ImportBudget { limit: limits.max_bytes, left: limits.max_bytes }
+        ImportBudget { limit: limits.max_bytes, left: limits.max_bytes, exceeded: false }
     }
 
     /// Counts `bytes` that are about to be allocated.
@@ -39,16 +40,27 @@ impl ImportBudget {
     /// # Errors
     /// One sentence with both numbers, if the limit is exceeded.
     pub(super) fn spend(&mut self, bytes: u64) -> Result<(), String> {
-        let spent = self.limit - self.left;
-        self.left = self.left.checked_sub(bytes).ok_or_else(|| {
-            format!(
-                "reading it takes {} MB of memory or more, and {} MB is the limit: prune the field with the program \
-                 that made it",
-                spent.saturating_add(bytes).div_ceil(1_000_000),
-                self.limit.div_ceil(1_000_000)
-            )
-        })?;
-        Ok(())
+        match self.left.checked_sub(bytes) {
+            Some(left) => {
+                self.left = left;
+                Ok(())
+            }
+            None => {
+                self.exceeded = true;
+                let needed = (self.limit - self.left).saturating_add(bytes);
+                Err(format!(
+                    "reading it takes {} MB of memory or more, and {} MB is the limit; prune the field with the \
+                     program that made it",
+                    needed.div_ceil(1_000_000),
+                    self.limit.div_ceil(1_000_000)
+                ))
+            }
+        }
+    }
+
+    /// Whether an import failed because of the limit.
+    pub(super) fn is_exceeded(&self) -> bool {
+        self.exceeded
     }
 
     /// Allocates an empty vector with room for `count` elements.

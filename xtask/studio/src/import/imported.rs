@@ -32,7 +32,7 @@ impl Imported {
         let rows = self.field.len();
         match self.repairs.dropped.get(TRUNCATED) {
             Some(&missing) if missing > rows => Err(format!(
-                "truncated payload: the header announces {} Gaussians and the file holds {rows}; get the file again",
+                "truncated payload: the header announces {} Gaussians and the file holds {rows}",
                 rows.saturating_add(missing)
             )),
             _ => Ok(()),

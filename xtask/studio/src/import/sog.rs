@@ -79,11 +79,7 @@ pub(super) fn read_folder(
     let load = |name: &str, budget: &mut ImportBudget| {
         budget.read_file(&folder.join(name)).map_err(|error| format!("{name}: {error}"))
     };
-    let path = folder.join(meta);
-    if meta == "meta.json" && !path.exists() {
-        return Err("a folder without meta.json is not a field (SOG)".into());
-    }
-    let meta = budget.read_file(&path)?;
+    let meta = budget.read_file(&folder.join(meta))?;
     read(&meta, load, budget)
 }
 
@@ -174,10 +170,8 @@ fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
     let version: Version = serde_json::from_slice(bytes).map_err(wrong)?;
     match version.version {
         Some(2) => serde_json::from_slice(bytes).map_err(wrong),
-        Some(version) => {
-            Err(format!("meta.json: SOG version {version}, and only 2 is known: convert it to 2"))
-        }
-        None => Err("it states no SOG version: name the meta.json of one field, or its folder".into()),
+        Some(version) => Err(format!("meta.json: SOG version {version}, and only 2 is known")),
+        None => Err("it states no version of SOG, as the meta.json of a field does".into()),
     }
 }
 

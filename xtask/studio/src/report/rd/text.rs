@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{INSTANTS, SIZE};
+use crate::messages::decimal;
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
 use crate::report::plot::{LineChart, PlotLine, svg};
@@ -101,23 +102,23 @@ fn plot(curve: &Curve) -> anyhow::Result<String> {
 }
 
 /// A column of the tables of points.
-struct Column {
+struct RateColumn {
     /// Heading in the CSV.
     csv: &'static str,
     /// Heading in Markdown.
     markdown: &'static str,
-    value: ColumnValue,
+    value: RateColumnValue,
 }
 
 /// The value of a point in a column.
-enum ColumnValue {
+enum RateColumnValue {
     Text(fn(&RatePoint) -> &'static str),
     /// A number, with its digits after the point in the CSV and in Markdown.
     Number(fn(&RatePoint) -> f64, [usize; 2]),
 }
 
-const fn text(name: &'static str, value: fn(&RatePoint) -> &'static str) -> Column {
-    Column { csv: name, markdown: name, value: ColumnValue::Text(value) }
+const fn text(name: &'static str, value: fn(&RatePoint) -> &'static str) -> RateColumn {
+    RateColumn { csv: name, markdown: name, value: RateColumnValue::Text(value) }
 }
 
 const fn number(
@@ -125,12 +126,12 @@ const fn number(
     markdown: &'static str,
     digits: [usize; 2],
     value: fn(&RatePoint) -> f64,
-) -> Column {
-    Column { csv, markdown, value: ColumnValue::Number(value, digits) }
+) -> RateColumn {
+    RateColumn { csv, markdown, value: RateColumnValue::Number(value, digits) }
 }
 
 /// The columns of all tables of points, in their order.
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [RateColumn; 12] = [
     number("budget", "Gaussians", [0, 0], |p| p.budget as f64),
     text("row", |p| p.row.name()),
     text("ranking", |p| p.ranking),
@@ -145,20 +146,22 @@ const COLUMNS: [Column; 12] = [
     number("bytes_per_gaussian", "B/G", [4, 1], |p| p.bytes_per_gaussian),
 ];
 
-impl Column {
+impl RateColumn {
     /// The cell of a point: in the CSV, and in Markdown.
     fn cells(&self, point: &RatePoint) -> [String; 2] {
         match self.value {
-            ColumnValue::Text(value) => [value(point); 2].map(str::to_owned),
-            ColumnValue::Number(value, digits) => digits.map(|digits| format!("{:.digits$}", value(point))),
+            RateColumnValue::Text(value) => [value(point); 2].map(str::to_owned),
+            RateColumnValue::Number(value, digits) => {
+                digits.map(|digits| format!("{:.digits$}", value(point)))
+            }
         }
     }
 
     /// The alignment of the column in Markdown.
     fn alignment(&self) -> &'static str {
         match self.value {
-            ColumnValue::Text(_) => "---",
-            ColumnValue::Number(..) => "--:",
+            RateColumnValue::Text(_) => "---",
+            RateColumnValue::Number(..) => "--:",
         }
     }
 }
@@ -198,7 +201,8 @@ fn caption(fields: &[FieldRd]) -> String {
     );
     for field in fields {
         let assumed = if field.duration_assumed { " (assumed)" } else { "" };
-        let FieldRd { field, gaussians, duration_s, features, coder, .. } = field;
+        let duration_s = decimal(f64::from(field.duration_s), 3);
+        let FieldRd { field, gaussians, features, coder, .. } = field;
         let _ = writeln!(text, "| {field} | {gaussians} | {duration_s} s{assumed} | {features} | {coder} |");
     }
     let (width, height) = SIZE;
