@@ -67,8 +67,8 @@ fn other_formats_keep_the_metadata_that_they_can_hold() {
 /// Values at the limits of what a field may hold.
 #[test]
 fn our_own_exports_need_no_repair() {
-    let extreme = |dynamic: bool| {
-        let mut field = field(60, 1, dynamic.then_some(3), true);
+    let extreme = |is_dynamic: bool| {
+        let mut field = field(60, 1, is_dynamic.then_some(3), true);
         for (i, scales) in field.log_scales.iter_mut().enumerate() {
             *scales = [[-40.0, 0.0, 30.0], [-18.0, -17.0, -16.0], [10.0, 11.5, -3.0]][i % 3];
         }
@@ -88,13 +88,13 @@ fn our_own_exports_need_no_repair() {
         field.check().expect("a valid field");
         field
     };
-    let (moving, still) = (extreme(true), extreme(false));
+    let (dynamic, constant) = (extreme(true), extreme(false));
     for (name, rows, bytes) in [
-        ("field.ply", moving.len(), field_file(&moving, &info())),
-        ("a.splatv", moving.len(), splatv(&moving, &info())),
-        ("still.splatv", still.len(), splatv(&still, &info())),
-        ("a.ply", still.len(), static_ply(&still, Some(&info()))),
-        ("a.spz", still.len(), spz(&still, info().up)),
+        ("field.ply", dynamic.len(), field_file(&dynamic, &info())),
+        ("a.splatv", dynamic.len(), splatv(&dynamic, &info())),
+        ("still.splatv", constant.len(), splatv(&constant, &info())),
+        ("a.ply", constant.len(), static_ply(&constant, Some(&info()))),
+        ("a.spz", constant.len(), spz(&constant, info().up)),
     ] {
         let imported = import_bytes(name, &bytes).expect("our own file");
         assert!(imported.repairs.is_empty(), "{name}: {}", imported.repairs);

@@ -9,7 +9,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use codec::Field;
-use studio::export::{field_file, splatv, static_ply};
+use refine::capture::Holdout;
+use studio::export::{field_file, fitted_field_file, splatv, static_ply};
+use studio::import::import;
 use support::{field, info};
 use tempfile::TempDir;
 use tool::aarc_studio;
@@ -138,8 +140,8 @@ fn workshop() -> TempDir {
     let folder = small_stage::stage();
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     let write = |name: &str, bytes: &[u8]| fs::write(path(name), bytes).unwrap();
-    let moving = field_file(&field(40, 0, Some(1), false), &info());
-    write("field.ply", &moving);
+    let dynamic = field_file(&field(40, 0, Some(1), false), &info());
+    write("field.ply", &dynamic);
     let package = ["package", "field.ply", "-o", "clip.aarc", "--coder", "fixed"];
     assert_eq!(aarc_studio(folder.path(), &package).code, Some(0));
     let clip = fs::read(path("clip.aarc")).unwrap();
@@ -152,12 +154,12 @@ fn workshop() -> TempDir {
     write("version.aarc", &version);
     ["bare", "two", "keys", "moving"].iter().for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");
-    write("two/a.ply", &moving);
-    write("two/b.ply", &moving);
-    write("keys/field.ply", &moving);
+    write("two/a.ply", &dynamic);
+    write("two/b.ply", &dynamic);
+    write("keys/field.ply", &dynamic);
     write("keys/scene.json", br#"{"colour": 1}"#);
-    write("moving/field.ply", &moving);
-    write("moving/plate.ply", &moving);
+    write("moving/field.ply", &dynamic);
+    write("moving/plate.ply", &dynamic);
     write("noise", b"this is not what you are looking for");
     write("empty", b"");
     write("empty.txt", b"# none\n");
@@ -221,4 +223,28 @@ fn every_failure_says_what_where_and_what_to_do() {
         }
     }
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), FAILURES.len(), wrong.join("\n"));
+}
+
+#[test]
+fn exports_say_in_one_line_what_they_lose() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = fitted_field_file(&field(40, 1, Some(2), true), &info(), Holdout::Odd);
+    fs::write(folder.path().join("field.ply"), bytes).unwrap();
+    let mut args = vec!["export", "field.ply"];
+    let mut export = |more: &[&'static str]| {
+        args.truncate(2);
+        args.extend(more);
+        let outcome = aarc_studio(folder.path(), &args);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        outcome.stderr
+    };
+    let lost = "note: a.splatv does not hold view-dependent colour (SH above degree 0)\n";
+    assert_eq!(export(&["--splatv", "-o", "a.splatv"]), lost);
+    let lost =
+        "note: a.spz does not hold the up axis, metres per unit, viewpoints, duration and frame rate\n";
+    assert_eq!(export(&["--spz", "--at", "0.5", "-o", "a.spz"]), lost);
+    assert_eq!(export(&["--ply", "--at", "0.5", "-o", "a.ply"]), "");
+    assert_eq!(export(&["--ply", "-o", "whole.ply"]), "");
+    let hints = import(&folder.path().join("whole.ply")).unwrap().hints;
+    assert_eq!((hints.holdout, hints.viewpoints), (Some(Holdout::Odd), info().viewpoints));
 }

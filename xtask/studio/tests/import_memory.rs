@@ -75,17 +75,17 @@ fn spz_head(version: u32, rows: u32) -> Vec<u8> {
 #[test]
 fn memory_is_bounded() {
     const ROWS: usize = 20_000;
-    let (still, moving) = (field(ROWS, 3, None, false), field(ROWS, 0, Some(3), true));
-    let mut dirty = static_ply(&still, None);
+    let (constant, dynamic) = (field(ROWS, 3, None, false), field(ROWS, 0, Some(3), true));
+    let mut dirty = static_ply(&constant, None);
     let start = dirty.len() - 248 * ROWS;
     dirty[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     for (name, bytes) in [
-        ("field.ply", field_file(&moving, &info())),
-        ("static.ply", static_ply(&still, None)),
+        ("field.ply", field_file(&dynamic, &info())),
+        ("static.ply", static_ply(&constant, None)),
         ("dirty.ply", dirty),
         ("ascii.ply", ascii_ply(ROWS)),
-        ("a.splatv", splatv(&moving, &info())),
-        ("a.spz", spz(&still, [0.0, 1.0, 0.0])),
+        ("a.splatv", splatv(&dynamic, &info())),
+        ("a.spz", spz(&constant, [0.0, 1.0, 0.0])),
         ("a.splat", [0, 0, 0, 64].repeat(8 * ROWS)),
         ("a.sog", sog(ROWS)),
     ] {
