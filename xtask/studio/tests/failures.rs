@@ -32,6 +32,7 @@ const FAILURES: &[Failure] = &[
         "bare: no capture: it has no capture.json, intri.yml",
         "xtask/CAPTURE.md describes them",
     ),
+    ("fit manifest", DATA, "manifest/capture.json: missing field", "xtask/CAPTURE.md describes the layout"),
     ("fit stage -o field.aarc", USAGE, "cannot write field.aarc", "ends in .ply; name it so"),
     ("fit stage -o no/field.ply", USAGE, "cannot write no/field.ply", "make it first"),
     ("fit stage --frames 3..9", USAGE, "--frames 3..9: the capture has 0..5", "choose frames of those"),
@@ -152,8 +153,9 @@ fn workshop() -> TempDir {
     let mut version = clip;
     version[4] = 99;
     write("version.aarc", &version);
-    ["bare", "two", "keys", "moving"].iter().for_each(|name| fs::create_dir(path(name)).unwrap());
+    ["bare", "two", "keys", "moving", "manifest"].iter().for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");
+    write("manifest/capture.json", b"{}");
     write("two/a.ply", &dynamic);
     write("two/b.ply", &dynamic);
     write("keys/field.ply", &dynamic);

@@ -494,6 +494,7 @@ fn errors_of_bad_files_name_the_problem() {
     );
     expect("a.ply", &ascii_ply(INRIA, &["0 0 0 0 0 0 0 0 0 0 0 x 0 0"]), &["row 0", "rot_1"]);
     expect("a.splatv", b"\x4b\x67\0\0\xff\0\0\0[]", &["truncated", "header"]);
+    expect("a.splatv", b"\x4b\x67\0\0\xff\xff\xff\xff[]", &["header of 4294967295 bytes"]);
     expect("a.splatv", b"\x4b\x67\0\0\x02\0\0\0[]", &["splat"]);
     expect("a.spz", b"NGSP\x09\0\0\0\0\0\0\0\0\0\0\0", &["version 9"]);
     expect("a.spz", b"NGSP\x02\0\0\0\xff\xff\xff\xff\0\0\0\0", &["4294967295"]);

@@ -108,6 +108,14 @@ fn memory_is_bounded() {
         assert!(imported.unwrap() > ROWS - 2 && peak > 44 * ROWS, "{name}: the allocator does not count");
     }
 
+    // A header whose numbers would take 32 bytes each.
+    let header = format!(r#"[{{"type": "splat", "size": 64, "cameras": [{}1]}}]"#, "1,".repeat(2 << 20));
+    let length = (header.len() as u32).to_le_bytes();
+    let long = [&[0x4b, 0x67, 0, 0][..], &length, header.as_bytes(), &[0; 64]].concat();
+    let (imported, peak) = peak_of("long.splatv", &long, ImportLimits::default().max_bytes);
+    assert!(imported.unwrap_err().contains("a header of"));
+    assert!(peak < long.len() + UNCOUNTED_BYTES, "{peak}");
+
     // A bomb by gzip, whose rows are there: 400,000 Gaussians in 26 kB.
     let mut bomb = GzEncoder::new(Vec::new(), Compression::best());
     bomb.write_all(&spz_head(3, 400_000)).unwrap();

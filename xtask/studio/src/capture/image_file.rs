@@ -95,6 +95,11 @@ pub(super) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
     Fault::Data(format!("{}: {problem}", path.display()))
 }
 
+/// The fault of a calibration or a depth map that is not as `xtask/CAPTURE.md` describes it.
+pub(super) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault {
+    bad(path, format!("{problem}; xtask/CAPTURE.md describes the layout"))
+}
+
 pub(super) fn read_text(path: &Path) -> Result<String, Fault> {
     std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
 }

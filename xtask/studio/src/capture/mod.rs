@@ -18,7 +18,7 @@ use refine::capture::CalibratedCamera;
 pub use capture_files::CaptureFiles;
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
-use image_file::bad;
+use image_file::{bad, bad_layout};
 pub use image_file::{find_image, read_picture};
 
 use crate::messages::unreadable;
@@ -53,7 +53,7 @@ impl CaptureFiles {
             )));
         };
         for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
-            camera.check().map_err(|problem| bad(folder, format!("camera {name}: {problem}")))?;
+            camera.check().map_err(|problem| bad_layout(folder, format!("camera {name}: {problem}")))?;
             if camera.width.max(camera.height) > SIDE_MAX {
                 let size = format!("{}x{}", camera.width, camera.height);
                 let what = format!(

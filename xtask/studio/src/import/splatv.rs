@@ -34,6 +34,9 @@ use crate::up_axis::up_of;
 /// Up in the axes of COLMAP, which fits of Spacetime Gaussians keep.
 const UP: [f32; 3] = [0.0, -1.0, 0.0];
 
+/// Longest header: parsed JSON takes many times its text.
+const HEADER_MAX: u32 = 1 << 20;
+
 /// Bytes per Gaussian.
 pub(crate) const ROW: usize = 64;
 
@@ -163,8 +166,11 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
 fn splat_chunk(bytes: &[u8]) -> Result<(Chunk, &[u8]), String> {
     let word =
         |k: usize| bytes.get(k..k + 4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-    let header =
-        word(4).and_then(|length| bytes.get(8..8 + length as usize)).ok_or("truncated in its header")?;
+    let length = word(4).ok_or("truncated in its header")?;
+    if length > HEADER_MAX {
+        return Err(format!("a header of {length} bytes, and {HEADER_MAX} are the most"));
+    }
+    let header = bytes.get(8..8 + length as usize).ok_or("truncated in its header")?;
     let chunks: Vec<Chunk> = serde_json::from_slice(header).map_err(|error| format!("header: {error}"))?;
     let mut rest = &bytes[8 + header.len()..];
     for chunk in chunks {
