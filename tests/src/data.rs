@@ -13,19 +13,34 @@ pub fn path(name: &str) -> Option<PathBuf> {
     path.exists().then_some(path)
 }
 
+/// A test that needs a data file: ignored if it is missing.
+pub fn cpu_trial(
+    name: &str,
+    data: &'static str,
+    test: impl FnOnce(PathBuf) -> Result<(), String> + Send + 'static,
+) -> Trial {
+    with_file(name, data, move |path| test(path).map(|()| Completion::Completed).map_err(Failed::from))
+}
+
 /// A test that needs a device and a data file: ignored if either is missing.
 pub fn trial(
     name: &str,
     data: &'static str,
     test: impl FnOnce(&'static Gpu, PathBuf) -> Result<(), String> + Send + 'static,
 ) -> Trial {
-    Trial::ignorable_test(name, move || {
-        let Some(path) = path(data) else {
-            return Ok(Completion::ignored_with(format!("../shared/data/{data} is not there")));
-        };
-        match device(Passes::Shared) {
-            Ok(gpu) => test(gpu, path).map(|()| Completion::Completed).map_err(Failed::from),
-            Err(fault) => Ok(Completion::ignored_with(fault)),
-        }
+    with_file(name, data, move |path| match device(Passes::Shared) {
+        Ok(gpu) => test(gpu, path).map(|()| Completion::Completed).map_err(Failed::from),
+        Err(fault) => Ok(Completion::ignored_with(fault)),
+    })
+}
+
+fn with_file(
+    name: &str,
+    data: &'static str,
+    test: impl FnOnce(PathBuf) -> Result<Completion, Failed> + Send + 'static,
+) -> Trial {
+    Trial::ignorable_test(name, move || match path(data) {
+        Some(path) => test(path),
+        None => Ok(Completion::ignored_with(format!("../shared/data/{data} is not there"))),
     })
 }

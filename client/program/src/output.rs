@@ -4,7 +4,7 @@
 //! incomplete file, and a file that was there before stays until the new one is complete. Links are
 //! followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -63,6 +63,30 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
+/// Writes `bytes` to `path` as [`write`] does, so that a power loss right after leaves the whole file there.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason.
+pub fn write_durable(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
+    write_synced(path, bytes, |file| file.sync_all())
+}
+
+/// Writes `bytes` to a temporary file and syncs it before it gets its name, so that the name never stands for
+/// less; then syncs the folder, which holds the name.
+fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()>) -> Result<(), Fault> {
+    if is_special(path) {
+        return write(path, bytes);
+    }
+    let (mut file, target) = temporary(path)?;
+    let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
+    file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| cannot_write(path, error))?;
+    file.persist(target).map_err(|error| cannot_write(path, error.error))?;
+    // Other systems cannot open a folder, and write names through.
+    #[cfg(unix)]
+    File::open(folder).and_then(|folder| sync(&folder)).map_err(|error| cannot_write(path, error))?;
+    Ok(())
+}
+
 /// Writes a PNG to `path`. `rgb` holds 3 bytes for each of `width * height` pixels.
 ///
 /// # Errors
@@ -103,7 +127,14 @@ fn temporary_in(folder: &Path, path: &Path) -> Result<NamedTempFile, Fault> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, error))
+    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, without_name(&error)))
+}
+
+/// The reason of an error of `tempfile`, which adds the name of its file to the text; no user knows that file.
+fn without_name(error: &io::Error) -> String {
+    let text = error.to_string();
+    let reason = text.rsplit_once(" at path ").map_or(text.as_str(), |(reason, _)| reason);
+    format!("{reason}; name another place")
 }
 
 /// The path that `path` leads to by links, whether or not there is something.
@@ -184,6 +215,30 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_durable_file_is_synced_before_its_name_and_its_folder_after() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        write_durable(&path, b"old").unwrap();
+        let synced = std::cell::RefCell::new(Vec::new());
+        let sync = |file: &File| {
+            let visible = std::fs::read(&path).unwrap();
+            synced.borrow_mut().push((file.metadata()?.is_dir(), file.metadata()?.len(), visible));
+            Ok(())
+        };
+        write_synced(&path, b"newer", sync).unwrap();
+        let synced = synced.into_inner();
+        assert_eq!(synced.len(), 2, "{synced:?}");
+        assert_eq!(synced[0], (false, 5, b"old".to_vec()));
+        assert_eq!((synced[1].0, &synced[1].2), (true, &b"newer".to_vec()));
+        // A file that cannot be synced does not replace the old one.
+        let full = |_: &File| Err(std::io::Error::other("no space"));
+        assert!(write_synced(&path, b"newest", full).unwrap_err().to_string().contains("no space"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"newer");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
     #[test]
     fn paths_that_cannot_be_written_are_usage_errors() {
         let folder = tempfile::tempdir().unwrap();
@@ -196,6 +251,18 @@ mod tests {
         usage(check_folder(&file));
         usage(check_folder(&file.join("a/b")));
         usage(make_folder(&file.join("a")));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn errors_do_not_name_the_temporary_file() {
+        // Not even root makes files there.
+        let error = check(Path::new("/proc/a")).unwrap_err().to_string();
+        assert!(
+            error.starts_with("cannot write /proc/a: ") && error.ends_with("; name another place"),
+            "{error}"
+        );
+        assert!(!error.contains(".writing-"), "{error}");
     }
 
     #[test]

@@ -112,7 +112,7 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     let frozen = Workload::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
     let played = clip.merged();
     let splatv = export::splatv(&played, info);
-    let ply = export::static_ply(&export::frozen(&played, INSTANT));
+    let ply = export::static_ply(&export::frozen(&played, INSTANT), None);
     let coded = created(&args.out.join("coding"))?;
     let [dynamic_folder, frozen_folder] = [("moving", &dynamic), ("frozen", &frozen)].map(|(name, work)| {
         let folder = created(&args.out.join(name))?;

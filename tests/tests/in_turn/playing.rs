@@ -104,7 +104,7 @@ fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
         ("SH of degree 2", COUNT * 4 * (sh_words(2) - sh_words(1))),
         ("SH of degree 3", COUNT * 4 * (sh_words(3) - sh_words(1))),
         ("motion of power 3", dynamic_count * 4 * (words(3, true) - words(2, true))),
-        ("temporal columns of still Gaussians", static_count * 4 * words(2, true)),
+        ("temporal columns of static Gaussians", static_count * 4 * words(2, true)),
     ] {
         let feature = feature(&playing, name)?;
         let saves = saved(feature, "gpu_bytes")?;
@@ -134,7 +134,7 @@ fn a_static_clip(gpu: &'static Gpu) -> Result<(), String> {
         absent.iter().all(|name| parameter(&playing, name).is_err()),
     )?;
     let words = shaders::Motion { order: 0, rotates: false }.words();
-    let windows = feature(&playing, "temporal columns of still Gaussians")?;
+    let windows = feature(&playing, "temporal columns of static Gaussians")?;
     expect("windows are left out", saved(windows, "gpu_bytes")? == (COUNT * 4 * words) as f64)?;
     expect("and their binding", saved(windows, "bindings")? == 1.0)?;
     for degree in 1..=3 {

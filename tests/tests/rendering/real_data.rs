@@ -1,8 +1,8 @@
-//! The GPU on other people's data: forward renders of gsplat, the rasteriser that fits most fields, and
-//! a real fitted field, packaged and played.
+//! Both renderers on data of others: forward renders of gsplat, the rasteriser that fits most fields, and a real
+//! fitted field, packaged and played.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use aarc_tests::data;
@@ -19,50 +19,78 @@ use studio::package::{self, package};
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
+    const TINY: &str = "raster-reference/brush/tiny_case.safetensors";
+    const BASIC: &str = "raster-reference/brush/basic_case.safetensors";
     vec![
-        data::trial("gsplat, tiny case", "raster-reference/brush/tiny_case.safetensors", gsplat),
-        data::trial("gsplat, basic case", "raster-reference/brush/basic_case.safetensors", gsplat),
+        data::cpu_trial("gsplat by the reference, tiny case", TINY, gsplat_by_reference),
+        data::cpu_trial("gsplat by the reference, basic case", BASIC, gsplat_by_reference),
+        data::trial("gsplat, tiny case", TINY, gsplat_by_gpu),
+        data::trial("gsplat, basic case", BASIC, gsplat_by_gpu),
         data::trial("spinach, 40,000 Gaussians", "spacetime-spinach/spinach_4.splatv", spinach),
     ]
 }
 
+/// A field of gsplat's tests, and its image by gsplat.
+struct GsplatCase {
+    name: String,
+    field: Field,
+    camera: Camera,
+    expected: Image,
+}
+
+impl GsplatCase {
+    fn read(path: &Path) -> Result<GsplatCase, String> {
+        let bytes = fs::read(path).map_err(|error| error.to_string())?;
+        let file = SafeTensors::deserialize(&bytes).map_err(|error| error.to_string())?;
+        let (shape, expected) = floats(&file, "out_img");
+        let (width, height) = (shape[1] as u32, shape[0] as u32);
+        let pixels = expected.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f64::from)).collect();
+        let field = Field {
+            centers: rows(&file, "means"),
+            rotations: rows(&file, "quats").into_iter().map(normalized).collect(),
+            log_scales: rows(&file, "scales"),
+            opacities: floats(&file, "opacities").1.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
+            sh_degree: floats(&file, "coeffs").0[1].isqrt() as u8 - 1,
+            sh: rows(&file, "coeffs"),
+            temporal: None,
+        };
+        field.check()?;
+        let (w, h) = (f64::from(width), f64::from(height));
+        let camera = Camera {
+            width,
+            height,
+            k: [[0.5 * w, 0.0, 0.5 * w], [0.0, 0.5 * w, 0.5 * h], [0.0, 0.0, 1.0]],
+            camera_from_world: [
+                [1.0, 0.0, 0.0, -0.123],
+                [0.0, 1.0, 0.0, -0.456],
+                [0.0, 0.0, 1.0, 8.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+        };
+        let name = path.file_stem().expect("it is a file").to_string_lossy().into_owned();
+        Ok(GsplatCase { name, field, camera, expected: Image { width, height, pixels } })
+    }
+}
+
+/// Pins the conventions of the reference renderer: its images are gsplat's to 1e-5.
+fn gsplat_by_reference(path: PathBuf) -> Result<(), String> {
+    let GsplatCase { name, field, camera, expected } = GsplatCase::read(&path)?;
+    let image = render(&RenderScene::from(&field), &camera, 0.0, Order::Depth);
+    let pairs = image.pixels.iter().flatten().zip(expected.pixels.iter().flatten());
+    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("gsplat {name}: {} Gaussians, largest difference {worst:.2e}", field.len());
+    if !expected.pixels.iter().flatten().any(|c| *c > 0.5) {
+        return Err(format!("{name} is black"));
+    }
+    if worst > 1e-5 { Err(format!("{name}: {worst}")) } else { Ok(()) }
+}
+
 /// The tolerance is for the GPU's records, which round scales and colours to 16 bits.
-fn gsplat(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
-    let bytes = fs::read(&path).map_err(|error| error.to_string())?;
-    let file = SafeTensors::deserialize(&bytes).map_err(|error| error.to_string())?;
-    let (shape, expected) = floats(&file, "out_img");
-    let (width, height) = (shape[1] as u32, shape[0] as u32);
-    let expected = Image {
-        width,
-        height,
-        pixels: expected.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f64::from)).collect(),
-    };
-    let field = Field {
-        centers: rows(&file, "means"),
-        rotations: rows(&file, "quats").into_iter().map(normalized).collect(),
-        log_scales: rows(&file, "scales"),
-        opacities: floats(&file, "opacities").1.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
-        sh_degree: floats(&file, "coeffs").0[1].isqrt() as u8 - 1,
-        sh: rows(&file, "coeffs"),
-        temporal: None,
-    };
-    field.check()?;
-    let (w, h) = (f64::from(width), f64::from(height));
-    let camera = Camera {
-        width,
-        height,
-        k: [[0.5 * w, 0.0, 0.5 * w], [0.0, 0.5 * w, 0.5 * h], [0.0, 0.0, 1.0]],
-        camera_from_world: [
-            [1.0, 0.0, 0.0, -0.123],
-            [0.0, 1.0, 0.0, -0.456],
-            [0.0, 0.0, 1.0, 8.0],
-            [0.0, 0.0, 0.0, 1.0],
-        ],
-    };
+fn gsplat_by_gpu(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
+    let GsplatCase { name, field, camera, expected } = GsplatCase::read(&path)?;
     let images =
         gpu::draw(gpu, &unpackaged(field), &[camera], 0.0, &RenderSettings::default(), ChannelDepth::Sixteen);
     let images = images.map_err(|fault| fault.to_string())?;
-    let name = path.file_stem().expect("it is a file").to_string_lossy();
     let tolerance = Tolerance { max_diff: 1.0, diff_pixels: 20, psnr: 55.0 };
     println!("gsplat {name}: {}", check(&format!("gsplat {name}"), &images[0], &expected, tolerance)?);
     Ok(())

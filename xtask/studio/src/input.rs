@@ -1,6 +1,5 @@
 //! [`Input`]: the input of a command, a package or a scene.
 
-use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
@@ -9,6 +8,7 @@ use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
 use refine::capture::Holdout;
 use refine::reference;
 
+use crate::messages::{bad_package, decimal, unreadable};
 use crate::scene::{Scene, frames_of};
 use program::Fault;
 
@@ -36,12 +36,12 @@ impl Input {
     pub fn load(path: &Path) -> anyhow::Result<Input> {
         if is_package(path) {
             let clip = codec::decode(&read_package(path)?, &Limits::default());
-            return Ok(Input::Package(Box::new(clip.map_err(|error| bad(path, &error))?)));
+            return Ok(Input::Package(Box::new(clip.map_err(|error| bad_package(path, &error))?)));
         }
         let scene = Scene::load(path)?;
-        for imported in std::iter::once(&scene.subject).chain(&scene.plate) {
-            if !imported.repairs.is_empty() {
-                eprintln!("note: {}", imported.repairs);
+        for (part, imported) in [("", Some(&scene.subject)), (" (plate)", scene.plate.as_ref())] {
+            if let Some(imported) = imported.filter(|imported| !imported.repairs.is_empty()) {
+                eprintln!("note: {}{part}: {}", path.display(), imported.repairs);
             }
         }
         Ok(Input::Scene(Box::new(scene)))
@@ -127,7 +127,7 @@ impl Input {
             None => {
                 let known = viewpoints.iter().enumerate().map(|(i, v)| format!("{i} \"{}\"", v.name));
                 let known = known.collect::<Vec<_>>().join(", ");
-                Err(Fault::Usage(format!("there is no viewpoint \"{name}\": there are {known}")))
+                Err(Fault::Usage(format!("--view {name}: there is no such viewpoint; there are {known}")))
             }
         }
     }
@@ -142,7 +142,10 @@ pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fau
     let duration = f64::from(info.duration_s);
     let slack = if info.fps > 0.0 { 0.5 / f64::from(info.fps) } else { 0.0 };
     if !(0.0..=duration + slack).contains(&seconds) {
-        return Err(Fault::Usage(format!("{option} {seconds}: the clip runs from 0 to {duration} s")));
+        let duration = decimal(duration, 3);
+        return Err(Fault::Usage(format!(
+            "{option} {seconds}: choose a time in the clip, from 0 to {duration} s"
+        )));
     }
     Ok((seconds / duration).min(1.0))
 }
@@ -152,14 +155,15 @@ pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fau
 /// # Errors
 /// [`Fault::Data`] if the file cannot be read or is larger than a package can be.
 pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
-    let metadata = fs::metadata(path).map_err(|error| bad(path, &error))?;
+    let bad = |what: &str| Fault::Data(format!("{}: {what}", path.display()));
+    let metadata = fs::metadata(path).map_err(|error| unreadable(path, &error))?;
     if !metadata.is_file() {
-        return Err(bad(path, &"not a file"));
+        return Err(bad("not a file; name a package (.aarc)"));
     }
     if metadata.len() > PACKAGE_BYTES_MAX {
-        return Err(bad(path, &"larger than a package can be (4 GiB)"));
+        return Err(bad("larger than a package can be (4 GiB); name a package (.aarc)"));
     }
-    fs::read(path).map_err(|error| bad(path, &error))
+    fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
 /// Number of bytes of a package up to the end of layer `layer`, counted from 0.
@@ -177,10 +181,6 @@ pub fn is_package(path: &Path) -> bool {
     path.is_file()
         && File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
         && magic == PACKAGE_MAGIC
-}
-
-fn bad(path: &Path, what: &dyn Display) -> Fault {
-    Fault::Data(format!("{}: {what}", path.display()))
 }
 
 #[cfg(test)]

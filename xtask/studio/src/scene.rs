@@ -20,7 +20,6 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
@@ -28,6 +27,7 @@ use program::Fault;
 use serde::Deserialize;
 
 use crate::import::{FORMATS, Hints, Imported, Repairs, import};
+use crate::messages::unreadable;
 
 /// Default duration in seconds: clip time then equals seconds.
 pub const DEFAULT_DURATION_S: f32 = 1.0;
@@ -147,7 +147,9 @@ impl Scene {
             ),
             viewpoints,
         };
-        let fault = |(field, value)| Fault::Data(format!("{}: bad {field}: {value}", source.display()));
+        let fault = |(field, value)| {
+            Fault::Data(format!("{}: bad {field}: {value}; set another in scene.json", source.display()))
+        };
         info.check().map_err(fault)?;
         Ok(Scene { name, subject, plate, info, assumed })
     }
@@ -200,7 +202,8 @@ impl Overrides {
     fn load(path: &Path) -> Result<Overrides, Fault> {
         let text = fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
         let fault = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-        let overrides: Overrides = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+        let overrides: Overrides = serde_json::from_str(&text)
+            .map_err(|error| fault(format!("{error}; `package --help` shows its keys")))?;
         overrides.check().map_err(fault)?;
         Ok(overrides)
     }
@@ -283,7 +286,7 @@ impl From<ViewpointEntry> for Viewpoint {
 fn load_plate(path: &Path) -> anyhow::Result<Imported> {
     let plate = import(path)?;
     if plate.field.temporal.is_some() {
-        let what = "a background plate must be static, but this field moves or fades";
+        let what = "a background plate must be static, but this field moves or fades; export one instant of it with `export --at`";
         return Err(Fault::Data(format!("{}: {what}", path.display())).into());
     }
     Ok(plate)
@@ -309,11 +312,12 @@ fn field_in<'a>(folder: &Path, names: &'a [String]) -> Result<&'a str, Fault> {
     match fields[..] {
         [field] => Ok(field),
         [] if names.iter().any(|name| is_capture_name(name)) => fault(format!(
-            "no field in {folder}, only a capture: run `cargo xtask fit {folder}` first, or put a fitted \
-             field there ({FORMATS})"
+            "no field in {folder}, only a capture; run `fit {folder}` first, or put a fitted field there ({FORMATS})"
         )),
-        [] => fault(format!("no field in {folder}: a field is a file of one of these formats: {FORMATS}")),
-        _ => fault(format!("{folder} holds several fields, name one of them: {}", fields.join(", "))),
+        [] => {
+            fault(format!("no field in {folder}; put one there, a file of one of these formats: {FORMATS}"))
+        }
+        _ => fault(format!("{folder} holds several fields; name one of them: {}", fields.join(", "))),
     }
 }
 
@@ -374,10 +378,6 @@ fn name_of_folder(folder: &Path) -> String {
     let folder = if folder == Path::new("") { Path::new(".") } else { folder };
     let absolute: PathBuf = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     absolute.file_name().map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
-}
-
-fn unreadable(path: &Path, error: &io::Error) -> Fault {
-    Fault::Data(format!("{}: {error}", path.display()))
 }
 
 fn normalized(v: [f32; 3]) -> Option<[f32; 3]> {

@@ -53,7 +53,10 @@ impl Studio {
     }
 
     fn eval(&self) -> Outcome {
-        aarc_studio(self.folder(), &["eval", "field.ply", "--capture", "capture", "--json"])
+        aarc_studio(
+            self.folder(),
+            &["eval", "field.ply", "--capture", "capture", "--holdout", "odd", "--json"],
+        )
     }
 
     fn splits(&self) -> Value {

@@ -169,8 +169,9 @@ fn write_colmap(folder: &Path, binary: bool) {
 /// The field against its own photographs: what is left is their rounding.
 #[track_caller]
 fn assert_exact(folder: &Path, expected: &[(&str, u64)]) {
-    let splits =
-        aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json"]).json()["splits"].clone();
+    let splits = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--holdout", "odd", "--json"])
+        .json()["splits"]
+        .clone();
     let names: Vec<(&str, u64)> = expected.to_vec();
     for (name, images) in &names {
         assert_eq!(splits[name]["images"], *images, "{splits}");
@@ -259,7 +260,7 @@ fn baselines_predict_held_frames() {
     write_manifest(folder, |_| ());
     freeze(folder, &field, "first", 0.0);
     let eval = |subject: &str, more: &[&str]| {
-        aarc_studio(folder, &[&["eval", subject, "--capture", "."], more].concat())
+        aarc_studio(folder, &[&["eval", subject, "--capture", ".", "--holdout", "odd"], more].concat())
     };
     let json = eval("field.ply", &["--baselines", "--json"]).json();
     let first = eval("first", &["--json"]).json();
@@ -299,7 +300,7 @@ fn several_scenes_have_a_mean_and_a_deviation() {
     assert_eq!((first, last), (None, None));
     let here = tempdir().unwrap();
     let args = ["eval", &subjects[0], &subjects[1], "--capture", folders[0], "--capture", folders[1]];
-    let run = |more: &[&str]| aarc_studio(here.path(), &[&args[..], more].concat());
+    let run = |more: &[&str]| aarc_studio(here.path(), &[&args[..], &["--holdout", "odd"], more].concat());
     let json = run(&["--json", "-o", "out"]).json();
     assert_eq!(json["scenes"].as_object().unwrap().len(), 2);
     let held = &json["splits"]["interp_b"];
@@ -394,7 +395,8 @@ fn a_field_is_rendered_between_frames_and_from_new_viewpoints() {
     let (folder, _) = stage();
     let folder = folder.path();
     write_manifest(folder, |_| ());
-    let json = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--json", "-o", "out"]).json();
+    let args = ["eval", "field.ply", "--capture", ".", "--holdout", "odd", "--json", "-o", "out"];
+    let json = aarc_studio(folder, &args).json();
     assert!(json.get("ladder").is_none(), "a field has no layers");
     // From frame 0 to frame 2, which are fitted to: nine columns, of which three were photographed.
     let quarters = picture(&folder.join("out/quarter_frames.png"));
@@ -437,7 +439,14 @@ fn a_package_is_judged_layer_by_layer() {
         "--no-floor",
     ];
     assert_eq!(aarc_studio(folder, &args).code, Some(0));
-    let json = aarc_studio(folder, &["eval", "clip.aarc", "--capture", ".", "--json", "-o", "out"]).json();
+    let args = ["eval", "clip.aarc", "--capture", ".", "--json", "-o", "out"];
+    let unrecorded = aarc_studio(folder, &args);
+    let note =
+        "note: clip.aarc: a package records no holdout, so no frame counts as held out; --holdout names";
+    assert_eq!(unrecorded.stderr.matches(note).count(), 1, "{}", unrecorded.stderr);
+    let json = unrecorded.json();
+    assert_eq!((&json["holdout"], &json["splits"]["interp_b"]), (&"none".into(), &Value::Null));
+    let json = aarc_studio(folder, &[&args[..], &["--holdout", "odd"]].concat()).json();
     let prefixes = &json["ladder"];
     // The held camera in the held frame.
     assert_eq!((&prefixes["split"], &prefixes["images"]), (&"interp_a".into(), &1.into()));

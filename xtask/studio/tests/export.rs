@@ -2,9 +2,10 @@
 
 mod support;
 
-use codec::{ALPHA_MIN, Field};
-use studio::export::{field_file, frozen, splatv, spz, static_ply};
-use studio::import::import;
+use codec::{ALPHA_MIN, ClipInfo, Field};
+use refine::capture::Holdout;
+use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
+use studio::import::{Hints, import};
 use support::{assert_close, assert_same_rotations, field, import_bytes, info};
 
 #[test]
@@ -26,6 +27,78 @@ fn field_file_is_lossless() {
         assert_eq!(hints.up, Some(info.up));
         assert_eq!(hints.metres_per_unit, Some(info.metres_per_unit));
         assert_eq!(hints.viewpoints, info.viewpoints);
+    }
+}
+
+#[test]
+fn a_fitted_field_file_records_its_holdout() {
+    for holdout in [Holdout::Odd, Holdout::None] {
+        let bytes = fitted_field_file(&field(3, 0, None, false), &info(), holdout);
+        assert_eq!(import_bytes("field.ply", &bytes).expect("our own file").hints.holdout, Some(holdout));
+    }
+    let unrecorded = import_bytes("field.ply", &field_file(&field(3, 0, None, false), &info()));
+    assert_eq!(unrecorded.expect("our own file").hints.holdout, None);
+}
+
+#[test]
+fn other_formats_keep_the_metadata_that_they_can_hold() {
+    let hints = |name: &str, bytes: &[u8]| import_bytes(name, bytes).expect("our own file").hints;
+    let ClipInfo { duration_s, fps, up, metres_per_unit, viewpoints } = info();
+    let whole = Hints {
+        up: Some(up),
+        metres_per_unit: Some(metres_per_unit),
+        duration_s: Some(duration_s),
+        fps: Some(fps),
+        viewpoints,
+        holdout: None,
+    };
+    assert_eq!(hints("a.splatv", &splatv(&field(3, 0, Some(3), true), &info())), whole);
+    assert_eq!(hints("a.ply", &static_ply(&field(3, 1, None, false), Some(&info()))), whole);
+    assert_eq!(hints("a.ply", &static_ply(&field(3, 1, None, false), None)), Hints::default());
+    for up in [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
+        assert_eq!(hints("a.spz", &spz(&field(3, 1, None, false), up)).up, Some([0.0, 1.0, 0.0]));
+    }
+    // Viewers of .splatv find the same cameras in their own form.
+    let bytes = splatv(&field(3, 0, Some(3), true), &info());
+    let text = String::from_utf8_lossy(&bytes[8..]).into_owned();
+    assert_eq!(text.matches("\"img_name\"").count(), 2, "{}", text.split_at(900).0);
+}
+
+/// Values at the limits of what a field may hold.
+#[test]
+fn our_own_exports_need_no_repair() {
+    let extreme = |is_dynamic: bool| {
+        let mut field = field(60, 1, is_dynamic.then_some(3), true);
+        for (i, scales) in field.log_scales.iter_mut().enumerate() {
+            *scales = [[-40.0, 0.0, 30.0], [-18.0, -17.0, -16.0], [10.0, 11.5, -3.0]][i % 3];
+        }
+        for (i, opacity) in field.opacities.iter_mut().enumerate() {
+            *opacity = [0.0, 1.0, f32::MIN_POSITIVE, 0.5][i % 4];
+        }
+        for (i, rotation) in field.rotations.iter_mut().enumerate() {
+            *rotation = [[0.5; 4], [1.0, 0.0, 0.0, 0.0], [0.70710677, 0.0, -0.70710677, 0.0]][i % 3];
+        }
+        if let Some(temporal) = &mut field.temporal {
+            for (i, s) in temporal.s.iter_mut().enumerate() {
+                *s = [f32::INFINITY, 1e-12, 1e9, 46_000.0, 0.2][i % 5];
+            }
+            temporal.motion[0] = [1e9, -1e9, 0.0];
+            temporal.rotation_rates.as_mut().expect("rates")[0] = [1e7, 0.0, 0.0, 0.0];
+        }
+        field.check().expect("a valid field");
+        field
+    };
+    let (dynamic, constant) = (extreme(true), extreme(false));
+    for (name, rows, bytes) in [
+        ("field.ply", dynamic.len(), field_file(&dynamic, &info())),
+        ("a.splatv", dynamic.len(), splatv(&dynamic, &info())),
+        ("still.splatv", constant.len(), splatv(&constant, &info())),
+        ("a.ply", constant.len(), static_ply(&constant, Some(&info()))),
+        ("a.spz", constant.len(), spz(&constant, info().up)),
+    ] {
+        let imported = import_bytes(name, &bytes).expect("our own file");
+        assert!(imported.repairs.is_empty(), "{name}: {}", imported.repairs);
+        assert_eq!(imported.field.len(), rows, "{name}");
     }
 }
 
@@ -93,7 +166,7 @@ fn bad_metadata_is_refused() {
 #[test]
 fn static_ply_preserves_the_static_columns() {
     let original = field(12, 3, Some(2), false);
-    let imported = import_bytes("a.ply", &static_ply(&original)).expect("a plain PLY");
+    let imported = import_bytes("a.ply", &static_ply(&original, None)).expect("a plain PLY");
     assert_eq!(imported.field.centers, original.centers);
     assert_eq!(imported.field.rotations, original.rotations);
     assert_eq!(imported.field.log_scales, original.log_scales);

@@ -4,12 +4,12 @@ mod small_stage;
 mod tool;
 
 use std::fs;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::Value;
-use small_stage::{fit, measured, stage};
+use small_stage::{fit, kill_when, measured, stage};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -53,28 +53,16 @@ fn a_killed_fit_resumes_with_the_same_result() {
         fs::remove_file(folder.join(path)).unwrap();
     }
 
-    let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
-        .current_dir(folder)
-        .args(args)
-        // The default is minutes.
-        .args(["--checkpoint-every", "0.05"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    // Waits beyond the first density control.
-    let steps_done = || {
+    // Kills it beyond the first density control and between two lines of the table.
+    let is_ready = || {
         let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap_or_default();
-        table.lines().last().and_then(|line| line.split(',').next()?.parse::<u64>().ok()).unwrap_or(0)
+        let step = table.lines().last().and_then(|line| line.split(',').next()?.parse::<u64>().ok());
+        let is_ready = step.is_some_and(|step| step >= 700);
+        thread::sleep(Duration::from_millis(if is_ready { 100 } else { 0 }));
+        is_ready
     };
-    while steps_done() < 700 {
-        assert!(start.elapsed() < Duration::from_secs(240), "at step {}", steps_done());
-        thread::sleep(Duration::from_millis(5));
-    }
-    thread::sleep(Duration::from_millis(100));
-    child.kill().unwrap();
-    child.wait().unwrap();
+    // The default is minutes.
+    kill_when(folder, &[&args[..], &["--checkpoint-every", "0.05"]].concat(), is_ready);
     assert!(!folder.join("field.ply").exists(), "nothing half-written");
 
     // A fit with other options does not resume from it.
@@ -126,6 +114,49 @@ fn a_fit_starts_from_a_field() {
     );
 }
 
+#[test]
+fn a_field_records_its_holdout() {
+    let folder = stage();
+    let folder = folder.path();
+    let fit = ["fit", "stage", "-o", "field.ply", "--steps", "1", "--gaussians", "50", "--sh-degree", "0"];
+    for (more, holdout, held) in [(&[][..], "none", Value::Null), (&["--holdout", "odd"], "odd", 14.into())] {
+        assert_eq!(aarc_studio(folder, &[&fit, more].concat()).code, Some(0));
+        let eval = aarc_studio(folder, &["eval", "field.ply", "--capture", "stage", "--json"]);
+        assert_eq!(eval.stderr, "", "nothing is assumed");
+        let json = eval.json();
+        assert_eq!(
+            (&json["holdout"], &json["splits"]["interp_b"]["images"]),
+            (&holdout.into(), &held),
+            "{json}"
+        );
+    }
+}
+
+#[test]
+fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
+    let folder = stage();
+    let folder = folder.path();
+    let notes = |args: &[&str]| -> Vec<String> {
+        let stderr = aarc_studio(folder, args).stderr;
+        stderr.lines().filter(|line| line.contains("frames per second")).map(str::to_owned).collect()
+    };
+    let fit = ["fit", "stage", "-o", "field.ply", "--steps", "1", "--gaussians", "50"];
+    let expected = ["note: 30 frames per second are assumed; --fps states another number"];
+    assert_eq!(notes(&fit), expected);
+    assert!(notes(&[&fit[..], &["--fps", "25"]].concat()).is_empty());
+    // No fit can start from one camera, so that the note comes before the error.
+    let lines = |args: &[&str]| -> Vec<String> {
+        let outcome = aarc_studio(folder, args);
+        assert_eq!(outcome.code, Some(3), "{}", outcome.stderr);
+        outcome.stderr.lines().map(str::to_owned).collect()
+    };
+    let failed = lines(&["fit", "stage", "-o", "other.ply", "--cameras", "00"]);
+    assert!(failed.len() == 2 && failed[0] == expected[0], "{failed:?}");
+    let failed = lines(&["package", "stage", "--cameras", "00"]);
+    let note = "note: 30 frames per second are assumed; duration_s and fps in scene.json state others";
+    assert!(failed.len() == 2 && failed[0] == note, "{failed:?}");
+}
+
 /// Refinement improves a pruned field, in held-out frames too.
 #[test]
 fn a_pruned_field_is_refined() {
@@ -137,7 +168,8 @@ fn a_pruned_field_is_refined() {
         aarc_studio(folder, &[&args, more].concat())
     };
     let held = |clip: &str| {
-        let json = aarc_studio(folder, &["eval", clip, "--capture", "stage", "--json"]).json();
+        let args = ["eval", clip, "--capture", "stage", "--holdout", "odd", "--json"];
+        let json = aarc_studio(folder, &args).json();
         json["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
     };
     let json = package("field.ply", &["-o", "pruned.aarc"]).json();
@@ -227,4 +259,12 @@ fn errors_take_one_line() {
     assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
     fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();
     assert!(error(3, &["-o", "field.ply"]).contains("field.checkpoint: no checkpoint of this version"));
+    // A checkpoint that cannot be read is no absent one.
+    fs::remove_file(folder.join("field.checkpoint")).unwrap();
+    std::os::unix::fs::symlink("field.checkpoint", folder.join("field.checkpoint")).unwrap();
+    let unreadable = error(3, &["-o", "field.ply"]);
+    assert!(
+        unreadable.contains("field.checkpoint: ") && unreadable.contains("remove it to start"),
+        "{unreadable}"
+    );
 }

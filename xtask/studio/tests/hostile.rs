@@ -13,7 +13,7 @@ const UP: [f32; 3] = [0.0, 1.0, 0.0];
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let mut samples = vec![
         ("field.ply", field_file(&field(3, 1, Some(2), true), &info())),
-        ("static.ply", static_ply(&field(3, 1, None, false))),
+        ("static.ply", static_ply(&field(3, 1, None, false), None)),
         ("a.spz", spz(&field(3, 2, None, false), UP)),
         ("raw.spz", gunzip(&spz(&field(3, 2, None, false), UP))),
     ];
@@ -89,7 +89,7 @@ fn truncated_payloads_give_their_complete_rows() {
     assert_eq!(imported.field.centers, original.centers[..5]);
     assert_eq!(imported.repairs.dropped["truncated payload"], 3);
     let message = import_error("a.ply", &bytes[..bytes.len() - 8 * row + 1]);
-    assert!(message.contains("truncated payload: 8"), "{message}");
+    assert!(message.contains("announces 8 Gaussians and the file holds 0"), "{message}");
 
     // Writers omit complete rows of the texture's 1024; half a row is damage.
     let bytes = splatv(&original, &info());
@@ -110,7 +110,7 @@ fn truncated_payloads_give_their_complete_rows() {
 
 #[test]
 fn false_counts_allocate_nothing() {
-    let one = static_ply(&field(1, 0, None, false));
+    let one = static_ply(&field(1, 0, None, false), None);
     let text = String::from_utf8_lossy(&one[..200]).into_owned();
     assert!(text.contains("element vertex 1\n"), "{text}");
     for count in ["18446744073709551615", "4000000000000000000"] {
@@ -119,8 +119,17 @@ fn false_counts_allocate_nothing() {
         bytes.extend(&one[..start]);
         bytes.extend(count.bytes());
         bytes.extend(&one[start + 1..]);
-        let imported = import_bytes("a.ply", &bytes).expect("the file has one row");
-        assert_eq!(imported.field.len(), 1);
-        assert!(imported.repairs.dropped["truncated payload"] > 1 << 60);
+        let message = import_error("a.ply", &bytes);
+        assert!(message.contains(&format!("announces {count} Gaussians and the file holds 1")), "{message}");
     }
+
+    // The texture of a .splatv file of 4 billion rows, of which the file has one line.
+    let bytes = splatv(&field(400, 0, Some(1), false), &info());
+    let length = 8 + u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
+    let mut header: serde_json::Value = serde_json::from_slice(&bytes[8..length]).expect("JSON");
+    header[0]["size"] = 256_000_000_000u64.into();
+    let header = header.to_string().into_bytes();
+    let bytes = [&bytes[..4], &(header.len() as u32).to_le_bytes(), &header, &bytes[length..]].concat();
+    let message = import_error("a.splatv", &bytes);
+    assert!(message.contains("announces 3999999") && message.contains("the file holds 400"), "{message}");
 }

@@ -368,7 +368,7 @@ fn scene_json_overrides_the_file_which_overrides_defaults() {
 
     // A file of a format that says nothing.
     fs::write(scene.join("scene.json"), "{}").unwrap();
-    fs::write(scene.join("field.ply"), studio::export::static_ply(&rising(900))).unwrap();
+    fs::write(scene.join("field.ply"), studio::export::static_ply(&rising(900), None)).unwrap();
     let (clip, assumed) = package();
     assert_eq!(assumed, json!(["up", "viewpoints", "duration_s", "fps", "metres_per_unit"]));
     assert_eq!((clip.duration_s, clip.fps, clip.metres_per_unit), (1.0, 30.0, 1.0));

@@ -6,9 +6,7 @@ mod tool;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::SystemTime;
 
 use codec::{Field, Limits};
 use serde_json::Value;
@@ -201,21 +199,9 @@ fn interrupted_fits_resume() {
         ]
     };
     let kill_at_work = |steps| {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
-            .current_dir(folder)
-            .args(args(steps))
-            .args(["--checkpoint-every", "0.02"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let start = Instant::now();
-        while !folder.join("fields/stage.checkpoint").exists() {
-            assert!(start.elapsed() < Duration::from_secs(240), "no checkpoint");
-            thread::sleep(Duration::from_millis(5));
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
+        let checkpoint = folder.join("fields/stage.checkpoint");
+        let args = [&args(steps)[..], &["--checkpoint-every", "0.02"]].concat();
+        small_stage::kill_when(folder, &args, || checkpoint.exists());
     };
     kill_at_work("2000");
     let outcome = aarc_studio(folder, &[&args("2000")[..], &["--json"]].concat());

@@ -66,14 +66,14 @@ impl fmt::Display for AnchorError {
                 "the masks have no common point, so the visual hull is empty: check cameras and masks"
             }
             AnchorError::NoDepths => {
-                "no depth map has a depth on the subject: all are missing, 0 or not finite"
+                "no depth map has a depth on the subject: name them as the photographs, with depths above 0"
             }
             AnchorError::NoRig => {
                 "the cameras do not look at one point, so depths cannot be scaled by their distance from it: \
                  give depths in units of the capture or masks to align them to"
             }
             AnchorError::NoCenter => {
-                "the cameras do not look at one point, so there is no place to start from"
+                "the cameras do not look at one point, so there is no place to start from: give masks or depth maps"
             }
             AnchorError::NoRays => "no pixel of the subject gets a Gaussian: raise the number of Gaussians",
             AnchorError::NoFront => {

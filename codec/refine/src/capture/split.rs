@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{Capture, PhotoId};
 
 /// Held-out frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Holdout {
     /// Frames with odd numbers, counted from 0, as in the paper.
-    #[default]
     Odd,
     /// None.
     None,
@@ -100,7 +99,9 @@ pub struct SplitError;
 
 impl fmt::Display for SplitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("all photographs are held out: none is left to fit to")
+        f.write_str(
+            "all photographs are held out, and none is left to fit to; hold out fewer cameras or frames",
+        )
     }
 }
 

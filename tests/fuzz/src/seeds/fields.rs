@@ -21,7 +21,7 @@ pub fn fields() -> Vec<Seed> {
     dynamic.truncate(dynamic.len() - (1024 - 4) * 64);
     let mut seeds = vec![
         seed("field-file.ply", FILE, &field_file(&field(2), &info())),
-        seed("static.ply", FILE, &static_ply(&colored)),
+        seed("static.ply", FILE, &static_ply(&colored, None)),
         seed("ascii.ply", FILE, &ascii_ply(INRIA, "1 2 3 0.1 0.2 0.3 0 -1 -2 -3 0 2 0 0")),
         seed("spacetime.ply", FILE, &spacetime_ply()),
         seed("compressed.ply", FILE, &compressed_ply()),

@@ -1,4 +1,4 @@
-//! [`Bench`]: draws variants, and looks, counts and times.
+//! [`Bench`]: renders variants, measures the errors of their images, counts their work, and times it.
 
 use std::collections::BTreeMap;
 use std::mem::size_of;
@@ -26,22 +26,22 @@ use super::reduce;
 use super::views::ViewSet;
 use crate::device::{Passes, device};
 
-/// How often each picture is timed.
+/// Number of times that each image is timed.
 pub(super) const ROUNDS: usize = 7;
 
-/// A way to draw the clip. The default is the player as it is, for images.
+/// A way to render the clip. The default is the player with its default settings.
 pub(super) struct Variant {
-    /// What it is called.
+    /// Name in tables.
     pub(super) name: String,
-    /// What is drawn.
+    /// The Gaussians.
     pub(super) content: VariantContent,
-    /// How.
+    /// Settings of the renderer.
     pub(super) settings: RenderSettings,
-    /// The size that is drawn, if another than that of the pictures.
+    /// Size of the rendered image, if it differs from the measured one.
     pub(super) size: Option<UVec2>,
     /// Bits per channel.
     pub(super) depth: ChannelDepth,
-    /// For how many eyes.
+    /// Number of eyes, and passes for them.
     pub(super) eyes: EyeMode,
 }
 
@@ -58,44 +58,44 @@ impl Default for Variant {
     }
 }
 
-/// What a variant draws.
+/// The Gaussians that a variant renders.
 #[derive(Default)]
 pub(super) enum VariantContent {
     /// The clip.
     #[default]
     Whole,
-    /// Another.
+    /// Another clip.
     Other(Box<Clip>),
-    /// At each instant those Gaussians of the clip whose opacity is at least this.
+    /// At each instant, the Gaussians of the clip whose opacity is at least this.
     Alive(f64),
 }
 
-/// For how many eyes a variant draws.
+/// Number of eyes of a variant, and passes for them.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum EyeMode {
     #[default]
     One,
-    /// Two in one pass, where the device can.
+    /// Two in one pass, if the device supports that.
     TwoAtOnce,
-    /// Two in a pass each.
+    /// Two, in one pass each.
     TwoInTurn,
 }
 
-/// Draws variants.
+/// Renders variants of a clip.
 pub(super) struct Bench<'a> {
     gpu: &'static Gpu,
     clip: &'a Clip,
     size: UVec2,
     views: &'a ViewSet,
-    /// The setup of each inspected variant.
+    /// The setups of each inspected variant.
     placed: Vec<VariantSetups>,
-    /// The clip in the memory of each device that draws it whole.
+    /// The whole clip in the memory of each device that renders it.
     wholes: Vec<(&'static Gpu, Arc<GpuClip>)>,
-    /// What is drawn into.
+    /// Render targets, shared between variants.
     canvases: Vec<Canvas>,
 }
 
-/// What variants of the same device, size, depth and number of eyes are drawn into.
+/// A render target, shared by variants with the same device, size, depth and number of eyes.
 struct Canvas {
     gpu: &'static Gpu,
     size: UVec2,
@@ -104,22 +104,22 @@ struct Canvas {
     target: Rc<Offscreen>,
 }
 
-/// What a variant is drawn with.
+/// The renderers of a variant.
 struct VariantSetups {
     settings: RenderSettings,
-    /// One for all pictures, or one for each.
+    /// One for all views, or one for each.
     setups: Vec<DrawSetup>,
 }
 
-/// A clip, ready to be drawn.
+/// A clip on a device, with a renderer and a target.
 struct DrawSetup {
     gpu: &'static Gpu,
     renderer: Renderer,
     target: Rc<Offscreen>,
     size: UVec2,
-    /// Gaussians, the plate's among them.
+    /// Number of Gaussians, including the plate's.
     rows: usize,
-    /// Distance between two eyes in units of the clip; `None` for one.
+    /// Distance between the eyes in units of the clip; `None` for one eye.
     apart: Option<f64>,
 }
 
@@ -128,7 +128,7 @@ impl<'a> Bench<'a> {
         Bench { gpu, clip, size, views, placed: Vec::new(), wholes: Vec::new(), canvases: Vec::new() }
     }
 
-    /// Draws a variant for the first time, compares its pictures and counts its work.
+    /// Renders a variant for the first time, measures the errors of its images and counts its work.
     pub(super) fn inspect(&mut self, variant: &Variant, expected: &Expected) -> Result<Inspection, Fault> {
         let mut setups = match variant.content {
             VariantContent::Alive(_) => {
@@ -163,7 +163,7 @@ impl<'a> Bench<'a> {
         Ok(inspection)
     }
 
-    /// Draws all pictures of variant `i`, in the order of [`Bench::inspect`].
+    /// Times all views of variant `i`, in the order of [`Bench::inspect`], and returns the mean.
     pub(super) fn time(&mut self, i: usize) -> Result<FrameTiming, Fault> {
         let VariantSetups { settings, setups } = &mut self.placed[i];
         let mut mean = FrameTiming::default();
@@ -178,7 +178,7 @@ impl<'a> Bench<'a> {
         Ok(mean)
     }
 
-    /// What `variant` is drawn with at clip time `t`.
+    /// Makes the setup of `variant` at clip time `t`.
     fn setup(&mut self, variant: &Variant, t: f64) -> Result<DrawSetup, Fault> {
         let gpu = match variant.eyes {
             EyeMode::TwoInTurn => device(Passes::PerEye)?,
@@ -206,7 +206,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The clip in the memory of `gpu`, uploaded once.
+    /// The whole clip in the memory of `gpu`; uploads it once.
     fn whole(&mut self, gpu: &'static Gpu) -> Result<Arc<GpuClip>, Fault> {
         if let Some((_, whole)) = self.wholes.iter().find(|(of, _)| ptr::eq(*of, gpu)) {
             return Ok(whole.clone());
@@ -216,7 +216,7 @@ impl<'a> Bench<'a> {
         Ok(whole)
     }
 
-    /// What is drawn into, made once.
+    /// The render target for these properties; makes it once.
     fn target(
         &mut self,
         gpu: &'static Gpu,
@@ -253,7 +253,7 @@ impl DrawSetup {
         eyes.iter().map(scaled).collect()
     }
 
-    /// The picture of the first eye, at the size `full`.
+    /// Renders the image of the first eye and scales it to `full` pixels.
     fn image(
         &mut self,
         posed_view: &PosedView,
@@ -265,9 +265,9 @@ impl DrawSetup {
         let pixels = self.target.read(self.gpu)?.swap_remove(0);
         let drawn = pixels.rgba.into_iter().flatten().collect();
         let mut image =
-            Rgba32FImage::from_raw(self.size.x, self.size.y, drawn).expect("four numbers a pixel");
+            Rgba32FImage::from_raw(self.size.x, self.size.y, drawn).expect("four numbers per pixel");
         if self.size != full {
-            // Interpolation between the nearest four, as a compositor does.
+            // Bilinear, as compositors do.
             image = resize(&image, full.x, full.y, FilterType::Triangle);
         }
         let pixels = image.pixels().map(|pixel| pixel.0.map(f64::from)).collect();
@@ -296,8 +296,8 @@ impl DrawSetup {
         ])
     }
 
-    /// Bytes that an instance reads, its four corners counted once, as they share what they read: its
-    /// place in the order, and the mean record.
+    /// Bytes that an instance reads: its index in the sort order and a record of mean size. Its four corners count
+    /// once, because they share the reads.
     fn bytes_of_instance(&self) -> f64 {
         let clip = self.renderer.clip();
         let ranges = (self.renderer.pipelines() * size_of::<Ranges>()) as f64;

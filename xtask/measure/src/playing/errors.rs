@@ -1,4 +1,4 @@
-//! Errors of pictures against the reference.
+//! Errors of images against the reference.
 
 use crate::parameter::ImageErrors;
 use codec::Camera;
@@ -6,21 +6,21 @@ use glam::{DMat3, DVec2, DVec3};
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
 
-/// Width and height in pixels of the tiles.
+/// Side of a tile in pixels.
 const TILE: u32 = 32;
 
-/// The reference's pictures of the whole field.
+/// The reference's images of the whole field.
 pub(super) struct Expected {
-    /// Its pictures.
+    /// Images of [`ViewSet::pictures`](super::views::ViewSet).
     pub(super) pictures: Vec<Image>,
-    /// Those of the turning head, sorted by distance from the eye.
+    /// Images of the turning head, sorted by distance from the eye.
     pub(super) turn: Vec<Image>,
-    /// Their cameras, all at one position.
+    /// Cameras of the turning head, all at one position.
     pub(super) cameras: Vec<Camera>,
 }
 
 impl Expected {
-    /// The errors of as many pictures of the same sizes.
+    /// The errors of images of the same views.
     pub(super) fn errors(&self, pictures: &[Image], turn: &[Image]) -> ImageErrors {
         let pairs = || self.pictures.iter().zip(pictures);
         let squares: f64 = pairs().map(|(a, b)| a.squared_error(b)).sum();
@@ -34,8 +34,8 @@ impl Expected {
         }
     }
 
-    /// Root mean square of the change of the error from each frame of the turning head to the next, in
-    /// 255ths. An error that stays where it is in the world turns along and is none.
+    /// Root mean square change of the error from each frame of the turning head to the next, in 255ths. An error that
+    /// keeps its place in the world is no flicker.
     fn flicker(&self, frames: &[Image]) -> f64 {
         let errors: Vec<_> = frames.iter().zip(&self.turn).map(|(a, b)| error(a, b)).collect();
         let (mut squares, mut count) = (0.0, 0u64);
@@ -55,7 +55,7 @@ impl Expected {
     }
 }
 
-/// PSNR of the worst tile in dB, infinite where the images are the same.
+/// PSNR of the worst tile in dB; infinite if the images are equal.
 fn worst_tile(a: &Image, b: &Image) -> f64 {
     let mut worst = f64::INFINITY;
     for top in (0..a.height).step_by(TILE as usize) {
@@ -74,21 +74,20 @@ fn squared(a: [f64; 4], b: [f64; 4]) -> f64 {
     (0..3).map(|c| (a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0)).powi(2)).sum()
 }
 
-/// The colours of an image less those of another, both cut to what is displayed.
+/// Differences of the colours of two images, both clamped to the displayed range.
 fn error(image: &Image, expected: &Image) -> Vec<[f64; 3]> {
     let pixels = image.pixels.iter().zip(&expected.pixels);
     pixels.map(|(a, b)| [0, 1, 2].map(|c| a[c].clamp(0.0, 1.0) - b[c].clamp(0.0, 1.0))).collect()
 }
 
-/// The pixels of an image of `after` in pixels of an image of `before`, cameras at one place: what
-/// turning the head does to an image of anything.
+/// Maps pixels of `after` to pixels of `before`, two cameras at one position: the homography of a turning head.
 fn before_from_after(before: &Camera, after: &Camera) -> DMat3 {
     let rows = |m: [[f64; 3]; 3]| DMat3::from_cols_array_2d(&m).transpose();
     let turn = |camera: &Camera| rows([0, 1, 2].map(|r| [0, 1, 2].map(|c| camera.camera_from_world[r][c])));
     rows(before.k) * turn(before) * turn(after).transpose() * rows(after.k).inverse()
 }
 
-/// The error at a place in pixels, between the four nearest; `None` outside their centres.
+/// The bilinearly interpolated error at `at`, in pixels; `None` outside the outermost pixel centres.
 fn sample(error: &[[f64; 3]], width: u32, at: DVec2) -> Option<[f64; 3]> {
     let (corner, height) = (at - 0.5, error.len() / width as usize);
     let (x, y) = (corner.x.floor(), corner.y.floor());
@@ -115,7 +114,7 @@ mod tests {
     #[test]
     fn the_worst_tile_is_the_one_with_the_error() {
         let mut image = gray(0.5);
-        // In the tile at the lower right, which is 32 by 8 pixels.
+        // In the lower right tile, which has 32x8 pixels.
         image.pixels[39 * 64 + 63] = [0.5, 0.5, 1.0, 1.0];
         let expected = Expected { pictures: vec![gray(0.5)], turn: Vec::new(), cameras: Vec::new() };
         let errors = expected.errors(&[image], &[]);
@@ -125,7 +124,7 @@ mod tests {
         assert!(errors.ssim.unwrap() < 1.0);
     }
 
-    /// What cameras that turn by a degree a frame see of a pattern at infinity.
+    /// Images of a pattern at infinity by a camera that turns by one degree per frame.
     fn turning(pattern: impl Fn(f64) -> f64) -> (Vec<Camera>, Vec<Image>) {
         let camera = |i: usize| {
             let (sin, cos) = (i as f64).to_radians().sin_cos();
@@ -145,16 +144,16 @@ mod tests {
     }
 
     #[test]
-    fn what_turns_along_does_not_flicker() {
+    fn errors_that_stay_in_the_world_do_not_flicker() {
         let (cameras, frames) = turning(|angle| 0.2 * (8.0 * angle).sin());
         let expected = Expected { pictures: Vec::new(), turn: vec![gray(0.5); 4], cameras };
         let turned_along = expected.flicker(&frames);
         assert!(turned_along < 0.2, "{turned_along}");
-        // The same error of each frame, but none of the third.
+        // The third frame lacks the error of the others.
         let mut popping = frames.clone();
         popping[2] = gray(0.5);
         assert!(expected.flicker(&popping) > 20.0);
-        // It stays in the image and so moves in the world.
+        // An error that stays in the image moves in the world.
         assert!(expected.flicker(&vec![frames[0].clone(); 4]) > 3.0);
     }
 

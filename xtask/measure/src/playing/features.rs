@@ -1,7 +1,7 @@
-//! The optional features of clips: what this clip needs of each, and what it saves by doing without.
+//! The optional features of clips: which of them a clip needs, and what it saves without the others.
 //!
-//! Savings are measured: the feature is switched on with columns of zeros, and the clip is drawn, counted and
-//! packaged with it. A package always drops columns of zeros, so there one Gaussian is made to need the
+//! Savings are measured: a feature is switched on with columns of zeros, and the clip is rendered, counted and
+//! packaged with it. Packages always drop columns of zeros, so for a package one Gaussian gets values that need the
 //! feature.
 
 use std::collections::BTreeMap;
@@ -17,26 +17,26 @@ use super::measured::MeasuredVariant;
 use super::pad;
 use super::views::instants;
 
-/// A feature, and how to switch it on.
+/// A feature, and a way to switch it on.
 pub(super) struct FeatureToggle {
     name: String,
     left_out: bool,
     needs: String,
     switched_on: String,
-    /// What is known without drawing: of the clip as it is, and with the feature.
+    /// Counts that need no rendering: of the clip as it is, and with the feature.
     counts: [BTreeMap<String, f64>; 2],
-    /// How the clip is drawn without the feature, if not as it is.
+    /// The variant without the feature; `None` for the clip as it is.
     without: Option<Variant>,
-    /// How it is drawn with it; `None` where drawing is the same or nothing is switched on.
+    /// The variant with the feature; `None` if rendering does not differ or nothing is switched on.
     with: Option<Variant>,
-    /// Makes what a package with the feature is made of.
+    /// Makes the input of a package with the feature.
     package: Option<Packing>,
 }
 
-/// Makes of a clip what a package with a feature is made of.
+/// Turns a clip into the input of a package with a feature.
 type Packing = Box<dyn Fn(&Clip) -> Packable>;
 
-/// What a package is made of.
+/// The input of a package.
 struct Packable {
     field: Field,
     plate: Option<Field>,
@@ -44,17 +44,17 @@ struct Packable {
 }
 
 impl FeatureToggle {
-    /// What is drawn for it.
+    /// The variants to render.
     pub(super) fn variants(&self) -> impl Iterator<Item = &Variant> {
         self.without.iter().chain(&self.with)
     }
 
-    /// Whether there is a package with the feature to be made.
+    /// Whether a package with the feature is to be made.
     pub(super) fn packages(&self) -> bool {
         self.package.is_some()
     }
 
-    /// The feature as it was measured: `base` as the clip is, `results` of [`FeatureToggle::variants`].
+    /// The measured feature. `base` measures the clip as it is, `results` measure [`FeatureToggle::variants`].
     ///
     /// # Errors
     /// If a package cannot be made.
@@ -83,7 +83,7 @@ impl FeatureToggle {
     }
 }
 
-/// All optional features of clips.
+/// All optional features of clips, for `clip` on `gpu`; `layers` are the ends of layers that `package` sets.
 pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureToggle> {
     let mut features = Vec::new();
     sh(clip, &mut features);
@@ -95,7 +95,7 @@ pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureT
     features
 }
 
-/// A feature that is needed.
+/// A feature that the clip needs.
 fn needed(name: String, needs: String) -> FeatureToggle {
     FeatureToggle {
         name,
@@ -109,7 +109,7 @@ fn needed(name: String, needs: String) -> FeatureToggle {
     }
 }
 
-/// A feature that the clip does without, and what it is with the feature.
+/// A feature that the clip does without; `with` is the clip with it.
 fn left_out(feature: String, needs: String, switched_on: &str, clip: &Clip, with: Clip) -> FeatureToggle {
     let name = format!("with {feature}");
     FeatureToggle {
@@ -129,7 +129,7 @@ fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let of_clip = clip.sh_degree();
     if of_clip > 0 {
         let count = depends(&clip.static_field) + depends(&clip.dynamic_field);
-        let needs = format!("{count} of {} Gaussians look different from other sides", clip.len());
+        let needs = format!("{count} of {} Gaussians have view-dependent colour", clip.len());
         features.push(needed(format!("SH up to degree {of_clip}"), needs));
     }
     for degree in of_clip + 1..=SH_DEGREE_MAX {
@@ -146,7 +146,7 @@ fn sh(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     }
 }
 
-/// The clip with a moving region, whatever there is in it.
+/// The clip with a dynamic region, which holds all Gaussians if the clip has none.
 fn able_to_move(clip: &Clip) -> Clip {
     if clip.dynamic_field.is_empty() { pad::all_dynamic(clip) } else { clip.clone() }
 }
@@ -161,7 +161,7 @@ fn motion(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let switched_on =
         if dynamic_count > 0 { "coefficients of zero" } else { "windows, and coefficients of zero" };
     for order in order + 1..=MOTION_ORDER_MAX {
-        let needs = "no: trajectories are of a lower power, if there are any".into();
+        let needs = "no: no trajectory has this power".into();
         let with = pad::with_motion_order(&able_to_move(clip), order);
         let mut feature = left_out(format!("motion of power {order}"), needs, switched_on, clip, with);
         feature.package = Some(Box::new(move |clip| {
@@ -181,12 +181,12 @@ fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     let rates = clip.dynamic_field.temporal.as_ref().and_then(|temporal| temporal.rotation_rates.as_ref());
     if let Some(rates) = rates {
         let count = rates.iter().filter(|rate| **rate != [0.0; 4]).count();
-        let needs = format!("{count} of {} Gaussians turn", clip.len());
+        let needs = format!("{count} of {} Gaussians rotate", clip.len());
         return features.push(needed("rotation over time".into(), needs));
     }
     let with = pad::with_rotation(&able_to_move(clip));
     let mut feature =
-        left_out("rotation over time".into(), "no: nothing turns".into(), "rates of zero", clip, with);
+        left_out("rotation over time".into(), "no: no Gaussian rotates".into(), "rates of zero", clip, with);
     feature.package = Some(Box::new(|clip| {
         let mut field = windowed(ordered(&pad::with_rotation(&able_to_move(clip))));
         if let Some(rates) = field.temporal.as_mut().and_then(|temporal| temporal.rotation_rates.as_mut()) {
@@ -197,17 +197,17 @@ fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
     features.push(feature);
 }
 
-/// Windows and motion of the Gaussians that are always there and never move.
+/// Windows and motion of the Gaussians that are always on and never move.
 fn static_columns(clip: &Clip) -> FeatureToggle {
-    let (static_count, name) = (clip.static_field.len(), "temporal columns of still Gaussians".to_owned());
+    let (static_count, name) = (clip.static_field.len(), "temporal columns of static Gaussians".to_owned());
     if static_count == 0 {
         return needed(name, "every Gaussian moves or fades".into());
     }
     let needs = format!("no: {static_count} of {} Gaussians neither move nor fade", clip.len());
     let without = pad::without_index(clip);
     let mut feature =
-        left_out(name, needs, "all Gaussians among the moving ones", &without, pad::all_dynamic(clip));
-    // All that move are then asked at every instant, which is another feature.
+        left_out(name, needs, "all Gaussians in the dynamic region", &without, pad::all_dynamic(clip));
+    // Both variants test every dynamic Gaussian at every instant: the time index is a feature of its own.
     feature.without = Some(Variant {
         name: "without time index".into(),
         content: VariantContent::Other(Box::new(without)),
@@ -223,20 +223,21 @@ fn static_columns(clip: &Clip) -> FeatureToggle {
 fn index(clip: &Clip) -> FeatureToggle {
     let name = "Gaussians of other times".to_owned();
     if clip.dynamic_field.is_empty() {
-        return needed(name, "all are always alive; there is no time index".into());
+        return needed(name, "all Gaussians are always alive, so there is no time index".into());
     }
     let tested = counts(clip)["rows_tested"];
-    let needs = format!("no: of {} Gaussians the time index names {tested:.0} at an instant", clip.len());
+    let needs = format!("no: the time index lists {tested:.0} of {} Gaussians at an instant", clip.len());
     left_out(name, needs, "every Gaussian is tested in every frame", clip, pad::without_index(clip))
 }
 
 fn plate(clip: &Clip) -> FeatureToggle {
     let name = "plate".to_owned();
     if let Some(plate) = &clip.plate {
-        return needed(name, format!("{} Gaussians are behind all others", plate.len()));
+        return needed(name, format!("{} Gaussians form the background", plate.len()));
     }
     let with = pad::with_plate(clip);
-    let mut feature = left_out(name, "no: there is none".into(), "one invisible Gaussian", clip, with);
+    let mut feature =
+        left_out(name, "no: the clip has no background".into(), "one invisible Gaussian", clip, with);
     feature.package = Some(Box::new(|clip| Packable {
         plate: pad::with_plate(clip).plate,
         ..packable(clip, ordered(clip))
@@ -254,9 +255,9 @@ fn layered(clip: &Clip, ends: &[usize]) -> FeatureToggle {
                 layers: ends.clone(),
                 ..packable(clip, ordered(clip))
             })),
-            ..needed(name, "no: all comes at once".into())
+            ..needed(name, "no: the package has one layer".into())
         },
-        count => needed(name, format!("{count}: it plays from the first on while the others arrive")),
+        count => needed(name, format!("{count}: the clip plays as soon as the first has arrived")),
     }
 }
 
@@ -264,9 +265,9 @@ fn eyes(gpu: &Gpu, features: &mut Vec<FeatureToggle>) {
     let two = |name: &str, eyes| Variant { name: name.into(), eyes, ..Variant::default() };
     features.push(FeatureToggle {
         left_out: true,
-        switched_on: "two eyes, in one pass where the device can".into(),
+        switched_on: "two eyes, in one pass if the device supports that".into(),
         with: Some(two("two eyes", EyeMode::TwoAtOnce)),
-        ..needed("second eye".into(), "no: a window has one eye; a headset sorts once for two".into())
+        ..needed("second eye".into(), "no: a window has one eye; a headset sorts once for both".into())
     });
     if !gpu.caps.multiview {
         return;
@@ -276,11 +277,11 @@ fn eyes(gpu: &Gpu, features: &mut Vec<FeatureToggle>) {
         switched_on: "two eyes, one after the other".into(),
         without: Some(two("two eyes at once", EyeMode::TwoAtOnce)),
         with: Some(two("two eyes in turn", EyeMode::TwoInTurn)),
-        ..needed("second pass".into(), "no: this device draws both eyes of a headset in one".into())
+        ..needed("second pass".into(), "no: this device draws both eyes of a headset in one pass".into())
     });
 }
 
-/// Digits in which the depths of all Gaussians agree need no pass of the sort.
+/// The sort skips the pass of a digit in which the depths of all Gaussians agree.
 fn sort_width(clip: &Clip) -> FeatureToggle {
     let viewpoint = &viewpoints(clip)[0];
     let camera = viewpoint.camera(clip.info.up, 1, 1).camera_from_world;
@@ -292,7 +293,7 @@ fn sort_width(clip: &Clip) -> FeatureToggle {
             alive.map(move |i| field.position_at(i, t))
         });
         let keys = keys.map(|p| (x * p[0] + y * p[1] + z * p[2] + w) as f32).filter(|&depth| depth > 0.0);
-        // Of positive numbers, the bits order as the numbers do.
+        // The bits of positive floats sort as the floats do.
         let (and, or) = keys.map(f32::to_bits).fold((u32::MAX, 0), |(and, or), key| (and & key, or | key));
         let differs = or & !and;
         differ |= differs;
@@ -306,12 +307,12 @@ fn sort_width(clip: &Clip) -> FeatureToggle {
     FeatureToggle {
         left_out: passes < most,
         counts: [count(passes), count(most)],
-        switched_on: format!("a pass for each {SORT_DIGIT_BITS} of 32 bits"),
-        ..needed("sort passes".into(), format!("depths differ in the last {bits} bits"))
+        switched_on: format!("one pass per {SORT_DIGIT_BITS} of 32 bits"),
+        ..needed("sort passes".into(), format!("depths differ in the lowest {bits} bits"))
     }
 }
 
-/// What drawing a clip takes that is known without drawing it.
+/// Counts of rendering a clip that need no rendering.
 fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     let temporal = clip.dynamic_field.temporal.as_ref().filter(|_| !clip.dynamic_field.is_empty());
     let motion = temporal
@@ -333,7 +334,7 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     .into()
 }
 
-/// The Gaussians of the clip, the most important first as far as its layers tell.
+/// The Gaussians of the clip in the order of its layers, the most important layer first.
 fn ordered(clip: &Clip) -> Field {
     let static_count = clip.static_field.len();
     let (mut rows, mut start) = (Vec::new(), codec::LayerEnd::default());
@@ -345,7 +346,7 @@ fn ordered(clip: &Clip) -> Field {
     clip.merged().select(&rows)
 }
 
-/// Where the layers of the clip end.
+/// Ends of the layers of the clip, in Gaussians.
 fn layers(clip: &Clip) -> Vec<usize> {
     clip.layers.iter().map(|end| end.total()).collect()
 }
@@ -354,7 +355,7 @@ fn packable(clip: &Clip, field: Field) -> Packable {
     Packable { field, plate: clip.plate.clone(), layers: layers(clip) }
 }
 
-/// The field with a window for those that have none, which lets them fade a little.
+/// The field with a wide finite window for each Gaussian that has none, so that it fades slightly.
 fn windowed(field: Field) -> Field {
     let mut field = pad::with_temporal(field);
     if let Some(temporal) = &mut field.temporal {
@@ -365,7 +366,7 @@ fn windowed(field: Field) -> Field {
     field
 }
 
-/// Sizes of the package by each coder, at their usual precision.
+/// Sizes of the package by each coder in bytes, at default precision.
 fn package_bytes(clip: &Clip, packable: &Packable) -> anyhow::Result<Vec<(String, f64)>> {
     let source = Source { info: &clip.info, field: &packable.field, plate: packable.plate.as_ref() };
     let size = |(name, coder): (&str, Coder)| {

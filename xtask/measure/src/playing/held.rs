@@ -1,8 +1,8 @@
-//! A simulated parameter: the number of frames between two sorts, which the renderer does not offer.
+//! A simulated parameter that the renderer does not have: the number of frames that share one sort.
 //!
-//! The reference renders the effect of a held order, which is added to the player's pictures:
-//! `player + (reference in the held order - reference)`. The saved time is the share of the stages `alive`
-//! and `sort` that a frame then skips.
+//! The reference renders the effect of a held order, and the effect is added to the player's images:
+//! `player + (reference in the held order - reference)`. The saved time is the share of the stages `alive` and
+//! `sort` that a frame skips.
 
 use crate::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use anyhow::Context;
@@ -14,16 +14,16 @@ use super::errors::Expected;
 use super::measured::{FrameTiming, MeasuredVariant};
 use super::views::{ViewSet, earlier};
 
-/// Frames that an order is held for.
+/// Numbers of frames that share one order.
 const FRAMES: [usize; 3] = [2, 4, 8];
 
-/// Number of pictures that [`parameter`] takes.
+/// Number of images that [`parameter`] renders.
 pub(super) fn pictures(views: &ViewSet) -> usize {
     views.turn.len() + FRAMES.len() * (views.pictures.len() + views.turn.len())
 }
 
-/// Measures the parameter against the player as it is, `base`, of a clip of so many seconds. `on_picture`
-/// is called for each of [`pictures`]. With it comes a picture of an order held longest.
+/// Measures the parameter against `base`, the player with its default settings, on a clip of `duration_s` seconds.
+/// Calls `on_picture` for each of [`pictures`]. Also returns an image in the order that was held longest.
 pub(super) fn parameter(
     whole: &RenderScene,
     views: &ViewSet,
@@ -41,7 +41,7 @@ pub(super) fn parameter(
             }
         }
     };
-    // That of errors is sorted by distance.
+    // The turn in `expected` is sorted by distance; held orders are sorted by depth.
     let turn = views.turn.iter().map(|posed_view| take(posed_view, posed_view)).collect::<Vec<_>>();
     let mut points = vec![base.to_value("1", true)];
     let mut longest = None;
@@ -49,7 +49,7 @@ pub(super) fn parameter(
         let last = views.pictures.len().saturating_sub(1).max(1);
         let mut pictures = Vec::new();
         for (i, posed_view) in views.pictures.iter().enumerate() {
-            // Pictures are taken evenly long after the order was made, the first one longest.
+            // Ages of the order, evenly spaced over the views; the first view has the oldest.
             let since = ((last - i.min(last)) * (frames - 1) + last / 2) / last;
             let held = take(posed_view, &earlier(posed_view, since, duration_s));
             pictures.push(on_top(&base.inspection.images[i], &held, &expected.pictures[i]));
@@ -65,14 +65,14 @@ pub(super) fn parameter(
     let parameter = Parameter {
         stage: FlowStage::Playing,
         name: "frames to a sort".into(),
-        about: "How many frames are drawn in the order, and of the Gaussians, that the first of them found. The \
-                player finds them anew in every frame; what holding changes is the reference's, and what it saves \
-                is the share of the stages `alive` and `sort`."
+        about: "Number of frames that share the sort order and the alive Gaussians of the first of them. The player \
+                sorts in every frame. The change of the image is taken from the reference; the saved time is the \
+                share of the stages `alive` and `sort`."
             .into(),
         cost: "ms a frame".into(),
         points,
     };
-    Ok((parameter.mark_front(), longest.context("an order is held")?))
+    Ok((parameter.mark_front(), longest.context("a simulation without images")?))
 }
 
 fn held_point(frames: usize, base: &MeasuredVariant, errors: ImageErrors) -> ParameterValue {
@@ -90,7 +90,7 @@ fn held_point(frames: usize, base: &MeasuredVariant, errors: ImageErrors) -> Par
     point
 }
 
-/// `picture` with what is different between `held` and `exact`.
+/// `picture` plus the difference between `held` and `exact`.
 fn on_top(picture: &Image, held: &Image, exact: &Image) -> Image {
     let pixels = picture.pixels.iter().zip(held.pixels.iter().zip(&exact.pixels));
     let sum = |(a, (b, c)): (&[f64; 4], (&[f64; 4], &[f64; 4]))| [0, 1, 2, 3].map(|i| a[i] + b[i] - c[i]);

@@ -5,29 +5,28 @@ use codec::{Camera, Clip};
 use glam::UVec2;
 use refine::prune::{PosedView, steps_aside};
 
-/// Pictures that errors, times and counts are taken of.
+/// Number of views for errors, times and counts.
 const PICTURES: usize = 4;
 
-/// How far aside of the first viewpoint all but the first of them are taken, in degrees.
+/// Turn of all views but the first around the target of the first viewpoint, in degrees.
 const ASIDE_DEG: f64 = 7.0;
 
-/// Frames of the turning head.
+/// Number of frames of the turning head.
 const TURN_FRAMES: usize = 8;
 
-/// Frames a second that a headset shows, and degrees that a head turns in one: 90 a second, a usual
-/// look around.
+/// Frames per second of a headset, and degrees per frame of a head that looks around: 90 degrees per second.
 const TURN_FPS: f64 = 90.0;
 const TURN_DEG: f64 = 1.0;
 
-/// All pictures.
+/// All views of a measurement.
 pub(super) struct ViewSet {
-    /// Each from a place and at an instant of its own.
+    /// Views from different positions, each at its own instant.
     pub(super) pictures: Vec<PosedView>,
-    /// From the first viewpoint while the clip plays and the head turns.
+    /// Consecutive frames from the first viewpoint, while the clip plays and the head turns.
     pub(super) turn: Vec<PosedView>,
 }
 
-/// The pictures of a clip.
+/// The views of a clip, for images of `size` pixels.
 pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
     let viewpoint = &viewpoints(clip)[0];
     let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
@@ -41,7 +40,7 @@ pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
     }
 }
 
-/// What the turning head saw so many frames before `posed_view`, in a clip of so many seconds.
+/// The view of the turning head `frames` frames before `posed_view`, in a clip of `duration_s` seconds.
 pub(super) fn earlier(posed_view: &PosedView, frames: usize, duration_s: f64) -> PosedView {
     if frames == 0 { posed_view.clone() } else { frames_later(posed_view, -(frames as f64), duration_s) }
 }
@@ -51,12 +50,12 @@ fn frames_later(posed_view: &PosedView, frames: f64, duration_s: f64) -> PosedVi
     PosedView { camera: turned(&posed_view.camera, (frames * TURN_DEG).to_radians()), t: t.clamp(0.0, 1.0) }
 }
 
-/// When pictures are taken: in the middles of equal parts of the clip.
+/// Instants of the views: the centres of equal parts of the clip.
 pub(super) fn instants() -> impl ExactSizeIterator<Item = f64> {
     (0..PICTURES).map(|i| (i as f64 + 0.5) / PICTURES as f64)
 }
 
-/// The camera, turned to the right by `angle` about its eye.
+/// The camera, turned to the right about its eye by `angle` radians.
 fn turned(camera: &Camera, angle: f64) -> Camera {
     let [right, down, forward, last] = camera.camera_from_world;
     let (sin, cos) = angle.sin_cos();

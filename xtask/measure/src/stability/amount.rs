@@ -1,4 +1,4 @@
-//! Extreme amounts: none, one, two million; all at once, all at one depth, alpha at its limits.
+//! Extreme numbers of Gaussians: none, one, two million; all at one instant, all at one depth, alpha at its limits.
 
 use client::gpu::SortOrder;
 use codec::{ALPHA_MIN, Camera, Field};
@@ -10,14 +10,14 @@ use super::case::{DeviationKind, StabilityCase, StabilityScene, at, case, look};
 
 const GROUP: &str = "extreme amounts";
 
-/// How far the head turns from one frame to the next, in radians: far less than a pixel.
+/// Turn of the head between two frames, in radians: far less than a pixel.
 const TURN: f64 = 2e-5;
 
 // Long: a table of cases.
 pub(super) fn cases() -> Vec<StabilityCase> {
     let sorted = "a stable radix sort of 32-bit depths, 11 bits a pass";
     let mut cases = vec![
-        case(GROUP, "none", 0.1, "no binding is empty, nothing is drawn", || StabilityScene {
+        case(GROUP, "none", 0.1, "no binding is empty; nothing is drawn", || StabilityScene {
             blank: true,
             ..StabilityScene::new(Field::default(), at(&[0.0, 0.5])).refused("no Gaussians")
         }),
@@ -32,7 +32,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
         ..case(GROUP, "2,000,000, all alive at one instant", 6.0, sorted, || {
             let camera = Camera::look_at([0.0, 0.0, -4.0], [0.0; 3], [0.0, -1.0, 0.0], 0.8, 384, 288);
             StabilityScene::new(many(2_000_000), vec![PosedView { camera, t: 0.5 }])
-                .untried("coding them takes longer than all else")
+                .untried("encoding them takes longer than all other cases together")
         })
     });
     cases.extend([
@@ -40,7 +40,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "all at one depth",
             2.0,
-            "of equals the first counts as nearest, as in the reference",
+            "among equal depths the first row counts as the nearest, as in the reference",
             || StabilityScene::new(one_depth(), at(&[0.5])),
         ),
         StabilityCase {
@@ -63,26 +63,26 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 GROUP,
                 "all at one distance, a turning head",
                 3.0,
-                "sorted by distance from the eye, which does not feel that the head turns",
+                "sorted by distance from the eye, which does not depend on the direction of view",
                 || StabilityScene {
                     sort: SortOrder::Radial,
                     ..StabilityScene::new(one_distance(), turning_head())
                 },
             )
         },
-        case(GROUP, "alpha 0", 0.1, "below 1/255: not drawn", || StabilityScene {
+        case(GROUP, "alpha 0", 0.1, "below 1/255, so not drawn", || StabilityScene {
             blank: true,
             ..StabilityScene::new(with_alpha(0.0), at(&[0.5]))
         }),
         case(GROUP, "alpha 1/255", 1.5, "drawn where alpha reaches 1/255, rounded to f16", || {
             StabilityScene { blank: true, ..StabilityScene::new(with_alpha(ALPHA_MIN as f32), at(&[0.5])) }
         }),
-        case(GROUP, "alpha 1", 2.0, "cut to 0.999", || StabilityScene::new(with_alpha(1.0), at(&[0.5]))),
+        case(GROUP, "alpha 1", 2.0, "limited to 0.999", || StabilityScene::new(with_alpha(1.0), at(&[0.5]))),
     ]);
     cases
 }
 
-/// So many small Gaussians, alive together for a hundredth of the clip.
+/// `count` small Gaussians, all alive during the same hundredth of the clip.
 fn many(count: usize) -> Field {
     let mut rows = crowd(count);
     for (i, row) in rows.iter_mut().enumerate() {
@@ -93,13 +93,13 @@ fn many(count: usize) -> Field {
     field(&rows)
 }
 
-/// The crowd, flat in a plane across the view.
+/// The crowd, with all centres in a plane across the view.
 fn one_depth() -> Field {
     let flat = |row: Gaussian| Gaussian { center: [row.center[0], row.center[1], 0.0], ..row };
     field(&static_crowd(300).into_iter().map(flat).collect::<Vec<_>>())
 }
 
-/// The crowd on a sphere around the eye of [`turning_head`], rounded to f32.
+/// The crowd, with all centres on a sphere around the eye of [`turning_head`], rounded to f32.
 fn one_distance() -> Field {
     let on_sphere = |row: Gaussian| {
         let [x, y, _] = row.center.map(f64::from);
@@ -111,7 +111,7 @@ fn one_distance() -> Field {
     field(&static_crowd(300).into_iter().map(on_sphere).collect::<Vec<_>>())
 }
 
-/// The usual camera, turned a little more in each frame.
+/// Views of the default camera, turned a little further in each frame.
 fn turning_head() -> Vec<PosedView> {
     let posed_view = |frame: i32| {
         let angle = TURN * f64::from(frame);
@@ -121,7 +121,7 @@ fn turning_head() -> Vec<PosedView> {
     (0..60).map(posed_view).collect()
 }
 
-/// Some Gaussians of this opacity, apart from each other.
+/// Six separate Gaussians of this opacity.
 fn with_alpha(opacity: f32) -> Field {
     let row = |i: usize| Gaussian {
         center: [0.8 * (i % 3) as f32 - 0.8, 0.8 * (i / 3) as f32 - 0.4, 0.0],

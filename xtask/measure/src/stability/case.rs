@@ -1,4 +1,5 @@
-//! A [`StabilityCase`]: what is drawn, and how far the GPU's picture may be from the reference's.
+//! [`StabilityCase`]: a scene to draw, and the largest deviation allowed between the GPU's image and the
+//! reference's.
 
 use client::gpu::SortOrder;
 use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
@@ -6,34 +7,34 @@ use refine::prune::PosedView;
 
 use crate::scene::info;
 
-/// A case: what is drawn, and what of it is measured.
+/// A scene to draw, and the deviation to measure.
 pub struct StabilityCase {
-    /// What makes it hard.
+    /// The kind of difficulty.
     pub group: &'static str,
     /// Unique among the cases.
     pub name: String,
-    /// How the renderer, or the packer before it, handles it.
+    /// How the renderer, or the packer before it, handles the difficulty.
     pub how: &'static str,
-    /// Largest deviation that is allowed, in the unit of the measure.
+    /// Largest allowed deviation, in the unit of `measure`.
     pub bound: f64,
-    /// What is measured.
+    /// The measured deviation.
     pub measure: DeviationKind,
-    /// Whether it takes seconds where the GPU is a program.
+    /// Whether it takes seconds on a software GPU.
     pub slow: bool,
     /// Makes the scene.
     pub scene: Box<dyn Fn() -> StabilityScene + Send + Sync>,
 }
 
-/// What of the pictures is measured.
+/// A deviation of images, as a case measures it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviationKind {
-    /// The largest difference of a channel from the reference, alpha among them, in 255ths.
+    /// Largest difference from the reference in any channel, alpha included, in 255ths.
     Largest,
-    /// The root mean square of these differences over a picture, in 255ths.
+    /// Root mean square of these differences over an image, in 255ths.
     Mean,
-    /// The largest change of a channel from one posed_view to the next, in 255ths.
+    /// Largest change of a channel from one view to the next, in 255ths.
     Change,
-    /// How far the only Gaussian is from where the trajectory equation puts it, in pixels.
+    /// Distance of the only Gaussian from its place by the trajectory equation, in pixels.
     Place,
 }
 
@@ -49,34 +50,35 @@ impl DeviationKind {
     }
 }
 
-/// What is drawn.
+/// The scene of a case.
 pub struct StabilityScene {
     /// The Gaussians.
     pub clip: Clip,
-    /// What they are meant to look like, where that is not what the reference makes of `clip`.
+    /// The clip that the reference renders instead of `clip`, if the renderer is expected to change it.
     pub meant: Option<Clip>,
-    /// From where and when; all of one size.
+    /// Cameras and instants; all images have one size.
     pub posed_views: Vec<PosedView>,
-    /// What they are sorted by.
+    /// Sort order of the Gaussians.
     pub sort: SortOrder,
-    /// Whether a package can hold them.
+    /// Whether a package can hold the Gaussians.
     pub coding: PackageExpectation,
-    /// Whether nothing is to be seen. Otherwise a picture that shows nothing fails: it tests nothing.
+    /// Whether every image must be blank. Otherwise a case whose images are all blank fails, because it tests
+    /// nothing.
     pub blank: bool,
 }
 
 /// Whether a package can hold a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PackageExpectation {
-    /// Both coders take it; what they decode to is drawn, too.
+    /// Both coders encode it; the decoded packages are drawn, too.
     Taken,
-    /// The encoder says that it cannot, in words that hold these.
+    /// The encoder refuses it with an error that contains these words.
     Refused(&'static str),
-    /// Not tried, for this reason.
+    /// Not encoded, for this reason.
     Untried(&'static str),
 }
 
-/// A case of the largest difference.
+/// A case that measures [`DeviationKind::Largest`].
 pub(super) fn case(
     group: &'static str,
     name: impl Into<String>,
@@ -96,7 +98,7 @@ pub(super) fn case(
 }
 
 impl StabilityScene {
-    /// A field that both coders take, seen as `posed_views` say.
+    /// A field that both coders encode, drawn from `posed_views`.
     pub(super) fn new(field: Field, posed_views: Vec<PosedView>) -> StabilityScene {
         StabilityScene {
             clip: exact(field),
@@ -108,23 +110,23 @@ impl StabilityScene {
         }
     }
 
-    /// The same, refused by the encoder.
+    /// The same scene, which the encoder refuses with an error that contains `words`.
     pub(super) fn refused(self, words: &'static str) -> StabilityScene {
         StabilityScene { coding: PackageExpectation::Refused(words), ..self }
     }
 
-    /// The same, not packaged for this reason.
+    /// The same scene, not encoded for this reason.
     pub(super) fn untried(self, reason: &'static str) -> StabilityScene {
         StabilityScene { coding: PackageExpectation::Untried(reason), ..self }
     }
 
-    /// The same, meant to look like `field`.
+    /// The same scene; the reference renders `field` instead.
     pub(super) fn meant(self, field: Field) -> StabilityScene {
         StabilityScene { meant: Some(exact(field)), ..self }
     }
 }
 
-/// A field as a clip, bit-exact: not coded.
+/// The clip of a field, bit-exact: without encoding.
 pub(super) fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
     let (static_field, dynamic_field) =
@@ -142,29 +144,29 @@ pub(super) fn exact(field: Field) -> Clip {
     }
 }
 
-/// The field that [`exact`] made a clip of.
+/// The field that [`exact`] made this clip from.
 pub(super) fn field_of(clip: &Clip) -> &Field {
     if clip.dynamic_field.is_empty() { &clip.static_field } else { &clip.dynamic_field }
 }
 
-/// Size of the pictures in pixels, unless a case has its own.
+/// Default size of the images in pixels.
 const SIZE: (u32, u32) = (96, 72);
 
-/// How far in front of the origin the usual camera stands, and its vertical field of view.
+/// Distance of the default camera from the origin, and its vertical field of view in radians.
 pub(super) const DISTANCE: f64 = 4.0;
 const FOV_Y: f64 = 0.8;
 
-/// The usual camera: on the z axis, looking along it at the origin; x right, y down.
+/// The default camera: on the negative z axis, looking at the origin; x right, y down.
 fn front() -> Camera {
     look([0.0, 0.0, -DISTANCE], [0.0; 3])
 }
 
-/// A camera with y down.
+/// A camera at `position` that looks at `target`, with y down.
 pub(super) fn look(position: [f64; 3], target: [f64; 3]) -> Camera {
     Camera::look_at(position, target, [0.0, -1.0, 0.0], FOV_Y, SIZE.0, SIZE.1)
 }
 
-/// The usual camera at these instants.
+/// Views of the default camera at these instants.
 pub(super) fn at(instants: &[f64]) -> Vec<PosedView> {
     instants.iter().map(|&t| PosedView { camera: front(), t }).collect()
 }

@@ -1,9 +1,9 @@
-//! [`Gaussian`]: one Gaussian, and fields made of them.
+//! [`Gaussian`]: a row of a field, and fields made of such rows.
 
 use codec::{Field, Temporal};
 use fastrand::Rng;
 
-/// A Gaussian; the default is a still ball in the middle of the usual picture.
+/// A Gaussian; the default is a static ball in the middle of the default image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gaussian {
     pub(super) center: [f32; 3],
@@ -41,7 +41,7 @@ impl Gaussian {
     }
 }
 
-/// The field of `rows`, with temporal columns only where they say something.
+/// The field of `rows`, without temporal columns that carry no information.
 pub(super) fn field(rows: &[Gaussian]) -> Field {
     let y0 = 0.5 / std::f32::consts::PI.sqrt();
     let order = (1..=3).rev().find(|&power| rows.iter().any(|row| row.motion[power - 1] != [0.0; 3]));
@@ -66,8 +66,8 @@ pub(super) fn field(rows: &[Gaussian]) -> Field {
     }
 }
 
-/// Usual Gaussians around the origin, some of them dynamic; the Gaussians of a case must not change
-/// them.
+/// Ordinary Gaussians around the origin, two thirds of them dynamic. They accompany the extreme Gaussians of a case,
+/// which must not change their image.
 pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
     let mut rng = Rng::with_seed(5);
     let mut spread = move |half_range: f32| (2.0 * rng.f32() - 1.0) * half_range;
@@ -90,7 +90,7 @@ pub(super) fn crowd(count: usize) -> Vec<Gaussian> {
     (0..count).map(row).collect()
 }
 
-/// The same without any change over time.
+/// The same Gaussians, all static.
 pub(super) fn static_crowd(count: usize) -> Vec<Gaussian> {
     let to_static = |row| Gaussian { s: f32::INFINITY, motion: [[0.0; 3]; 3], ..row };
     crowd(count).into_iter().map(to_static).collect()

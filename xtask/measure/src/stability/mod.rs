@@ -1,12 +1,11 @@
-//! Stability: the GPU's pictures of stiff and extreme fields against the f64 reference's.
+//! Stability: the GPU's images of stiff and extreme fields against the f64 reference's.
 //!
-//! The cases are data: a field, the views, and the largest allowed deviation from the reference.
-//! [`cases`] lists them, [`run()`] measures one, [`run_suite`] all. `cargo xtask report --stability`
-//! prints them as a table, and the test `stability` runs the same ones.
+//! A case is data: a field, views, and the largest allowed deviation from the reference. [`cases`] lists them,
+//! [`run()`] measures one, and [`run_suite`] measures all. `cargo xtask report --stability` prints the results as a
+//! table; the test `stability` runs the same cases.
 //!
-//! The GPU gets the field itself, without a package between: a package can hold few of these fields.
-//! Those that it can hold are also drawn from packages of each coder; the encoder must refuse the
-//! others.
+//! The GPU draws the field itself, because a package can hold few of these fields. Fields that a package can hold
+//! are also drawn from packages by each coder; the encoder must refuse the others.
 
 mod amount;
 mod case;
@@ -24,7 +23,7 @@ pub use result::CaseResult;
 pub use run::run;
 pub use suite::run_suite;
 
-/// All cases that need no files.
+/// All cases that need no file.
 pub fn cases() -> Vec<StabilityCase> {
     [time::cases(), space::cases(), amount::cases(), precision::cases()].into_iter().flatten().collect()
 }

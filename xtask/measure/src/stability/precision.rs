@@ -1,5 +1,5 @@
-//! Precision ladders: f32 against f64 along whole clips, packed records as time goes away from their
-//! instant, and scenes of the user's own.
+//! Precision: f32 against f64 along whole clips, packed records at growing distances from their instant, and the
+//! user's own scenes.
 
 use codec::{Camera, Clip, ClipInfo, Field, Viewpoint};
 
@@ -12,7 +12,7 @@ use client::gpu::SortOrder;
 
 const GROUP: &str = "precision";
 
-/// Instants along a whole clip.
+/// 17 instants, evenly spaced over the clip.
 fn instants() -> Vec<f64> {
     (0..=16).map(|i| f64::from(i) / 16.0).collect()
 }
@@ -39,7 +39,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             },
         ));
     }
-    // As far from the record's instant, the middle of the clip, as a part of the clip.
+    // Distances from the record's instant, which is the middle of the clip, as fractions of the clip.
     for (part, bound) in [(0.0, 0.01), (0.0625, 0.015), (0.125, 0.02), (0.25, 0.03), (0.5, 0.06)] {
         cases.push(StabilityCase {
             measure: DeviationKind::Place,
@@ -47,9 +47,9 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 GROUP,
                 format!("the packed record {part} of the clip from its instant"),
                 bound,
-                "2^-11 of the way of each power from the middle of the clip, see the packer",
+                "off by 2^-11 of the distance that each power has moved it since the middle of the clip, see the packer",
                 move || {
-                    // 80 pixels to either side at most, in three powers.
+                    // Three powers that move it by at most 80 pixels to either side.
                     let motion = [[4.1, 0.9, 0.0], [-2.7, 3.3, 0.0], [3.7, -2.9, 0.0]];
                     let row = Gaussian { motion, s: 3.0, tau: 0.5, ..Gaussian::default() }.sized([0.2; 3]);
                     let mut posed_views = at(&[0.5 - part, 0.5 + part]);
@@ -65,9 +65,9 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "the packed record of a window 20 clips away",
             0.06,
-            "2^-11 of the way from the middle of the clip, wherever the window is",
+            "off by 2^-11 of the distance moved since the middle of the clip, wherever the window is",
             || {
-                // Where it is at tau = -20, 20.5 before the middle of the clip.
+                // The centre at tau = -20, which is 20.5 clips before the middle of the clip.
                 let motion = [[4.0, -2.0, 0.0], [0.0; 3], [0.0; 3]];
                 let center = [-82.0, 41.0, 0.0];
                 let row =
@@ -75,29 +75,25 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let mut posed_views = at(&instants());
                 posed_views.iter_mut().for_each(|posed_view| posed_view.camera = wide());
                 StabilityScene::new(field(&[row]), posed_views)
-                    .untried("rounding the centre moves it out of sight")
+                    .untried("rounding the centre moves it out of view")
             },
         )
     });
     cases.push(StabilityCase {
         measure: DeviationKind::Mean,
-        ..case(
-            GROUP,
-            "many layers of many pictures",
-            1.0,
-            "each layer is rounded to f16 when it is blended",
-            || StabilityScene::new(field(&crowd(3000)), at(&instants())),
-        )
+        ..case(GROUP, "many layers of many pictures", 1.0, "blending rounds every layer to f16", || {
+            StabilityScene::new(field(&crowd(3000)), at(&instants()))
+        })
     });
     cases
 }
 
-/// A camera that sees far to either side.
+/// A camera with a wide field of view.
 fn wide() -> Camera {
     Camera::look_at([0.0, 0.0, -8.0], [0.0; 3], [0.0, -1.0, 0.0], 0.9, 256, 192)
 }
 
-/// A case of the user's own field: the whole clip, from its viewpoints.
+/// A case that draws the user's field at 5 instants of the clip, from up to four of its viewpoints.
 pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) -> StabilityCase {
     let clip = Clip { plate: plate.cloned(), info: info.clone(), ..exact(field.clone()) };
     let viewpoints = match info.viewpoints.as_slice() {
@@ -123,7 +119,7 @@ pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) 
                 meant: None,
                 posed_views: posed_views.clone(),
                 sort: SortOrder::Depth,
-                coding: PackageExpectation::Untried("it is drawn as it is"),
+                coding: PackageExpectation::Untried("the field is drawn without encoding"),
                 blank: false,
             },
         )

@@ -1,35 +1,35 @@
-//! [`CaseResult`]: a measured case.
+//! [`CaseResult`]: the measurements of a case.
 
 use serde::Serialize;
 
-/// A case, measured.
+/// The measurements of a case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaseResult {
-    /// What makes it hard.
+    /// The kind of difficulty.
     pub group: String,
-    /// Its name.
+    /// Name of the case.
     pub case: String,
     /// `holds` or `fails`.
     pub outcome: String,
-    /// What was measured; nothing where it came to no number.
+    /// The measured deviation; `None` if the measurement failed.
     pub deviation: Option<f64>,
-    /// The most that is allowed.
+    /// Largest allowed deviation.
     pub bound: f64,
-    /// Unit of both.
+    /// Unit of `deviation` and `bound`.
     pub unit: String,
-    /// What the encoder does with it: `taken`, and the deviation of a package by each coder;
-    /// `refused` and why; or `not tried` and why.
+    /// The encoder's result: `taken` and the deviation of a package by each coder, `refused` and the reason, or
+    /// `not tried` and the reason.
     pub package: String,
     /// Number of Gaussians.
     pub gaussians: usize,
-    /// Number of pictures.
+    /// Number of images.
     pub pictures: usize,
-    /// Seconds that the GPU's pictures took.
+    /// Seconds of rendering on the GPU.
     pub seconds: f64,
-    /// Bytes that they took at most, of the heap and of GPU buffers.
+    /// Peak memory of rendering in bytes, heap and GPU buffers together.
     pub bytes: u64,
-    /// How the renderer handles it.
+    /// How the renderer handles the difficulty.
     pub how: String,
-    /// What is wrong, where it fails.
+    /// The failure, if `outcome` is `fails`.
     pub problem: Option<String>,
 }

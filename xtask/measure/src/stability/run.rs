@@ -16,22 +16,22 @@ use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilitySce
 use crate::device::Drawing;
 use crate::scene::info;
 
-/// Seconds that drawing a case may take, on any device: what takes longer hangs.
+/// Longest time of rendering a case in seconds, on any device.
 const SECONDS_MAX: f64 = 60.0;
 
-/// Bytes that drawing a case may take beyond those for its Gaussians.
+/// Largest memory of rendering a case in bytes, beyond the memory of its Gaussians.
 const BYTES_MAX: u64 = 64 << 20;
 
 /// Bytes of GPU memory per Gaussian: its record, its sort key, and scratch space for sorting.
 const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
 
-/// What packages are made by.
+/// The coders of packages.
 const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
 
-/// Largest alpha that counts as something to see, in 255ths.
+/// Alpha in 255ths above which a pixel is not blank.
 const SHOWS: f64 = 10.0;
 
-/// Seconds and bytes that drawing takes.
+/// Time and memory of rendering.
 #[derive(Default)]
 struct Meter {
     seconds: f64,
@@ -40,7 +40,7 @@ struct Meter {
 }
 
 impl Meter {
-    /// Counts what `draw` takes: its time on top of what there is, its memory as a peak.
+    /// Runs `draw`, adds its time, and keeps the largest peak of heap memory.
     fn count<T>(&mut self, draw: impl FnOnce() -> T) -> T {
         PeakAlloc.reset_peak_usage();
         let (before, start) = (PeakAlloc.current_usage(), Instant::now());
@@ -58,7 +58,7 @@ impl Meter {
 /// Measures `case` on `gpu`.
 ///
 /// Heap bytes are counted only in programs whose global allocator is [`PeakAlloc`].
-// Long: one case, whose every failure becomes its result.
+// Long: every failure of the case becomes part of its result.
 pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
     let mut meter = Meter::default();
     let scene = (case.scene)();
@@ -69,11 +69,12 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
         PackageExpectation::Refused(words) => match (packages(&scene), &measured) {
             (Err(message), _) if message.contains(words) => format!("refused: {message}"),
             (Err(message), _) => {
-                measured = Err(format!("the encoder does not speak of {words:?}: {message}"));
+                measured =
+                    Err(format!("the encoder refuses it for another reason than {words:?}: {message}"));
                 format!("refused: {message}")
             }
             (Ok(_), _) => {
-                measured = Err("the encoder takes what it has to refuse".into());
+                measured = Err("the encoder accepts a field that it must refuse".into());
                 "taken".into()
             }
         },
@@ -93,7 +94,7 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
                     format!("taken: {}", list.join(", "))
                 }
                 Err(what) => {
-                    measured = Err(format!("packaged: {what}"));
+                    measured = Err(format!("of a package: {what}"));
                     "taken".into()
                 }
             }
@@ -102,12 +103,16 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
     let allowed = BYTES_MAX + BYTES_PER_GAUSSIAN * scene.clip.len() as u64;
     let problem = match &measured {
         Err(what) => Some(what.clone()),
-        Ok(deviation) if *deviation > case.bound => Some("beyond its bound".into()),
-        Ok(_) if packaged > case.bound => Some(format!("packaged, beyond its bound: {coded}")),
-        Ok(_) if meter.seconds > SECONDS_MAX => Some(format!("took {:.0} s", meter.seconds)),
-        Ok(_) if meter.bytes() > allowed => {
-            Some(format!("took {} MiB where {} are enough", meter.bytes() >> 20, allowed >> 20))
+        Ok(deviation) if *deviation > case.bound => Some("the deviation exceeds its bound".into()),
+        Ok(_) if packaged > case.bound => {
+            Some(format!("the deviation of a package exceeds the bound: {coded}"))
         }
+        Ok(_) if meter.seconds > SECONDS_MAX => Some(format!("rendering took {:.0} s", meter.seconds)),
+        Ok(_) if meter.bytes() > allowed => Some(format!(
+            "rendering took {} MiB, more than the allowed {}",
+            meter.bytes() >> 20,
+            allowed >> 20
+        )),
         Ok(_) => None,
     };
     CaseResult {
@@ -127,7 +132,7 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
     }
 }
 
-/// The scene, packaged by each coder and decoded.
+/// The scene after encoding and decoding, once per coder.
 fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
     let package = |coder| {
         let options = EncodeOptions { coder, ..EncodeOptions::default() };
@@ -138,7 +143,7 @@ fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
     CODERS.into_iter().map(package).collect()
 }
 
-/// The deviation of the pictures of `clip`, which is that of the scene or a package of it.
+/// The largest deviation over all views of `clip`: the scene's clip, or one decoded from a package of it.
 fn measure(
     measure: DeviationKind,
     scene: &StabilityScene,
@@ -169,18 +174,20 @@ fn measure(
         };
         shows |= image.pixels.iter().any(|pixel| 255.0 * pixel[3] > SHOWS);
         if deviation.is_nan() {
-            return Err(format!("at {}: no number to measure", posed_view.t));
+            return Err(format!("at {}: the deviation is not a number", posed_view.t));
         }
         largest = largest.max(deviation);
         before = Some(image);
     }
     if shows == scene.blank {
-        return Err(if shows { "something is to be seen" } else { "nothing is to be seen" }.into());
+        return Err(
+            if shows { "the images must be blank and are not" } else { "the images are blank" }.into()
+        );
     }
     Ok(largest)
 }
 
-/// What the reference draws. Before and after the clip, it is as at its ends.
+/// The reference's image of a view. Instants outside the clip are clamped to its ends.
 fn expected(scene: &StabilityScene, clip: &Clip, posed_view: &PosedView) -> Image {
     let order = match scene.sort {
         SortOrder::Depth => Order::Depth,
@@ -204,7 +211,8 @@ fn check_bounded(image: &Image) -> Result<(), String> {
     }
 }
 
-/// The differences of all channels, colours cut to what is displayed, in 255ths, put together.
+/// Folds the differences of all channels with `together`. Channels are clamped to the displayed range; differences
+/// are in 255ths.
 fn difference(a: &Image, b: &Image, together: impl Fn(f64, f64) -> f64) -> f64 {
     let shown = |c: f64| c.clamp(0.0, 1.0);
     let pairs = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
@@ -215,7 +223,8 @@ fn root_mean_square(a: &Image, b: &Image) -> f64 {
     (difference(a, b, |sum, d| sum + d * d) / (4 * a.pixels.len()) as f64).sqrt()
 }
 
-/// Distance in pixels of the centroid of alpha from where the equation puts the only Gaussian.
+/// Distance in pixels between the centroid of alpha and the projection of the only Gaussian's centre by the
+/// trajectory equation.
 fn off_its_place(image: &Image, clip: &Clip, posed_view: &PosedView) -> f64 {
     let [mut sum, mut x, mut y] = [0.0; 3];
     for (i, pixel) in (0u32..).zip(&image.pixels) {

@@ -1,5 +1,5 @@
-//! Stiff in space: scales from 1e-8 to 1e6 of the scene, needles, what is around the eye, far away
-//! or at the edge of what is drawn.
+//! Stiff in space: scales from 1e-8 to 1e6 of the scene, needles, and Gaussians around the eye, far away, or at the
+//! limits of the view.
 
 use codec::Field;
 
@@ -10,7 +10,7 @@ use super::case::{DISTANCE, StabilityCase, StabilityScene, at, case, look};
 
 const GROUP: &str = "stiff in space";
 
-/// The half instant: most cases do not move.
+/// The middle of the clip: most cases are static.
 const T: [f64; 1] = [0.5];
 
 // Long: a table of cases.
@@ -20,7 +20,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "scales from 1e-8 to 1e6 of the scene",
             2.0,
-            "log-scales in 16 bits of their range; 0.3 px^2 of blur; rectangles end at the image",
+            "log-scales in 16 bits of their range; 0.3 px^2 of blur; quads end at the image",
             || {
                 let row = |k: i32| {
                     let center = [0.2 * (k + 1) as f32, 0.1 * (k % 3) as f32, 0.05 * k as f32];
@@ -34,7 +34,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "scales beyond 5e8 and below 2e-9 units",
             2.0,
-            "cut to e^20 and e^-20 when packed",
+            "limited to e^20 and e^-20 when packed",
             || {
                 let rows = |limit: f32| {
                     let scaled =
@@ -50,8 +50,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "needles of anisotropy 1e8 along the axes",
             5.0,
-            "determinants by a cross product, which does not cancel; where a coder turned them a little, \
-             the quaternion's 1e-4 rad shows on 1000 units that point at the eye",
+            "determinants by a cross product, which does not cancel; a coder's rounding turns a quaternion by \
+             1e-4 rad, which shows on 1000 units that point at the eye",
             || needles([[1.0, 0.0, 0.0, 0.0]; 4], 1e3, 1e-5),
         ),
         case(
@@ -86,7 +86,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "around the eye and behind it",
             2.0,
-            "drawn if its centre is 0.01 units ahead, by the Jacobian within 1.3 times the field of view",
+            "drawn if its centre is at least 0.01 units ahead; the Jacobian is taken within 1.3 times the field of view",
             || {
                 let behind = [-0.5, -1e-3, 0.005].map(|z| ahead([0.0, 0.0, z], [3.0; 3]));
                 let around = [[0.02, 0.0, 0.05], [-3.0, 1.0, 0.4], [0.0, -40.0, 0.011], [200.0, 0.0, 9.0]]
@@ -99,7 +99,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "on the near plane",
             2.0,
-            "what is nearer than 0.01 units is not drawn; positions are relative to the eye before they turn",
+            "Gaussians nearer than 0.01 units are not drawn; positions are relative to the eye before rotation",
             || {
                 let row = |(i, z): (usize, f32)| ahead([0.002 * (i as f32 - 2.0), 0.001, z], [4e-4; 3]);
                 let depths = [0.0099, 0.00999, 0.01001, 0.0101, 0.0105];
@@ -122,14 +122,14 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                     ahead([-3e5, -2.0, 4.0], [1e5, 1.0, 1.0]),
                 ];
                 StabilityScene::new(field(&[rows.to_vec(), static_crowd(20)].concat()), at(&T))
-                    .untried("cells of the grid are larger than all else")
+                    .untried("cells of the coder's grid are larger than the rest of the scene")
             },
         ),
         case(
             GROUP,
             "footprints of 1e8 to 1e13 pixels",
             2.0,
-            "shrunk to 1e6 towards the middle of the image, which keeps its place in standard deviations",
+            "shrunk to 1e6 pixels towards the middle of the image, whose distance in standard deviations stays the same",
             || {
                 let rows = [
                     ahead([0.3, 0.0, 0.0101], [1e6; 3]),
@@ -139,7 +139,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 ];
                 let faint = rows.map(|row| Gaussian { opacity: 0.35, ..row });
                 StabilityScene::new(field(&[faint.to_vec(), static_crowd(20)].concat()), at(&T))
-                    .untried("cells of the grid are larger than all else")
+                    .untried("cells of the coder's grid are larger than the rest of the scene")
             },
         ),
         case(
@@ -162,11 +162,17 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 scene.refused("centers")
             },
         ),
-        case(GROUP, "smaller than a pixel", 2.5, "0.3 px^2 of blur: it never falls between pixels", || {
-            let rows: Vec<Gaussian> =
-                crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
-            StabilityScene::new(field(&rows), at(&[0.3, 0.6]))
-        }),
+        case(
+            GROUP,
+            "smaller than a pixel",
+            2.5,
+            "0.3 px^2 of blur, so that it never falls between pixels",
+            || {
+                let rows: Vec<Gaussian> =
+                    crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
+                StabilityScene::new(field(&rows), at(&[0.3, 0.6]))
+            },
+        ),
         case(
             GROUP,
             "larger than the screen",
@@ -206,7 +212,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "colours of 1e30",
             1.5,
-            "cut to the largest f16 when packed: as bright as a picture can hold",
+            "limited to the largest f16 when packed: the brightest colour that an image can hold",
             || {
                 let mut field = field(&static_crowd(20));
                 field.sh[3] = [1e30, 0.0, -1e30];
@@ -236,7 +242,7 @@ fn needles(rotations: [[f32; 4]; 4], length: f32, width: f32) -> StabilityScene 
     StabilityScene::new(field(&[0, 1, 2, 3].map(|i| row(i).sized(sizes[i]))), at(&T))
 }
 
-/// The crowd `distance` from the origin along all axes.
+/// The crowd, moved by `distance` along every axis.
 fn moved(distance: f32) -> Vec<Gaussian> {
     let mut rows = crowd(60);
     rows.iter_mut().for_each(|row| row.center = row.center.map(|x| x + distance));
@@ -250,7 +256,7 @@ fn from_the_origin(distance: f32) -> StabilityScene {
     StabilityScene::new(field(&moved(distance)), posed_views.to_vec())
 }
 
-/// Usual Gaussians with quaternions of these lengths in turn.
+/// Ordinary Gaussians whose quaternions have these two lengths in turn.
 fn turned_by(lengths: [f32; 2]) -> Field {
     let mut rows = static_crowd(40);
     for (i, row) in rows.iter_mut().enumerate() {

@@ -10,10 +10,11 @@ use super::case::StabilityCase;
 use super::result::CaseResult;
 use super::run::run;
 
-/// Longest time of a case, with the reference's pictures.
+/// Time limit of a case, including the reference's images.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// Measures `cases` on `gpu` and calls `on_result` with each. The suite stops at a case that hangs.
+/// Measures `cases` on `gpu` and calls `on_result` with the result of each. The suite ends at a case that exceeds
+/// the time limit, because that case still occupies the device.
 pub fn run_suite(cases: Vec<StabilityCase>, gpu: &'static Gpu, mut on_result: impl FnMut(CaseResult)) {
     for case in cases {
         let unfinished = CaseResult {
@@ -29,11 +30,11 @@ pub fn run_suite(cases: Vec<StabilityCase>, gpu: &'static Gpu, mut on_result: im
             seconds: PATIENCE.as_secs_f64(),
             bytes: 0,
             how: case.how.into(),
-            problem: Some("it hangs: the cases after it were not run".into()),
+            problem: Some("it did not finish; the cases after it were not run".into()),
         };
         let (sender, receiver) = mpsc::channel();
         thread::spawn(move || {
-            // After a timeout the receiver is gone.
+            // Fails after a timeout, when the receiver is gone.
             let _ = sender.send(run(&case, gpu));
         });
         match receiver.recv_timeout(PATIENCE) {

@@ -1,17 +1,17 @@
-//! Stiff in time: windows from a millionth to a million of the clip, centres outside it, movements
-//! that overflow or cancel.
+//! Stiff in time: windows from a millionth to a million clips wide, window centres outside the clip, motion that
+//! overflows or cancels.
 
 use super::case::{StabilityCase, StabilityScene, at, case};
 use super::gaussians::{Gaussian, crowd, field};
 
 const GROUP: &str = "stiff in time";
 
-/// Windows of the powers of ten from 1e-6 to 1e6 of the clip.
+/// Widths of windows: the powers of ten from 1e-6 to 1e6 clips.
 fn widths() -> impl Iterator<Item = f32> {
     (-6..=6).map(|k| 10f32.powi(k))
 }
 
-/// A place for each of several Gaussians, in rows of five.
+/// The centre of the `i`-th Gaussian of a grid with five columns.
 fn place(i: usize) -> [f32; 3] {
     [0.55 * (i % 5) as f32 - 1.1, 0.55 * (i / 5) as f32 - 0.8, 0.0]
 }
@@ -45,11 +45,11 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "windows of no width",
             2.0,
-            "narrower than 5e-7 of the clip: shown at its instant and gone beside it, not faded",
+            "narrower than 5e-7 of the clip, so visible at its instant and invisible beside it, without fading",
             || {
                 let rows =
                     [1e-9, 1e-20, f32::MIN_POSITIVE, 1e-45].map(|s| Gaussian { s, ..Gaussian::default() });
-                // At one of the records' instants, and between two.
+                // At the instant of a record, and between the instants of two.
                 let tau = [0.5f32, 0.3];
                 let rows = tau.into_iter().flat_map(|tau| rows.map(|row| Gaussian { tau, ..row }));
                 let rows: Vec<Gaussian> =
@@ -57,7 +57,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let between = f64::from(tau[1]);
                 let instants = [0.5, 0.5 + 1e-6, 0.5 - 1e-6, 0.2, between, between + 1e-6, between - 1e-6];
                 StabilityScene::new(field(&[rows, crowd(20)].concat()), at(&instants))
-                    .untried("coders move a window by more than such a one is wide")
+                    .untried("coders move a window by more than this width")
             },
         ),
         case(GROUP, "windows between two frames, at the frames", 1.5, "not alive, so not drawn", || {
@@ -70,7 +70,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "windows between two frames, between them",
             1.5,
-            "the time index finds them at any instant",
+            "the time index finds windows at any instant, not only at frames",
             || StabilityScene::new(between_frames(), at(&FRAMES.map(|k| (k + 0.5) / 30.0))),
         ),
         case(
@@ -81,7 +81,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             || {
                 let row = |(i, (tau, s)): (usize, (f32, f32))| {
                     let center = place(i);
-                    // Moving; and in place at the end of the clip that is nearer.
+                    // Moves through its place at the nearer end of the clip.
                     let at = tau.clamp(0.0, 1.0) - tau;
                     let v = [0.9, -0.4, 0.6];
                     let start: [f32; 3] = std::array::from_fn(|axis| center[axis] - v[axis] * at);
@@ -98,7 +98,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "at, before and after the ends of the clip",
             1.5,
-            "instants are cut to the clip, what is no instant to its start",
+            "instants are clamped to the clip; NaN counts as its start",
             || {
                 let instants = [0.0, -1e-9, -1.0, -1e300, 1.0, 1.0 + 1e-9, 2.0];
                 let others = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
@@ -109,21 +109,21 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "a jerk of 1e9 in a window of 1e-3",
             2.0,
-            "movement is stored per width of the window",
+            "motion is stored per width of the window",
             || jerk(1e9, 1e-3),
         ),
         case(
             GROUP,
             "a jerk of 1e15 in a window of 1e-5",
             2.0,
-            "movement is stored per width of the window",
+            "motion is stored per width of the window",
             || jerk(1e15, 1e-5).refused("column motion"),
         ),
         case(
             GROUP,
             "a cubic that overflows f32 outside its window",
             2.0,
-            "only rows that are alive reach the GPU; what is not a number on the CPU is not in sight",
+            "only rows that are alive reach the GPU; positions that are not finite on the CPU are culled",
             || {
                 let motion = [[f32::MAX, -f32::MAX, f32::MAX]; 3];
                 let row = Gaussian { tau: 0.25, s: 1e-12, motion, ..Gaussian::default() };
@@ -136,7 +136,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "a centre that cancels against its motion",
             2.0,
-            "expanded in f64 about an instant in the clip, so that nothing cancels on the GPU",
+            "expanded in f64 about an instant within the clip, so that nothing cancels on the GPU",
             || {
                 // (t - 0.5) + 2 (t - 0.5)^2 - 3 (t - 0.5)^3 in each axis, about tau.
                 let row = |(i, tau): (usize, f64)| {
@@ -155,28 +155,28 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 };
                 let rows: Vec<Gaussian> = [-9.5, -31.5, -99.5].into_iter().enumerate().map(row).collect();
                 StabilityScene::new(field(&[rows, crowd(20)].concat()), at(&[0.0, 0.3, 0.5, 0.7, 1.0]))
-                    .untried("rounding the centre moves it out of sight")
+                    .untried("rounding the centre moves it out of view")
             },
         ),
         case(
             GROUP,
             "5000 windows of 1e-4 at once",
             4.0,
-            "a candidate costs a test, an alive one a record",
+            "a candidate costs one test, an alive row one record",
             || short_windows(|_| 0.5),
         ),
         case(
             GROUP,
             "5000 windows of 1e-4 all over the clip",
             2.0,
-            "the time index holds those that start near the instant",
+            "the time index lists only windows that start near the instant",
             || short_windows(|part| part),
         ),
         case(
             GROUP,
             "turning at 1e9, and through the zero quaternion",
             2.0,
-            "turned in f64 to the record's instant; rates are cut to 2^24 per width",
+            "rotated in f64 to the record's instant; rates are limited to 2^24 per width",
             || {
                 let turning = |i: usize, s: f32, rotation: [f32; 4], rate: [f32; 4]| {
                     Gaussian { center: place(i), s, rotation, rate, ..Gaussian::default() }
@@ -192,16 +192,16 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 ];
                 let rows = [rows, crowd(20)].concat();
                 StabilityScene::new(field(&rows), at(&[0.5, 0.50005, 0.6, 0.25, 0.9]))
-                    .untried("1e9 is beside all else")
+                    .untried("a rate of 1e9 leaves no precision for the other rates")
             },
         ),
     ]
 }
 
-/// Frames at which windows are looked at.
+/// Frames at which the windows are tested.
 const FRAMES: [f64; 4] = [0.0, 7.0, 14.0, 29.0];
 
-/// Windows of a clip of 30 frames that are open only between two of them.
+/// Windows that are open only between two frames of a clip of 30 frames.
 fn between_frames() -> codec::Field {
     let row = |k: usize| {
         Gaussian { center: place(k % 20), tau: (k as f32 + 0.5) / 30.0, s: 0.002, ..Gaussian::default() }
@@ -210,7 +210,7 @@ fn between_frames() -> codec::Field {
     field(&(0..30).map(row).collect::<Vec<_>>())
 }
 
-/// A jerk that moves a Gaussian by some of its sizes within its window and far away outside.
+/// A cubic that moves a Gaussian by a few of its sizes within its window, and far away outside it.
 fn jerk(v3: f32, s: f32) -> StabilityScene {
     let motion = [[0.0; 3], [0.0; 3], [v3, -0.5 * v3, 0.0]];
     let row = Gaussian { s, motion, ..Gaussian::default() };
@@ -220,7 +220,7 @@ fn jerk(v3: f32, s: f32) -> StabilityScene {
     StabilityScene::new(field(&[vec![row], crowd(20)].concat()), at(&instants))
 }
 
-/// Small Gaussians with very short windows, centred where `tau` puts each part of them.
+/// 5000 small Gaussians with very short windows; `tau` maps their fraction of the rows to the window centre.
 fn short_windows(tau: impl Fn(f32) -> f32) -> StabilityScene {
     const COUNT: usize = 5000;
     let mut rows = crowd(COUNT);

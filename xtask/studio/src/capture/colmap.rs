@@ -10,7 +10,8 @@ use program::Fault;
 use refine::capture::Lens;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
-use super::image_file::{bad, find_image, read_text, size_of};
+use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use crate::messages::unreadable;
 
 /// Folders that may hold the model.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
@@ -50,10 +51,12 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
     for pose in poses {
         let path = folder.join("images").join(&pose.name);
         if !path.is_file() {
-            return Err(bad(&path, "this photograph is missing").into());
+            return Err(bad(&path, "this photograph is missing; put it there").into());
         }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(bad(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into());
+            return Err(
+                bad_layout(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into()
+            );
         };
         let [w, x, y, z] = pose.rotation;
         let turn = DQuat::from_xyzw(x, y, z, w).normalize();
@@ -68,7 +71,12 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             // COLMAP appends an extension to the whole name.
             Some(masks) => {
                 let mask = find_image(&masks.join(&pose.name)).or_else(|| find_image(&masks.join(&name)));
-                Some(mask.ok_or_else(|| bad(&masks.join(&name), "this mask is missing"))?)
+                Some(mask.ok_or_else(|| {
+                    bad(
+                        &masks.join(&name),
+                        "this mask is missing; put it there, or remove the folder of masks",
+                    )
+                })?)
             }
             None => None,
         };
@@ -112,7 +120,7 @@ struct Reader<'a> {
 impl<'a> Reader<'a> {
     fn bytes(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let (bytes, rest) =
-            self.rest.split_at_checked(count).ok_or_else(|| bad(self.path, "the file is cut off"))?;
+            self.rest.split_at_checked(count).ok_or_else(|| bad_layout(self.path, "the file is cut off"))?;
         self.rest = rest;
         Ok(bytes)
     }
@@ -135,7 +143,7 @@ impl<'a> Reader<'a> {
 
     fn text(&mut self) -> Result<String, Fault> {
         let end = self.rest.iter().position(|byte| *byte == 0);
-        let end = end.ok_or_else(|| bad(self.path, "a name does not end"))?;
+        let end = end.ok_or_else(|| bad_layout(self.path, "a name does not end"))?;
         let text = String::from_utf8_lossy(self.bytes(end)?).into_owned();
         self.bytes(1)?;
         Ok(text)
@@ -143,7 +151,7 @@ impl<'a> Reader<'a> {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Fault> {
-    std::fs::read(path).map_err(|error| bad(path, error))
+    std::fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
 fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
@@ -156,11 +164,12 @@ fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
         let known = CAMERA_MODELS.iter().find(|(known, _, _)| *known == number);
         let (_, model, count) = known.ok_or_else(|| {
             let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
-            bad(path, format!("camera {id} has model number {number}: supported are {known}"))
+            bad_layout(path, format!("camera {id} has model number {number}: supported are {known}"))
         })?;
         let parameters = (0..*count).map(|_| reader.f64()).collect::<Result<Vec<_>, _>>()?;
         let intrinsics = intrinsics(model, size, &parameters);
-        cameras.insert(id, intrinsics.map_err(|problem| bad(path, format!("camera {id}: {problem}")))?);
+        cameras
+            .insert(id, intrinsics.map_err(|problem| bad_layout(path, format!("camera {id}: {problem}")))?);
     }
     Ok(cameras)
 }
@@ -175,7 +184,7 @@ fn images_bin(path: &Path) -> Result<Vec<Pose>, Fault> {
         let translation = [reader.f64()?, reader.f64()?, reader.f64()?];
         let (camera, name) = (reader.u32()?, reader.text()?);
         let points = usize::try_from(reader.u64()?).ok().and_then(|count| count.checked_mul(24));
-        reader.bytes(points.ok_or_else(|| bad(path, "the file is cut off"))?)?;
+        reader.bytes(points.ok_or_else(|| bad_layout(path, "the file is cut off"))?)?;
         poses.push(Pose { camera, rotation, translation, name });
     }
     Ok(poses)
@@ -191,7 +200,7 @@ fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
     let mut cameras = BTreeMap::new();
     for (number, line) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let at = |problem: String| bad(path, format!("line {number}: {problem}"));
+        let at = |problem: String| bad_layout(path, format!("line {number}: {problem}"));
         let [id, model, width, height, parameters @ ..] = words.as_slice() else {
             return Err(at("not a camera".into()));
         };
@@ -220,7 +229,7 @@ fn images_txt(path: &Path) -> Result<Vec<Pose>, Fault> {
             let pose = Pose { camera, rotation: [w, x, y, z], translation: [t0, t1, t2], name };
             Some(pose).filter(|pose| !pose.name.is_empty())
         };
-        poses.push(parsed().ok_or_else(|| bad(path, format!("line {number}: not an image")))?);
+        poses.push(parsed().ok_or_else(|| bad_layout(path, format!("line {number}: not an image")))?);
     }
     Ok(poses)
 }

@@ -14,7 +14,8 @@ use refine::anchor::DepthMap;
 use refine::capture::{CalibratedCamera, Lens, PhotoId};
 
 use super::capture_files::CaptureFiles;
-use super::image_file::{bad, read};
+use super::image_file::{bad_layout, read};
+use crate::messages::unreadable;
 
 /// Depth of one step of a 16-bit image, in units of the capture.
 const PNG_STEP: f32 = 1e-3;
@@ -54,7 +55,7 @@ fn png(path: &Path) -> Result<DepthMap, Fault> {
         }),
         other => {
             let is = format!("its pixels are {:?}", other.color());
-            Err(bad(path, format!("{is}: depths are 16-bit grey, in thousandths")))
+            Err(bad_layout(path, format!("{is}: depths are 16-bit grey, in thousandths")))
         }
     }
 }
@@ -67,11 +68,11 @@ fn depth_map(
     from_top: bool,
 ) -> Result<DepthMap, Fault> {
     if [width, height].iter().any(|side| !(1..=SIDE_MAX).contains(side)) {
-        return Err(bad(path, format!("{width}x{height} values: a side can have 1 to {SIDE_MAX}")));
+        return Err(bad_layout(path, format!("{width}x{height} values: a side can have 1 to {SIDE_MAX}")));
     }
     if depths.len() != width * height {
         let (len, expected) = (depths.len(), width * height);
-        return Err(bad(path, format!("it holds {len} values, but {width}x{height} need {expected}")));
+        return Err(bad_layout(path, format!("it holds {len} values, but {width}x{height} need {expected}")));
     }
     let depths = match from_top {
         true => depths,
@@ -81,11 +82,11 @@ fn depth_map(
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
-    let size = path.metadata().map_err(|error| bad(path, error))?.len();
+    let size = path.metadata().map_err(|error| unreadable(path, &error))?.len();
     if size > BYTES_MAX {
-        return Err(bad(path, format!("{size} bytes are more than a depth map has")));
+        return Err(bad_layout(path, format!("{size} bytes are more than a depth map has")));
     }
-    std::fs::read(path).map_err(|error| bad(path, error))
+    std::fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
 /// Decodes values of `N` bytes; a partial last value is ignored.
@@ -102,18 +103,18 @@ fn pfm(path: &Path) -> Result<DepthMap, Fault> {
     for word in &mut words {
         let end = rest.iter().take(32).position(u8::is_ascii_whitespace);
         let text = end.and_then(|end| std::str::from_utf8(&rest[..end]).ok());
-        *word = text.ok_or_else(|| bad(path, "no PFM file: its head does not end"))?;
+        *word = text.ok_or_else(|| bad_layout(path, "no PFM file: its head does not end"))?;
         rest = &rest[word.len() + 1..];
     }
     let [kind, width, height, scale] = words;
     if kind != "Pf" {
-        return Err(bad(
+        return Err(bad_layout(
             path,
             format!("no PFM file of one channel: it starts with \"{}\"", kind.escape_default()),
         ));
     }
     let (Ok(width), Ok(height), Ok(scale)) = (width.parse(), height.parse(), scale.parse::<f32>()) else {
-        return Err(bad(path, "no PFM file: its head is not two sizes and a scale"));
+        return Err(bad_layout(path, "no PFM file: its head is not two sizes and a scale"));
     };
     let depths = match scale < 0.0 {
         true => values(rest, f32::from_le_bytes),
@@ -134,10 +135,11 @@ pub fn pfm_file(map: &DepthMap) -> Vec<u8> {
 /// values.
 fn npy(path: &Path) -> Result<DepthMap, Fault> {
     let bytes = bytes_of(path)?;
-    let (head, body) = npy_parts(&bytes).ok_or_else(|| bad(path, "no NPY file, or one that is cut off"))?;
+    let (head, body) =
+        npy_parts(&bytes).ok_or_else(|| bad_layout(path, "no NPY file, or one that is cut off"))?;
     let value = |key: &str| head.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start());
     if value("fortran_order").is_none_or(|order| !order.starts_with("False")) {
-        return Err(bad(path, "its values are not in C order: save numpy.ascontiguousarray of them"));
+        return Err(bad_layout(path, "its values are not in C order: save numpy.ascontiguousarray of them"));
     }
     let shape =
         value("shape").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).map(|(shape, _)| shape);
@@ -150,11 +152,16 @@ fn npy(path: &Path) -> Result<DepthMap, Fault> {
             .collect()
     });
     // Drops batch and channel dimensions of 1; a map with a side of 1 keeps it.
-    let sides = sides.ok_or_else(|| bad(path, "its head has no shape"))?;
+    let sides = sides.ok_or_else(|| bad_layout(path, "its head has no shape"))?;
     let long: Vec<usize> = sides.iter().copied().filter(|side| *side != 1).collect();
     let [height, width] = match (&sides[..], &long[..]) {
         ([height, width], _) | (_, [height, width]) => [*height, *width],
-        _ => return Err(bad(path, format!("its shape is {sides:?}: a depth map has height and width"))),
+        _ => {
+            return Err(bad_layout(
+                path,
+                format!("its shape is {sides:?}: a depth map has height and width"),
+            ));
+        }
     };
     let depths = match value("descr").and_then(|rest| rest.strip_prefix('\'')?.split('\'').next()) {
         Some("<f2") => values(body, |b| f16::from_le_bytes(b).to_f32()),
@@ -165,7 +172,10 @@ fn npy(path: &Path) -> Result<DepthMap, Fault> {
         Some(">f8") => values(body, |b| f64::from_be_bytes(b) as f32),
         other => {
             let is = other.unwrap_or("unknown").escape_default();
-            return Err(bad(path, format!("its type is {is}: depths are float16, float32 or float64")));
+            return Err(bad_layout(
+                path,
+                format!("its type is {is}: depths are float16, float32 or float64"),
+            ));
         }
     };
     depth_map(path, [width, height], depths, true)

@@ -12,7 +12,8 @@ use program::Fault;
 use refine::capture::{Lens, even_times};
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
-use super::image_file::{bad, find_image, read_text, size_of};
+use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use crate::messages::unreadable;
 
 /// File of the intrinsics, which identifies the layout.
 pub(super) const INTRINSICS: &str = "intri.yml";
@@ -30,9 +31,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     };
     let (intrinsics, intrinsics_path) = storage(INTRINSICS)?;
     let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
-    let names = names(&intrinsics).ok_or_else(|| bad(&intrinsics_path, "no list of names"))?;
+    let names = names(&intrinsics).ok_or_else(|| bad_layout(&intrinsics_path, "no list of names"))?;
     if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        return Err(bad(&intrinsics_path, format!("camera {name} is listed twice")).into());
+        return Err(bad_layout(&intrinsics_path, format!("camera {name} is listed twice")).into());
     }
     let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
 
@@ -53,12 +54,12 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
             let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
             let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
-            data.ok_or_else(|| bad(path, format!("{}_{name} is missing or too short", keys[0])))
+            data.ok_or_else(|| bad_layout(path, format!("{}_{name} is missing or too short", keys[0])))
         };
         let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
         let d = matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 0).unwrap_or_default();
-        let lens =
-            Lens::from_opencv(&d).map_err(|problem| bad(&intrinsics_path, format!("{name}: {problem}")))?;
+        let lens = Lens::from_opencv(&d)
+            .map_err(|problem| bad_layout(&intrinsics_path, format!("{name}: {problem}")))?;
         let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
         let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {
             Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
@@ -72,7 +73,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             let mask = match &masks {
                 Some(masks) => {
                     let mask = masks.join(&name);
-                    Some(find_image(&mask).ok_or_else(|| bad(&mask, "this mask is missing"))?)
+                    Some(find_image(&mask).ok_or_else(|| {
+                        bad(&mask, "this mask is missing; put it there, or remove the folder of masks")
+                    })?)
                 }
                 None => None,
             };
@@ -103,8 +106,8 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
         return Ok(Vec::new());
     }
     let mut frames = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(|error| bad(folder, error))? {
-        let path = entry.map_err(|error| bad(folder, error))?.path();
+    for entry in std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))? {
+        let path = entry.map_err(|error| unreadable(folder, &error))?.path();
         let stem = path.file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
         // The same search finds the file later.
         frames.extend(stem.filter(|stem| find_image(&folder.join(stem)).is_some()));

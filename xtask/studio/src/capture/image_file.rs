@@ -8,6 +8,8 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use program::Fault;
 use refine::image::Image;
 
+use crate::messages::unreadable;
+
 /// File extensions of photographs.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
@@ -68,8 +70,9 @@ fn unit_value(channel: u16) -> f64 {
 }
 
 pub(super) fn read(path: &Path) -> Result<DynamicImage, Fault> {
-    let reader = ImageReader::open(path).map_err(|error| bad(path, error))?;
-    reader.with_guessed_format().map_err(|error| bad(path, error))?.decode().map_err(|error| bad(path, error))
+    let reader = ImageReader::open(path).map_err(|error| unreadable(path, &error))?;
+    let reader = reader.with_guessed_format().map_err(|error| unreadable(path, &error))?;
+    reader.decode().map_err(|error| bad(path, format!("{error}; save it again as PNG, JPEG or WebP")))
 }
 
 /// Width and height of the image at `path`.
@@ -82,13 +85,21 @@ pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Resu
         return Ok(());
     }
     let ((width, height), Camera { width: w, height: h, .. }) = (size, camera);
-    Err(bad(path, format!("{width}x{height} pixels, but its camera has {w}x{h}")))
+    Err(bad(
+        path,
+        format!("{width}x{height} pixels, but its camera has {w}x{h}; scale it, or correct the camera"),
+    ))
 }
 
 pub(super) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
     Fault::Data(format!("{}: {problem}", path.display()))
 }
 
+/// The fault of a calibration or a depth map that is not as `xtask/CAPTURE.md` describes it.
+pub(super) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault {
+    bad(path, format!("{problem}; xtask/CAPTURE.md describes the layout"))
+}
+
 pub(super) fn read_text(path: &Path) -> Result<String, Fault> {
-    std::fs::read_to_string(path).map_err(|error| bad(path, error))
+    std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
 }

@@ -7,7 +7,7 @@ use refine::capture::{Lens, even_times};
 use serde::Deserialize;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
-use super::image_file::{bad, read_text};
+use super::image_file::{bad, bad_layout, read_text};
 
 /// File name of the manifest, which identifies the layout.
 pub(super) const FILE: &str = "capture.json";
@@ -47,27 +47,34 @@ struct ManifestCamera {
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
-    let manifest: Manifest = serde_json::from_str(&read_text(&path)?).map_err(|error| bad(&path, error))?;
-    manifest.check().map_err(|problem| bad(&path, problem))?;
+    let manifest: Manifest =
+        serde_json::from_str(&read_text(&path)?).map_err(|error| bad_layout(&path, error))?;
+    manifest.check().map_err(|problem| bad_layout(&path, problem))?;
     let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
         let lens = Lens::from_opencv(&entry.d)
-            .map_err(|problem| bad(&path, format!("camera {}: {problem}", entry.id)))?;
+            .map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         for frame in 0..manifest.frames {
             let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
-            let image = folder.join(named(&manifest.images).map_err(|problem| bad(&path, problem))?);
+            let image = folder.join(named(&manifest.images).map_err(|problem| bad_layout(&path, problem))?);
             if !image.is_file() {
                 continue;
             }
             let mask = match &manifest.masks {
-                Some(pattern) => Some(folder.join(named(pattern).map_err(|problem| bad(&path, problem))?)),
+                Some(pattern) => {
+                    Some(folder.join(named(pattern).map_err(|problem| bad_layout(&path, problem))?))
+                }
                 None => None,
             };
             if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
-                return Err(bad(mask, "this mask is missing").into());
+                return Err(bad(
+                    mask,
+                    "this mask is missing; put it there, or remove masks from capture.json",
+                )
+                .into());
             }
             let name = Path::new(&named(&manifest.images).unwrap_or_default()).with_extension("");
             let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy().into_owned();

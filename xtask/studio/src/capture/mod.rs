@@ -18,8 +18,10 @@ use refine::capture::CalibratedCamera;
 pub use capture_files::CaptureFiles;
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
-use image_file::bad;
+use image_file::{bad, bad_layout};
 pub use image_file::{find_image, read_picture};
+
+use crate::messages::unreadable;
 
 /// Maximum side of a photograph in pixels.
 const SIDE_MAX: u32 = 1 << 15;
@@ -30,6 +32,10 @@ impl CaptureFiles {
     /// # Errors
     /// [`Fault::Data`] that names the file and the problem.
     pub fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
+        if !folder.is_dir() {
+            std::fs::metadata(folder).map_err(|error| unreadable(folder, &error))?;
+            return Err(bad(folder, "a file; a capture is a folder, so name that").into());
+        }
         let capture_files = if folder.join(manifest::FILE).is_file() {
             manifest::open(folder)?
         } else if folder.join(easyvolcap::INTRINSICS).is_file() {
@@ -40,21 +46,26 @@ impl CaptureFiles {
             colmap::open(folder, &model)?
         } else {
             bail!(Fault::Data(format!(
-                "{}: no capture: it has no {}, {}, transforms.json or COLMAP model",
+                "{}: no capture: it has no {}, {}, transforms.json or COLMAP model; xtask/CAPTURE.md describes them",
                 folder.display(),
                 manifest::FILE,
                 easyvolcap::INTRINSICS
             )));
         };
         for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
-            camera.check().map_err(|problem| bad(folder, format!("camera {name}: {problem}")))?;
+            camera.check().map_err(|problem| bad_layout(folder, format!("camera {name}: {problem}")))?;
             if camera.width.max(camera.height) > SIDE_MAX {
                 let size = format!("{}x{}", camera.width, camera.height);
-                return Err(bad(folder, format!("camera {name}: image size {size} is too large")).into());
+                let what = format!(
+                    "camera {name}: image size {size} is too large; shrink its images to {SIDE_MAX} pixels a side"
+                );
+                return Err(bad(folder, what).into());
             }
         }
         match capture_files.files.is_empty() {
-            true => Err(bad(folder, "no camera has a photograph").into()),
+            true => {
+                Err(bad(folder, "no camera has a photograph; xtask/CAPTURE.md says where they belong").into())
+            }
             false => Ok(capture_files),
         }
     }

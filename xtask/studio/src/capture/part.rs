@@ -7,16 +7,34 @@ use program::Fault;
 
 use super::capture_files::CaptureFiles;
 
+/// Maximum number of cameras that an error lists.
+const LISTED_MAX: usize = 12;
+
 impl CaptureFiles {
+    /// The index of the camera with this name.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that lists the cameras, if there is none.
+    pub fn camera(&self, name: &str) -> Result<usize, Fault> {
+        let cameras = &self.capture.cameras;
+        cameras.iter().position(|camera| camera.name == name).ok_or_else(|| {
+            let names: Vec<&str> =
+                cameras.iter().take(LISTED_MAX).map(|camera| camera.name.as_str()).collect();
+            let more = if cameras.len() > LISTED_MAX { ", ..." } else { "" };
+            let names = names.join(", ");
+            Fault::Usage(format!("the capture has no camera \"{name}\"; it has {names}{more}"))
+        })
+    }
+
     /// Keeps the cameras with these names.
     ///
     /// # Errors
     /// [`Fault::Usage`] if the capture has no such camera.
     pub fn keep_cameras(&mut self, names: &[String]) -> Result<(), Fault> {
-        let cameras = &mut self.capture.cameras;
-        if let Some(name) = names.iter().find(|name| cameras.iter().all(|camera| camera.name != **name)) {
-            return Err(Fault::Usage(format!("the capture has no camera \"{name}\"")));
+        for name in names {
+            self.camera(name)?;
         }
+        let cameras = &mut self.capture.cameras;
         let is_selected: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
         let mut selected = is_selected.iter();
         cameras.retain(|_| *selected.next().expect("one for each camera"));
@@ -42,7 +60,9 @@ impl CaptureFiles {
         let capture = &mut self.capture;
         if frames.is_empty() || frames.end > capture.times.len() {
             let (Range { start, end }, has) = (frames, capture.times.len());
-            return Err(Fault::Usage(format!("frames {start}..{end}: the capture has 0..{has}")));
+            return Err(Fault::Usage(format!(
+                "--frames {start}..{end}: the capture has 0..{has}; choose frames of those"
+            )));
         }
         let files = std::mem::take(&mut self.files).into_iter();
         self.files = files
@@ -74,8 +94,10 @@ impl CaptureFiles {
         for camera in &mut self.capture.cameras {
             let Camera { width: was_width, height: was_height, .. } = camera.camera;
             if width == 0 || height == 0 || width > was_width || height > was_height {
-                let (name, was) = (&camera.name, format!("{was_width}x{was_height}"));
-                return Err(Fault::Usage(format!("{width}x{height} pixels: camera {name} has {was}")));
+                return Err(Fault::Usage(format!(
+                    "--size {width}x{height}: camera {} has {was_width}x{was_height}; choose a smaller size",
+                    camera.name
+                )));
             }
             camera.camera = scaled(&camera.camera, width, height);
         }

@@ -11,7 +11,7 @@ use refine::capture::Lens;
 use serde::Deserialize;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
-use super::image_file::{bad, find_image, read_text, size_of};
+use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
 
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
@@ -70,29 +70,31 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     let mut found = Vec::new();
     for (path, held) in files {
         let transforms: Transforms =
-            serde_json::from_str(&read_text(path)?).map_err(|error| bad(path, error))?;
+            serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
         if let Some(model) =
             transforms.camera_model.filter(|model| !["OPENCV", "PINHOLE"].contains(&model.as_str()))
         {
-            return Err(
-                bad(path, format!("camera model {model} is not supported: OPENCV and PINHOLE are")).into()
-            );
+            return Err(bad_layout(
+                path,
+                format!("camera model {model} is not supported: OPENCV and PINHOLE are"),
+            )
+            .into());
         }
         for frame in transforms.frames {
             let name = frame.file_path.trim_start_matches("./").to_owned();
             let Some(image) = find_image(&folder.join(&name)) else {
-                return Err(bad(&folder.join(&name), "this photograph is missing").into());
+                return Err(bad(&folder.join(&name), "this photograph is missing; put it there").into());
             };
             let mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
             let size = size_of(&image)?;
             let (pinhole_k, lens) = frame
                 .intrinsics
                 .resolve(&transforms.intrinsics, size)
-                .map_err(|problem| bad(path, format!("{name}: {problem}")))?;
+                .map_err(|problem| bad_layout(path, format!("{name}: {problem}")))?;
             let camera = pinhole(size, pinhole_k, camera_from_world(frame.transform_matrix));
             let time = frame.time.unwrap_or(0.0);
             if !(0.0..=1.0).contains(&time) {
-                return Err(bad(path, format!("{name}: time {time} is not within 0 to 1")).into());
+                return Err(bad_layout(path, format!("{name}: time {time} is not within 0 to 1")).into());
             }
             let name = Path::new(&name).with_extension("").to_string_lossy().into_owned();
             let index = builder.camera(&name, camera, lens, *held);

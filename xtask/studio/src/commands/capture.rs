@@ -6,16 +6,13 @@ use std::sync::Once;
 
 use crate::capture::CaptureFiles;
 use crate::fit::TrainingViews;
+use crate::messages::{count, unreadable};
 use crate::scene::DEFAULT_FPS;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
 use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
-
-/// Holdout of fields and packages that do not record theirs: before field files recorded it, `fit` held out odd
-/// frames.
-pub(super) const UNRECORDED_HOLDOUT: Holdout = Holdout::Odd;
 
 /// The cameras, frames and pixels of a capture that a command reads.
 #[derive(clap::Args, Clone, Debug)]
@@ -66,9 +63,8 @@ impl FrameSelection {
             capture_files.shrink(width, height)?;
         }
         for name in &self.held_cameras {
-            let found = capture_files.capture.cameras.iter_mut().find(|camera| camera.name == *name);
-            let missing = || Fault::Usage(format!("--held-cameras: the capture has no camera \"{name}\""));
-            found.ok_or_else(missing)?.held = true;
+            let index = capture_files.camera(name).map_err(|fault| fault.about("--held-cameras"))?;
+            capture_files.capture.cameras[index].held = true;
         }
         Ok(capture_files)
     }
@@ -87,14 +83,15 @@ pub(crate) fn describe(capture_files: &CaptureFiles, holdout: Holdout) -> Result
     let cameras = &capture_files.capture.cameras;
     let splits =
         Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))?;
-    let count = |split| splits.iter().filter(|(_, of)| *of == split).count();
-    let [train, interp_b, recon, interp_a] = Split::ALL.map(count);
+    let [train, interp_b, recon, interp_a] =
+        Split::ALL.map(|split| splits.iter().filter(|(_, of)| *of == split).count());
     Ok(format!(
-        "{} cameras, {} of them held; {} frames; {train} photographs to fit to, {} held out: {interp_b} of \
-         held frames, {recon} of held cameras, {interp_a} of both",
-        cameras.len(),
+        "{}, {} of them held; {}; {} to fit to, {} held out: {interp_b} of held frames, {recon} of held cameras, \
+         {interp_a} of both",
+        count(cameras.len(), "camera"),
         cameras.iter().filter(|camera| camera.held).count(),
-        capture_files.capture.times.len(),
+        count(capture_files.capture.times.len(), "frame"),
+        count(train, "photograph"),
         interp_b + recon + interp_a,
     ))
 }
@@ -114,21 +111,53 @@ pub(crate) fn load_training_views(
 /// Loads the LPIPS network if its weights are given.
 pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
     let Some(path) = weights else { return Ok(None) };
-    let bad = |error: &dyn std::fmt::Display| Fault::Data(format!("{}: {error}", path.display()));
-    let bytes = std::fs::read(path).map_err(|error| bad(&error))?;
-    Ok(Some(Lpips::from_safetensors(&bytes).map_err(|error| bad(&error))?))
+    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let network = Lpips::from_safetensors(&bytes).map_err(|error| {
+        Fault::Data(format!("{}: {error}; name weights of AlexNet or VGG16 as safetensors", path.display()))
+    })?;
+    Ok(Some(network))
 }
 
-/// The frame rate of a capture that does not state one, in frames per second. The first call reports the
-/// assumption on standard error.
-pub(crate) fn frame_rate(option: Option<f32>) -> f32 {
+/// Where a command looks for the holdout of a fit, for [`held_frames`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HoldoutRecord {
+    /// The holdout, if one is recorded.
+    pub(crate) recorded: Option<Holdout>,
+    /// What would record it, for the note: "this field", "a package".
+    pub(crate) source: &'static str,
+}
+
+/// The frames held out from fitting `path`: those that `--holdout` names, else those that are recorded, else
+/// none. The second value is a note for the user if nothing is recorded, or something else than named.
+pub(crate) fn held_frames(
+    path: &Path,
+    named: Option<HeldFrames>,
+    record: HoldoutRecord,
+) -> (Holdout, Option<String>) {
+    let (path, source) = (path.display(), record.source);
+    match (named.map(Holdout::from), record.recorded) {
+        (Some(named), Some(recorded)) if named != recorded => {
+            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
+        }
+        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
+        (None, None) => {
+            let note = format!(
+                "{path}: {source} records no holdout, so no frame counts as held out; --holdout names the frames \
+                 that the fit held out"
+            );
+            (Holdout::None, Some(note))
+        }
+    }
+}
+
+/// The assumed frame rate of a capture, in frames per second: no layout of a capture states one. The first call
+/// for a capture of several frames reports that on standard error, with `remedy`, how to state another.
+pub(crate) fn assumed_fps(capture_files: &CaptureFiles, remedy: &str) -> f32 {
     static REPORT: Once = Once::new();
-    option.unwrap_or_else(|| {
-        REPORT.call_once(|| {
-            eprintln!("note: --fps is not given: the frames are taken as {DEFAULT_FPS} a second")
-        });
-        DEFAULT_FPS
-    })
+    if capture_files.capture.times.len() > 1 {
+        REPORT.call_once(|| eprintln!("note: {DEFAULT_FPS} frames per second are assumed; {remedy}"));
+    }
+    DEFAULT_FPS
 }
 
 fn frames(text: &str) -> Result<Range<usize>, String> {

@@ -38,8 +38,7 @@ pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use crate::backbone::Backbone;
     use crate::capture::pfm_file;
-    use anyhow::bail;
-    use indicatif::{ProgressBar, ProgressStyle};
+    use crate::progress::counting;
     use program::{Fault, output};
     use refine::capture::{PhotoId, Split};
 
@@ -50,8 +49,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut photo_ids: Vec<PhotoId> = train.map(|(photo_id, _)| photo_id).collect();
     photo_ids.sort();
     let mut backbone = Backbone::open(&args.backbone)?;
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left")?;
-    let bar = ProgressBar::new(photo_ids.len() as u64).with_style(style);
+    let bar = counting(photo_ids.len() as u64, "photographs");
     let mut size = (0, 0);
     for photo_ids in photo_ids.chunk_by(|a, b| a.frame == b.frame) {
         let maps =
@@ -59,9 +57,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         for (photo_id, map) in photo_ids.iter().zip(&maps) {
             let path = args.out.join(format!("{}.pfm", capture_files.name(*photo_id)));
             let folder = path.parent().expect("it is a file");
-            if let Err(error) = std::fs::create_dir_all(folder) {
-                bail!(Fault::Usage(format!("cannot make {}: {error}", folder.display())));
-            }
+            output::make_folder(folder)?;
             output::write(&path, &pfm_file(map))?;
             size = (map.width, map.height);
             bar.inc(1);

@@ -9,15 +9,15 @@ use crate::eval::{
     table,
 };
 use crate::input::Input;
+use crate::progress::counting;
 use anyhow::bail;
-use indicatif::{ProgressBar, ProgressStyle};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, describe, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, describe, held_frames, load_lpips};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -33,8 +33,8 @@ pub struct Args {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that were held out from fitting; by default what the field file records, and odd frames
-    /// where SUBJECT has no record
+    /// Frames that were held out from fitting; by default what the field file records, and none where
+    /// SUBJECT has no record, such as a package
     #[arg(long, value_enum)]
     holdout: Option<HeldFrames>,
     /// Also compare held frames with two baselines: SUBJECT at the nearest fitted frame, and a blend of the
@@ -58,7 +58,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let Args { subjects, captures, .. } = args;
     if subjects.len() != captures.len() {
         let (subjects, captures) = (subjects.len(), captures.len());
-        bail!(Fault::Usage(format!("{subjects} SUBJECTs and {captures} --capture: each takes its own")));
+        bail!(Fault::Usage(format!(
+            "{subjects} SUBJECTs and {captures} --capture: name one --capture for each SUBJECT"
+        )));
     }
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
@@ -71,7 +73,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         let names: Vec<String> = captures.iter().map(|capture| name_of(capture)).collect();
         if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-            bail!(Fault::Usage(format!("two captures are called {name}, and scenes are called as these")));
+            bail!(Fault::Usage(format!(
+                "two captures are called {name}, and so would their scenes be: rename one"
+            )));
         }
         let (mut scenes, mut means) = (Map::new(), Vec::new());
         for ((subject, capture), name) in subjects.iter().zip(captures).zip(&names) {
@@ -131,29 +135,30 @@ impl Evaluation<'_> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
         let capture_files = args.selection.open(capture)?;
         let subject = Subject::load(path, &capture_files)?;
-        let (holdout, note) = held_frames(path, &subject, args.holdout.map(Holdout::from));
+        let (holdout, note) = held_frames(path, args.holdout, holdout_record(&subject));
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
             (Subject::Pictures(_), true) => bail!(Fault::Usage(format!(
-                "--baselines draw a field or package between frames; {} holds pictures",
+                "--baselines draw a field or package between frames; {} holds pictures: leave --baselines out",
                 path.display()
             ))),
             (_, false) => None,
         };
         if let Some(out) = &out {
-            std::fs::create_dir_all(out)
-                .map_err(|error| Fault::Usage(format!("cannot make {}: {error}", out.display())))?;
+            output::make_folder(out)?;
         }
         if capture_files.missing_count() > 0 {
+            let missing = match capture_files.missing_count() {
+                1 => "1 photograph is".to_owned(),
+                number => format!("{number} photographs are"),
+            };
             eprintln!(
-                "note: {} photographs are missing that others have the like of",
-                capture_files.missing_count()
+                "note: {}: {missing} missing, since not every camera has every frame",
+                capture.display()
             );
         }
-        let style =
-            ProgressStyle::with_template("{bar:30} {pos}/{len} photographs, {eta} left").expect("a template");
-        let progress = ProgressBar::new(capture_files.capture.photos.len() as u64).with_style(style);
+        let progress = counting(capture_files.capture.photos.len() as u64, "photographs");
         let mut strips = Strips::new(&subject, &capture_files, holdout)?;
         let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
             if let (Some(look), Some(_)) = (look, &out) {
@@ -215,25 +220,14 @@ impl Evaluation<'_> {
     }
 }
 
-/// The frames that were held out from fitting `subject`: `named` on the command line, or recorded in its
-/// file, or odd frames. With a note where the file has no record, or another.
-fn held_frames(path: &Path, subject: &Subject, named: Option<Holdout>) -> (Holdout, Option<String>) {
-    let recorded = match subject {
-        Subject::Drawn(input) => input.holdout(),
-        Subject::Pictures(_) => None,
-    };
-    let path = path.display();
-    match (named, recorded) {
-        (Some(named), Some(recorded)) if named != recorded => {
-            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
+/// The holdout that a subject records.
+fn holdout_record(subject: &Subject) -> HoldoutRecord {
+    match subject {
+        Subject::Drawn(input) => {
+            let source = if matches!(**input, Input::Package(_)) { "a package" } else { "this field" };
+            HoldoutRecord { recorded: input.holdout(), source }
         }
-        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
-        (None, None) => {
-            let assumed = UNRECORDED_HOLDOUT;
-            let note =
-                format!("{path} does not record the held frames: --holdout {} is assumed", assumed.name());
-            (assumed, Some(note))
-        }
+        Subject::Pictures(_) => HoldoutRecord { recorded: None, source: "a folder of pictures" },
     }
 }
 

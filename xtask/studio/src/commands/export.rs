@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use crate::export;
 use crate::input::{Input, clip_time};
+use anyhow::bail;
 use clap::ArgGroup;
+use codec::{ClipInfo, Field};
 use program::{Fault, output};
 
 /// Write a clip or field in another format.
@@ -33,35 +35,54 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     output::check(&args.out)?;
     let input = Input::load(&args.input)?;
-    if input.has_plate() {
-        eprintln!("note: the background plate is left out");
-    }
+    let (has_plate, holdout) = (input.has_plate(), input.holdout());
     let (field, info) = input.into_field();
     let t = args.at.map(|seconds| clip_time("--at", seconds, &info)).transpose()?;
+    if args.spz && t.is_none() && field.temporal.is_some() {
+        bail!(Fault::Usage("SPZ holds no motion: give a time with --at SECONDS".into()));
+    }
     let field = match t {
         Some(t) => export::frozen(&field, t),
         None => field,
     };
     if field.is_empty() {
-        let at = args.at.unwrap_or_default();
-        return Err(Fault::Data(format!("{}: nothing can be seen at {at} s", args.input.display())).into());
+        let (input, at) = (args.input.display(), args.at.unwrap_or_default());
+        bail!(Fault::Data(format!(
+            "{input}: no Gaussian is visible at {at} s: choose another time with --at"
+        )));
     }
     let bytes = if args.splatv {
-        if field.sh_degree > 0 {
-            eprintln!("note: .splatv has no view-dependent colour; SH above degree 0 left out");
-        }
         export::splatv(&field, &info)
     } else if args.spz {
-        if field.temporal.is_some() {
-            return Err(Fault::Usage("SPZ holds no motion: give a time with --at SECONDS".into()).into());
-        }
         export::spz(&field, info.up)
     } else if t.is_some() {
-        export::static_ply(&field)
+        export::static_ply(&field, Some(&info))
+    } else if let Some(holdout) = holdout {
+        export::fitted_field_file(&field, &info, holdout)
     } else {
         export::field_file(&field, &info)
     };
     output::write(&args.out, &bytes)?;
+    let lost = args.lost(&field, &info, has_plate);
+    if !lost.is_empty() {
+        eprintln!("note: {} does not hold {}", args.out.display(), lost.join(", "));
+    }
     println!("{}: {} Gaussians, {} bytes", args.out.display(), field.len(), bytes.len());
     Ok(())
+}
+
+impl Args {
+    /// The parts of a clip that the chosen format cannot hold.
+    fn lost(&self, field: &Field, info: &ClipInfo, has_plate: bool) -> Vec<&'static str> {
+        let is_up_kept = !self.spz || [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]].contains(&info.up);
+        let parts = [
+            (has_plate, "the background plate"),
+            (self.splatv && field.sh_degree > 0, "view-dependent colour (SH above degree 0)"),
+            (!is_up_kept, "the up axis"),
+            (self.spz && info.metres_per_unit != 1.0, "metres per unit"),
+            (self.spz && !info.viewpoints.is_empty(), "viewpoints"),
+            (self.spz, "duration and frame rate"),
+        ];
+        parts.into_iter().filter(|(is_lost, _)| *is_lost).map(|(_, part)| part).collect()
+    }
 }

@@ -8,17 +8,19 @@ use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
 use crate::input::Input;
+use crate::messages::{count, unreadable};
+use crate::progress::counting;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, describe, frame_rate, load_lpips, load_training_views};
+use super::capture::{FrameSelection, HeldFrames, assumed_fps, describe, load_lpips, load_training_views};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
@@ -137,22 +139,23 @@ fn positive(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
-/// Fits a capture with the defaults of `fit`.
+/// Fits a capture with the defaults of `fit`, captured at `fps` frames per second.
 pub(super) fn by_default(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     plan: &FitPlan,
+    fps: f32,
     out: &Path,
 ) -> anyhow::Result<()> {
     let runtime =
         FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_and_write(out, plan, capture_files, views, runtime, None).map(drop)
+    fit_and_write(out, plan, capture_files, views, runtime, fps).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    match (&args.many.list, &args.out) {
-        (Some(list), Some(folder)) => run_many(args, list, folder),
-        _ => run_one(args),
+    match args.many.list_and_folder(&args.out) {
+        Some((list, folder)) => run_many(args, list, folder),
+        None => run_one(args),
     }
 }
 
@@ -203,7 +206,7 @@ impl Args {
 fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     output::check(out)?;
     if out.extension() != Some(OsStr::new("ply")) {
-        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply", out.display())));
+        bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
     let capture_files = args.selection.open(args.capture())?;
     let holdout = Holdout::from(args.holdout);
@@ -218,7 +221,8 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         lpips: lpips.as_ref(),
         checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, args.fps)?;
+    let fps = args.fps.unwrap_or_else(|| assumed_fps(&capture_files, "--fps states another number"));
+    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, fps)?;
     Ok(FitResult { plan, fitted, splits })
 }
 
@@ -236,15 +240,15 @@ fn fit_and_write(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     runtime: FitRuntime,
-    fps: Option<f32>,
+    fps: f32,
 ) -> anyhow::Result<Fitted> {
-    let bar = ProgressBar::new(plan.steps)
-        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left {msg}")?);
+    let bar = counting(plan.steps, "steps");
     bar.println(describe(capture_files, plan.holdout)?);
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::clip_info(capture_files, frame_rate(fps));
-    output::write(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
+    let info = fit::clip_info(capture_files, fps);
+    // The checkpoint goes only when the field is safe.
+    output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
 }
@@ -319,7 +323,7 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
 
 fn checksum(path: &Path) -> Result<u32, Fault> {
     let bytes = std::fs::read(path);
-    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))
+    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| unreadable(path, &error))
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {
@@ -361,10 +365,12 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.initial_count, fitted.field.len());
     if let Some(psnr) = last.held_psnr_db {
-        println!("held             {psnr:.2} dB, the subject in a few photographs; `eval` measures all");
+        println!(
+            "held             {psnr:.2} dB, the subject in a few held-out photographs; `eval` measures all"
+        );
     }
     if fitted.non_finite > 0 {
-        println!("left out         {} gradients that were not finite", fitted.non_finite);
+        println!("left out         {}, not finite", count(fitted.non_finite as usize, "gradient"));
     }
     if fitted.resumed_at > 0 {
         println!("resumed          at step {}", fitted.resumed_at);

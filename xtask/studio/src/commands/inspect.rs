@@ -7,8 +7,8 @@ mod left_out;
 use std::path::{Path, PathBuf};
 
 use crate::input::read_package;
+use crate::messages::{bad_package, decimal};
 use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
-use program::Fault;
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
@@ -29,7 +29,7 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bytes = read_package(&args.clip)?;
     let limits = Limits::default();
-    let bad = |error: codec::Error| Fault::Data(format!("{}: {error}", args.clip.display()));
+    let bad = |error: codec::Error| bad_package(&args.clip, &error);
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
     let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
@@ -102,16 +102,15 @@ struct Layer {
     complete: bool,
 }
 
-/// Bytes that an attribute of all Gaussians takes, and would take by simpler coding of the same
-/// numbers.
+/// Coded size of an attribute of all Gaussians, and the sizes that simpler coders would reach for the same numbers.
 #[derive(Serialize)]
 struct Attribute {
     attribute: &'static str,
-    /// By the frequencies of its numbers (order-0 entropy), the Gaussians in an order of their own.
+    /// Order-0 entropy: each number coded by its frequency alone. Preserves any order of the Gaussians.
     order_0_bytes: usize,
-    /// By the frequencies of the distances from their predictions, the order left to the coder.
+    /// Order-0 entropy of the prediction residuals. The coder chooses the order of the Gaussians.
     predicted_bytes: usize,
-    /// Coded bytes.
+    /// Size by the coder `context`.
     coded_bytes: usize,
 }
 
@@ -119,9 +118,9 @@ struct Attribute {
 #[derive(Serialize)]
 struct Alive {
     time_s: f64,
-    /// Those that the time index names, and all motionless ones.
+    /// Gaussians that the time index lists, and all motionless ones.
     candidates: usize,
-    /// Those of them with an opacity of at least 1/255.
+    /// Candidates with an opacity of at least 1/255.
     alive: usize,
 }
 
@@ -257,7 +256,8 @@ impl Inspection {
             "bytes       {}, {:.2} per Gaussian, {mbps:.2} Mbps; {} on the GPU",
             self.bytes, self.bytes_per_gaussian, self.gpu_bytes
         );
-        println!("duration    {} s at {} frames per second", self.duration_s, self.fps);
+        let [duration_s, fps] = [self.duration_s, self.fps].map(|x| decimal(f64::from(x), 3));
+        println!("duration    {duration_s} s at {fps} frames per second");
         println!("up          {:?}, {} m per unit", self.up, self.metres_per_unit);
         println!("bounds      {:?} to {:?}", self.bounds[0], self.bounds[1]);
         for view in &self.viewpoints {
@@ -309,7 +309,7 @@ impl Inspection {
                 part.part, part.gaussians, part.bytes_saved, part.gpu_bytes_saved
             );
         }
-        println!("(package bytes: what columns of zeros would take, before zstd with the coder fixed)");
+        println!("(package bytes: size of columns of zeros; with the coder fixed, before zstd)");
 
         println!("\n{:<12}{:>12}{:>12}{:>10}", "time in s", "candidates", "alive", "share");
         for Alive { time_s, candidates, alive } in &self.alive {
@@ -337,10 +337,8 @@ impl Inspection {
             row(part.attribute, sizes);
         }
         row("all", sums);
-        println!(
-            "(order 0: the entropy of the same rounded numbers, the Gaussians in an order of their own;"
-        );
-        println!(" predicted: the entropy of their distances from the predictions, in the coder's order)");
+        println!("(order 0: entropy of the same rounded numbers, with the Gaussians in any order;");
+        println!(" predicted: entropy of the prediction residuals, with the Gaussians in the coder's order)");
     }
 }
 

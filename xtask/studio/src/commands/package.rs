@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crate::capture::CaptureFiles;
 use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
+use crate::messages::decimal;
 use crate::package::{
     Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
     prefix_quality,
@@ -22,7 +23,9 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, UNRECORDED_HOLDOUT, load_training_views};
+use super::capture::{
+    FrameSelection, HeldFrames, HoldoutRecord, assumed_fps, held_frames, load_training_views,
+};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -93,8 +96,8 @@ pub struct Args {
     json: bool,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
     selection: FrameSelection,
-    /// Frames that are held out from fitting and refining; by default none, and with --refine what the
-    /// field file records
+    /// Frames that are held out from fitting and refining; by default none, and with --refine those that
+    /// the field file records
     #[arg(long, value_enum, help_heading = "Of the capture, where one is looked at")]
     holdout: Option<HeldFrames>,
 }
@@ -130,9 +133,9 @@ fn quality(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    match (&args.many.list, &args.out) {
-        (Some(list), Some(folder)) => run_many(args, list, folder),
-        _ => run_one(args),
+    match args.many.list_and_folder(&args.out) {
+        Some((list, folder)) => run_many(args, list, folder),
+        None => run_one(args),
     }
 }
 
@@ -154,7 +157,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let list = List::read(list)?;
     let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
-    takes::make_folder(folder)?;
+    output::make_folder(folder)?;
     let job = TakeCommand {
         command: "package",
         ending: "aarc",
@@ -281,16 +284,16 @@ impl Captured {
         let is_scene = Scene::is_capture(args.scene());
         let folder = match (&args.capture, args.refine) {
             (Some(_), _) if is_scene => {
-                bail!(Fault::Usage(format!("--capture: {} is a capture itself", args.scene().display())))
+                bail!(Fault::Usage(format!("--capture: {} is a capture itself; leave --capture out", args.scene().display())))
             }
             (Some(folder), _) => folder.as_path(),
             (None, Some(_)) if !args.scene().is_dir() => bail!(Fault::Usage(
-                "--refine takes the photographs that the field was fitted to: name their folder with --capture"
+                "--refine takes the photographs that the field was fitted to; name their folder with --capture"
                     .into()
             )),
             (None, None) if !is_scene => {
                 if !(args.selection.is_default() && args.holdout.is_none()) {
-                    bail!(Fault::Usage("no capture is looked at: that takes --refine".into()));
+                    bail!(Fault::Usage("options of a capture, which no field needs: that takes --refine".into()));
                 }
                 return Ok(None);
             }
@@ -317,7 +320,7 @@ impl Captured {
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
-        match Record::state(&out, FIELD_OF_PACKAGE, &key) {
+        match Record::state(&out, FIELD_OF_PACKAGE, &key)? {
             OutputState::Done => return Ok(out),
             OutputState::Begun => {}
             OutputState::Stale => fit::remove_checkpoint(&out)?,
@@ -332,20 +335,24 @@ impl Captured {
 
     fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
         let views = load_training_views(&self.capture_files, plan.holdout)?;
-        super::fit::by_default(&self.capture_files, &views, plan, out)
+        let fps = assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
+        super::fit::by_default(&self.capture_files, &views, plan, fps, out)
     }
 
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
         fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
-        let recorded = scene.subject.hints.holdout;
-        let holdout = args.holdout.map(Holdout::from).or(recorded).unwrap_or(UNRECORDED_HOLDOUT);
+        let record = HoldoutRecord { recorded: scene.subject.hints.holdout, source: "this field" };
+        let (holdout, note) = held_frames(args.scene(), args.holdout, record);
         let views = load_training_views(&self.capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
-                "--refine: the photographs show the background, which plate.ply draws, too: they need masks"
+                "--refine: the photographs show the background, which plate.ply draws, too; give them masks"
                     .into()
             ));
+        }
+        if let Some(note) = note {
+            eprintln!("note: {note}");
         }
         Ok(views)
     }
@@ -361,7 +368,7 @@ fn field_path(args: &Args) -> PathBuf {
 
 fn already_exists(field: &Path) -> Fault {
     let field = field.display();
-    Fault::Usage(format!("{field} is there already: package that, or remove it to fit anew"))
+    Fault::Usage(format!("{field} is there already; package that, or remove it to fit anew"))
 }
 
 fn print_report(report: &PackageReport) {
@@ -381,7 +388,9 @@ fn print_report(report: &PackageReport) {
     let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
     println!(
         "{:16} {}, {per_gaussian:.1} per Gaussian, {mbps:.1} Mbps over {} s",
-        "bytes", report.bytes, report.duration_s
+        "bytes",
+        report.bytes,
+        decimal(f64::from(report.duration_s), 3)
     );
     print_fidelity(report);
 }

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::export;
+use crate::messages::count;
+use crate::progress::counting;
 use crate::synth::{juggler, limbs, stage};
 use clap::Subcommand;
 use codec::{ClipInfo, Field};
-use indicatif::{ProgressBar, ProgressStyle};
 use program::output;
 
 use super::render::size;
@@ -72,16 +73,17 @@ fn write_field(out: &Path, scene: fn() -> (Field, ClipInfo)) -> anyhow::Result<(
 fn write_stage(out: &Path, settings: &stage::StageSettings) -> anyhow::Result<()> {
     settings.check()?;
     let start = Instant::now();
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures, {eta} left")?;
-    let progress = ProgressBar::new(settings.images() as u64).with_style(style);
+    let progress = counting(settings.images() as u64, "pictures");
     stage::write(out, settings, || progress.inc(1))?;
     progress.finish_and_clear();
     let stage::StageSettings { cameras, frames, size: [width, height] } = settings;
     let held = (0..*cameras).filter(|camera| stage::is_held(*camera)).count();
     let seconds = start.elapsed().as_secs_f64();
     println!(
-        "{}: {cameras} cameras, {held} of them held; {frames} frames of {width}x{height}; in {seconds:.1} s",
-        out.display()
+        "{}: {}, {held} of them held; {} of {width}x{height}; in {seconds:.1} s",
+        out.display(),
+        count(*cameras, "camera"),
+        count(*frames, "frame")
     );
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! `--list`: runs a command for each take of a list and writes a summary.
 
+use crate::messages::count;
 use crate::takes::{List, OutputState, Record, Shard, Take, key};
 use anyhow::{anyhow, bail};
 use program::{Fault, output};
@@ -22,6 +23,13 @@ pub(super) struct TakeOptions {
     /// Run only the I-th of N equal shares of the list, from 0/N to N-1/N
     #[arg(long, value_name = "I/N", requires = "list")]
     pub(super) shard: Option<Shard>,
+}
+
+impl TakeOptions {
+    /// The list and the folder of its outputs, `out`, if there is a list.
+    pub(super) fn list_and_folder<'a>(&'a self, out: &'a Option<PathBuf>) -> Option<(&'a Path, &'a Path)> {
+        self.list.as_deref().zip(out.as_deref())
+    }
 }
 
 /// A command that is run for each take.
@@ -62,7 +70,7 @@ pub(super) fn run(
     job: &TakeCommand,
     make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<()> {
-    make_folder(folder)?;
+    output::make_folder(folder)?;
     let shard = shard.unwrap_or(Shard::ALL);
     let mut outcomes = Vec::new();
     for take in takes.of(shard) {
@@ -90,10 +98,10 @@ pub(super) fn run(
         }
         outcomes.push(outcome);
     }
-    let count = |what| outcomes.iter().filter(|outcome| outcome.outcome == what).count();
+    let number_of = |what| outcomes.iter().filter(|outcome| outcome.outcome == what).count();
     let summary = json!({
         "command": job.command, "list": takes.path, "shard": shard.to_string(),
-        "done": count("done"), "skipped": count("skipped"), "failed": count("failed"), "takes": outcomes,
+        "done": number_of("done"), "skipped": number_of("skipped"), "failed": number_of("failed"), "takes": outcomes,
     });
     let text = format!("{summary:#}\n");
     let path = folder.join(format!("{}-{}.summary.json", job.command, shard.file_name()));
@@ -104,9 +112,9 @@ pub(super) fn run(
     let mut failed = outcomes.iter().filter(|outcome| outcome.error.is_some());
     let Some(first) = failed.next() else { return Ok(()) };
     let message = format!(
-        "{} of {} takes failed, {} first; {} says why",
+        "{} of {} failed, {} first; see {}",
         1 + failed.count(),
-        outcomes.len(),
+        count(outcomes.len(), "take"),
         first.scene.display(),
         path.display()
     );
@@ -116,12 +124,6 @@ pub(super) fn run(
         5 => bail!(Fault::Device(message)),
         _ => bail!(message),
     }
-}
-
-/// Creates the folder of the outputs if it does not exist.
-pub(super) fn make_folder(folder: &Path) -> Result<(), Fault> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display())))
 }
 
 /// Makes the output of a take unless it is done.
@@ -141,7 +143,7 @@ fn run_take(
     check_apart(scene, out)?;
     let inputs: Vec<&Path> = [scene].into_iter().chain(job.inputs.iter().copied()).collect();
     let key = key(job.command, &job.options, &inputs)?;
-    match Record::state(out, job.command, &key) {
+    match Record::state(out, job.command, &key)? {
         OutputState::Done => return Ok("skipped"),
         OutputState::Stale => (job.forget)(out)?,
         OutputState::Begun | OutputState::Unknown => {}

@@ -152,7 +152,9 @@ pub fn judge(
         }
     }
     if judged.is_empty() {
-        bail!(Fault::Data("there is no picture of any photograph".into()));
+        bail!(Fault::Data(
+            "there is no picture of any photograph; name the pictures as the photographs".into()
+        ));
     }
     Ok(judged)
 }

@@ -5,7 +5,6 @@ use std::fmt::Write;
 use std::path::Path;
 
 use codec::{Clip, Limits};
-use program::Fault;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 use refine::metrics::ImageMetrics;
@@ -17,6 +16,7 @@ use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::CaptureFiles;
 use crate::input::{prefix_bytes, read_package};
+use crate::messages::bad_package;
 
 /// Maximum number of photographs that each prefix is compared with.
 const PHOTOS_MAX: usize = 16;
@@ -70,7 +70,7 @@ pub fn eval_prefixes(
         return Ok(None);
     }
     let contents = codec::contents(&read_package(path)?, &Limits::default())
-        .map_err(|error| Fault::Data(format!("{}: {error}", path.display())))?;
+        .map_err(|error| bad_package(path, &error))?;
     let splits = splits(capture_files, holdout)?;
     let of = |target: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == target).map(|(photo_id, _)| *photo_id).collect()

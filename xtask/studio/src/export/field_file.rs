@@ -3,22 +3,23 @@
 use codec::{ClipInfo, Field};
 use refine::capture::Holdout;
 
-use super::ply::{binary_ply, push_static, static_names};
+use super::ply::{binary_ply, metadata, push_static, static_names};
 use crate::import::field_file::{MARK, VERSION};
 
 /// A field and the metadata of its clip, without loss.
 pub fn field_file(field: &Field, info: &ClipInfo) -> Vec<u8> {
-    with_comments(field, metadata(info))
+    with_holdout(field, info, None)
 }
 
 /// A fitted field, as [`field_file`] writes it, with a record of the frames held out from fitting.
 pub fn fitted_field_file(field: &Field, info: &ClipInfo, holdout: Holdout) -> Vec<u8> {
-    let mut comments = metadata(info);
-    comments.push(format!("{MARK} holdout {}", holdout.name()));
-    with_comments(field, comments)
+    with_holdout(field, info, Some(holdout))
 }
 
-fn with_comments(field: &Field, comments: Vec<String>) -> Vec<u8> {
+fn with_holdout(field: &Field, info: &ClipInfo, holdout: Option<Holdout>) -> Vec<u8> {
+    let mut comments = vec![format!("{MARK} field {VERSION}")];
+    comments.extend(metadata(info));
+    comments.extend(holdout.map(|holdout| format!("{MARK} holdout {}", holdout.name())));
     let mut names = static_names(field.sh_degree);
     names.push("aarc_opacity".into());
     if let Some(temporal) = &field.temporal {
@@ -40,22 +41,4 @@ fn with_comments(field: &Field, comments: Vec<String>) -> Vec<u8> {
             row.extend(temporal.rotation_rates.iter().flat_map(|rates| rates[i]));
         }
     })
-}
-
-/// The metadata comments. Rust prints the shortest digits that read back as the same number.
-fn metadata(info: &ClipInfo) -> Vec<String> {
-    let vector = |v: [f32; 3]| format!("{} {} {}", v[0], v[1], v[2]);
-    let mut comments = vec![
-        format!("{MARK} field {VERSION}"),
-        format!("{MARK} duration_s {}", info.duration_s),
-        format!("{MARK} fps {}", info.fps),
-        format!("{MARK} up {}", vector(info.up)),
-        format!("{MARK} metres_per_unit {}", info.metres_per_unit),
-    ];
-    comments.extend(info.viewpoints.iter().map(|view| {
-        let name = view.name.replace(char::is_control, " ");
-        let (position, target) = (vector(view.position), vector(view.target));
-        format!("{MARK} viewpoint {position} {target} {} {name}", view.fov_y)
-    }));
-    comments
 }

@@ -1,19 +1,38 @@
 //! The PLY of 3D Gaussian Splatting, as [`crate::import`] reads it.
 
-use codec::{Field, sh_coefficients};
+use codec::{ClipInfo, Field, sh_coefficients};
+
+use crate::import::field_file::MARK;
 
 /// Larger logits give the same opacity in `f32`; infinite ones would break other readers.
 const LOGIT_MAX: f64 = 16.0;
 
-/// The static columns of a field, with the unused normals that some readers expect. Windows and motion
-/// are omitted: see [`super::frozen`].
-pub fn static_ply(field: &Field) -> Vec<u8> {
+/// The static columns of a field, with the unused normals that some readers expect, and the metadata of its clip as
+/// comments. Windows and motion are omitted: see [`super::frozen`].
+pub fn static_ply(field: &Field, info: Option<&ClipInfo>) -> Vec<u8> {
     let mut names = static_names(field.sh_degree);
     names.splice(3..3, ["nx", "ny", "nz"].map(String::from));
-    binary_ply(&[], &names, field.len(), |i, row| {
+    binary_ply(&info.map_or_else(Vec::new, metadata), &names, field.len(), |i, row| {
         push_static(field, i, row);
         row.splice(3..3, [0.0; 3]);
     })
+}
+
+/// The metadata of a clip as comments. Rust prints the shortest digits that read back as the same number.
+pub(super) fn metadata(info: &ClipInfo) -> Vec<String> {
+    let vector = |v: [f32; 3]| format!("{} {} {}", v[0], v[1], v[2]);
+    let mut comments = vec![
+        format!("{MARK} duration_s {}", info.duration_s),
+        format!("{MARK} fps {}", info.fps),
+        format!("{MARK} up {}", vector(info.up)),
+        format!("{MARK} metres_per_unit {}", info.metres_per_unit),
+    ];
+    comments.extend(info.viewpoints.iter().map(|view| {
+        let name = view.name.replace(char::is_control, " ");
+        let (position, target) = (vector(view.position), vector(view.target));
+        format!("{MARK} viewpoint {position} {target} {} {name}", view.fov_y)
+    }));
+    comments
 }
 
 /// Names of the static columns.

@@ -6,19 +6,23 @@ use codec::{ClipInfo, Field, SH_C0, Viewpoint};
 use half::f16;
 use serde_json::json;
 
-use crate::import::splatv::{ROW, ROWS_PER_LINE};
+use crate::import::splatv::{ClipRecord, ROW, ROWS_PER_LINE, SplatvCamera};
 
-/// Image size of the header's camera; viewers choose their own aspect ratio.
+/// Image size of the cameras; viewers choose their own aspect ratio.
 const CAMERA_SIZE: (u32, u32) = (1024, 768);
 
-/// A field for splaTV and other readers of its format. Only the constant SH coefficient is kept,
-/// and all but the centres lose precision to 16 or 8 bits.
+/// A field for splaTV and other readers of its format, with the metadata of its clip. Only the constant SH
+/// coefficient is kept, and all but the centres lose precision to 16 or 8 bits.
 pub fn splatv(field: &Field, info: &ClipInfo) -> Vec<u8> {
     let lines = field.len().div_ceil(ROWS_PER_LINE);
     let size = lines * ROWS_PER_LINE * ROW;
+    let framing = [Viewpoint::framing(field.bounds(), info.up)];
+    let viewpoints = if info.viewpoints.is_empty() { &framing[..] } else { &info.viewpoints };
+    let cameras: Vec<SplatvCamera> =
+        (0..).zip(viewpoints).map(|(id, viewpoint)| camera(id, viewpoint, info.up)).collect();
     let header = json!([{
         "type": "splat", "size": size, "texwidth": 4 * ROWS_PER_LINE, "texheight": lines,
-        "cameras": [camera(info)],
+        "cameras": cameras, "aarc": ClipRecord::from(info),
     }])
     .to_string();
 
@@ -44,7 +48,7 @@ fn push_row(field: &Field, i: usize, bytes: &mut Vec<u8>) {
 
     bytes.extend(field.centers[i].iter().flat_map(|x| x.to_le_bytes()));
     push_halves(bytes, &field.rotations[i]);
-    push_halves(bytes, &field.log_scales[i].map(f32::exp));
+    push_halves(bytes, &field.log_scales[i].map(|x| positive_half(x.exp())));
     push_halves(bytes, &[0.0]);
     let unit_byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
     bytes.extend(field.sh_of(i)[0].map(|c| unit_byte(0.5 + SH_C0 * f64::from(c))));
@@ -54,7 +58,12 @@ fn push_row(field: &Field, i: usize, bytes: &mut Vec<u8>) {
     push_halves(bytes, &rate);
     push_halves(bytes, &[tau]);
     // A width too large for the format becomes infinite: always on.
-    bytes.extend(f16::from_f32(s * SQRT_2).to_le_bytes());
+    bytes.extend(f16::from_f32(positive_half(s * SQRT_2)).to_le_bytes());
+}
+
+/// A positive number that the format does not round to zero, which stands for no size and no window.
+fn positive_half(x: f32) -> f32 {
+    x.max(f16::from_bits(1).to_f32())
 }
 
 /// Appends numbers, clamped to the range of the format.
@@ -63,15 +72,19 @@ fn push_halves(bytes: &mut Vec<u8>, values: &[f32]) {
     bytes.extend(values.iter().flat_map(|x| f16::from_f32(x.clamp(-largest, largest)).to_le_bytes()));
 }
 
-/// The first viewpoint in splaTV's form: `rotation` is world from camera.
-fn camera(info: &ClipInfo) -> serde_json::Value {
+/// A viewpoint in splaTV's form.
+fn camera(id: u32, viewpoint: &Viewpoint, up: [f32; 3]) -> SplatvCamera {
     let (width, height) = CAMERA_SIZE;
-    let origin = Viewpoint { name: String::new(), position: [0.0; 3], target: [0.0, 0.0, 1.0], fov_y: 0.9 };
-    let camera = info.viewpoints.first().unwrap_or(&origin).camera(info.up, width, height);
+    let camera = viewpoint.camera(up, width, height);
     let m = camera.camera_from_world;
-    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| m[column][row]));
-    json!({
-        "id": 0, "img_name": "0", "width": width, "height": height, "position": camera.position(),
-        "rotation": rotation, "fx": camera.k[0][0], "fy": camera.k[1][1],
-    })
+    SplatvCamera {
+        id,
+        img_name: viewpoint.name.clone(),
+        width,
+        height,
+        position: camera.position(),
+        rotation: std::array::from_fn(|row| std::array::from_fn(|column| m[column][row])),
+        fx: camera.k[0][0],
+        fy: camera.k[1][1],
+    }
 }

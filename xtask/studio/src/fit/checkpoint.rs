@@ -1,5 +1,6 @@
 //! [`Checkpoint`]: the saved state of a fit, from which it resumes with the same result.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use program::{Fault, output};
@@ -40,18 +41,18 @@ pub(super) fn path_for(field: &Path) -> PathBuf {
 }
 
 impl Checkpoint {
-    /// The checkpoint at `path`, `None` if there is none.
+    /// The checkpoint at `path`, `None` if there is no file.
     ///
     /// # Errors
-    /// [`Fault::Data`] if the checkpoint cannot be read, [`Fault::Usage`] if its plan is not `plan`.
+    /// [`Fault::Data`] if the file cannot be read or is no checkpoint, [`Fault::Usage`] if its plan is not `plan`.
     pub(super) fn load(path: &Path, plan: &FitPlan) -> Result<Option<Checkpoint>, Fault> {
-        if !path.exists() {
-            return Ok(None);
-        }
         let bad = |what: String| {
             Fault::Data(format!("{}: {what}; remove it to start from the beginning", path.display()))
         };
-        let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
+        let bytes = match std::fs::read(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            read => read.map_err(|error| bad(error.to_string()))?,
+        };
         let body = bytes.strip_prefix(&MAGIC).ok_or_else(|| bad("no checkpoint of this version".into()))?;
         let damaged = || bad("the checkpoint is damaged".into());
         let (checksum, body) = body.split_first_chunk().ok_or_else(damaged)?;
@@ -71,13 +72,13 @@ impl Checkpoint {
         }
     }
 
-    /// Writes the checkpoint to `path`, whole or not at all.
+    /// Writes the checkpoint to `path`, whole or not at all, and durably.
     ///
     /// # Errors
     /// [`Fault::Usage`] that names the path.
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
         let body = postcard::to_stdvec(self)?;
         let bytes = [&MAGIC[..], &crc(&body).to_le_bytes(), &body].concat();
-        Ok(output::write(path, &bytes)?)
+        Ok(output::write_durable(path, &bytes)?)
     }
 }

@@ -24,7 +24,9 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
+use crate::messages::count;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
+use crate::up_axis::up_of;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc};
@@ -238,13 +240,13 @@ pub fn check_frames(
     match frames {
         _ if field.temporal.is_none() => {
             if capture_frames > 1 {
-                eprintln!("note: {name} does not move, and the fit keeps it static");
+                eprintln!("note: {name} does not move, so the fit keeps it static");
             }
             Ok(())
         }
         Some(frames) if frames != capture_frames => Err(Fault::Usage(format!(
-            "{name} is of {frames} frames (duration_s times fps), the capture of {capture_frames}: select its \
-             frames with --frames"
+            "{name} is of {} (duration_s times fps), the capture of {capture_frames}; select its frames with --frames",
+            count(frames, "frame")
         ))),
         _ => Ok(()),
     }
@@ -268,27 +270,15 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
 /// viewpoints at its first camera and a few others.
 pub fn clip_info(capture_files: &CaptureFiles, fps: f32) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
-    let mut up = [0.0; 3];
-    for CalibratedCamera { camera, .. } in cameras {
-        (0..3).for_each(|axis| up[axis] -= camera.camera_from_world[1][axis]);
-    }
-    let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let up = if length > 1e-6 { up.map(|x| (x / length) as f32) } else { DEFAULT_UP };
     let frames = capture_files.capture.times.len();
     let views = cameras.len().min(VIEWPOINTS_MAX);
     ClipInfo {
         duration_s: if frames > 1 { (frames - 1) as f32 / fps } else { DEFAULT_DURATION_S },
         fps,
-        up: upright(up),
+        up: up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
         metres_per_unit: DEFAULT_METRES_PER_UNIT,
         viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),
     }
-}
-
-/// Snaps `up` to an axis within about 25 degrees: cameras are rarely exactly level.
-fn upright(up: [f32; 3]) -> [f32; 3] {
-    let nearly = (0..3).find(|&axis| up[axis].abs() > 0.9);
-    nearly.map_or(up, |axis| std::array::from_fn(|i| if i == axis { up[axis].signum() } else { 0.0 }))
 }
 
 fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {

@@ -89,7 +89,9 @@ pub(super) fn start(
         }
     };
     if parameters.is_empty() {
-        bail!(Fault::Data("there is no Gaussian to start from".into()));
+        bail!(Fault::Data(
+            "there is no Gaussian to start from; choose another --anchor, or more --gaussians".into()
+        ));
     }
     let cameras = views.train.iter().map(|(_, view)| &view.camera);
     Ok(Fit::new(plan.fit_settings(), parameters, views.timeline, cameras))
@@ -97,12 +99,7 @@ pub(super) fn start(
 
 /// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.
 fn anchor_cameras(plan: &FitPlan, capture_files: &CaptureFiles) -> Result<Option<Vec<usize>>, Fault> {
-    let index = |name: &String| {
-        let found = capture_files.capture.cameras.iter().position(|camera| camera.name == *name);
-        found.ok_or_else(|| {
-            Fault::Usage(format!("--anchor-cameras: the capture has no camera \"{name}\" to look at"))
-        })
-    };
+    let index = |name: &String| capture_files.camera(name).map_err(|fault| fault.about("--anchor-cameras"));
     let indices: Vec<usize> = plan.anchor_cameras.iter().map(index).collect::<Result<_, _>>()?;
     Ok((!indices.is_empty()).then_some(indices))
 }

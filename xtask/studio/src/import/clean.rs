@@ -11,22 +11,49 @@ use super::imported::Repairs;
 /// The columns of `raw` have matching lengths and arbitrary values. The result is in normal form: no
 /// all-zero top band of SH, no all-zero top power of motion, no all-zero angular rates, and no temporal
 /// columns if every row is always on and none moves.
-pub(crate) fn clean(mut raw: Field, repairs: &mut Repairs) -> Field {
-    let mut usable = Vec::with_capacity(raw.len());
-    for row in 0..raw.len() {
-        if let Some(reason) = unusable(&raw, row) {
+///
+/// Works in place: a large field fits into memory once.
+pub(super) fn clean(mut field: Field, repairs: &mut Repairs) -> Field {
+    let mut usable = Vec::with_capacity(field.len());
+    for row in 0..field.len() {
+        if let Some(reason) = unusable(&field, row) {
             repairs.drop_rows(reason, 1);
         } else {
-            repair_opacity(&mut raw, row, repairs);
-            repair_rotation(&mut raw, row, repairs);
+            repair_opacity(&mut field, row, repairs);
+            repair_rotation(&mut field, row, repairs);
             usable.push(row);
         }
     }
-    let mut field = if usable.len() == raw.len() { raw } else { raw.select(&usable) };
+    if usable.len() < field.len() {
+        keep_rows(&mut field, &usable);
+    }
     leave_out_sh(&mut field);
     leave_out_motion(&mut field);
     debug_assert_eq!(field.check(), Ok(()));
     field
+}
+
+/// Keeps the rows with these ascending indices.
+fn keep_rows(field: &mut Field, rows: &[usize]) {
+    fn keep<T: Copy>(column: &mut Vec<T>, group: usize, rows: &[usize]) {
+        for (to, &from) in rows.iter().enumerate() {
+            column.copy_within(from * group..(from + 1) * group, to * group);
+        }
+        column.truncate(rows.len() * group);
+    }
+    keep(&mut field.centers, 1, rows);
+    keep(&mut field.rotations, 1, rows);
+    keep(&mut field.log_scales, 1, rows);
+    keep(&mut field.opacities, 1, rows);
+    keep(&mut field.sh, sh_coefficients(field.sh_degree), rows);
+    if let Some(temporal) = &mut field.temporal {
+        keep(&mut temporal.tau, 1, rows);
+        keep(&mut temporal.s, 1, rows);
+        keep(&mut temporal.motion, usize::from(temporal.motion_order), rows);
+        if let Some(rates) = &mut temporal.rotation_rates {
+            keep(rates, 1, rows);
+        }
+    }
 }
 
 /// Reason to drop a row; `None` if it is usable.
@@ -101,7 +128,7 @@ fn leave_out_sh(field: &mut Field) {
         field.sh.chunks_exact(stored).any(|sh| sh[below..].iter().any(|c| *c != [0.0; 3]))
     };
     let degree = (1..=field.sh_degree).rev().find(|&degree| uses(degree)).unwrap_or(0);
-    field.sh = keep_first(std::mem::take(&mut field.sh), stored, sh_coefficients(degree));
+    keep_first(&mut field.sh, stored, sh_coefficients(degree));
     field.sh_degree = degree;
 }
 
@@ -114,7 +141,7 @@ fn leave_out_motion(field: &mut Field) {
     };
     let order =
         (1..=temporal.motion_order.min(MOTION_ORDER_MAX)).rev().find(|&order| uses(order)).unwrap_or(0);
-    temporal.motion = keep_first(std::mem::take(&mut temporal.motion), stored, usize::from(order));
+    keep_first(&mut temporal.motion, stored, usize::from(order));
     temporal.motion_order = order;
     temporal.rotation_rates.take_if(|rates| rates.iter().all(|rate| *rate == [0.0; 4]));
     field.temporal.take_if(|temporal| {
@@ -122,10 +149,11 @@ fn leave_out_motion(field: &mut Field) {
     });
 }
 
-/// The first `keep` of every `group` entries.
-fn keep_first(column: Vec<[f32; 3]>, group: usize, keep: usize) -> Vec<[f32; 3]> {
-    if keep == group {
-        return column;
+/// Keeps the first `keep` of every `group` entries.
+fn keep_first(column: &mut Vec<[f32; 3]>, group: usize, keep: usize) {
+    if keep < group {
+        let groups = column.len() / group;
+        (0..groups).for_each(|i| column.copy_within(i * group..i * group + keep, i * keep));
+        column.truncate(groups * keep);
     }
-    column.chunks_exact(group.max(1)).flat_map(|entries| &entries[..keep]).copied().collect()
 }

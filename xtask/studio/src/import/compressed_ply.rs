@@ -8,9 +8,10 @@
 
 use std::f64::consts::SQRT_2;
 
-use codec::{Field, sh_coefficients};
+use codec::sh_coefficients;
 
-use super::imported::{Hints, Imported, Repairs, sh_of_rgb};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
 use super::inria;
 use super::ply::{Ply, Table};
 
@@ -18,7 +19,7 @@ use super::ply::{Ply, Table};
 const CHUNK: usize = 256;
 
 /// Reads the rows of a static field.
-pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
+pub(crate) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
     let Some(chunk) = ply.table("chunk") else {
         return Err("compressed PLY without a chunk element".into());
     };
@@ -40,7 +41,7 @@ pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
     };
 
     let rows = vertex.rows.min(chunk.rows * CHUNK).min(sh_bytes.map_or(usize::MAX, |sh| sh.rows));
-    let mut field = Field { sh_degree, ..Field::default() };
+    let mut field = budget.field(rows, sh_degree)?;
     for row in 0..rows {
         let [position, rotation, scale, color] = words.map(|column| vertex.get(row, column) as u32);
         let within = |bounds: &Bounds, t: [f64; 3]| bounds.at(chunk, row / CHUNK, t);
@@ -57,7 +58,7 @@ pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
     }
 
     let mut repairs = Repairs::default();
-    repairs.drop_rows("truncated payload", vertex.rows + vertex.missing_rows() - rows);
+    repairs.drop_rows(TRUNCATED, (vertex.rows - rows).saturating_add(vertex.missing_rows()));
     Ok(Imported { field, hints: Hints::default(), repairs, format: "compressed PLY" })
 }
 

@@ -2,10 +2,11 @@
 //!
 //! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
 
-use codec::{MOTION_ORDER_MAX, Temporal, Viewpoint};
+use codec::{MOTION_ORDER_MAX, Viewpoint};
 use refine::capture::Holdout;
 
-use super::imported::{Hints, Imported, Repairs};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs, TRUNCATED};
 use super::inria;
 use super::ply::{Ply, Table};
 
@@ -16,7 +17,7 @@ pub(crate) const MARK: &str = "aarc";
 pub const VERSION: &str = "1";
 
 /// Maximum length of [`Viewpoint::name`] in bytes.
-const NAME_MAX: usize = 63;
+pub(super) const NAME_MAX: usize = 63;
 
 /// Whether the comments mark a field file.
 pub(crate) fn is_marked(ply: &Ply) -> bool {
@@ -24,16 +25,16 @@ pub(crate) fn is_marked(ply: &Ply) -> bool {
 }
 
 /// Reads the rows of a field.
-pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
-    let hints = read_hints(ply)?;
-    let mut field = inria::static_columns(vertex)?;
+pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
+    let mut field = inria::static_columns(vertex, budget)?;
     let mut repairs = Repairs::default();
-    repairs.drop_rows("truncated payload", vertex.missing_rows());
+    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
 
     let rows = 0..vertex.rows;
     if vertex.has("aarc_opacity") {
         let [exact] = vertex.find(["aarc_opacity"])?;
-        field.opacities = rows.clone().map(|row| vertex.get(row, exact) as f32).collect();
+        field.opacities.clear();
+        field.opacities.extend(rows.clone().map(|row| vertex.get(row, exact) as f32));
     }
     if vertex.has("tau") {
         let [tau, s] = vertex.find(["tau", "s"])?;
@@ -45,18 +46,20 @@ pub(crate) fn read(ply: &Ply, vertex: &Table) -> Result<Imported, String> {
             true => Some(vertex.find([0, 1, 2, 3].map(|k| format!("rot_rate_{k}")))?),
             false => None,
         };
-        field.temporal = Some(Temporal {
-            tau: rows.clone().map(|row| vertex.get(row, tau) as f32).collect(),
-            s: rows.clone().map(|row| vertex.get(row, s) as f32).collect(),
-            motion_order: powers.len() as u8,
-            motion: rows
-                .clone()
-                .flat_map(|row| powers.iter().map(move |&power| vertex.row(row, power)))
-                .collect(),
-            rotation_rates: rates.map(|rates| rows.map(|row| vertex.row(row, rates)).collect()),
-        });
+        let mut temporal = budget.temporal(vertex.rows, powers.len() as u8)?;
+        for row in rows.clone() {
+            temporal.tau.push(vertex.get(row, tau) as f32);
+            temporal.s.push(vertex.get(row, s) as f32);
+            temporal.motion.extend(powers.iter().map(|&power| vertex.row(row, power)));
+        }
+        if let Some(rates) = rates {
+            let mut column = budget.vec(vertex.rows)?;
+            column.extend(rows.map(|row| vertex.row(row, rates)));
+            temporal.rotation_rates = Some(column);
+        }
+        field.temporal = Some(temporal);
     }
-    Ok(Imported { field, hints, repairs, format: "field file" })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "field file" })
 }
 
 /// Keys and values of the metadata comments.
@@ -67,7 +70,11 @@ fn metadata<'p>(ply: &'p Ply) -> impl Iterator<Item = (&'p str, &'p str)> {
     })
 }
 
-fn read_hints(ply: &Ply) -> Result<Hints, String> {
+/// The metadata in the comments of any PLY; [`crate::export::static_ply`] writes some of it.
+///
+/// # Errors
+/// One sentence that names the comment that cannot be used.
+pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
     let mut hints = Hints::default();
     for (key, value) in metadata(ply) {
         let wrong = || format!("comment {MARK} {key}: cannot use `{value}`");

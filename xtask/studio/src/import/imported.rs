@@ -6,8 +6,8 @@ use std::fmt;
 use codec::{Field, SH_C0, Viewpoint};
 use refine::capture::Holdout;
 
-/// Most Gaussians accepted from a compressed file, whose size does not bound their number.
-pub(super) const GAUSSIANS_MAX: usize = 1 << 24;
+/// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
+pub(super) const TRUNCATED: &str = "truncated payload";
 
 /// A field read from a file.
 #[derive(Debug)]
@@ -20,6 +20,24 @@ pub struct Imported {
     pub repairs: Repairs,
     /// Name of the file's format.
     pub format: &'static str,
+}
+
+impl Imported {
+    /// Checks that at least half of the announced rows are in the file. With fewer, the header or the file is
+    /// damaged, and the rest does not stand for the whole.
+    ///
+    /// # Errors
+    /// One sentence with both numbers.
+    pub(super) fn check_complete(&self) -> Result<(), String> {
+        let rows = self.field.len();
+        match self.repairs.dropped.get(TRUNCATED) {
+            Some(&missing) if missing > rows => Err(format!(
+                "truncated payload: the header announces {} Gaussians and the file holds {rows}",
+                rows.saturating_add(missing)
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Metadata of the clip that the file states or its format implies; `None` if neither does.

@@ -6,19 +6,20 @@
 
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
-use super::imported::{Hints, Imported, Repairs};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs, TRUNCATED};
 use super::ply::Table;
 
 /// Reads the rows of a static field.
-pub(crate) fn read(vertex: &Table) -> Result<Imported, String> {
-    let field = static_columns(vertex)?;
+pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
+    let field = static_columns(vertex, budget)?;
     let mut repairs = Repairs::default();
-    repairs.drop_rows("truncated payload", vertex.missing_rows());
+    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
     Ok(Imported { field, hints: Hints::default(), repairs, format: "3D Gaussian Splatting PLY" })
 }
 
 /// Reads the columns that this format shares with its derivatives.
-pub(crate) fn static_columns(vertex: &Table) -> Result<Field, String> {
+pub(crate) fn static_columns(vertex: &Table, budget: &mut ImportBudget) -> Result<Field, String> {
     let [x, y, z, red, green, blue, opacity, s0, s1, s2, r0, r1, r2, r3] = vertex.find([
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
         "rot_1", "rot_2", "rot_3",
@@ -29,21 +30,16 @@ pub(crate) fn static_columns(vertex: &Table) -> Result<Field, String> {
         .map(|k| vertex.find([0, 1, 2].map(|channel| format!("f_rest_{}", channel * rest + k))))
         .collect::<Result<_, _>>()?;
 
-    let rows = 0..vertex.rows;
-    let mut sh = Vec::with_capacity(vertex.rows * (1 + rest));
-    for row in rows.clone() {
-        sh.push(vertex.row(row, [red, green, blue]));
-        sh.extend(rest_columns.iter().map(|&columns| vertex.row(row, columns)));
+    let mut field = budget.field(vertex.rows, sh_degree)?;
+    for row in 0..vertex.rows {
+        field.centers.push(vertex.row(row, [x, y, z]));
+        field.rotations.push(vertex.row(row, [r0, r1, r2, r3]));
+        field.log_scales.push(vertex.row(row, [s0, s1, s2]));
+        field.opacities.push(sigmoid(vertex.get(row, opacity)));
+        field.sh.push(vertex.row(row, [red, green, blue]));
+        field.sh.extend(rest_columns.iter().map(|&columns| vertex.row(row, columns)));
     }
-    Ok(Field {
-        centers: rows.clone().map(|row| vertex.row(row, [x, y, z])).collect(),
-        rotations: rows.clone().map(|row| vertex.row(row, [r0, r1, r2, r3])).collect(),
-        log_scales: rows.clone().map(|row| vertex.row(row, [s0, s1, s2])).collect(),
-        opacities: rows.map(|row| sigmoid(vertex.get(row, opacity))).collect(),
-        sh_degree,
-        sh,
-        temporal: None,
-    })
+    Ok(field)
 }
 
 /// The SH degree for a number of `f_rest_*` values, all channels together.

@@ -4,6 +4,10 @@
 //! that follow it before anything is allocated. Rows beyond the end of the file are reported as missing,
 //! not as an error, so that the complete rows of a truncated file can be used.
 
+use std::collections::BTreeMap;
+
+use super::budget::ImportBudget;
+
 /// Longest header that is searched for its end.
 const HEADER_MAX: usize = 1 << 20;
 
@@ -18,6 +22,8 @@ pub(crate) struct Ply<'a> {
 pub(crate) struct Table<'a> {
     name: &'a str,
     columns: Vec<Column<'a>>,
+    /// Positions of the columns by name, of the first where several have one name.
+    positions: BTreeMap<&'a str, usize>,
     /// Rows that the header announces.
     announced: usize,
     /// Complete rows in the file.
@@ -98,8 +104,8 @@ impl<'a> Ply<'a> {
     /// Parses a file that starts with `ply`.
     ///
     /// # Errors
-    /// One sentence: malformed header, unsupported encoding or list property.
-    pub(crate) fn parse(bytes: &'a [u8]) -> Result<Ply<'a>, String> {
+    /// One sentence: malformed header, unsupported encoding or list property, or beyond `budget`.
+    pub(super) fn parse(bytes: &'a [u8], budget: &mut ImportBudget) -> Result<Ply<'a>, String> {
         let (header, body_start) = split_header(bytes)?;
         let mut ply = Ply { comments: Vec::new(), tables: Vec::new() };
         let mut ascii = None;
@@ -128,10 +134,8 @@ impl<'a> Ply<'a> {
         match ascii {
             None => return Err("PLY header without a format line".into()),
             Some(true) => {
-                let mut lines =
-                    body.split(|&byte| byte == b'\n').filter(|line| !line.trim_ascii().is_empty());
                 for table in &mut ply.tables {
-                    table.take_ascii(&mut lines)?;
+                    body = table.take_ascii(body, budget)?;
                 }
             }
             Some(false) => {
@@ -170,7 +174,7 @@ fn element<'a>(line: &str, mut words: impl Iterator<Item = &'a str>) -> Result<T
         return Err(format!("PLY header: cannot read `{line}`"));
     };
     let cells = Cells::Binary { bytes: &[], stride: 0 };
-    Ok(Table { name, columns: Vec::new(), announced, rows: 0, cells })
+    Ok(Table { name, columns: Vec::new(), positions: BTreeMap::new(), announced, rows: 0, cells })
 }
 
 impl<'a> Table<'a> {
@@ -183,6 +187,7 @@ impl<'a> Table<'a> {
             return Err(format!("PLY header: cannot read `{line}`"));
         };
         let offset = self.columns.last().map_or(0, |column| column.offset + column.kind.size());
+        self.positions.entry(name).or_insert(self.columns.len());
         self.columns.push(Column { name, kind, offset });
         Ok(())
     }
@@ -197,10 +202,18 @@ impl<'a> Table<'a> {
         &body[rest..]
     }
 
-    fn take_ascii<'l>(&mut self, lines: &mut impl Iterator<Item = &'l [u8]>) -> Result<(), String> {
-        let mut values = Vec::new();
-        while self.rows < self.announced {
-            let Some(line) = lines.next() else { break };
+    /// Takes the whole rows that are there off the front of `body`, one per line that is not blank.
+    fn take_ascii(&mut self, mut body: &'a [u8], budget: &mut ImportBudget) -> Result<&'a [u8], String> {
+        // A number takes a digit and a separator or the end of the file.
+        let rows_max = (body.len() + 1) / (2 * self.columns.len()).max(1);
+        let mut values = budget.vec(self.announced.min(rows_max) * self.columns.len())?;
+        while self.rows < self.announced && !body.is_empty() {
+            let end = body.iter().position(|&byte| byte == b'\n').unwrap_or(body.len());
+            let line = body[..end].trim_ascii();
+            body = &body[body.len().min(end + 1)..];
+            if line.is_empty() {
+                continue;
+            }
             let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
             for column in &self.columns {
                 let value =
@@ -212,7 +225,7 @@ impl<'a> Table<'a> {
             self.rows += 1;
         }
         self.cells = Cells::Ascii(values);
-        Ok(())
+        Ok(body)
     }
 
     /// Rows that the header announces and the file lacks.
@@ -222,7 +235,7 @@ impl<'a> Table<'a> {
 
     /// Whether there is a property of this name.
     pub(crate) fn has(&self, name: &str) -> bool {
-        self.columns.iter().any(|column| column.name == name)
+        self.positions.contains_key(name)
     }
 
     /// Number of the properties `prefix0`, `prefix1`, ... up to the first gap.
@@ -235,8 +248,7 @@ impl<'a> Table<'a> {
     /// # Errors
     /// One sentence that names all properties that are missing.
     pub(crate) fn find<S: AsRef<str>, const N: usize>(&self, names: [S; N]) -> Result<[usize; N], String> {
-        let find = |name: &S| self.columns.iter().position(|column| column.name == name.as_ref());
-        let found = names.each_ref().map(find);
+        let found = names.each_ref().map(|name| self.positions.get(name.as_ref()).copied());
         let missing: Vec<&str> = names
             .iter()
             .zip(&found)

@@ -8,18 +8,21 @@
 //! 64 entries to a line. The files lie in a folder or, bundled, in a ZIP archive.
 
 use std::ffi::OsStr;
-use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
+use codec::{SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
 
-use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs};
 
-/// Longest file accepted from an archive, whose packed size does not bound the plain one.
-const FILE_MAX: u64 = 1 << 30;
+/// Bytes of memory per pixel of an image: within its decoder, decoded, and as RGBA.
+const BYTES_PER_PIXEL: u64 = 12;
+
+/// Most pixels of an image of `count` Gaussians beyond `2 * count`. Writers pad images to whole lines.
+const PADDING_MAX: u64 = 1 << 16;
 
 /// Entries of the SH palette per line of its image.
 const PALETTE_COLUMNS: usize = 64;
@@ -68,42 +71,50 @@ where
 }
 
 /// Reads the rows of an unbundled file set from its `meta.json`.
-pub(crate) fn read_folder(folder: &Path, meta: &OsStr) -> Result<Imported, String> {
-    let load = |name: &Path| match fs::read(folder.join(name)) {
-        Err(_) if name == Path::new("meta.json") => {
-            Err("a folder without meta.json is not a field (SOG)".into())
-        }
-        result => result.map_err(|error| format!("{}: {error}", name.display())),
+pub(super) fn read_folder(
+    folder: &Path,
+    meta: &OsStr,
+    budget: &mut ImportBudget,
+) -> Result<Imported, String> {
+    let load = |name: &str, budget: &mut ImportBudget| {
+        budget.read_file(&folder.join(name)).map_err(|error| format!("{name}: {error}"))
     };
-    read(&load(Path::new(meta))?, |name| load(Path::new(name)))
+    let meta = budget.read_file(&folder.join(meta))?;
+    read(&meta, load, budget)
 }
 
 /// Reads the rows of a bundle.
-pub(crate) fn read_bundle(bytes: &[u8]) -> Result<Imported, String> {
+pub(super) fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("ZIP: {error}"))?;
-    let mut load = |name: &str| {
-        let file = archive.by_name(name).map_err(|error| format!("{name} in the ZIP: {error}"))?;
-        let mut content = Vec::new();
-        file.take(FILE_MAX)
-            .read_to_end(&mut content)
-            .map_err(|error| format!("{name} in the ZIP: {error}"))?;
+    let mut load = |name: &str, budget: &mut ImportBudget| {
+        let wrong = |error: String| format!("{name} in the ZIP: {error}");
+        let file = archive.by_name(name).map_err(|error| wrong(error.to_string()))?;
+        let size = file.size();
+        ImportBudget::check_ratio(file.compressed_size(), size).map_err(wrong)?;
+        let mut content = budget.vec(usize::try_from(size).unwrap_or(usize::MAX)).map_err(wrong)?;
+        file.take(size).read_to_end(&mut content).map_err(|error| wrong(error.to_string()))?;
         Ok(content)
     };
-    let meta = load("meta.json")?;
-    read(&meta, load)
+    let meta = load("meta.json", budget)?;
+    read(&meta, load, budget)
 }
 
-fn read(meta: &[u8], mut load: impl FnMut(&str) -> Result<Vec<u8>, String>) -> Result<Imported, String> {
+// Long: one image after the other, then one row after the other.
+fn read(
+    meta: &[u8],
+    mut load: impl FnMut(&str, &mut ImportBudget) -> Result<Vec<u8>, String>,
+    budget: &mut ImportBudget,
+) -> Result<Imported, String> {
     let meta = parse_meta(meta)?;
-    let mut image = |name: &str| -> Result<RgbaImage, String> {
+    let mut image = |name: &str, pixels_max: u64, budget: &mut ImportBudget| -> Result<RgbaImage, String> {
         // A file set is flat; a path would lead outside its folder.
         if Path::new(name).file_name() != Some(OsStr::new(name)) {
             return Err(format!("meta.json names `{name}`, which is not a plain file name"));
         }
-        decode(&load(name)?).map_err(|error| format!("{name}: {error}"))
+        decode(&load(name, budget)?, pixels_max, budget).map_err(|error| format!("{name}: {error}"))
     };
-    let mut column = |name: &str| -> Result<RgbaImage, String> {
-        let image = image(name)?;
+    let mut column = |name: &str, budget: &mut ImportBudget| -> Result<RgbaImage, String> {
+        let image = image(name, (2 * meta.count as u64).saturating_add(PADDING_MAX), budget)?;
         let pixels = image.pixels().len();
         match pixels >= meta.count {
             true => Ok(image),
@@ -111,24 +122,24 @@ fn read(meta: &[u8], mut load: impl FnMut(&str) -> Result<Vec<u8>, String>) -> R
         }
     };
     let [low, high] = &meta.means.files.files;
-    let (low, high) = (column(low)?, column(high)?);
-    let quats = column(&meta.quats.files[0])?;
-    let scales = column(&meta.scales.files.files[0])?;
-    let colors = column(&meta.sh0.files.files[0])?;
+    let (low, high) = (column(low, budget)?, column(high, budget)?);
+    let quats = column(&meta.quats.files[0], budget)?;
+    let scales = column(&meta.scales.files.files[0], budget)?;
+    let colors = column(&meta.sh0.files.files[0], budget)?;
     let scale_table = table("scales", &meta.scales.codebook)?;
     let color_table = table("sh0", &meta.sh0.codebook)?;
     let palette = match &meta.sh_n {
         Some(palette) => {
             let [_, labels] = &palette.files.files;
-            let labels = column(labels)?;
-            Some(Sh::load(palette, labels, &mut image)?)
+            let labels = column(labels, budget)?;
+            Some(Sh::load(palette, labels, |name, pixels_max| image(name, pixels_max, budget))?)
         }
         None => None,
     };
 
     let mut repairs = Repairs::default();
     let sh_degree = palette.as_ref().map_or(0, |palette| palette.degree);
-    let mut field = Field { sh_degree, ..Field::default() };
+    let mut field = budget.field(meta.count, sh_degree)?;
     for i in 0..meta.count {
         let (low, high) = (pixel(&low, i), pixel(&high, i));
         field.centers.push(std::array::from_fn(|axis| {
@@ -157,24 +168,29 @@ fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
         version: Option<u32>,
     }
     let version: Version = serde_json::from_slice(bytes).map_err(wrong)?;
-    if version.version != Some(2) {
-        let version = version.version.map_or("1 or none".into(), |version| version.to_string());
-        return Err(format!("meta.json: SOG version {version}; only 2 is known"));
-    }
-    let meta: Meta = serde_json::from_slice(bytes).map_err(wrong)?;
-    match meta.count > GAUSSIANS_MAX {
-        true => Err(format!("meta.json: {} Gaussians are more than {GAUSSIANS_MAX}", meta.count)),
-        false => Ok(meta),
+    match version.version {
+        Some(2) => serde_json::from_slice(bytes).map_err(wrong),
+        Some(version) => Err(format!("meta.json: SOG version {version}, and only 2 is known")),
+        None => Err("it states no version of SOG, as the meta.json of a field does".into()),
     }
 }
 
-fn decode(bytes: &[u8]) -> image::ImageResult<RgbaImage> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
+/// Decodes an image of at most `pixels_max` pixels.
+fn decode(bytes: &[u8], pixels_max: u64, budget: &mut ImportBudget) -> Result<RgbaImage, String> {
+    let reader =
+        || ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string());
+    let (width, height) = reader()?.into_dimensions().map_err(|error| error.to_string())?;
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > pixels_max {
+        return Err(format!("{width} x {height} pixels are more than its Gaussians need"));
+    }
+    let bytes_max = pixels * BYTES_PER_PIXEL;
+    budget.spend(bytes_max)?;
+    let mut reader = reader()?;
     let mut limits = image::Limits::default();
-    // Lines are at most as wide as WebP allows; four bytes per Gaussian and one line to spare.
-    limits.max_alloc = Some(4 * (GAUSSIANS_MAX as u64 + (1 << 14)));
+    limits.max_alloc = Some(bytes_max);
     reader.limits(limits);
-    Ok(reader.decode()?.into_rgba8())
+    Ok(reader.decode().map_err(|error| error.to_string())?.into_rgba8())
 }
 
 /// A table that a byte may index.
@@ -213,17 +229,18 @@ impl<'m> Sh<'m> {
     fn load(
         palette: &'m Palette,
         labels: RgbaImage,
-        mut image: impl FnMut(&str) -> Result<RgbaImage, String>,
+        image: impl FnOnce(&str, u64) -> Result<RgbaImage, String>,
     ) -> Result<Sh<'m>, String> {
         let degree = palette.bands;
         if !(1..=SH_DEGREE_MAX).contains(&degree) {
             return Err(format!("meta.json: shN has {degree} bands, not 1 to {SH_DEGREE_MAX}"));
         }
         let [name, _] = &palette.files.files;
-        let centroids = image(name)?;
-        let size = (centroids.width() as usize, centroids.height() as usize);
         let width = PALETTE_COLUMNS * (sh_coefficients(degree) - 1);
         let height = palette.count.div_ceil(PALETTE_COLUMNS);
+        let pixels = (2 * width as u64).saturating_mul(height as u64).saturating_add(PADDING_MAX);
+        let centroids = image(name, pixels)?;
+        let size = (centroids.width() as usize, centroids.height() as usize);
         if size.0 != width || size.1 < height {
             return Err(format!("{name} is {} x {} pixels, not {width} x {height}", size.0, size.1));
         }

@@ -3,19 +3,18 @@
 //! Three `f32` centre, three `f32` standard deviations, RGB and opacity as bytes, quaternion
 //! w, x, y, z as bytes around 128.
 
-use codec::Field;
-
-use super::imported::{Hints, Imported, Repairs, log_of_scales, sh_of_rgb};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
 
 /// Bytes per Gaussian.
 const ROW: usize = 32;
 
 /// Reads the rows of a static field.
-pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
+pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     let mut repairs = Repairs::default();
-    repairs.drop_rows("truncated payload", usize::from(!rest.is_empty()));
-    let mut field = Field::default();
+    repairs.drop_rows(TRUNCATED, usize::from(!rest.is_empty()));
+    let mut field = budget.field(rows.len(), 0)?;
     for row in rows {
         let float =
             |k: usize| f32::from_le_bytes([row[4 * k], row[4 * k + 1], row[4 * k + 2], row[4 * k + 3]]);

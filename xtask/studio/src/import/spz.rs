@@ -18,9 +18,10 @@
 
 use std::io::Read;
 
-use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
+use codec::{SH_DEGREE_MAX, sh_coefficients};
 
-use super::imported::{GAUSSIANS_MAX, Hints, Imported, Repairs};
+use super::budget::ImportBudget;
+use super::imported::{Hints, Imported, Repairs, TRUNCATED};
 
 /// First four bytes of a plain file.
 pub(crate) const MAGIC: [u8; 4] = *b"NGSP";
@@ -35,9 +36,6 @@ const HEADER: usize = 16;
 /// Bytes of the header of version 4.
 const HEADER_V4: usize = 32;
 
-/// Maximum accepted ratio of plain to compressed size; gzip's is 1032.
-const RATIO_MAX: usize = 1032;
-
 struct Header {
     version: u32,
     gaussians: usize,
@@ -49,7 +47,7 @@ struct Header {
 }
 
 impl Header {
-    /// Reads the header, checking the count against the size of the file that it comes from.
+    /// Reads the header of a file of `file_size` bytes.
     fn parse(bytes: &[u8], file_size: usize) -> Result<Header, String> {
         let word = |k: usize| u32::from_le_bytes([bytes[k], bytes[k + 1], bytes[k + 2], bytes[k + 3]]);
         if bytes.len() < HEADER || bytes[..4] != MAGIC {
@@ -70,12 +68,9 @@ impl Header {
             let Header { sh_degree, fractional_bits, .. } = header;
             return Err(format!("SPZ header: SH degree {sh_degree}, {fractional_bits} binary places"));
         }
-        if header.gaussians > GAUSSIANS_MAX.min(file_size.saturating_mul(RATIO_MAX)) {
-            return Err(format!(
-                "SPZ header announces {} Gaussians, too many for the file",
-                header.gaussians
-            ));
-        }
+        let plain = header.gaussians as u64 * header.strides().iter().sum::<usize>() as u64;
+        ImportBudget::check_ratio(file_size as u64, plain)
+            .map_err(|what| format!("SPZ of {} Gaussians: {what}", header.gaussians))?;
         Ok(header)
     }
 
@@ -87,13 +82,13 @@ impl Header {
 }
 
 /// Reads the rows of a static field.
-pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
+pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let (header, arrays) = if bytes.starts_with(&MAGIC) && bytes.get(4) == Some(&4) {
-        read_v4(bytes)?
+        read_v4(bytes, budget)?
     } else if bytes.starts_with(&MAGIC) {
-        read_v2_v3(bytes, bytes.len())?
+        read_v2_v3(bytes, bytes.len(), budget)?
     } else {
-        read_v2_v3(flate2::read::GzDecoder::new(bytes), bytes.len())?
+        read_v2_v3(flate2::read::GzDecoder::new(bytes), bytes.len(), budget)?
     };
     // The arrays follow each other: a truncated file has only the first ones in full.
     let strides = header.strides();
@@ -103,7 +98,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
         .min()
         .unwrap_or(0);
     let mut repairs = Repairs::default();
-    repairs.drop_rows("truncated payload", header.gaussians - rows);
+    repairs.drop_rows(TRUNCATED, header.gaussians - rows);
     let sh_degree = header.sh_degree.min(SH_DEGREE_MAX);
     if sh_degree < header.sh_degree {
         repairs.repair_rows("SH above degree 3 left out", rows);
@@ -125,40 +120,43 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Imported, String> {
         let coefficients = &sh.as_chunks::<3>().0[row * rest_stored..][..rest_used];
         coefficients.iter().map(|c| c.map(|byte| (f32::from(byte) - 128.0) / 128.0))
     };
-    let field = Field {
-        centers: first(centers, rows).map(center).collect(),
-        rotations: match header.version {
-            2 => first(rotations, rows).map(|&xyz| unpack_first_three(xyz)).collect(),
-            _ => {
-                first(rotations, rows).map(|&word| unpack_smallest_three(u32::from_le_bytes(word))).collect()
-            }
-        },
-        log_scales: first(scales, rows)
-            .map(|bytes: &[u8; 3]| bytes.map(|byte| f32::from(byte) / 16.0 - 10.0))
-            .collect(),
-        opacities: opacities[..rows].iter().map(|&byte| f32::from(byte) / 255.0).collect(),
-        sh_degree,
-        sh: first(colors, rows)
-            .enumerate()
-            .flat_map(|(row, color)| [base(color)].into_iter().chain(rest(row)))
-            .collect(),
-        temporal: None,
-    };
+    let mut field = budget.field(rows, sh_degree)?;
+    field.centers.extend(first(centers, rows).map(center));
+    match header.version {
+        2 => field.rotations.extend(first(rotations, rows).map(|&xyz| unpack_first_three(xyz))),
+        _ => field
+            .rotations
+            .extend(first(rotations, rows).map(|&word| unpack_smallest_three(u32::from_le_bytes(word)))),
+    }
+    let log_scale = |bytes: &[u8; 3]| bytes.map(|byte| f32::from(byte) / 16.0 - 10.0);
+    field.log_scales.extend(first(scales, rows).map(log_scale));
+    field.opacities.extend(opacities[..rows].iter().map(|&byte| f32::from(byte) / 255.0));
+    for (row, color) in first(colors, rows).enumerate() {
+        field.sh.push(base(color));
+        field.sh.extend(rest(row));
+    }
     let hints = Hints { up: Some([0.0, 1.0, 0.0]), ..Hints::default() };
     Ok(Imported { field, hints, repairs, format: "SPZ" })
 }
 
-fn read_v2_v3(mut source: impl Read, file_size: usize) -> Result<(Header, [Vec<u8>; 6]), String> {
-    let header = read_up_to(&mut source, HEADER);
+fn read_v2_v3(
+    mut source: impl Read,
+    file_size: usize,
+    budget: &mut ImportBudget,
+) -> Result<(Header, [Vec<u8>; 6]), String> {
+    let header = read_up_to(&mut source, HEADER, budget)?;
     let header = Header::parse(&header, file_size)?;
     if header.version == 4 {
         return Err("SPZ version 4 inside gzip".into());
     }
-    let arrays = header.strides().map(|stride| read_up_to(&mut source, header.gaussians * stride));
+    let mut arrays = <[Vec<u8>; 6]>::default();
+    for (array, stride) in arrays.iter_mut().zip(header.strides()) {
+        *array = read_up_to(&mut source, header.gaussians * stride, budget)?;
+    }
     Ok((header, arrays))
 }
 
-fn read_v4(bytes: &[u8]) -> Result<(Header, [Vec<u8>; 6]), String> {
+fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<(Header, [Vec<u8>; 6]), String> {
     if bytes.len() < HEADER_V4 {
         return Err(format!("SPZ truncated at byte {}", bytes.len()));
     }
@@ -175,7 +173,7 @@ fn read_v4(bytes: &[u8]) -> Result<(Header, [Vec<u8>; 6]), String> {
         let (stream, rest) = packed.split_at(size);
         packed = rest;
         let decoder = zstd::stream::read::Decoder::with_buffer(stream).map_err(|e| format!("SPZ: {e}"))?;
-        *array = read_up_to(decoder, header.gaussians * stride);
+        *array = read_up_to(decoder, header.gaussians * stride, budget)?;
     }
     Ok((header, arrays))
 }
@@ -186,11 +184,11 @@ fn first<const N: usize>(array: &[u8], rows: usize) -> impl Iterator<Item = &[u8
 }
 
 /// Reads `size` bytes, or fewer if the source ends or fails.
-fn read_up_to(source: impl Read, size: usize) -> Vec<u8> {
-    let mut bytes = Vec::new();
+fn read_up_to(source: impl Read, size: usize, budget: &mut ImportBudget) -> Result<Vec<u8>, String> {
+    let mut bytes = budget.vec(size)?;
     // Bytes before an error are used; the caller counts the missing ones.
     let _ = source.take(size as u64).read_to_end(&mut bytes);
-    bytes
+    Ok(bytes)
 }
 
 fn unpack_first_three(xyz: [u8; 3]) -> [f32; 4] {

@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::fit::log::{LogEntry, parse, table_path};
+use crate::messages::unreadable;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use program::Fault;
 
@@ -32,7 +33,7 @@ pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
     if !input.is_dir() {
         return Ok(Some(table_path(input)).filter(|path| path.is_file()).into_iter().collect());
     }
-    let fault = |error: std::io::Error| Fault::Data(format!("{}: {error}", input.display()));
+    let fault = |error: std::io::Error| unreadable(input, &error);
     let mut found = Vec::new();
     for entry in input.read_dir().map_err(fault)? {
         let path = entry.map_err(fault)?.path();
@@ -62,8 +63,8 @@ pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
 pub fn load(path: &Path) -> Result<FitLog, Fault> {
     let fault = |what: String| Fault::Data(format!("{}: {what}", path.display()));
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|error| fault(error.to_string()))?;
-    file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(|error| fault(error.to_string()))?;
+    let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+    file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(|error| unreadable(path, &error))?;
     if bytes.len() as u64 > BYTES_MAX {
         return Err(fault(format!("too long for the table of a fit, which has at most {BYTES_MAX} bytes")));
     }

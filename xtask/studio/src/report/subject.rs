@@ -41,7 +41,11 @@ impl ReportSubject {
         let (field, _) = visible(&scene.subject);
         let plate = scene.plate.as_ref().map(|plate| visible(plate).0).filter(|plate| !plate.is_empty());
         if field.is_empty() {
-            return Err(Fault::Data(format!("{}: no Gaussian that can be seen", path.display())).into());
+            return Err(Fault::Data(format!(
+                "{}: no Gaussian is visible in the clip; check its opacities and windows",
+                path.display()
+            ))
+            .into());
         }
         Ok(ReportSubject { scene, field, plate })
     }

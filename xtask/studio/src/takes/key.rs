@@ -8,6 +8,7 @@ use program::Fault;
 use sha2::{Digest, Sha256};
 
 use crate::capture::CaptureFiles;
+use crate::messages::unreadable;
 
 /// Bytes that are read at a time.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -31,7 +32,7 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
         add(text.as_bytes());
     }
     for input in inputs {
-        let fault = |path: &Path, error: io::Error| Fault::Data(format!("{}: {error}", path.display()));
+        let fault = |path: &Path, error: io::Error| unreadable(path, &error);
         let mut files = Vec::new();
         if input.is_dir() {
             find(input, 0, &mut files).map_err(|error| fault(input, error))?;

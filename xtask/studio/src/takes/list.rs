@@ -8,6 +8,7 @@ use std::str::FromStr;
 
 use program::Fault;
 
+use crate::messages::unreadable;
 use crate::scene::name_of;
 
 /// Maximum number of takes in a list: that of clips in a playlist.
@@ -44,10 +45,13 @@ impl List {
     pub fn read(path: &Path) -> Result<List, Fault> {
         let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
         let mut text = String::new();
-        let file = File::open(path).map_err(|error| bad(error.to_string()))?;
-        file.take(LIST_BYTES + 1).read_to_string(&mut text).map_err(|error| bad(error.to_string()))?;
+        let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+        file.take(LIST_BYTES + 1).read_to_string(&mut text).map_err(|error| unreadable(path, &error))?;
         if text.len() as u64 > LIST_BYTES {
-            return Err(bad(format!("longer than {} MiB, the most that is read", LIST_BYTES >> 20)));
+            return Err(bad(format!(
+                "longer than {} MiB, the most that is read; make several lists",
+                LIST_BYTES >> 20
+            )));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut lines_by_name = BTreeMap::new();
@@ -69,7 +73,9 @@ impl List {
         }
         match takes.len() {
             0 => Err(bad("names no take: write the path of one in each line".into())),
-            count if count > TAKES_MAX => Err(bad(format!("{count} takes; at most {TAKES_MAX} are taken"))),
+            count if count > TAKES_MAX => {
+                Err(bad(format!("{count} takes, and at most {TAKES_MAX} are taken; make several lists")))
+            }
             _ => Ok(List { path: path.into(), takes }),
         }
     }

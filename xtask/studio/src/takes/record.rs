@@ -1,11 +1,11 @@
 //! [`Record`]: what is known of an output, in a small file beside it.
 //!
 //! It is written twice: before the work, with the key of what is to be made, and after it, with the
-//! checksum of what was made. After any interruption, an output counts as done only if its
-//! checksum is the recorded one, and unfinished work is resumed only if its key is the same.
+//! checksum of what was made. After any interruption, a power loss included, an output counts as done only if
+//! its checksum is the recorded one, and unfinished work is resumed only if its key is the same.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use program::{Fault, output};
@@ -51,9 +51,12 @@ pub fn record_path(out: &Path) -> PathBuf {
 }
 
 impl Record {
-    /// State of the output `out` of `command` with `key`. An unreadable record counts as absent.
-    pub fn state(out: &Path, command: &str, key: &str) -> OutputState {
-        match read(&record_path(out)) {
+    /// State of the output `out` of `command` with `key`.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the record, if there is one that cannot be read.
+    pub fn state(out: &Path, command: &str, key: &str) -> Result<OutputState, Fault> {
+        Ok(match read(&record_path(out))? {
             Some(record) if record.command != command => OutputState::Unknown,
             Some(record) if record.key != key => OutputState::Stale,
             Some(Record { sha256: Some(sum), .. }) if file_sum(out).is_ok_and(|actual| actual == sum) => {
@@ -61,7 +64,7 @@ impl Record {
             }
             Some(_) => OutputState::Begun,
             None => OutputState::Unknown,
-        }
+        })
     }
 
     /// Records that work on `out` begins.
@@ -84,14 +87,22 @@ impl Record {
 
     fn write(&self, out: &Path) -> Result<(), Fault> {
         let text = format!("{:#}\n", serde_json::json!(self));
-        output::write(&record_path(out), text.as_bytes())
+        output::write_durable(&record_path(out), text.as_bytes())
     }
 }
 
-fn read(path: &Path) -> Option<Record> {
+/// The record at `path`, `None` if there is no file.
+fn read(path: &Path) -> Result<Option<Record>, Fault> {
+    let bad =
+        |what: String| Fault::Data(format!("{}: {what}; remove it to make its output again", path.display()));
     let mut bytes = Vec::new();
-    File::open(path).ok()?.take(RECORD_BYTES).read_to_end(&mut bytes).ok()?;
-    serde_json::from_slice(&bytes).ok()
+    match File::open(path).and_then(|file| file.take(RECORD_BYTES).read_to_end(&mut bytes)) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(bad(error.to_string())),
+        Ok(_) => serde_json::from_slice(&bytes)
+            .map(Some)
+            .map_err(|error| bad(format!("this record is damaged ({error})"))),
+    }
 }
 
 #[cfg(test)]
@@ -104,7 +115,7 @@ mod tests {
     fn an_output_is_done_if_it_is_the_one_of_its_record() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("walk.v2.aarc");
-        let standing = |command: &str, key: &str| Record::state(&out, command, key);
+        let standing = |command: &str, key: &str| Record::state(&out, command, key).unwrap();
         assert_eq!(standing("package", "k"), OutputState::Unknown);
         fs::write(&out, "someone's").unwrap();
         assert_eq!(standing("package", "k"), OutputState::Unknown);
@@ -127,6 +138,12 @@ mod tests {
         fs::remove_file(&out).unwrap();
         assert_eq!(standing("package", "k"), OutputState::Begun, "gone");
         fs::write(record_path(&out), "{").unwrap();
-        assert_eq!(standing("package", "k"), OutputState::Unknown);
+        let damaged = Record::state(&out, "package", "k").unwrap_err().to_string();
+        assert!(damaged.contains("walk.v2.aarc.done.json: this record is damaged"), "{damaged}");
+        assert!(damaged.contains("remove it to make its output again"), "{damaged}");
+        // A record that cannot be opened is no absent one.
+        fs::remove_file(record_path(&out)).unwrap();
+        fs::create_dir(record_path(&out)).unwrap();
+        assert_eq!(Record::state(&out, "package", "k").unwrap_err().exit_code(), 3);
     }
 }

@@ -2,6 +2,9 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
@@ -21,6 +24,24 @@ pub(crate) fn fit(folder: &Path, more: &[&str]) -> Value {
     let args = [&["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--holdout", "odd", "--json"], more]
         .concat();
     aarc_studio(folder, &args).json()
+}
+
+/// Runs the tool in `folder` and kills it as soon as `is_ready`, unless it ended before.
+pub(crate) fn kill_when(folder: &Path, args: &[&str], is_ready: impl Fn() -> bool) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder)
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !is_ready() && child.try_wait().unwrap().is_none() {
+        assert!(start.elapsed() < Duration::from_secs(240), "not ready after {:?}", start.elapsed());
+        thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
 }
 
 /// PSNR of the subject in a split.

@@ -29,12 +29,13 @@ impl Outcome {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
     }
 
-    /// The message of a run that failed with this exit code, as it must with one line.
+    /// The error of a run that failed with this exit code: one line on standard error, after any notes.
     #[track_caller]
     pub(crate) fn error(self, code: i32) -> String {
         assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
-        let lines: Vec<&str> = self.stderr.lines().collect();
-        assert!(lines.len() == 1 && self.stdout.is_empty(), "{}{}", self.stdout, self.stderr);
-        self.stderr
+        let lines: Vec<&str> = self.stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
+        let [error] = lines[..] else { panic!("{}", self.stderr) };
+        assert!(error.starts_with("error: ") && self.stdout.is_empty(), "{}{}", self.stdout, self.stderr);
+        error.to_owned()
     }
 }

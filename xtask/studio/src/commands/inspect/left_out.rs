@@ -1,15 +1,15 @@
-//! What a package does without, and what that saves.
+//! The optional parts that a package lacks, and the bytes that it saves without them.
 //!
-//! Saved bytes of the package are what the columns would take if they were there and zero: with the
-//! coder `fixed` those of its columns before entropy coding, with the coder `context`, which learns
-//! that a column is zero, hardly any. Saved bytes of the GPU are those of the player's records.
+//! Saved package bytes are the size of the columns if they were present and zero. With the coder `fixed` that is their
+//! size before entropy coding. The coder `context` learns that a column is zero, so there it is a few bytes. Saved
+//! GPU bytes are the part's share of the player's records.
 
 use codec::{Clip, Coder, Contents, MOTION_ORDER_MAX, Region, SH_DEGREE_MAX, SectionKind};
 use serde::Serialize;
 use shaders::{Motion, layout, sh_words};
 
-/// Numbers that a Gaussian has of a part, and bits of each in the chunks of the coder `fixed`
-/// (FORMAT.md). The ranges at the start of a chunk, 4 bytes a part, are not counted.
+/// Numbers per Gaussian of a part, and bits per number in chunks of the coder `fixed` (FORMAT.md). The ranges at the
+/// start of a chunk, 4 bytes per part, are not counted.
 #[derive(Clone, Copy)]
 struct Columns {
     numbers: usize,
@@ -27,8 +27,8 @@ const ROTATION_RATES: Columns = Columns { numbers: 4, bits: 8 };
 /// Coefficients of one spherical harmonic.
 const SH_FUNCTION: Columns = Columns { numbers: 3, bits: 8 };
 
-/// Bytes that the coder `context` takes for zeros in one column of a chunk, until it knows them:
-/// measured, on chunks of any size.
+/// Bytes of a column of zeros in a chunk of the coder `context`, until its model has learned the zeros; measured, for
+/// chunks of any size.
 const ZEROS_BYTES: usize = 5;
 
 /// An optional part that is absent from some Gaussians.
@@ -37,9 +37,9 @@ pub(super) struct LeftOut {
     pub(super) part: String,
     /// Gaussians without it.
     pub(super) gaussians: usize,
-    /// Package bytes that it would take.
+    /// Size of the part in the package if it were present.
     pub(super) bytes_saved: usize,
-    /// Bytes it would take in GPU buffers.
+    /// Size of the part in GPU buffers if it were present.
     pub(super) gpu_bytes_saved: usize,
 }
 
@@ -50,8 +50,8 @@ struct Rows {
     chunks: usize,
 }
 
-/// Every optional part that Gaussians of the package do without. Together they are the
-/// difference to a package of which every Gaussian has every part.
+/// All optional parts that some Gaussians of the package lack. Together they are the difference to a package in which
+/// every Gaussian has every part.
 pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
     let mut parts = Vec::new();
     let mut add = |part: String, Rows { gaussians, chunks }: Rows, columns: &[Columns], gpu_words: usize| {
@@ -96,13 +96,13 @@ pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
         add("rotation over time".to_owned(), all, &[ROTATION_RATES], gpu_words);
     }
     if clip.plate.is_none() {
-        // Its Gaussians would be its whole cost, and there are none.
+        // A plate costs only its Gaussians, and an absent one has none.
         add("plate".to_owned(), Rows { gaussians: 0, chunks: 0 }, &[], 0);
     }
     parts
 }
 
-/// Chunks of a region in the layers that the clip has.
+/// Number of chunks of a region in the decoded layers of the clip.
 fn chunks_of(contents: &Contents, clip: &Clip, region: Region) -> usize {
     let is_one = |section: &&codec::Section| {
         section.kind == SectionKind::Gaussians
@@ -112,7 +112,7 @@ fn chunks_of(contents: &Contents, clip: &Clip, region: Region) -> usize {
     contents.sections.iter().filter(is_one).count()
 }
 
-/// Bytes of the Gaussians in GPU buffers.
+/// Size of the Gaussians in GPU buffers, in bytes.
 pub(super) fn gpu_bytes(contents: &Contents, clip: &Clip) -> usize {
     let record = |degree: u8| size_of::<layout::Gaussian>() + 4 * sh_words(degree);
     let motion = Motion { order: contents.motion_order, rotates: contents.rotation_rates };

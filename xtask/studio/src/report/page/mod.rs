@@ -15,6 +15,7 @@ use refine::prune::RESOLUTION_DB;
 use super::file::ReportFile;
 use super::plot::{self as lines, LineChart, PlotLine};
 use crate::fit::log::LogEntry;
+use crate::messages::decimal;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
 use text::{escape, grouped, prose};
@@ -62,8 +63,12 @@ impl Findings {
                 let mark = if point.default { '*' } else { ' ' };
                 let off = if point.on_front { "" } else { "  off the front" };
                 let psnr = point.errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
-                let _ =
-                    writeln!(text, "{mark} {:<32}{psnr:>10}{:>14.3}{off}", point.value, point.cost.median);
+                let _ = writeln!(
+                    text,
+                    "{mark} {:<32}{psnr:>10}{:>14}{off}",
+                    point.value,
+                    decimal(point.cost.median, 3)
+                );
             }
         }
         for beaten in self.beaten_defaults() {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::text::{decimals, escape, grouped};
+use crate::messages::decimal;
 use crate::report::fitting::FitLog;
 use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
@@ -83,7 +84,7 @@ pub(super) fn parameter(parameter: &Parameter) -> String {
         for (key, _) in &counts {
             add(true, point.counts.get(*key).map_or_else(|| "-".into(), |&value| count(key, value)));
         }
-        add(!timed, decimals(Some(point.cost.median), 3));
+        add(!timed, decimal(point.cost.median, 3));
         text += &row("td", &cells, if point.default { " class=chosen" } else { "" });
     }
     table(&text)

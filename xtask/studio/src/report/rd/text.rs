@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
 use super::views::{COUNT, SIZE};
+use crate::messages::decimal;
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
 use crate::report::plot::{LineChart, PlotLine, svg};
@@ -69,7 +70,7 @@ impl Curve {
                 let point = RatePoint {
                     budget,
                     row,
-                    ranking: if row == Selector::Ours { "" } else { same[0].ranking },
+                    ranking: if row == Selector::Ours { "best per field" } else { same[0].ranking },
                     restored: mean(|p| p.restored as f64).round() as usize,
                     psnr_db: mean(|p| p.psnr_db),
                     recall: mean(|p| p.recall),
@@ -100,30 +101,78 @@ fn plot(curve: &Curve) -> anyhow::Result<String> {
     svg("Mbps", &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)])
 }
 
+/// A column of the tables of points.
+struct RateColumn {
+    /// Heading in the CSV.
+    csv: &'static str,
+    /// Heading in Markdown.
+    markdown: &'static str,
+    value: RateColumnValue,
+}
+
+/// The value of a point in a column.
+enum RateColumnValue {
+    Text(fn(&RatePoint) -> &'static str),
+    /// A number, with its digits after the point in the CSV and in Markdown.
+    Number(fn(&RatePoint) -> f64, [usize; 2]),
+}
+
+const fn text(name: &'static str, value: fn(&RatePoint) -> &'static str) -> RateColumn {
+    RateColumn { csv: name, markdown: name, value: RateColumnValue::Text(value) }
+}
+
+const fn number(
+    csv: &'static str,
+    markdown: &'static str,
+    digits: [usize; 2],
+    value: fn(&RatePoint) -> f64,
+) -> RateColumn {
+    RateColumn { csv, markdown, value: RateColumnValue::Number(value, digits) }
+}
+
+/// The columns of all tables of points, in their order.
+const COLUMNS: [RateColumn; 12] = [
+    number("budget", "Gaussians", [0, 0], |p| p.budget as f64),
+    text("row", |p| p.row.name()),
+    text("ranking", |p| p.ranking),
+    number("restored", "restored", [0, 0], |p| p.restored as f64),
+    number("psnr_db", "PSNR (dB)", [4, 2], |p| p.psnr_db),
+    number("recall", "topology", [5, 3], |p| p.recall),
+    number("precision", "precision", [5, 3], |p| p.precision),
+    number("f1", "F1", [5, 3], |p| p.f1),
+    number("saddle_drift", "drift", [6, 4], |p| p.saddle_drift),
+    number("mbps", "Mbps", [5, 2], |p| p.mbps),
+    number("bytes", "bytes", [0, 0], |p| p.bytes as f64),
+    number("bytes_per_gaussian", "B/G", [4, 1], |p| p.bytes_per_gaussian),
+];
+
+impl RateColumn {
+    /// The cell of a point: in the CSV, and in Markdown.
+    fn cells(&self, point: &RatePoint) -> [String; 2] {
+        match self.value {
+            RateColumnValue::Text(value) => [value(point); 2].map(str::to_owned),
+            RateColumnValue::Number(value, digits) => {
+                digits.map(|digits| format!("{:.digits$}", value(point)))
+            }
+        }
+    }
+
+    /// The alignment of the column in Markdown.
+    fn alignment(&self) -> &'static str {
+        match self.value {
+            RateColumnValue::Text(_) => "---",
+            RateColumnValue::Number(..) => "--:",
+        }
+    }
+}
+
 fn csv(curves: &[Curve]) -> String {
-    let mut text = String::from(
-        "field,fields,budget,row,ranking,restored,psnr_db,recall,precision,f1,saddle_drift,mbps,bytes,\
-         bytes_per_gaussian\n",
-    );
+    let mut text = format!("field,fields,{}\n", COLUMNS.map(|column| column.csv).join(","));
     for Curve { name, points } in curves {
-        let name = format!("\"{}\"", name.replace('"', "\"\""));
-        for (p, fields) in points {
-            let _ = writeln!(
-                text,
-                "{name},{fields},{},{},{},{},{:.4},{:.5},{:.5},{:.5},{:.6},{:.5},{},{:.4}",
-                p.budget,
-                p.row.name(),
-                p.ranking,
-                p.restored,
-                p.psnr_db,
-                p.recall,
-                p.precision,
-                p.f1,
-                p.saddle_drift,
-                p.mbps,
-                p.bytes,
-                p.bytes_per_gaussian,
-            );
+        let name = name.replace('"', "\"\"");
+        for (point, fields) in points {
+            let cells = COLUMNS.map(|column| column.cells(point)[0].clone());
+            let _ = writeln!(text, "\"{name}\",{fields},{}", cells.join(","));
         }
     }
     text
@@ -152,7 +201,8 @@ fn caption(fields: &[FieldRd]) -> String {
     );
     for field in fields {
         let assumed = if field.duration_assumed { " (assumed)" } else { "" };
-        let FieldRd { field, gaussians, duration_s, features, coder, .. } = field;
+        let duration_s = decimal(f64::from(field.duration_s), 3);
+        let FieldRd { field, gaussians, features, coder, .. } = field;
         let _ = writeln!(text, "| {field} | {gaussians} | {duration_s} s{assumed} | {features} | {coder} |");
     }
     let (width, height) = SIZE;
@@ -237,27 +287,11 @@ fn compact(text: &mut String, curve: &Curve) {
 
 /// All numbers of a curve.
 fn full(text: &mut String, curve: &Curve) {
-    text.push_str(
-        "| Gaussians | row | PSNR (dB) | topology | precision | F1 | drift | Mbps | bytes | B/G | ranking | restored |\n\
-         |--:|---|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|\n",
-    );
-    for (p, _) in &curve.points {
-        let ranking = if p.ranking.is_empty() { "best per field" } else { p.ranking };
-        let _ = writeln!(
-            text,
-            "| {} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.4} | {:.2} | {} | {:.1} | {ranking} | {} |",
-            p.budget,
-            p.row.name(),
-            p.psnr_db,
-            p.recall,
-            p.precision,
-            p.f1,
-            p.saddle_drift,
-            p.mbps,
-            p.bytes,
-            p.bytes_per_gaussian,
-            p.restored,
-        );
+    let _ = writeln!(text, "| {} |", COLUMNS.map(|column| column.markdown).join(" | "));
+    let _ = writeln!(text, "|{}|", COLUMNS.map(|column| column.alignment()).join("|"));
+    for (point, _) in &curve.points {
+        let cells = COLUMNS.map(|column| column.cells(point)[1].clone());
+        let _ = writeln!(text, "| {} |", cells.join(" | "));
     }
 }
 
@@ -318,6 +352,9 @@ mod tests {
         assert!(csv.contains("\"a\",1,5000,ours,mass,4,29.0000,0.90000"), "{csv}");
         let text = file(&files, "rd.md");
         assert!(text.contains("| ours | 34.00 | 29.00 |"), "{text}");
+        let full =
+            "| 5000 | ours | mass | 4 | 29.00 | 0.900 | 1.000 | 0.750 | 0.0100 | 0.50 | 100000 | 20.0 |";
+        assert!(text.contains(full), "{text}");
         assert!(
             text.contains("| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 10.00 | 9.00 | 8.00 | 6.25 | 8.40 |"),
             "{text}"

@@ -1,0 +1,252 @@
+//! What the tool answers where it cannot do as asked: one sentence on standard error that says what, where and what to
+//! do next, the documented exit code, and no new file.
+
+mod small_stage;
+mod support;
+mod tool;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use codec::Field;
+use refine::capture::Holdout;
+use studio::export::{field_file, fitted_field_file, splatv, static_ply};
+use studio::import::import;
+use support::{field, info};
+use tempfile::TempDir;
+use tool::aarc_studio;
+
+const USAGE: i32 = 2;
+const DATA: i32 = 3;
+
+/// Arguments, exit code, what is wrong and where, and the next step.
+type Failure = (&'static str, i32, &'static str, &'static str);
+
+const FAILURES: &[Failure] = &[
+    // Fitting.
+    ("fit nope", DATA, "nope: there is no such file or folder", "check the path"),
+    ("fit field.ply", DATA, "field.ply: a file", "a capture is a folder, so name that"),
+    (
+        "fit bare",
+        DATA,
+        "bare: no capture: it has no capture.json, intri.yml",
+        "xtask/CAPTURE.md describes them",
+    ),
+    ("fit manifest", DATA, "manifest/capture.json: missing field", "xtask/CAPTURE.md describes the layout"),
+    ("fit stage -o field.aarc", USAGE, "cannot write field.aarc", "ends in .ply; name it so"),
+    ("fit stage -o no/field.ply", USAGE, "cannot write no/field.ply", "make it first"),
+    ("fit stage --frames 3..9", USAGE, "--frames 3..9: the capture has 0..5", "choose frames of those"),
+    ("fit stage --cameras nobody", USAGE, "no camera \"nobody\"", "it has 00, 01, 02"),
+    ("fit stage --held-cameras x", USAGE, "--held-cameras: the capture has no camera \"x\"", "it has 00, 01"),
+    ("fit stage --anchor-cameras 99", USAGE, "--anchor-cameras: the capture has no camera", "it has 00, 01"),
+    ("fit stage --size 64x64", USAGE, "--size 64x64: camera 00 has 48x48", "choose a smaller size"),
+    ("fit stage --mirror on", DATA, "no anchor: mirroring needs cameras on one side", "turn mirroring off"),
+    (
+        "fit stage --cameras 00",
+        DATA,
+        "no anchor: a visual hull needs two cameras or more",
+        "give more, or depth maps",
+    ),
+    ("fit stage --depths bare", DATA, "no anchor: no depth map", "name them as the photographs"),
+    ("fit stage --from nope.ply", DATA, "nope.ply: there is no such file", "check the path"),
+    ("fit stage --from field.ply", USAGE, "field.ply is of 50 frames", "select its frames with --frames"),
+    ("fit stage -o begun.ply", DATA, "begun.checkpoint: no checkpoint of this version", "remove it to start"),
+    (
+        "fit stage --frames 0..1 --held-cameras 00,01,02,04,05,06,07",
+        DATA,
+        "all photographs are held out",
+        "hold out fewer",
+    ),
+    ("fit stage --lpips-weights camera.json", DATA, "camera.json", "name weights of AlexNet or VGG16"),
+    ("fit --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
+    ("fit --list empty.txt -o bare", DATA, "empty.txt: names no take", "write the path of one in each line"),
+    // Scenes and their packages.
+    ("package nope.ply", DATA, "nope.ply: there is no such file or folder", "check the path"),
+    ("package bare", DATA, "no field in bare", "put one there"),
+    ("package two", DATA, "two holds several fields", "name one of them: a.ply, b.ply"),
+    ("package clip.aarc", DATA, "clip.aarc: this is a package already", "play it with `aarc`"),
+    ("package noise", DATA, "noise: not a known format (starts with 74 68 69 73)", "a field is one of: PLY"),
+    ("package empty", DATA, "empty: the file is empty", "get it again"),
+    (
+        "package points.ply",
+        DATA,
+        "points.ply: PLY element vertex lacks the properties f_dc_0",
+        "export it again",
+    ),
+    ("package nothing.ply", DATA, "nothing.ply: no Gaussians", "export it again"),
+    (
+        "package quarter.ply",
+        DATA,
+        "the header announces 40 Gaussians and the file holds 9",
+        "get the file again",
+    ),
+    ("package many.splatv", DATA, "the header announces 3999999", "get the file again"),
+    ("package lod-meta.json", DATA, "lod-meta.json: it lists several fields", "name one of their folders"),
+    ("package meta.json", DATA, "meta.json: it states no version of SOG", "export it again"),
+    ("package keys", DATA, "keys/scene.json: unknown field `colour`", "`package --help` shows its keys"),
+    ("package moving", DATA, "moving/plate.ply: a background plate must be static", "`export --at`"),
+    ("package field.ply -o no/clip.aarc", USAGE, "cannot write no/clip.aarc", "make it first"),
+    (
+        "package field.ply --refine 9",
+        USAGE,
+        "--refine takes the photographs",
+        "name their folder with --capture",
+    ),
+    ("package field.ply --refine 9 --capture stage", USAGE, "field.ply is of 50 frames", "--frames"),
+    ("package field.ply --size 24x24", USAGE, "options of a capture", "that takes --refine"),
+    ("package stage --refine 9 --capture stage", USAGE, "stage is a capture itself", "leave --capture out"),
+    ("package --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
+    // Packages.
+    ("inspect nope.aarc", DATA, "nope.aarc: there is no such file", "check the path"),
+    ("inspect bare", DATA, "bare: not a file", "name a package (.aarc)"),
+    ("inspect field.ply", DATA, "field.ply: not an .aarc package, at byte 0", "get the file again"),
+    ("inspect short.aarc", DATA, "short.aarc: package cut short", "get the file again"),
+    ("inspect flipped.aarc", DATA, "flipped.aarc: damaged", "get the file again, or package its field again"),
+    ("inspect version.aarc", DATA, "version.aarc: package version 99", "update this program"),
+    ("render short.aarc -o a.png", DATA, "short.aarc: package cut short", "get the file again"),
+    (
+        "render clip.aarc -o a.png --time 99",
+        USAGE,
+        "--time 99: choose a time in the clip",
+        "from 0 to 1.633 s",
+    ),
+    ("render clip.aarc -o a.png --view x", USAGE, "--view x: there is no such viewpoint", "0 \"front row\""),
+    ("export clip.aarc --spz -o a.spz", USAGE, "SPZ holds no motion", "give a time with --at SECONDS"),
+    (
+        "export clip.aarc --ply --at 99 -o a.ply",
+        USAGE,
+        "--at 99: choose a time in the clip",
+        "from 0 to 1.633 s",
+    ),
+    ("export clip.aarc --ply -o bare", USAGE, "cannot write bare", "name a file"),
+    // Evaluation and reports.
+    ("eval field.ply --capture nope", DATA, "nope: there is no such file or folder", "check the path"),
+    ("eval nope.ply --capture stage", DATA, "nope.ply: there is no such file", "check the path"),
+    (
+        "eval field.ply clip.aarc --capture stage",
+        USAGE,
+        "2 SUBJECTs and 1 --capture",
+        "name one --capture for each",
+    ),
+    ("report nope.ply --rd", DATA, "nope.ply: there is no such file", "check the path"),
+    ("report field.ply --rd -o no/report", USAGE, "cannot write no/report", "make it first"),
+    ("report field.ply clip.aarc", USAGE, "a page is of one clip or field", "name one, or choose --rd"),
+    ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
+    ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
+    ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
+];
+
+/// A folder with a capture, a field, a package, and files that are none of these.
+fn workshop() -> TempDir {
+    let folder = small_stage::stage();
+    let path = |name: &str| -> PathBuf { folder.path().join(name) };
+    let write = |name: &str, bytes: &[u8]| fs::write(path(name), bytes).unwrap();
+    let dynamic = field_file(&field(40, 0, Some(1), false), &info());
+    write("field.ply", &dynamic);
+    let package = ["package", "field.ply", "-o", "clip.aarc", "--coder", "fixed"];
+    assert_eq!(aarc_studio(folder.path(), &package).code, Some(0));
+    let clip = fs::read(path("clip.aarc")).unwrap();
+    write("short.aarc", &clip[..40]);
+    let mut flipped = clip.clone();
+    flipped[clip.len() / 3] ^= 0x10;
+    write("flipped.aarc", &flipped);
+    let mut version = clip;
+    version[4] = 99;
+    write("version.aarc", &version);
+    ["bare", "two", "keys", "moving", "manifest"].iter().for_each(|name| fs::create_dir(path(name)).unwrap());
+    write("bare/readme.txt", b"no field here");
+    write("manifest/capture.json", b"{}");
+    write("two/a.ply", &dynamic);
+    write("two/b.ply", &dynamic);
+    write("keys/field.ply", &dynamic);
+    write("keys/scene.json", br#"{"colour": 1}"#);
+    write("moving/field.ply", &dynamic);
+    write("moving/plate.ply", &dynamic);
+    write("noise", b"this is not what you are looking for");
+    write("empty", b"");
+    write("empty.txt", b"# none\n");
+    write("nothing.ply", &field_file(&Field::default(), &info()));
+    let mut quarter = static_ply(&field(40, 0, None, false), None);
+    // A Gaussian takes 68 bytes.
+    quarter.truncate(quarter.len() - 31 * 68);
+    write("quarter.ply", &quarter);
+    let points =
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+    write("points.ply", format!("{points}end_header\n0 0 0\n").as_bytes());
+    write("many.splatv", &with_size(&splatv(&field(40, 0, Some(1), false), &info()), 256_000_000_000));
+    write("lod-meta.json", br#"{"lodLevels": 5}"#);
+    write("meta.json", br#"{"lodLevels": 5}"#);
+    write("camera.json", br#"{"width": 64}"#);
+    write("begun.checkpoint", b"no checkpoint");
+    folder
+}
+
+/// A .splatv file whose header announces a chunk of this size.
+fn with_size(bytes: &[u8], size: u64) -> Vec<u8> {
+    let payload = 8 + u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
+    let mut header: serde_json::Value = serde_json::from_slice(&bytes[8..payload]).unwrap();
+    header[0]["size"] = size.into();
+    let header = header.to_string().into_bytes();
+    [&bytes[..4], &(header.len() as u32).to_le_bytes(), &header, &bytes[payload..]].concat()
+}
+
+/// Names of everything in the folder.
+fn names(folder: &Path) -> Vec<PathBuf> {
+    let mut names: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn every_failure_says_what_where_and_what_to_do() {
+    let folder = workshop();
+    let before = names(folder.path());
+    let mut wrong = Vec::new();
+    for &(line, code, what, step) in FAILURES {
+        let args: Vec<&str> = line.split(' ').collect();
+        let outcome = aarc_studio(folder.path(), &args);
+        let errors: Vec<&str> = outcome.stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
+        let is_right = match errors[..] {
+            [error] => {
+                error.starts_with("error: ")
+                    && error.find(what).is_some_and(|at| error[at..].contains(step))
+                    && !error.contains(".writing-")
+            }
+            _ => false,
+        };
+        if outcome.code != Some(code) || !is_right || !outcome.stdout.is_empty() {
+            wrong.push(format!(
+                "{line}\n  {code}: {what} .. {step}\n  {:?}: {}",
+                outcome.code, outcome.stderr
+            ));
+        }
+        if names(folder.path()) != before {
+            wrong.push(format!("{line}\n  leaves something behind"));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), FAILURES.len(), wrong.join("\n"));
+}
+
+#[test]
+fn exports_say_in_one_line_what_they_lose() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = fitted_field_file(&field(40, 1, Some(2), true), &info(), Holdout::Odd);
+    fs::write(folder.path().join("field.ply"), bytes).unwrap();
+    let mut args = vec!["export", "field.ply"];
+    let mut export = |more: &[&'static str]| {
+        args.truncate(2);
+        args.extend(more);
+        let outcome = aarc_studio(folder.path(), &args);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        outcome.stderr
+    };
+    let lost = "note: a.splatv does not hold view-dependent colour (SH above degree 0)\n";
+    assert_eq!(export(&["--splatv", "-o", "a.splatv"]), lost);
+    let lost =
+        "note: a.spz does not hold the up axis, metres per unit, viewpoints, duration and frame rate\n";
+    assert_eq!(export(&["--spz", "--at", "0.5", "-o", "a.spz"]), lost);
+    assert_eq!(export(&["--ply", "--at", "0.5", "-o", "a.ply"]), "");
+    assert_eq!(export(&["--ply", "-o", "whole.ply"]), "");
+    let hints = import(&folder.path().join("whole.ply")).unwrap().hints;
+    assert_eq!((hints.holdout, hints.viewpoints), (Some(Holdout::Odd), info().viewpoints));
+}
