@@ -3,13 +3,11 @@
 //! A command names its needs, each with the consequence of lacking it. [`satisfy`] prints what is
 //! missing and installs it, if it may (as root, or with `sudo` without a password); otherwise it prints
 //! the command to run. Packages that would conflict with the machine's own are unpacked into a folder of
-//! this project, which needs no privilege. The set-up never waits for an answer and never fails; the
-//! command fails later where it uses what is missing.
+//! this project, which needs no privilege. The set-up asks a person at the terminal before it uses `sudo`,
+//! never removes a package and never fails; the command fails later where it uses what is missing.
 
-mod android;
 mod apt;
-mod headset;
-mod slurm;
+mod folders;
 mod unpacked;
 
 use std::env;
@@ -38,6 +36,20 @@ pub(crate) enum Need {
     ApkTools,
     /// A cluster scheduler, for the test of job arrays.
     Slurm,
+    /// ONNX Runtime, for the tests of networks.
+    OnnxRuntime,
+    /// A second Vulkan driver, for the tests that draw.
+    SecondDriver,
+    /// Emulators of other processors, and C compilers for them.
+    Foreign,
+}
+
+/// Options of the commands that set the machine up.
+#[derive(clap::Args)]
+pub(crate) struct SetupArgs {
+    /// Print what the set-up would install, and end
+    #[arg(long)]
+    dry_run: bool,
 }
 
 /// Origin of a requirement.
@@ -59,6 +71,9 @@ impl Need {
             Need::AndroidCompiler => "a Rust compiler with the source of its library",
             Need::ApkTools => "aapt, apksigner and zipalign",
             Need::Slurm => "Slurm, a cluster scheduler",
+            Need::OnnxRuntime => "ONNX Runtime",
+            Need::SecondDriver => "SwiftShader, a Vulkan driver",
+            Need::Foreign => "QEMU and C compilers for other processors",
         }
     }
 
@@ -71,9 +86,12 @@ impl Need {
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
-            Need::Headset => return Source::Unpacked(headset::runtime()),
-            Need::AndroidCompiler => return Source::Unpacked(android::compiler()),
-            Need::Slurm => return Source::Unpacked(slurm::scheduler()),
+            Need::Headset => return Source::Unpacked(folders::openxr()),
+            Need::AndroidCompiler => return Source::Unpacked(folders::android_compiler()),
+            Need::Slurm => return Source::Unpacked(folders::slurm()),
+            Need::OnnxRuntime => return Source::Unpacked(folders::onnx()),
+            Need::SecondDriver => return Source::Unpacked(folders::swiftshader()),
+            Need::Foreign => return Source::Unpacked(folders::foreign()),
         })
     }
 
@@ -95,27 +113,27 @@ impl Need {
             .all(|name| library_exists(name)),
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
-            Need::Headset => headset::runtime().is_complete(),
-            Need::AndroidCompiler => android::compiler().is_complete(),
-            Need::Slurm => slurm::scheduler().is_complete(),
+            Need::Headset
+            | Need::AndroidCompiler
+            | Need::Slurm
+            | Need::OnnxRuntime
+            | Need::SecondDriver
+            | Need::Foreign => match self.source() {
+                Source::Unpacked(folder) => folder.is_complete(),
+                Source::Installed(_) => unreachable!("these are unpacked"),
+            },
             Need::ApkTools => ["aapt", "apksigner", "zipalign"].into_iter().all(program_exists),
         }
     }
 }
 
-/// Installs what is missing, as far as permitted. Each need comes with the consequence of lacking it,
-/// which is printed if it stays unmet.
-pub(crate) fn satisfy(needs: &[(Need, &str)]) {
-    let missing = |needs: &[(Need, &str)]| -> Vec<Need> {
-        needs.iter().map(|&(need, _)| need).filter(|need| !need.is_met()).collect()
-    };
-    let missing_before = missing(needs);
-    if missing_before.is_empty() {
-        return;
-    }
+/// Installs what is missing, as far as permitted, and returns whether the command is to go on: not after a dry
+/// run. Each need comes with the consequence of lacking it, which is printed if it stays unmet.
+pub(crate) fn satisfy(args: &SetupArgs, needs: &[(Need, &str)]) -> bool {
+    let missing: Vec<&(Need, &str)> = needs.iter().filter(|(need, _)| !need.is_met()).collect();
     let mut packages: Vec<&str> = Vec::new();
     let mut folders = Vec::new();
-    for need in &missing_before {
+    for (need, _) in &missing {
         eprintln!("set-up: this machine lacks {}", need.name());
         match need.source() {
             Source::Installed(names) => packages.extend(names),
@@ -123,32 +141,28 @@ pub(crate) fn satisfy(needs: &[(Need, &str)]) {
         }
     }
     if !packages.is_empty() {
-        install(&packages);
+        if program_exists("apt-get") {
+            apt::install(&packages, args.dry_run);
+        } else {
+            let packages = packages.join(" ");
+            eprintln!("set-up: install it with your package manager; in Debian the packages are {packages}");
+        }
     }
     for folder in folders {
-        if let Err(error) = folder.make() {
+        eprintln!("set-up: {}", folder.description());
+        let made = if args.dry_run { Ok(()) } else { folder.make() };
+        if let Err(error) = made {
             eprintln!("set-up: {} could not be made: {error:#}", folder.folder.display());
         }
     }
-    for &(need, without) in needs {
-        if missing_before.contains(&need) && !need.is_met() {
-            eprintln!("set-up: without {}, {without}", need.name());
-        }
+    if args.dry_run {
+        eprintln!("set-up: {}", if missing.is_empty() { "nothing is missing" } else { "nothing was done" });
+        return false;
     }
-}
-
-/// Installs the packages, or prints how to.
-fn install(packages: &[&str]) {
-    if !program_exists("apt-get") {
-        eprintln!(
-            "set-up: install it with your package manager; in Debian the packages are {}",
-            packages.join(" ")
-        );
-    } else if let Some(privilege) = apt::Privilege::find() {
-        apt::install(&privilege, packages);
-    } else {
-        eprintln!("set-up: to install it, run\n\n    {}\n", apt::manual_command(packages));
+    for (need, without) in missing.into_iter().filter(|(need, _)| !need.is_met()) {
+        eprintln!("set-up: without {}, {without}", need.name());
     }
+    true
 }
 
 /// Whether PATH contains a program of this name.

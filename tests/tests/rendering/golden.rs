@@ -1,4 +1,4 @@
-//! The demo scene looks as it did: the GPU's images of it match golden ones.
+//! The demo scene looks as it did: the GPU's images of it match golden ones, which lavapipe drew.
 //!
 //! `UPDATE_GOLDEN=1 cargo test -p aarc-tests --test rendering golden` rewrites the golden images and
 //! fails once, so that no image changes unseen.

@@ -118,7 +118,7 @@ fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
                     "{name}, {place:?}: the reference image is almost empty, so this tests nothing"
                 ));
             }
-            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, TOLERANCE)?;
+            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, TOLERANCE.on(gpu))?;
         }
     }
     Ok(())
@@ -141,7 +141,7 @@ fn compare(
     let images = gpu::draw(gpu, clip, std::slice::from_ref(camera), t, settings, ChannelDepth::Sixteen);
     let images = images.map_err(|fault| fault.to_string())?;
     let expected = render(scene, camera, t, order);
-    check(name, &images[0], &expected, tolerance).map(|_| ())
+    check(name, &images[0], &expected, tolerance.on(gpu)).map(|_| ())
 }
 
 fn plate(gpu: &Gpu) -> Result<(), String> {

@@ -7,27 +7,33 @@
 //! are listed at the end.
 
 mod android;
+mod debian_rust;
+mod foreign;
+mod fuzz;
 mod steps;
 
-use std::ffi::OsString;
 use std::process::{Command, Stdio};
 use std::thread;
 
 use anyhow::bail;
 use xtask::workspace;
 
-use crate::setup::{self, Need};
+use crate::setup::{self, Need, SetupArgs};
 use steps::Steps;
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime, those of networks (on the ONNX Runtime at ORT_DYLIB_PATH), fuzzing,
-/// dependencies, lints for Android and what else can be checked for it without a headset.
+/// that need an OpenXR runtime or ONNX Runtime, fuzzing, dependencies, lints for Android and what else can be
+/// checked for it without a headset.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Link the player for Android, too, against stand-ins for its libraries. Takes many minutes the
-    /// first time.
+    /// Check everything, which takes an hour or two: also draw with a second Vulkan driver, decode and encode on
+    /// emulated processors, link the player for Android against stand-ins for its libraries, fuzz each target
+    /// for five minutes, and play for ten
     #[arg(long)]
-    link: bool,
+    full: bool,
+
+    #[command(flatten)]
+    setup: SetupArgs,
 }
 
 /// Sets of packages and features that users build: a build of the whole workspace can hide a dependency or
@@ -47,41 +53,45 @@ const FEATURE_SETS: [(&str, &[&str]); 9] = [
     ("camera files", &["--package", "codec", "--features", "serde"]),
 ];
 
-/// Packages of the workspace codec/fuzz: name, folder, the program that writes the seeds, the fuzz
-/// targets.
-const FUZZERS: [(&str, &str, &str, &[&str]); 2] = [
-    ("codec-fuzz", "codec/fuzz", "seeds", &["decode", "roundtrip"]),
-    ("aarc-fuzz", "tests/fuzz", "tool-seeds", &["import", "scene", "capture", "net"]),
-];
-
-/// Seconds per target, on one core; a fixed seed, so that runs are comparable; limits of input bytes,
-/// seconds per input and MB of memory. The workspace limits the address space.
-const FUZZ_LIMITS: [&str; 5] =
-    ["-max_total_time=20", "-seed=1", "-max_len=8192", "-timeout=5", "-rss_limit_mb=512"];
+/// Minutes of playing in a full run.
+const SOAK_MINUTES: &str = "10";
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    install_components();
-    setup::satisfy(&[
+    let mut needs = vec![
         (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
+        (Need::OnnxRuntime, "tests of networks are ignored"),
         (Need::AndroidCompiler, "nothing is checked for Android"),
         (Need::ApkTools, "only the packer's own checks look at an APK"),
-    ]);
+    ];
+    if args.full {
+        needs.push((Need::SecondDriver, "only the machine's own driver draws"));
+        needs.push((Need::Foreign, "other processors are not emulated"));
+    }
+    if !setup::satisfy(&args.setup, &needs) {
+        return Ok(());
+    }
+    install_components();
     // A lane each, as Cargo locks a target folder.
     let (mut steps, others) = thread::scope(|scope| {
         let others = scope.spawn(|| {
             let mut steps = Steps { is_captured: true, ..Steps::default() };
+            fuzz::check(&mut steps, args.full);
             packer(&mut steps);
-            android::check(&mut steps, args.link);
-            fuzz(&mut steps);
+            android::check(&mut steps, args.full);
+            if args.full {
+                foreign::check(&mut steps);
+            }
             steps
         });
         let mut steps = Steps::default();
         check_workspace(&mut steps);
+        if args.full {
+            check_long(&mut steps);
+        }
         (steps, others.join().expect("no panic"))
     });
-    steps.failed.extend(others.failed);
-    steps.skipped.extend(others.skipped);
+    steps.extend(others);
     for skipped in &steps.skipped {
         eprintln!("ci: not checked here: {skipped}");
     }
@@ -92,7 +102,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Checks formatting, lints, documentation and dependencies of the workspace, and runs the tests that need an
-/// OpenXR runtime.
+/// OpenXR runtime or ONNX Runtime.
 fn check_workspace(steps: &mut Steps) {
     steps.run("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
     for (name, selection) in FEATURE_SETS {
@@ -100,17 +110,50 @@ fn check_workspace(steps: &mut Steps) {
         clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
         steps.run(&format!("lints, {name}"), &mut clippy);
     }
-    let features = ["--locked", "--workspace", "--features", workspace::FEATURES];
     steps.run(
         "documentation",
         workspace::cargo()
-            .args(["doc", "--quiet", "--no-deps", "--document-private-items"])
-            .args(features)
+            .args(["doc", "--quiet", "--locked", "--workspace", "--features", workspace::FEATURES])
+            .args(["--no-deps", "--document-private-items"])
             .env("RUSTDOCFLAGS", "--deny warnings"),
     );
-    steps.run("tests in a headset", workspace::cargo().arg("test").args(features).args(["--test", "xr"]));
+    steps.run("tests in a headset", &mut tests(&["xr"]));
+    match workspace::onnx_library() {
+        Some(library) => {
+            steps.run("tests of networks", tests(&["depths"]).env("ORT_DYLIB_PATH", library));
+        }
+        None => steps.skip("networks", "ONNX Runtime is not there"),
+    }
     deny(steps);
     oldest_rust(steps);
+}
+
+/// Cargo's command that runs test programs of the workspace.
+fn tests(programs: &[&str]) -> Command {
+    let mut cargo = workspace::cargo();
+    cargo.args(["test", "--locked", "--workspace", "--features", workspace::FEATURES]);
+    cargo.args(programs.iter().flat_map(|program| ["--test", program]));
+    cargo
+}
+
+/// The steps of a full run in the workspace: a second driver draws what the tests compare with the
+/// reference, and the player plays for long.
+fn check_long(steps: &mut Steps) {
+    let manifest = workspace::swiftshader_folder().join("usr/lib/chromium/vk_swiftshader_icd.json");
+    if Need::SecondDriver.is_met() {
+        let mut draw = tests(&["rendering", "fit_gpu"]);
+        // The golden images are the first driver's: 8-bit blending rounds as the driver likes.
+        draw.args(["--no-fail-fast", "--", "--skip", "the demo scene"]);
+        steps.run("drawing with SwiftShader", draw.env("VK_DRIVER_FILES", manifest));
+    } else {
+        steps.skip("drawing with a second driver", "SwiftShader is not there");
+    }
+    match workspace::build("soak", "dev") {
+        Ok(soak) => {
+            steps.run("playing for long", Command::new(soak).arg(SOAK_MINUTES));
+        }
+        Err(fault) => steps.fail("playing for long", &fault),
+    }
 }
 
 /// Checks the APK packer, a workspace of its own: its tests pack stub libraries and read the APK back.
@@ -124,45 +167,6 @@ fn packer(steps: &mut Steps) {
     let lints = ["clippy", "--quiet", "--locked", "--all-targets", "--", "--deny", "warnings"];
     steps.run("lints, the packer", &mut cargo(&lints));
     steps.run("tests of the packer", &mut cargo(&["test", "--quiet", "--locked"]));
-}
-
-/// Checks codec/fuzz, a workspace of its own, and runs its targets from their seeds, earlier corpora and
-/// the committed regressions. An input that breaks a target is written to target/fuzz; libFuzzer prints
-/// its path.
-fn fuzz(steps: &mut Steps) {
-    let folder = workspace::root().join("codec/fuzz");
-    let out = workspace::target_folder().join("fuzz");
-    let cargo = |args: &[&str]| {
-        let mut cargo = workspace::cargo();
-        // These would override the flags that fuzzing needs.
-        cargo.current_dir(&folder).args(args).env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
-        cargo
-    };
-    steps.run("formatting, fuzzing", &mut cargo(&["fmt", "--all", "--check"]));
-    let lints = ["clippy", "--quiet", "--locked", "--release", "--workspace", "--all-targets"];
-    steps.run("lints, fuzzing", cargo(&lints).args(["--", "--deny", "warnings"]));
-    for (package, folder, seeds, targets) in FUZZERS {
-        let run = |program| {
-            let mut cargo = cargo(&["run", "--quiet", "--locked", "--release", "--package", package]);
-            cargo.args(["--bin", program, "--"]);
-            cargo
-        };
-        steps.run(&format!("seeds of {package}"), run(seeds).arg(out.join("corpus")));
-        for target in targets {
-            let mut artifacts = OsString::from("-artifact_prefix=");
-            artifacts.push(out.join(format!("{target}-")));
-            let regressions = workspace::root().join(folder).join("regressions").join(target);
-            steps.run(
-                &format!("fuzzing, {target}"),
-                run(target)
-                    .arg(out.join("corpus").join(target))
-                    .args(regressions.is_dir().then_some(regressions))
-                    .args(FUZZ_LIMITS)
-                    .args(["-print_final_stats=1", "-verbosity=0"])
-                    .arg(artifacts),
-            );
-        }
-    }
 }
 
 /// Checks licences, sources and known vulnerabilities of dependencies, if cargo-deny is installed; its
@@ -203,8 +207,8 @@ fn oldest_rust(steps: &mut Steps) {
         steps.skip(&name, "rustup has not installed it");
         return;
     }
-    let mut check = Command::new("rustup");
-    check.current_dir(workspace::root()).args(["run", oldest, "cargo", "check", "--locked", "--workspace"]);
+    let mut check = workspace::builder("rustup");
+    check.args(["run", oldest, "cargo", "check", "--locked", "--workspace"]);
     steps.run(&name, &mut check);
 }
 

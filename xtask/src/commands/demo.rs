@@ -15,7 +15,7 @@ use program::{Fault, output};
 use serde::Deserialize;
 use xtask::workspace;
 
-use crate::setup::{self, Need};
+use crate::setup::{self, Need, SetupArgs};
 
 /// Columns and rows of the contact sheet.
 const SHEET: (u32, u32) = (4, 3);
@@ -28,7 +28,10 @@ const EYE_SIZE: &str = "720x720";
 
 /// Set up, package the demo scene and play it; without a display, render it to images
 #[derive(clap::Args)]
-pub(crate) struct Args {}
+pub(crate) struct Args {
+    #[command(flatten)]
+    setup: SetupArgs,
+}
 
 /// The part of `package --json` that is used.
 #[derive(Deserialize)]
@@ -38,13 +41,15 @@ struct Report {
     duration_s: f64,
 }
 
-pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let without_vulkan = "the reference renderer draws images on the CPU";
     let mut needs = vec![(Need::Vulkan, without_vulkan)];
     if has_display() {
         needs.push((Need::WindowLibraries, "the demo renders pictures instead of opening a window"));
     }
-    setup::satisfy(&needs);
+    if !setup::satisfy(&args.setup, &needs) {
+        return Ok(());
+    }
 
     let folder = workspace::target_folder().join("demo");
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;

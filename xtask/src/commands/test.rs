@@ -5,6 +5,7 @@
 //! that themselves; a test without its data prints a line that starts with `skipped:` and counts as
 //! ignored.
 
+use std::env;
 use std::io::{BufRead, BufReader, Write, stdout};
 use std::process::{ExitStatus, Stdio};
 use std::time::Instant;
@@ -12,19 +13,25 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use xtask::workspace;
 
-use crate::setup::{self, Need};
+use crate::setup::{self, Need, SetupArgs};
 
 /// Run every test that this machine can run
 #[derive(clap::Args)]
-pub(crate) struct Args {}
+pub(crate) struct Args {
+    #[command(flatten)]
+    setup: SetupArgs,
+}
 
-pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
-    setup::satisfy(&[
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let needs = [
         (Need::Vulkan, "tests that draw with the GPU are ignored"),
         (Need::WindowLibraries, "tests of the window are ignored"),
         (Need::VirtualDisplay, "tests of the window are ignored"),
         (Need::Slurm, "the test of a job array is ignored"),
-    ]);
+    ];
+    if !setup::satisfy(&args.setup, &needs) {
+        return Ok(());
+    }
     let start = Instant::now();
     let mut totals = Totals::default();
     let passed = run_tests(&mut totals)?.success();
@@ -37,7 +44,9 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
 
 /// Runs and counts all tests of the workspace.
 fn run_tests(totals: &mut Totals) -> anyhow::Result<ExitStatus> {
+    let library = workspace::onnx_library().filter(|_| env::var_os("ORT_DYLIB_PATH").is_none());
     let mut cargo = workspace::cargo()
+        .envs(library.map(|library| ("ORT_DYLIB_PATH", library)))
         .args(["test", "--workspace", "--features", workspace::FEATURES])
         .args(["--no-fail-fast", "--", "--show-output"])
         .stdin(Stdio::null())

@@ -1,10 +1,10 @@
-//! Debian packages that are unpacked into a folder of this project instead of being installed.
+//! Packages that are unpacked into a folder of this project instead of being installed.
 //!
-//! They may come from another release than the machine's and so must not affect it. apt downloads them
-//! with a configuration of this project and an empty list of installed packages: it checks the archive's
-//! signature and each package's hash, resolves dependencies down to the C library, and needs no privilege.
-//! Programs from another release run through the folder's own dynamic linker; those of the machine's
-//! release only need LD_LIBRARY_PATH.
+//! They may come from another release than the machine's and so must not affect it. apt downloads
+//! Debian's with a configuration of this project and an empty list of installed packages: it checks the
+//! archive's signature and each package's hash, resolves dependencies down to the C library, and needs no
+//! privilege. Programs from another release run through the folder's own dynamic linker; those of the
+//! machine's release only need LD_LIBRARY_PATH. Python's come by pip, which checks their hashes.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -20,19 +20,24 @@ use super::apt::{self, KEYRING};
 /// File in the folder that names the packages it was made from.
 const STAMP: &str = "packages";
 
-/// Release that the Debian packages come from.
-pub(super) enum Release {
-    /// The release of this name.
-    Named(&'static str),
-    /// The machine's own, from its configured sources, security updates included.
+/// Where packages come from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// The Debian release of this name.
+    Debian(&'static str),
+    /// The machine's own release, from its configured sources, security updates included.
     Machine,
+    /// The same, without dependencies.
+    MachineAlone,
+    /// Python's package index, without dependencies.
+    Python,
 }
 
-/// Packages of a Debian release and the folder into which they are unpacked.
+/// Packages and the folder into which they are unpacked.
 pub(super) struct Unpacked {
     /// The folder; complete, or absent.
     pub(super) folder: PathBuf,
-    pub(super) release: Release,
+    pub(super) origin: Origin,
     /// The packages, without their dependencies.
     pub(super) packages: &'static [&'static str],
     /// Files and folders to keep, as paths in the folder. A component `*` matches the only entry of its
@@ -49,27 +54,39 @@ impl Unpacked {
     }
 
     fn stamp(&self) -> String {
-        format!("{} {}\n", self.release.name(), self.packages.join(" "))
+        format!("{} {}\n", self.origin.name(), self.packages.join(" "))
+    }
+
+    /// What [`make`](Unpacked::make) does, as a sentence.
+    pub(super) fn description(&self) -> String {
+        let (fetched_mb, unpacked_mb) = self.size_mb;
+        format!(
+            "download {} from {}: {fetched_mb} MB, {unpacked_mb} MB unpacked into {}",
+            self.packages.join(" "),
+            self.origin.name(),
+            self.folder.display()
+        )
     }
 
     /// Downloads the packages and makes the folder, replacing one made from other packages.
     pub(super) fn make(&self) -> anyhow::Result<()> {
         let name = self.folder.file_name().and_then(OsStr::to_str).context("the folder has no name")?;
         let work = workspace::target_folder().join("setup").join(name);
-        let (fetched_mb, unpacked_mb) = self.size_mb;
-        eprintln!(
-            "set-up: downloading {} and their dependencies from {}: {fetched_mb} MB, {unpacked_mb} MB unpacked into {}",
-            self.packages.join(" "),
-            self.release.name(),
-            self.folder.display()
-        );
         let (unpacked, selected) = (work.join("unpacked"), work.join("selected"));
         remove_all(&unpacked)?;
         remove_all(&selected)?;
-        self.fetch(&work)?;
-        fs::create_dir_all(&unpacked)?;
+        for folder in ["lists/partial", "archives/partial", "unpacked"] {
+            fs::create_dir_all(work.join(folder))?;
+        }
+        match self.origin {
+            Origin::Python => self.fetch_with_pip(&work)?,
+            _ => self.fetch_with_apt(&work)?,
+        }
         for package in packages_in(&work.join("archives"))? {
-            run(Command::new("dpkg-deb").arg("--extract").arg(&package).arg(&unpacked))?;
+            let is_wheel = package.extension().is_some_and(|end| end == "whl");
+            let program: &[&str] =
+                if is_wheel { &["python3", "-m", "zipfile", "-e"] } else { &["dpkg-deb", "--extract"] };
+            run(Command::new(program[0]).args(&program[1..]).arg(&package).arg(&unpacked))?;
         }
         for path in self.keep {
             let path = resolve(&unpacked, path).with_context(|| format!("the packages hold no {path}"))?;
@@ -83,22 +100,32 @@ impl Unpacked {
         Ok(remove_all(&work)?)
     }
 
-    /// Downloads the packages and their dependencies to `archives` in the folder `work`.
-    fn fetch(&self, work: &Path) -> anyhow::Result<()> {
-        for folder in ["lists/partial", "archives/partial"] {
-            fs::create_dir_all(work.join(folder))?;
-        }
-        let sources = match self.release {
-            Release::Named(release) => {
+    /// Downloads the packages to `archives` in the folder `work`.
+    fn fetch_with_pip(&self, work: &Path) -> anyhow::Result<()> {
+        let pip = || {
+            let mut pip = Command::new("python3");
+            pip.args(["-m", "pip"]);
+            pip
+        };
+        let has_pip = pip().arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        ensure!(has_pip.is_ok_and(|status| status.success()), "pip is missing; install python3-pip");
+        let download = ["download", "--quiet", "--no-deps", "--only-binary", ":all:", "--dest"];
+        run(pip().args(download).arg(work.join("archives")).args(self.packages))
+    }
+
+    /// Downloads the packages and, unless they are to come alone, their dependencies to `archives` in the
+    /// folder `work`.
+    fn fetch_with_apt(&self, work: &Path) -> anyhow::Result<()> {
+        let sources = match self.origin {
+            Origin::Debian(release) => {
                 let mirror =
                     apt::mirror().context("this system does not get its packages from a Debian mirror")?;
                 ensure!(Path::new(KEYRING).is_file(), "{KEYRING} is missing; install debian-archive-keyring");
-                let source = format!("deb [signed-by={KEYRING} target=Packages] {mirror} {release} main\n");
                 let path = work.join("sources.list");
-                fs::write(&path, source)?;
+                fs::write(&path, apt::source(&mirror, release))?;
                 Some(path)
             }
-            Release::Machine => None,
+            _ => None,
         };
         fs::write(work.join("status"), "")?;
         let configuration = work.join("apt.conf");
@@ -109,17 +136,21 @@ impl Unpacked {
             apt_get
         };
         run(apt_get().arg("update"))?;
-        let install = ["install", "--download-only", "--yes", "--no-install-recommends"];
-        run(apt_get().args(install).args(self.packages))
+        let fetch: &[&str] = match self.origin {
+            Origin::MachineAlone => &["download"],
+            _ => &["install", "--download-only", "--yes", "--no-install-recommends"],
+        };
+        run(apt_get().current_dir(work.join("archives")).args(fetch).args(self.packages))
     }
 }
 
-impl Release {
+impl Origin {
     /// Name in messages.
-    fn name(&self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
-            Release::Named(name) => name,
-            Release::Machine => "this machine's release",
+            Origin::Debian(name) => name,
+            Origin::Machine | Origin::MachineAlone => "this machine's release",
+            Origin::Python => "Python's package index",
         }
     }
 }
@@ -184,7 +215,7 @@ fn packages_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut packages = Vec::new();
     for entry in folder.read_dir()? {
         let path = entry?.path();
-        packages.extend(path.extension().is_some_and(|end| end == "deb").then_some(path));
+        packages.extend(path.extension().is_some_and(|end| end == "deb" || end == "whl").then_some(path));
     }
     packages.sort();
     Ok(packages)
@@ -222,7 +253,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let unpacked = |packages| Unpacked {
             folder: folder.path().to_owned(),
-            release: Release::Named("trixie"),
+            origin: Origin::Debian("trixie"),
             packages,
             keep: &["usr/lib"],
             size_mb: (1, 2),

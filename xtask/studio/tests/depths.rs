@@ -1,5 +1,5 @@
 //! `cargo xtask depths` with small networks built here, on the ONNX Runtime that ORT_DYLIB_PATH names. Without
-//! a runtime, only the tests of error messages run.
+//! one, only the tests of error messages run.
 
 mod tool;
 
@@ -34,14 +34,13 @@ fn passing(test: fn()) -> impl FnOnce() -> Result<(), Failed> + Send + 'static {
 
 fn with_runtime(name: &str, test: fn()) -> Trial {
     Trial::ignorable_test(name, move || {
-        let library = std::env::var_os("ORT_DYLIB_PATH");
-        match library.is_some_and(|path| Path::new(&path).is_file()) {
-            true => {
-                test();
-                Ok(Completion::Completed)
-            }
-            false => Ok(Completion::ignored_with("ORT_DYLIB_PATH names no ONNX Runtime")),
+        // A path where there is no runtime fails the test.
+        if std::env::var_os("ORT_DYLIB_PATH").is_none() {
+            let reason = "ORT_DYLIB_PATH names no ONNX Runtime; cargo xtask ci gets one";
+            return Ok(Completion::ignored_with(reason));
         }
+        test();
+        Ok(Completion::Completed)
     })
 }
 

@@ -1,9 +1,9 @@
 //! Android checks that need neither the NDK nor a headset.
 //!
-//! Debian's Rust checks types and lints of the player for 64-bit ARM. With `--link` it compiles the
+//! Debian's Rust checks types and lints of the player for 64-bit ARM. A full run compiles the
 //! player and links it against stand-ins for Android's libraries that have exactly the symbols of
-//! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (without
-//! `--link` a stub) is packed as an APK, which Android's own programs check.
+//! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (in a
+//! short run a stub) is packed as an APK, which Android's own programs check.
 //!
 //! None of it runs on Android, and its output is not for use.
 
@@ -15,18 +15,18 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use xtask::workspace;
 
+use super::debian_rust;
 use super::steps::Steps;
 use crate::commands::apk::{API_LEVEL, LIBRARY, PAGE_BYTES, TARGET};
 use crate::setup::Need;
 
-/// Runs the checks that this machine can run.
-pub(super) fn check(steps: &mut Steps, link: bool) {
+/// Runs the checks that this machine can run; with `is_full` also links the player.
+pub(super) fn check(steps: &mut Steps, is_full: bool) {
     let mut library = None;
     if Need::AndroidCompiler.is_met() {
-        let compiler = Compiler { folder: workspace::android_compiler_folder() };
-        steps.run("lints, Android", &mut compiler.clippy());
-        if link {
-            library = compiler.link(steps);
+        steps.run("lints, Android", &mut clippy());
+        if is_full {
+            library = link(steps);
         }
     } else {
         steps.skip("the player for Android", "no compiler for Android is installed");
@@ -54,113 +54,83 @@ fn check_apk(steps: &mut Steps, library: Option<&Path>) {
     steps.run(name, &mut test);
 }
 
-/// Debian's Rust and C compilers in their folder.
-struct Compiler {
-    folder: PathBuf,
+/// Lints the player; every warning is an error.
+fn clippy() -> Command {
+    let mut clippy = workspace::builder(debian_rust::program("cargo-clippy"));
+    clippy.args(["clippy", "--quiet"]);
+    configure(&mut clippy);
+    clippy.args(["--", "--deny", "warnings"]);
+    clippy
 }
 
-impl Compiler {
-    /// Lints the player; every warning is an error.
-    fn clippy(&self) -> Command {
-        let mut clippy = Command::new(self.folder.join("usr/bin/cargo-clippy"));
-        clippy.current_dir(workspace::root()).args(["clippy", "--quiet"]);
-        self.configure(&mut clippy);
-        clippy.args(["--", "--deny", "warnings"]);
-        clippy
+/// Builds and links the player's library, and returns its path.
+fn link(steps: &mut Steps) -> Option<PathBuf> {
+    let name = "link, Android";
+    let stand_ins = folder().join("stand-ins");
+    let made = fs::read_to_string(workspace::root().join("android/symbols.txt"))
+        .context("android/symbols.txt")
+        .and_then(|list| make_stand_ins(&parse_symbols(&list)?, &stand_ins));
+    if let Err(error) = made {
+        steps.fail(name, &error);
+        return None;
     }
+    let mut cargo = workspace::cargo();
+    cargo.args(["rustc", "--quiet", "--crate-type", "cdylib", "--release"]);
+    configure(&mut cargo);
+    let mut flags = vec![format!("-Clink-arg=-L{}", stand_ins.display())];
+    flags.extend(LINK_ARGS.iter().map(|arg| format!("-Clink-arg={arg}")).chain([
+        format!("-Clink-arg=--target={TARGET}{API_LEVEL}"),
+        format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}"),
+    ]));
+    cargo
+        .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", debian_rust::program("clang"))
+        .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"))
+        .env("CARGO_PROFILE_RELEASE_STRIP", "symbols");
+    let linked = steps.run(name, &mut cargo);
+    linked.then(|| folder().join(TARGET).join("release").join(LIBRARY))
+}
 
-    /// Builds and links the player's library, and returns its path.
-    fn link(&self, steps: &mut Steps) -> Option<PathBuf> {
-        let name = "link, Android";
-        let stand_ins = folder().join("stand-ins");
-        let made = fs::read_to_string(workspace::root().join("android/symbols.txt"))
-            .context("android/symbols.txt")
-            .and_then(|list| self.make_stand_ins(&parse_symbols(&list)?, &stand_ins));
-        if let Err(error) = made {
-            eprintln!("ci: {name}: {error:#}");
-            steps.failed.push(name.to_owned());
-            return None;
-        }
-        let mut cargo = workspace::cargo();
-        cargo.args(["rustc", "--quiet", "--crate-type", "cdylib", "--release"]);
-        self.configure(&mut cargo);
-        let mut flags = vec![format!("-Clink-arg=-L{}", stand_ins.display())];
-        flags.extend(LINK_ARGS.iter().map(|arg| format!("-Clink-arg={arg}")).chain([
-            format!("-Clink-arg=--target={TARGET}{API_LEVEL}"),
-            format!("-Clink-arg=-Wl,-z,max-page-size={PAGE_BYTES}"),
-        ]));
-        cargo
-            .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", self.clang())
-            .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"))
-            .env("CARGO_PROFILE_RELEASE_STRIP", "symbols");
-        let linked = steps.run(name, &mut cargo);
-        linked.then(|| folder().join(TARGET).join("release").join(LIBRARY))
-    }
+/// Sets arguments and environment so that Cargo builds the player for Android.
+fn configure(cargo: &mut Command) {
+    // Headers of GNU/Linux stand in for Android's.
+    let headers = workspace::android_compiler_folder().join("usr/aarch64-linux-gnu/include");
+    let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
+    cargo.args(["--package", "client", "--lib", "--no-default-features", "--features", "net,xr"]);
+    debian_rust::configure(cargo, TARGET, "std,panic_abort", &folder());
+    cargo
+        .env("CC_aarch64_linux_android", debian_rust::program("clang"))
+        .env("CFLAGS_aarch64_linux_android", flags)
+        .env("AR_aarch64_linux_android", "ar")
+        .env("RANLIB_aarch64_linux_android", "ranlib");
+}
 
-    fn clang(&self) -> PathBuf {
-        self.folder.join("usr/bin/clang")
+/// Builds a library for each entry, with its symbols as empty functions.
+fn make_stand_ins(symbols: &Symbols<'_>, folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    for (library, symbols) in symbols {
+        let source = folder.join(library).with_extension("c");
+        let functions: Vec<String> =
+            symbols.iter().map(|symbol| format!("void {symbol}(void) {{}}\n")).collect();
+        fs::write(&source, functions.concat())?;
+        let mut clang = Command::new(debian_rust::program("clang"));
+        clang
+            .env("LD_LIBRARY_PATH", debian_rust::libraries())
+            .args(LINK_ARGS)
+            .arg(format!("--target={TARGET}{API_LEVEL}"))
+            // Some names are builtins of the compiler with other types.
+            .args(["-w", "-ffreestanding", "-fno-builtin", "-fPIC"]);
+        let made = if library.ends_with(".a") {
+            let object = source.with_extension("o");
+            ensure!(clang.arg("-c").arg(&source).arg("-o").arg(&object).status()?.success(), "clang failed");
+            let archive = folder.join(library);
+            Command::new("ar").arg("rcs").arg(archive).arg(object).status()?
+        } else {
+            clang.args(["-shared", "-nostdlib"]).arg(format!("-Wl,-soname,{library}"));
+            clang.arg(&source).arg("-o").arg(folder.join(library)).status()?
+        };
+        ensure!(made.success(), "{library} could not be made");
     }
-
-    /// Sets arguments and environment so that Cargo builds the player for Android with this compiler.
-    fn configure(&self, cargo: &mut Command) {
-        let usr = self.folder.join("usr");
-        // Headers of GNU/Linux stand in for Android's.
-        let headers = usr.join("aarch64-linux-gnu/include");
-        let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
-        cargo
-            .args(["--package", "client", "--lib", "--no-default-features", "--features", "net,xr"])
-            .args(["--locked", "--target", TARGET, "-Zbuild-std=std,panic_abort"])
-            .arg("--target-dir")
-            .arg(folder())
-            .env("LD_LIBRARY_PATH", self.libraries())
-            .env("RUSTC", usr.join("bin/rustc"))
-            // Lets this stable compiler build its standard library.
-            .env("RUSTC_BOOTSTRAP", "1")
-            .env("CC_aarch64_linux_android", self.clang())
-            .env("CFLAGS_aarch64_linux_android", flags)
-            .env("AR_aarch64_linux_android", "ar")
-            .env("RANLIB_aarch64_linux_android", "ranlib")
-            .env_remove("RUSTC_WRAPPER")
-            .env_remove("RUSTFLAGS")
-            .env_remove("CARGO_ENCODED_RUSTFLAGS");
-    }
-
-    /// Folder of the shared libraries of the compiler's programs.
-    fn libraries(&self) -> PathBuf {
-        self.folder.join(format!("usr/lib/{}-linux-gnu", std::env::consts::ARCH))
-    }
-
-    /// Builds a library for each entry, with its symbols as empty functions.
-    fn make_stand_ins(&self, symbols: &Symbols<'_>, folder: &Path) -> anyhow::Result<()> {
-        fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        for (library, symbols) in symbols {
-            let source = folder.join(library).with_extension("c");
-            let functions: Vec<String> =
-                symbols.iter().map(|symbol| format!("void {symbol}(void) {{}}\n")).collect();
-            fs::write(&source, functions.concat())?;
-            let mut clang = Command::new(self.clang());
-            clang
-                .env("LD_LIBRARY_PATH", self.libraries())
-                .args(LINK_ARGS)
-                .arg(format!("--target={TARGET}{API_LEVEL}"))
-                // Some names are builtins of the compiler with other types.
-                .args(["-w", "-ffreestanding", "-fno-builtin", "-fPIC"]);
-            let made = if library.ends_with(".a") {
-                let object = source.with_extension("o");
-                ensure!(
-                    clang.arg("-c").arg(&source).arg("-o").arg(&object).status()?.success(),
-                    "clang failed"
-                );
-                let archive = folder.join(library);
-                Command::new("ar").arg("rcs").arg(archive).arg(object).status()?
-            } else {
-                clang.args(["-shared", "-nostdlib"]).arg(format!("-Wl,-soname,{library}"));
-                clang.arg(&source).arg("-o").arg(folder.join(library)).status()?
-            };
-            ensure!(made.success(), "{library} could not be made");
-        }
-        Ok(())
-    }
+    Ok(())
 }
 
 /// Linker arguments in addition to Rust's.

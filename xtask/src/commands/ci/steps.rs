@@ -1,5 +1,6 @@
 //! [`Steps`]: runs the steps of `cargo xtask ci` and collects their outcomes.
 
+use std::fmt::Display;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
@@ -33,6 +34,18 @@ impl Steps {
             self.failed.push(name.to_owned());
         }
         passed
+    }
+
+    /// Adds the outcomes of other steps.
+    pub(super) fn extend(&mut self, others: Steps) {
+        self.failed.extend(others.failed);
+        self.skipped.extend(others.skipped);
+    }
+
+    /// Records and prints a failure.
+    pub(super) fn fail(&mut self, name: &str, error: &impl Display) {
+        eprintln!("ci: {name}: FAILED: {error:#}");
+        self.failed.push(name.to_owned());
     }
 
     /// Records a step that cannot run, and why.
