@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use codec::{Camera, Clip, Limits};
+use codec::{Camera, Clip};
 use glam::{UVec2, uvec2};
 use image::RgbImage;
 use program::images::{ImageOutput, tiled};

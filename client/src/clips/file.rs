@@ -107,7 +107,7 @@ mod tests {
         {
             let path = folder.path().join(name);
             std::fs::write(&path, b"ply\nformat binary_little_endian 1.0\n").unwrap();
-            let message = load_file(&path).unwrap_err().to_string();
+            let message = load_file(&path, &Limits::default()).unwrap_err().to_string();
             assert!(message.contains("not an .aarc package: ") && message.contains(step), "{message}");
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use codec::{Clip, Limits};
+use codec::Clip;
 
 use super::event::{LoadEvent, Version};
 use super::file::clips_in;

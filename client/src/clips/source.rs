@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, Limits};
+use codec::Clip;
 use program::Fault;
 
 use super::demo;

@@ -20,7 +20,7 @@ mod viewer;
 
 use std::time::Instant;
 
-use codec::{Clip, Limits};
+use codec::Clip;
 use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};

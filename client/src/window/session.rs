@@ -10,7 +10,7 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use codec::{Clip, Limits};
+use codec::Clip;
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
 use glam::UVec2;

@@ -9,7 +9,7 @@ use refine::prune::{Candidate, Pictures, Ranking, Topology, by_importance, recol
 use super::analysis::{FieldAnalysis, contributions};
 use super::report::{PreservedTopology, TriedCandidate, tried, why};
 use super::settings::PackageSettings;
-use super::views::{ranking_views, render_scene};
+use super::views::{recolor_views, render_scene};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -56,7 +56,7 @@ pub(super) fn choose<'a>(
     let mut recolor_gain_db = None;
     if settings.recolor {
         progress.stage("colours", 1);
-        let views = ranking_views(scene, field);
+        let views = recolor_views(scene, field);
         let pictures = Pictures::take(&render_scene(field, plate), views, || ());
         let recolored = recolor(&chosen, plate, &pictures, || ());
         let gain = whole.draft_psnr(&recolored)? - psnr_db;

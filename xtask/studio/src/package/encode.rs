@@ -5,7 +5,7 @@ use anyhow::ensure;
 use codec::{Clip, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
 use refine::code::{CodeError, Coded, Miss, TRIALS, WORST_BELOW_DB, code};
-use refine::prune::Pictures;
+use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
@@ -98,11 +98,13 @@ fn encode_once(
 }
 
 /// One sentence on why a package does not have its target PSNR.
-pub(super) fn explain(miss: Miss, quality_db: f64, reached_db: f64) -> String {
+pub(super) fn explain(miss: Miss, quality_db: f64, fidelity: &Fidelity) -> String {
+    let reached_db = fidelity.psnr_db;
+    let worst_db = fidelity.worst.as_ref().map_or(reached_db, |worst| worst.psnr_db);
     match miss {
         Miss::Below => format!(
-            "the target of {quality_db} dB is out of reach: at the coder's finest precision the package has \
-             {reached_db:.1} dB"
+            "{quality_db} dB, and {WORST_BELOW_DB} dB less in the worst view, are out of reach: the closest \
+             package has {reached_db:.1} dB and {worst_db:.1} dB"
         ),
         Miss::Above => format!(
             "{reached_db:.1} dB, above the target of {quality_db} dB: the next coarser precision is below it"

@@ -21,7 +21,7 @@ pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 pub(crate) use views::{
-    JUDGING_PLACES, Places, STEERING_PLACES, compared_views, ranking_views, render_scene, views_of,
+    JUDGING_PLACES, Places, STEERING_PLACES, compared_views, recolor_views, render_scene, views_of,
     visibility_views,
 };
 pub(crate) use visible::visible;

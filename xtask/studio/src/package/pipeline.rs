@@ -80,7 +80,7 @@ pub fn package_with(
         judging_views,
         miss: settings.coding.quality_db().zip(coded.miss).map(|(quality_db, miss)| Shortfall {
             is_below: miss == Miss::Below,
-            text: explain(miss, quality_db, coded.fidelity.psnr_db),
+            text: explain(miss, quality_db, &coded.fidelity),
         }),
     };
     Ok(Package { bytes: coded.bytes, report })

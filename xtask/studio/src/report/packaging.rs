@@ -15,7 +15,7 @@ use refine::reference::{self, sensitivities};
 use super::rd::{coded_views, seen_views};
 use super::subject::ReportSubject;
 use crate::package::{
-    FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, ranking_views, refused, render_scene,
+    FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, recolor_views, refused, render_scene,
 };
 use crate::progress::StagedProgress;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
@@ -170,7 +170,7 @@ fn selection(
 
     progress.stage("colours", 1);
     let start = Instant::now();
-    let pictures = Pictures::take(&render_scene(field, plate.as_ref()), ranking_views(scene, field), || ());
+    let pictures = Pictures::take(&render_scene(field, plate.as_ref()), recolor_views(scene, field), || ());
     let recolored = recolor(&field.select(&selected.retained.rows), plate.as_ref(), &pictures, || ());
     let seconds = start.elapsed().as_secs_f64();
     let refitted = ParameterValue {
