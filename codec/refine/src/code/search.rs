@@ -168,7 +168,7 @@ mod tests {
             let fidelity = Fidelity { psnr_db, covered_psnr_db: psnr_db, worst: None };
             let bytes = (psnr_db * 100.0) as usize;
             let miss = search.record(&fidelity, bytes);
-            if miss != Some(Miss::Below) && bytes < least {
+            if miss != Some(Miss::Below) && (found.is_none() || bytes < least) {
                 (least, found, last) = (bytes, Some(psnr_db), miss);
             } else if found.is_none() {
                 last = miss;

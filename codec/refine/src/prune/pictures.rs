@@ -37,10 +37,10 @@ impl Pictures {
     /// second.
     pub fn compare_at_least(&self, scene: &RenderScene, least_db: (f64, f64)) -> Option<Fidelity> {
         let pixels = self.taken.iter().map(|(_, image)| image.pixels.len()).sum();
-        let may_reach = |all: &Errors, picture_db: f64| {
+        let may_meet = |all: &Errors, picture_db: f64| {
             psnr(all.squared, pixels) >= least_db.0 && picture_db >= least_db.1
         };
-        self.compare_while(scene, may_reach, &mut || ())
+        self.compare_while(scene, may_meet, &mut || ())
     }
 
     /// Compares while `goes_on` says so, given the errors so far and the PSNR of the last picture.
