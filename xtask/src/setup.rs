@@ -86,7 +86,7 @@ impl Need {
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
-            Need::Headset => return Source::Unpacked(folders::openxr()),
+            Need::Headset => return Source::Unpacked(folders::headset()),
             Need::AndroidCompiler => return Source::Unpacked(folders::android_compiler()),
             Need::Slurm => return Source::Unpacked(folders::slurm()),
             Need::OnnxRuntime => return Source::Unpacked(folders::onnx()),

@@ -7,7 +7,7 @@ use super::unpacked::{Origin, Unpacked};
 /// An OpenXR runtime for tests: Monado with a simulated headset and a null compositor, the OpenXR loader,
 /// Khronos's validation layer and Mesa's software Vulkan driver. Few Linux releases ship a recent one, so
 /// every machine uses the packages of one Debian release.
-pub(super) fn openxr() -> Unpacked {
+pub(super) fn headset() -> Unpacked {
     Unpacked {
         folder: workspace::openxr_folder(),
         origin: Origin::Debian("trixie"),
