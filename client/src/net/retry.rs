@@ -16,7 +16,7 @@ pub struct RetryPolicy {
     pub grace: Duration,
     /// The least rate of a request.
     pub least_bytes_per_s: u32,
-    /// Retries in a row without [`PROGRESS_BYTES`].
+    /// Retries in a row without `PROGRESS_BYTES` of progress.
     pub retries: u32,
     /// Retries before the first byte.
     pub first_retries: u32,

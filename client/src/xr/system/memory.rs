@@ -22,7 +22,7 @@ const BUFFERS: u64 = 5;
 const RESIDENT: u64 = 3;
 
 /// Limits on each clip of a machine with `total_bytes` of memory, so that everything that clips take fits into a
-/// quarter of it: half of that for [`BUFFERS`], half for what is uploaded.
+/// quarter of it: half of that for buffers, half for what is uploaded.
 pub fn clip_limits(total_bytes: u64) -> Limits {
     let half = total_bytes / SHARE / 2;
     let gaussian_bytes = UPLOAD_BYTES as u64 + RESIDENT * RESIDENT_BYTES as u64;
