@@ -58,7 +58,7 @@ pub struct PrefixEvalStep {
 /// `SPLITS`; `path` is the package of the clip. `None` if the clip has one layer.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or no photograph is left for fitting.
+/// [`Fault::Data`](program::Fault::Data) where a file cannot be read or no photograph is left for fitting.
 pub fn eval_prefixes(
     clip: &Clip,
     path: &Path,
