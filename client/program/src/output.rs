@@ -63,7 +63,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Writes `bytes` to `path` as [`write`] does, so that a power loss right after leaves the whole file there.
+/// Writes `bytes` to `path` as [`write()`] does, so that a power loss right after leaves the whole file there.
 ///
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
