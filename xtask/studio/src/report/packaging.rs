@@ -9,13 +9,13 @@ use std::time::Instant;
 
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Sensitivity, Source};
 use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Candidate, Pictures, Ranking, Selection, by_importance, recolor};
+use refine::prune::{Candidate, Pictures, PosedView, Ranking, Selection, by_importance, recolor};
 use refine::reference::{self, sensitivities};
 
-use super::rd::{coded_views, seen_views};
 use super::subject::ReportSubject;
 use crate::package::{
-    FieldAnalysis, LAYERS, PackageSettings, QUALITY_DB, recolor_views, refused, render_scene,
+    FieldAnalysis, JUDGING_PLACES, LAYERS, PackageSettings, QUALITY_DB, STEERING_PLACES, recolor_views,
+    refused, render_scene, views_of,
 };
 use crate::progress::StagedProgress;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
@@ -28,6 +28,11 @@ const CODED: usize = 40_000;
 
 /// Number of timed decodings per package.
 const DECODINGS: usize = 5;
+
+/// Size in pixels of the pictures that measure precision, and their numbers: each is drawn many times.
+const SIZE: (u32, u32) = (320, 240);
+const CODED_VIEWS: usize = 6;
+const SEEN_VIEWS: usize = 8;
 
 /// Measures coder precision, and ranking and recolouring if a budget is smaller than the field.
 ///
@@ -188,4 +193,14 @@ fn selection(
         points: vec![point("as they were", true, selected.psnr_db), refitted],
     };
     Ok([ranking, colours].map(Parameter::mark_front))
+}
+
+/// Views in which the precision of the coder is measured.
+fn coded_views(subject: &ReportSubject) -> Vec<PosedView> {
+    views_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE, CODED_VIEWS)
+}
+
+/// Views from which visibility is measured for the coder.
+fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
+    views_of(&subject.scene, &subject.field, STEERING_PLACES, SIZE, SEEN_VIEWS)
 }

@@ -21,7 +21,6 @@ pub use rates::{CoderRate, SimplerCoders};
 pub use result::{FieldRd, RatePoint, Selector};
 pub use text::files;
 use views::reported_views;
-pub(super) use views::{coded_views, seen_views};
 
 /// Measures every selector at every budget below the size of the field.
 ///

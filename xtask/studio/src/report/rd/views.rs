@@ -2,7 +2,7 @@
 
 use refine::prune::PosedView;
 
-use crate::package::{JUDGING_PLACES, Places, STEERING_PLACES, views_of};
+use crate::package::{Places, views_of};
 use crate::report::subject::ReportSubject;
 
 /// Width and height in pixels of the images compared.
@@ -15,21 +15,7 @@ const PLACES: Places = Places { aside: 8.0, viewpoint: false, turn: 0.25 };
 /// or judge.
 pub(super) const COUNT: usize = 16;
 
-/// Numbers of the views of parameters that are measured many times.
-const CODED: usize = 6;
-const SEEN: usize = 8;
-
 /// Views in which packages are compared with the field.
 pub(super) fn reported_views(subject: &ReportSubject) -> Vec<PosedView> {
     views_of(&subject.scene, &subject.field, PLACES, SIZE, COUNT)
-}
-
-/// Views in which the precision of the coder is measured.
-pub(in crate::report) fn coded_views(subject: &ReportSubject) -> Vec<PosedView> {
-    views_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE, CODED)
-}
-
-/// Views from which visibility is measured for the coder.
-pub(in crate::report) fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
-    views_of(&subject.scene, &subject.field, STEERING_PLACES, SIZE, SEEN)
 }
