@@ -8,10 +8,10 @@ struct Window {
     // Opacity at the frame; 1 minus the peak opacity.
     opacity: f32,
     clearness: f32,
-    // Time since tau in frames, and in window widths; 0 without time.
+    // Time since tau in intervals, and in window widths; 0 without time.
     since: f32,
     since_in_widths: f32,
-    // Width in frames; 1 without time.
+    // Width in intervals; 1 without time.
     width: f32,
 }
 
@@ -71,7 +71,7 @@ fn from_view(v: vec3<f32>) -> vec3<f32> {
 fn window_of(row: u32) -> Window {
     var window = Window(0.0, 0.0, 0.0, 0.0, 1.0);
     if IS_TIMED {
-        window.since = uniforms.frame - scalar_of(row, START_TAU);
+        window.since = uniforms.time - scalar_of(row, START_TAU);
         window.width = finite_exp(scalar_of(row, START_LOG_WIDTH));
     }
     window.since_in_widths = window.since / window.width;

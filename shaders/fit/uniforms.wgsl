@@ -5,8 +5,8 @@ struct StepUniforms {
     view_from_world: array<vec4<f32>, 3>,
     // Position of the camera in the world.
     eye: vec3<f32>,
-    // Time in frames.
-    frame: f32,
+    // Time in intervals.
+    time: f32,
     // Focal lengths and principal point in pixels.
     focal: vec2<f32>,
     principal: vec2<f32>,

@@ -33,13 +33,13 @@
 //! };
 //! let views: Vec<AnchorView> = (0..8).map(view).collect();
 //!
-//! let timeline = Timeline { frames: 1 };
+//! let timeline = Timeline::even(1);
 //! let settings = AnchorSettings { gaussians: 400, ..AnchorSettings::default() };
-//! let frame = AnchorFrame { frame: 0, views: views.clone() };
+//! let frame = AnchorFrame { frame: 0, time: 0.0, views: views.clone() };
 //! let parameters = anchor(&settings, timeline, [Ok::<_, AnchorError>(frame)].into_iter())?;
 //!
 //! let training_view =
-//!     |view: AnchorView| TrainingView { camera: view.camera, frame: 0.0, photograph: view.photograph };
+//!     |view: AnchorView| TrainingView { camera: view.camera, time: 0.0, photograph: view.photograph };
 //! let training: Vec<TrainingView> = views.into_iter().map(training_view).collect();
 //! let settings = FitSettings { steps: 2, ..FitSettings::default() };
 //! let fit = Fit::new(settings, parameters, timeline, training.iter().map(|view| &view.camera));

@@ -95,7 +95,7 @@ fn images(mut gpu: Gpu) -> Result<(), DeviceError> {
         let parameters = cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
         let camera = camera(size[0], size[1]);
-        let view = FrameView { camera: &camera, frame };
+        let view = FrameView { camera: &camera, time: frame };
         assert_images(&mut gpu, &parameters, &view, &format!("degree {degree}, {size:?}"));
         let parameters = static_cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
@@ -110,7 +110,7 @@ fn many_pairs(mut gpu: Gpu) -> Result<(), DeviceError> {
     parameters.logits.iter_mut().for_each(|logit| *logit -= 2.0);
     gpu.load(parameters.clone().into())?;
     let camera = camera(150, 90);
-    let view = FrameView { camera: &camera, frame: 0.0 };
+    let view = FrameView { camera: &camera, time: 0.0 };
     assert_images(&mut gpu, &parameters, &view, "many pairs");
     // Opaque Gaussians saturate most tiles after a few splats.
     let mut opaque = parameters;
@@ -163,7 +163,7 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
         (0, 0.0, [77, 53], true),
     ] {
         let camera = camera(size[0], size[1]);
-        let view = FrameView { camera: &camera, frame };
+        let view = FrameView { camera: &camera, time: frame };
         let weights = weights(&camera);
         for parameters in [cloud(20 + u64::from(degree), 500, degree), static_cloud(30, 500, degree)] {
             gpu.load(parameters.clone().into())?;
@@ -184,7 +184,7 @@ fn training_views(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
     let target = cloud(77, 300, 0);
     let view = |frame: &f64| {
         let camera = camera(size[0], size[1]);
-        let image = cpu::render(&target, &FrameView { camera: &camera, frame: *frame }).image;
+        let image = cpu::render(&target, &FrameView { camera: &camera, time: *frame }).image;
         let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0) as u8;
         let photograph = Photograph {
             width: size[0],
@@ -192,7 +192,7 @@ fn training_views(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
             pixels: image.pixels.iter().map(|pixel| pixel.map(byte)).collect(),
             valid: (0..size[0] * size[1]).map(|i| i % size[0] > 4 || i / size[0] > 9).collect(),
         };
-        TrainingView { camera, frame: *frame, photograph }
+        TrainingView { camera, time: *frame, photograph }
     };
     frames.iter().map(view).collect()
 }
@@ -305,7 +305,7 @@ fn nothing(mut gpu: Gpu) -> Result<(), DeviceError> {
     let views = training_views([40, 30], &[1e4]);
     for parameters in [cloud(12, 0, 1), cloud(12, 20, 1)] {
         gpu.load(parameters.clone().into())?;
-        let view = FrameView { camera: &camera, frame: 1e4 };
+        let view = FrameView { camera: &camera, time: 1e4 };
         assert_eq!(gpu.render(&view)?.pixels, vec![[0.0; 4]; 40 * 30]);
         let gradient = gpu.gradient(&view, &weights(&camera), true)?;
         assert!(gradient.rows.is_empty() && gradient.non_finite == 0);
@@ -318,7 +318,7 @@ fn nothing(mut gpu: Gpu) -> Result<(), DeviceError> {
 
 fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
     let camera = camera(40, 30);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let plain = cloud(9, 40, 3);
     let mut check = |extreme: &Parameters<f32>, view: &FrameView| -> Result<(), DeviceError> {
         gpu.load(extreme.clone().into())?;
@@ -336,14 +336,14 @@ fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
         check(&extreme, &view)?;
     }
     for frame in fixtures::EXTREME_FRAMES {
-        check(&plain, &FrameView { camera: &camera, frame })?;
+        check(&plain, &FrameView { camera: &camera, time: frame })?;
     }
     Ok(())
 }
 
 fn contained(mut gpu: Gpu) -> Result<(), DeviceError> {
     let camera = camera(40, 30);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let parameters = cloud(10, 200, 1);
     gpu.load(parameters.clone().into())?;
     let mut by_pixels = weights(&camera);
@@ -391,11 +391,11 @@ fn too_large(mut gpu: Gpu) -> Result<(), DeviceError> {
     // 15 floats per pixel are 64 GB.
     gpu.load(cloud(46, 10, 0).into())?;
     let [large, small] = [1 << 15, 16].map(|side| camera(side, side));
-    match gpu.render(&FrameView { camera: &large, frame: 0.0 }) {
+    match gpu.render(&FrameView { camera: &large, time: 0.0 }) {
         Err(error @ DeviceError::TooLarge { .. }) => println!("{error}"),
         other => panic!("{other:?}"),
     }
     // The device still works.
-    gpu.render(&FrameView { camera: &small, frame: 0.0 })?;
+    gpu.render(&FrameView { camera: &small, time: 0.0 })?;
     Ok(())
 }

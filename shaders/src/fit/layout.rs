@@ -10,8 +10,8 @@ pub struct StepUniforms {
     pub view_from_world: [[f32; 4]; 3],
     /// Position of the camera in the world.
     pub eye: [f32; 3],
-    /// Time in frames.
-    pub frame: f32,
+    /// Time in intervals.
+    pub time: f32,
     /// Focal lengths in pixels.
     pub focal: [f32; 2],
     /// Principal point in pixels from the top left corner.

@@ -110,7 +110,7 @@ fn structs_have_the_layout_of_their_counterparts() {
         StepUniforms {
             view_from_world,
             eye,
-            frame,
+            time,
             focal,
             principal,
             slope_min,

@@ -6,9 +6,10 @@ use std::fs;
 use std::path::Path;
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
-use refine::capture::PhotoId;
+use refine::capture::{Holdout, PhotoId};
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
+use studio::fit::TrainingViews;
 use studio::synth::stage::{StageSettings, write};
 use tempfile::{TempDir, tempdir};
 use tool::{Outcome, aarc_studio};
@@ -169,6 +170,15 @@ fn a_manifest_with_faults_is_refused() {
     refused("1000000000000 frames", &|m| m["frames"] = 1_000_000_000_000u64.into());
     refused("first_frame", &|m| m["first_frame"] = u64::MAX.into());
     refused("invalid value", &|m| m["frames"] = (-3).into());
+    refused("fps 0: the range", &|m| m["fps"] = 0.into());
+    refused("fps -25: the range", &|m| m["fps"] = (-25).into());
+    refused("camera 02 has a time_offset_s, so the capture needs its fps", &|m| {
+        m.as_object_mut().unwrap().remove("fps");
+        m["cameras"][2]["time_offset_s"] = 0.01.into();
+    });
+    refused("camera 02: time_offset_s 12 is longer than the clip", &|m| {
+        m["cameras"][2]["time_offset_s"] = 12.into();
+    });
     refused("has no {frame}", &|m| m["images"] = "images/{camera}/000000.png".into());
     refused("has no {camera}", &|m| m["images"] = "images/00/{frame:06}.png".into());
     refused("no camera has a photograph", &|m| m["cameras"] = json!([]));
@@ -180,6 +190,50 @@ fn a_manifest_with_faults_is_refused() {
     refused("skew of 0.5", &|m| m["cameras"][0]["K"][0][1] = 0.5.into());
     refused("must be a rotation", &|m| m["cameras"][2]["w2c"][0] = json!([0, 0, 0, 0]));
     refused("coefficients", &|m| m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0, 0.1]));
+}
+
+#[test]
+fn a_photograph_is_fitted_at_its_own_time() {
+    let studio = Studio::new();
+    studio.manifest(|m| {
+        m["fps"] = 20.into();
+        m["cameras"][1]["time_offset_s"] = 0.0125.into();
+    });
+    let times = |holdout: Holdout, camera: usize| -> Vec<f64> {
+        let views = TrainingViews::load(&studio.capture_files(), holdout, || ()).unwrap();
+        let of_camera = views.train.iter().filter(|(photo_id, _)| photo_id.camera == camera);
+        of_camera.map(|(_, view)| view.time).collect()
+    };
+    assert_eq!(times(Holdout::None, 0), [0.0, 1.0, 2.0]);
+    assert_eq!(times(Holdout::None, 1), [0.25, 1.25, 2.25]);
+    // An interval is then two frames long.
+    assert_eq!(times(Holdout::Odd, 1), [0.125, 1.125]);
+}
+
+#[test]
+fn the_frame_rate_of_a_capture_is_that_of_its_clip() {
+    let studio = Studio::new();
+    let fit = |more: &[&str]| {
+        let args = ["fit", "capture", "-o", "fitted.ply", "--steps", "1", "--gaussians", "50"];
+        aarc_studio(studio.folder(), &[&args, more].concat())
+    };
+    let duration_s = || {
+        assert_eq!(aarc_studio(studio.folder(), &["package", "fitted.ply"]).code, Some(0));
+        let json = aarc_studio(studio.folder(), &["inspect", "fitted.aarc", "--json"]).json();
+        fs::remove_file(studio.folder().join("fitted.aarc")).unwrap();
+        json["duration_s"].as_f64().unwrap()
+    };
+    studio.manifest(|m| m["fps"] = 20.into());
+    let outcome = fit(&[]);
+    assert!(outcome.code == Some(0) && !outcome.stderr.contains("assumed"), "{}", outcome.stderr);
+    assert!((duration_s() - 0.1).abs() < 1e-6);
+    let error = fit(&["--fps", "25"]).error(2);
+    assert!(error.contains("--fps 25: the capture states 20 frames per second"), "{error}");
+    studio.manifest(|m| drop(m.as_object_mut().unwrap().remove("fps")));
+    assert!(fit(&[]).stderr.contains("30 frames per second are assumed"));
+    assert!((duration_s() - 2.0 / 30.0).abs() < 1e-6);
+    assert_eq!(fit(&["--fps", "25"]).code, Some(0));
+    assert!((duration_s() - 0.08).abs() < 1e-6);
 }
 
 #[test]

@@ -55,9 +55,14 @@ fn lively_studio() -> (TempDir, Field) {
 }
 
 fn photograph(folder: &Path, field: &Field) {
+    photograph_later(folder, field, [0.0; 3]);
+}
+
+/// Photographs by cameras that are late by these parts of the clip.
+fn photograph_later(folder: &Path, field: &Field, late: [f64; 3]) {
     for (c, camera) in cameras().iter().enumerate() {
         for frame in 0..FRAMES {
-            let t = frame as f64 / (FRAMES - 1) as f64;
+            let t = frame as f64 / (FRAMES - 1) as f64 + late[c];
             let image = render(&RenderScene::from(field), camera, t, Order::Depth);
             save(&folder.join(format!("images/c{c}/{frame:02}.png")), &image);
         }
@@ -246,6 +251,28 @@ fn pictures_are_judged_and_shown() {
 }
 
 /// What the field shows at `t`, as pictures of all frames.
+#[test]
+fn a_photograph_is_compared_with_its_own_time() {
+    let (folder, field) = lively_studio();
+    let folder = folder.path();
+    photograph_later(folder, &field, [0.1, 0.3, -0.2]);
+    let psnr = |offsets_s: [f64; 3]| {
+        write_manifest(folder, |manifest| {
+            manifest["fps"] = 10.into();
+            (0..3).for_each(|c| manifest["cameras"][c]["time_offset_s"] = offsets_s[c].into());
+        });
+        let args = ["eval", "field.ply", "--capture", ".", "--holdout", "odd", "--json"];
+        let json = aarc_studio(folder, &args).json();
+        // Without a number, all pictures are equal to their photographs.
+        ["train", "interp_b", "recon", "interp_a"]
+            .map(|split| json["splits"][split]["psnr_full"].as_f64().unwrap_or(f64::INFINITY))
+    };
+    // The clip lasts 0.2 s.
+    let (synchronous, actual) = (psnr([0.0; 3]), psnr([0.02, 0.06, -0.04]));
+    assert!(actual.iter().all(|psnr| *psnr > 55.0), "{actual:?}");
+    assert!(synchronous.iter().all(|psnr| *psnr < 50.0), "{synchronous:?}");
+}
+
 fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
     for (c, camera) in cameras().iter().enumerate() {
         let image = render(&RenderScene::from(field), camera, t, Order::Depth);
@@ -469,7 +496,7 @@ fn cameras_of_a_real_capture_agree() {
     let Some(folder) = data("stage-knight") else { return };
     let capture_files = CaptureFiles::open(&folder).unwrap();
     let capture = &capture_files.capture;
-    assert_eq!((capture.cameras.len(), capture.times.len(), capture.photos.len()), (32, 33, 32 * 33));
+    assert_eq!((capture.cameras.len(), capture.frames(), capture.photos.len()), (32, 33, 32 * 33));
     let photo_id = |camera: usize| {
         *capture.photos.iter().find(|photo_id| (photo_id.camera, photo_id.frame) == (camera, 7)).unwrap()
     };
@@ -499,7 +526,7 @@ fn blender_scenes_hold_their_test_cameras() {
     let Some(folder) = data("nerf-chair-400") else { return };
     let capture_files = CaptureFiles::open(&folder).unwrap();
     let held = capture_files.capture.cameras.iter().filter(|camera| camera.held).count();
-    assert_eq!((capture_files.capture.cameras.len(), held, capture_files.capture.times.len()), (110, 10, 1));
+    assert_eq!((capture_files.capture.cameras.len(), held, capture_files.capture.frames()), (110, 10, 1));
     let photo = capture_files.photo(capture_files.capture.photos[0]).unwrap();
     assert_eq!((photo.image.width, photo.image.pixel(0, 0)[3]), (400, 0.0), "alpha is the mask");
 }

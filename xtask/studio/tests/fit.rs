@@ -136,6 +136,9 @@ fn a_field_records_its_holdout() {
 fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
     let folder = stage();
     let folder = folder.path();
+    let manifest = folder.join("stage/capture.json");
+    let stated = fs::read_to_string(&manifest).unwrap();
+    fs::write(&manifest, stated.replace("\"fps\": 30,", "")).unwrap();
     let notes = |args: &[&str]| -> Vec<String> {
         let stderr = aarc_studio(folder, args).stderr;
         stderr.lines().filter(|line| line.contains("frames per second")).map(str::to_owned).collect()
@@ -155,6 +158,8 @@ fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
     let failed = lines(&["package", "stage", "--cameras", "00"]);
     let note = "note: 30 frames per second are assumed; duration_s and fps in scene.json state others";
     assert!(failed.len() == 2 && failed[0] == note, "{failed:?}");
+    fs::write(&manifest, stated).unwrap();
+    assert!(notes(&fit).is_empty(), "the capture states it");
 }
 
 /// Refinement improves a pruned field, in held-out frames too.

@@ -10,6 +10,8 @@ use crate::fit::Photograph;
 pub struct AnchorFrame {
     /// Number of the frame in the clip, from 0, held-out frames included.
     pub frame: usize,
+    /// Time of the frame in intervals since the first, see [`Timeline`](crate::fit::Timeline).
+    pub time: f64,
     /// Photographs of the frame.
     pub views: Vec<AnchorView>,
 }

@@ -60,14 +60,14 @@ impl Surface<'_> {
     }
 
     /// Gaussians of every `step`-th pixel along both axes, `step` being 1 or more and not necessarily
-    /// whole. `views` is the number of views that ground the same subject. `frame` gives the Gaussians
-    /// a window; `None` makes them static.
+    /// whole. `views` is the number of views that ground the same subject. `time` gives the Gaussians
+    /// a window, in intervals; `None` makes them static.
     pub(super) fn ground(
         &self,
         step: f64,
         views: usize,
         anchor: &AnchorSettings,
-        frame: Option<usize>,
+        time: Option<f64>,
     ) -> Parameters<f32> {
         let overlap = (views as f64 / VIEWS_PER_COVER).max(1.0).sqrt();
         let single = |v: glam::DVec3| v.to_array().map(|x| x as f32);
@@ -96,9 +96,9 @@ impl Surface<'_> {
                 }
             }
         }
-        if let Some(frame) = frame {
+        if let Some(time) = time {
             let rows = grounded.len();
-            grounded.tau = vec![frame as f32; rows];
+            grounded.tau = vec![time as f32; rows];
             grounded.log_widths = vec![libm::log(anchor.width) as f32; rows];
             grounded.motion_order = anchor.motion_order;
             grounded.motion = vec![[0.0; 3]; rows * usize::from(anchor.motion_order)];

@@ -101,7 +101,7 @@ fn anchor_frame(
     if mirrors && front.is_none() {
         return Err(AnchorError::NoFront);
     }
-    let time = (timeline.frames > 1).then_some(frame.frame);
+    let time = (timeline.frames > 1).then_some(frame.time);
     let mut gaussians = surfaces
         .iter()
         .map(|surface| surface.ground(step, surfaces.len(), settings, time))

@@ -51,7 +51,7 @@ pub fn scatter(
         all.log_scales[i] = [f32::from_f64(libm::log(scale)); 3];
         all.logits[i] = f32::from_f64(libm::log(OPACITY / (1.0 - OPACITY)));
         if timed {
-            all.tau[i] = f32::from_f64(random.f64() * timeline.frames_per_clip());
+            all.tau[i] = f32::from_f64(random.f64() * timeline.intervals);
             all.log_widths[i] = f32::from_f64(libm::log(settings.width));
         }
     }

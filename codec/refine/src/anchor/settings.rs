@@ -24,9 +24,9 @@ pub struct AnchorSettings {
     pub hull: HullSettings,
     /// Settings of the plane sweep.
     pub sweep: SweepSettings,
-    /// Temporal width (standard deviation) of the Gaussians, in frames of the capture. The paper's 1.5
-    /// counts these and not the spacing of training frames: on a held-out frame between two training
-    /// frames, a Gaussian of either still has 0.80 of its opacity.
+    /// Temporal width (standard deviation) of the Gaussians, in intervals (see [`Timeline`](crate::fit::Timeline)).
+    /// The paper's is 1.5 frames of the capture, of which it holds out every other one: 0.75 intervals. Halfway
+    /// between two photographs, a Gaussian of either still has 0.80 of its opacity.
     pub width: f64,
     /// Degree of the spherical harmonics, 0 to 3; all coefficients above degree 0 start at 0.
     pub sh_degree: u8,
@@ -43,7 +43,7 @@ impl Default for AnchorSettings {
             mirror: Mirror::Auto,
             hull: HullSettings::default(),
             sweep: SweepSettings::default(),
-            width: 1.5,
+            width: 0.75,
             sh_degree: 3,
             motion_order: 3,
         }

@@ -20,7 +20,7 @@ fn frame(number: usize, cameras: &[Camera]) -> AnchorFrame {
         seen.depths = Some(DepthMap { width: camera.width, height: camera.height, depths });
         seen
     };
-    AnchorFrame { frame: number, views: cameras.iter().enumerate().map(view).collect() }
+    AnchorFrame { frame: number, time: number as f64, views: cameras.iter().enumerate().map(view).collect() }
 }
 
 fn settings(source: DepthSource) -> AnchorSettings {
@@ -36,7 +36,7 @@ fn depths(settings: &AnchorSettings, frame: &AnchorFrame) -> Vec<DepthMap> {
 
 fn run(settings: &AnchorSettings, frames: &[AnchorFrame]) -> Result<Parameters<f32>, AnchorError> {
     let last = frames.last().map_or(0, |frame| frame.frame);
-    anchor(settings, Timeline { frames: last + 1 }, frames.iter().cloned().map(Ok))
+    anchor(settings, Timeline::even(last + 1), frames.iter().cloned().map(Ok))
 }
 
 const SOURCES: [DepthSource; 5] = [
@@ -53,7 +53,7 @@ fn gaussians_of_every_source_lie_on_the_surface() {
     for source in SOURCES {
         let gaussians = run(&settings(source), &frames).unwrap();
         assert!((1400..2600).contains(&gaussians.len()), "{source:?}: {}", gaussians.len());
-        assert!(gaussians.to_field(Timeline { frames: 3 }).check().is_ok());
+        assert!(gaussians.to_field(Timeline::even(3)).check().is_ok());
         let mut away: Vec<f64> = gaussians
             .centers
             .iter()
@@ -219,7 +219,7 @@ fn black_photographs_have_a_surface_and_unmasked_ones_have_none() {
         *pixel = [0, 0, 0, pixel[3]];
     }
     let black = run(&settings(DepthSource::HullAndSweep), std::slice::from_ref(&frame)).unwrap();
-    assert!(black.len() > 1000 && black.to_field(Timeline { frames: 1 }).check().is_ok());
+    assert!(black.len() > 1000 && black.to_field(Timeline::even(1)).check().is_ok());
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         pixel[3] = 255;
     }
@@ -257,7 +257,7 @@ fn short_clips_from_one_side_get_a_back() {
     assert!(front > 300 && back > 300, "{front} {back}");
     let off = run(&AnchorSettings { mirror: Mirror::Off, ..frontal.clone() }, &frames).unwrap();
     assert!(off.centers.iter().all(|center| center[2] > -0.1));
-    let long = anchor(&frontal, Timeline { frames: 10 }, frames.iter().cloned().map(Ok::<_, AnchorError>));
+    let long = anchor(&frontal, Timeline::even(10), frames.iter().cloned().map(Ok::<_, AnchorError>));
     assert!(long.unwrap().centers.iter().all(|center| center[2] > -0.1), "long clips are not mirrored");
     let ring = AnchorSettings { mirror: Mirror::On, ..settings(DepthSource::Hull) };
     assert_eq!(run(&ring, &frames).err(), Some(AnchorError::NoFront));

@@ -1,7 +1,8 @@
 //! [`Capture`]: calibrated cameras and the index of their photographs.
 //!
-//! A capture names its cameras and photographs, but contains no pixels. [`Photo`] is a photograph in
-//! memory, free of lens distortion and multiplied by its mask.
+//! A capture names its cameras and photographs, but contains no pixels. Each photograph has a time of its
+//! own: that of its frame, later by its camera's offset. [`Photo`] is a photograph in memory, free of lens
+//! distortion and multiplied by its mask.
 
 mod lens;
 mod split;
@@ -20,8 +21,8 @@ const SUBJECT: f64 = 127.5 / 255.0;
 pub struct Capture {
     /// The cameras, as calibrated.
     pub cameras: Vec<CalibratedCamera>,
-    /// Clip time of each frame, ascending, 0 to 1; a static scene has one frame.
-    pub times: Vec<f64>,
+    /// Time of each frame in seconds, ascending from 0; a static scene has one frame.
+    pub frame_times_s: Vec<f64>,
     /// Photographs: each camera at most once per frame.
     pub photos: Vec<PhotoId>,
 }
@@ -35,6 +36,8 @@ pub struct CalibratedCamera {
     pub camera: Camera,
     /// Lens distortion.
     pub lens: Lens,
+    /// Seconds by which the camera takes its photographs later than their frames; negative if earlier.
+    pub time_offset_s: f64,
     /// Whether the capture marks the camera as held out.
     pub held: bool,
 }
@@ -48,9 +51,52 @@ pub struct PhotoId {
     pub camera: usize,
 }
 
-/// Clip times of `frames` equidistant frames: 0 for the first, 1 for the last.
-pub fn even_times(frames: usize) -> Vec<f64> {
-    (0..frames).map(|frame| frame as f64 / (frames.max(2) - 1) as f64).collect()
+/// Times in seconds of `frames` frames, of which a second has `fps`.
+pub fn even_times_s(frames: usize, fps: f64) -> Vec<f64> {
+    (0..frames).map(|frame| frame as f64 / fps).collect()
+}
+
+impl Capture {
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.frame_times_s.len()
+    }
+
+    /// Seconds from the first frame to the last; 0 for a static scene.
+    pub fn duration_s(&self) -> f64 {
+        self.frame_times_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// Time of a frame in the clip, from 0 at the first to 1 at the last.
+    ///
+    /// # Panics
+    /// If the capture has no such frame.
+    pub fn frame_clip_time(&self, frame: usize) -> f64 {
+        self.to_clip_time(self.frame_times_s[frame])
+    }
+
+    /// Time of a photograph in seconds since the first frame. It is negative if the camera takes the first
+    /// frame earlier.
+    ///
+    /// # Panics
+    /// If the capture has no such camera or frame.
+    pub fn time_s(&self, photo_id: PhotoId) -> f64 {
+        self.frame_times_s[photo_id.frame] + self.cameras[photo_id.camera].time_offset_s
+    }
+
+    /// Time of a photograph in the clip, which lasts from 0 at the first frame to 1 at the last; an offset
+    /// of its camera can place it outside. 0 in a static scene.
+    ///
+    /// # Panics
+    /// If the capture has no such camera or frame.
+    pub fn clip_time(&self, photo_id: PhotoId) -> f64 {
+        self.to_clip_time(self.time_s(photo_id))
+    }
+
+    fn to_clip_time(&self, time_s: f64) -> f64 {
+        let duration_s = self.duration_s();
+        if duration_s > 0.0 { time_s / duration_s } else { 0.0 }
+    }
 }
 
 /// An undistorted photograph.
@@ -204,9 +250,21 @@ mod tests {
     }
 
     #[test]
-    fn times_run_from_0_to_1() {
-        assert_eq!(even_times(5), [0.0, 0.25, 0.5, 0.75, 1.0]);
-        assert_eq!(even_times(1), [0.0]);
-        assert!(even_times(0).is_empty());
+    fn a_photograph_is_later_than_its_frame_by_the_offset_of_its_camera() {
+        let calibrated = |time_offset_s: f64| CalibratedCamera {
+            name: String::new(),
+            camera: camera(),
+            lens: Lens::default(),
+            time_offset_s,
+            held: false,
+        };
+        let cameras = [0.0, 0.02, -0.01].map(calibrated).to_vec();
+        let capture = Capture { cameras, frame_times_s: even_times_s(5, 25.0), photos: Vec::new() };
+        let time = |camera: usize, frame: usize| capture.clip_time(PhotoId { frame, camera });
+        assert_eq!((capture.frames(), capture.duration_s()), (5, 0.16));
+        assert_eq!([time(0, 0), time(0, 2), time(0, 4)], [0.0, 0.5, 1.0]);
+        assert!((time(1, 2) - 0.625).abs() < 1e-12 && (time(2, 0) + 0.0625).abs() < 1e-12);
+        let still = Capture { frame_times_s: even_times_s(1, 25.0), ..capture };
+        assert_eq!(still.clip_time(PhotoId { frame: 0, camera: 0 }), 0.0);
     }
 }

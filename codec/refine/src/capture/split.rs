@@ -110,7 +110,7 @@ impl std::error::Error for SplitError {}
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::{CalibratedCamera, Lens, even_times};
+    use crate::capture::{CalibratedCamera, Lens, even_times_s};
     use codec::Camera;
 
     fn capture(held: &[bool]) -> Capture {
@@ -119,11 +119,12 @@ mod tests {
             name: i.to_string(),
             camera: camera.clone(),
             lens: Lens::default(),
+            time_offset_s: 0.0,
             held,
         });
         let photos = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| PhotoId { camera, frame }));
         let photos = photos.collect();
-        Capture { cameras: cameras.collect(), times: even_times(3), photos }
+        Capture { cameras: cameras.collect(), frame_times_s: even_times_s(3, 30.0), photos }
     }
 
     #[test]

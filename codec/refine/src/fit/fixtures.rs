@@ -8,7 +8,7 @@ use safetensors::tensor::{TensorView, serialize};
 
 use super::{Parameters, Real, Timeline};
 
-pub(crate) const TIMELINE: Timeline = Timeline { frames: 9 };
+pub(crate) const TIMELINE: Timeline = Timeline::even(9);
 
 /// Names of the columns of [`Parameters::columns`].
 pub(crate) const COLUMN_NAMES: [&str; 9] =

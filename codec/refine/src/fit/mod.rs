@@ -18,8 +18,9 @@
 //! - `backend`: [`Backend`] on the CPU and on a graphics device
 //! - `training`: [`Fit`], a fit as a value, and [`Run`], the optimisation loop
 //!
-//! The unit of time in here is a frame of the capture, so that windows, trajectories and their learning
-//! rates have magnitudes near 1; in a [`codec::Field`] it is the clip.
+//! The unit of time in here is the interval between the photographs of a camera ([`Timeline`]), so that
+//! windows, trajectories and their learning rates have magnitudes near 1 and mean the same for any frame rate
+//! and holdout; in a [`codec::Field`] it is the clip.
 
 mod backend;
 mod density;

@@ -8,12 +8,15 @@ use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
 
 use super::image_file::{apply_mask, bad, check_size, read, read_image};
+use crate::scene::DEFAULT_FPS;
 
 /// A capture and the paths of its photographs.
 #[derive(Clone, Debug)]
 pub struct CaptureFiles {
     /// Cameras, times and photographs.
     pub capture: Capture,
+    /// Frames per second that the capture states; `None` if [`DEFAULT_FPS`] are assumed.
+    pub stated_fps: Option<f64>,
     /// The cameras at the resolution of the files.
     pub(super) file_cameras: Vec<Camera>,
     pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
@@ -32,11 +35,33 @@ impl CaptureFiles {
     /// Number of pairs of a camera and a frame without a photograph; 0 if each photograph has a camera of
     /// its own.
     pub fn missing_count(&self) -> usize {
-        let Capture { cameras, times, photos } = &self.capture;
-        match photos.len() == cameras.len() && times.len() > 1 {
+        let Capture { cameras, photos, .. } = &self.capture;
+        let frames = self.capture.frames();
+        match photos.len() == cameras.len() && frames > 1 {
             true => 0,
-            false => cameras.len() * times.len() - photos.len(),
+            false => cameras.len() * frames - photos.len(),
         }
+    }
+
+    /// Frames per second, stated or assumed.
+    pub fn fps(&self) -> f64 {
+        self.stated_fps.unwrap_or(f64::from(DEFAULT_FPS))
+    }
+
+    /// States the frames per second of a capture that does not.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if the capture states another number.
+    pub fn state_fps(&mut self, fps: f64) -> Result<(), Fault> {
+        if let Some(stated) = self.stated_fps.filter(|stated| *stated != fps) {
+            return Err(Fault::Usage(format!(
+                "--fps {fps}: the capture states {stated} frames per second; leave --fps out, or correct the capture"
+            )));
+        }
+        let factor = self.fps() / fps;
+        self.capture.frame_times_s.iter_mut().for_each(|time_s| *time_s *= factor);
+        self.stated_fps = Some(fps);
+        Ok(())
     }
 
     /// Paths of all photographs and masks.
@@ -119,19 +144,25 @@ pub(super) struct CaptureBuilder {
 impl CaptureBuilder {
     /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
-        self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, held });
+        self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, time_offset_s: 0.0, held });
         self.cameras.len() - 1
+    }
+
+    /// Sets the [time offset](CalibratedCamera::time_offset_s) of a camera.
+    pub(super) fn offset_s(&mut self, camera: usize, time_offset_s: f64) {
+        self.cameras[camera].time_offset_s = time_offset_s;
     }
 
     pub(super) fn photo(&mut self, camera: usize, frame: usize, files: PhotoFiles) {
         self.files.insert(PhotoId { frame, camera }, files);
     }
 
-    pub(super) fn build(self, times: Vec<f64>) -> CaptureFiles {
+    /// The capture, with frames at these times in seconds.
+    pub(super) fn build(self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
         let photos = self.files.keys().copied().collect();
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
-        let capture = Capture { cameras: self.cameras, times, photos };
-        CaptureFiles { capture, file_cameras, files: self.files }
+        let capture = Capture { cameras: self.cameras, frame_times_s, photos };
+        CaptureFiles { capture, stated_fps, file_cameras, files: self.files }
     }
 }
 

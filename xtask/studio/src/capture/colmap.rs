@@ -83,7 +83,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
         let index = builder.camera(&name, camera, *lens, false);
         builder.photo(index, 0, PhotoFiles { name, image: path, mask });
     }
-    Ok(builder.build(vec![0.0]))
+    Ok(builder.build(vec![0.0], None))
 }
 
 /// Supported camera models: number, name and number of parameters.

@@ -9,10 +9,11 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use program::Fault;
-use refine::capture::{Lens, even_times};
+use refine::capture::{Lens, even_times_s};
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
 use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use crate::scene::DEFAULT_FPS;
 use crate::messages::unreadable;
 
 /// File of the intrinsics, which identifies the layout.
@@ -88,7 +89,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     for (camera, frame, files) in found {
         builder.photo(camera, numbered[&frame], files);
     }
-    Ok(builder.build(even_times(numbered.len())))
+    Ok(builder.build(even_times_s(numbered.len(), f64::from(DEFAULT_FPS)), None))
 }
 
 /// Sorts names by number if all are numbers, with or without leading zeros; else by text.

@@ -1,19 +1,24 @@
 //! Captures with this project's own manifest, `capture.json`.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
-use refine::capture::{Lens, even_times};
+use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
+use crate::scene::DEFAULT_FPS;
 
 /// File name of the manifest, which identifies the layout.
 pub(super) const FILE: &str = "capture.json";
 
 /// Maximum number of frames: more than an hour at 25 per second.
 const FRAMES_MAX: usize = 100_000;
+
+/// Frames per second.
+const FPS: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// Skew in pixels up to which it counts as rounding.
 const SKEW_MAX: f64 = 1e-6;
@@ -23,6 +28,7 @@ const SKEW_MAX: f64 = 1e-6;
 #[serde(deny_unknown_fields)]
 struct Manifest {
     frames: usize,
+    fps: Option<f64>,
     #[serde(default)]
     first_frame: usize,
     images: String,
@@ -42,6 +48,8 @@ struct ManifestCamera {
     d: Vec<f64>,
     w2c: [[f64; 4]; 4],
     #[serde(default)]
+    time_offset_s: f64,
+    #[serde(default)]
     held: bool,
 }
 
@@ -50,6 +58,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let manifest: Manifest =
         serde_json::from_str(&read_text(&path)?).map_err(|error| bad_layout(&path, error))?;
     manifest.check().map_err(|problem| bad_layout(&path, problem))?;
+    let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
     let mut builder = CaptureBuilder::default();
     for entry in &manifest.cameras {
         let lens = Lens::from_opencv(&entry.d)
@@ -57,6 +66,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
+        builder.offset_s(index, entry.time_offset_s);
         for frame in 0..manifest.frames {
             let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
             let image = folder.join(named(&manifest.images).map_err(|problem| bad_layout(&path, problem))?);
@@ -81,21 +91,33 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             builder.photo(index, frame, PhotoFiles { name, image, mask });
         }
     }
-    Ok(builder.build(even_times(manifest.frames)))
+    Ok(builder.build(even_times_s(manifest.frames, fps), manifest.fps))
 }
 
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
-        let Manifest { frames, first_frame, images, cameras, .. } = self;
+        let Manifest { frames, fps, first_frame, images, cameras, .. } = self;
         if !(1..=FRAMES_MAX).contains(frames) {
             return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
         }
         if first_frame.checked_add(*frames).is_none() {
             return Err(format!("first_frame {first_frame} is too large"));
         }
+        if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
+            return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
+        }
+        let duration_s = (*frames - 1) as f64 / fps.unwrap_or(f64::INFINITY);
         let mut names = BTreeSet::new();
-        for ManifestCamera { id, k, .. } in cameras {
+        for ManifestCamera { id, k, time_offset_s, .. } in cameras {
+            if *time_offset_s != 0.0 && fps.is_none() {
+                return Err(format!("camera {id} has a time_offset_s, so the capture needs its fps"));
+            }
+            if time_offset_s.abs() > duration_s {
+                return Err(format!(
+                    "camera {id}: time_offset_s {time_offset_s} is longer than the clip, {duration_s} s; it counts seconds"
+                ));
+            }
             if !names.insert(id) {
                 return Err(format!("camera {id} is listed twice"));
             }

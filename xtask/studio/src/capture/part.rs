@@ -58,8 +58,8 @@ impl CaptureFiles {
     /// [`Fault::Usage`] if the capture lacks some of them.
     pub fn keep_frames(&mut self, frames: Range<usize>) -> Result<(), Fault> {
         let capture = &mut self.capture;
-        if frames.is_empty() || frames.end > capture.times.len() {
-            let (Range { start, end }, has) = (frames, capture.times.len());
+        if frames.is_empty() || frames.end > capture.frames() {
+            let (Range { start, end }, has) = (frames, capture.frames());
             return Err(Fault::Usage(format!(
                 "--frames {start}..{end}: the capture has 0..{has}; choose frames of those"
             )));
@@ -73,11 +73,8 @@ impl CaptureFiles {
             })
             .collect();
         capture.photos = self.files.keys().copied().collect();
-        let times = capture.times[frames].to_vec();
-        let (first, last) = (times[0], times[times.len() - 1]);
-        // A single frame lasts for the whole clip.
-        let duration = if last > first { last - first } else { 1.0 };
-        capture.times = times.iter().map(|t| (t - first) / duration).collect();
+        let first_s = capture.frame_times_s[frames.start];
+        capture.frame_times_s = capture.frame_times_s[frames].iter().map(|time_s| time_s - first_s).collect();
         // Drops cameras without photographs: in some captures each photograph has a camera of its own.
         let used: Vec<String> = (0..capture.cameras.len())
             .filter(|camera| capture.photos.iter().any(|photo_id| photo_id.camera == *camera))
@@ -134,19 +131,19 @@ mod tests {
                 builder.photo(index, frame, files);
             }
         }
-        builder.build(refine::capture::even_times(5))
+        builder.build(refine::capture::even_times_s(5, 25.0), Some(25.0))
     }
 
     #[test]
     fn selected_frames_span_the_clip() {
         let mut capture_files = capture_files();
         capture_files.keep_frames(1..4).unwrap();
-        let Capture { times, photos, .. } = &capture_files.capture;
-        assert_eq!(times, &[0.0, 0.5, 1.0]);
+        let Capture { frame_times_s, photos, .. } = &capture_files.capture;
+        assert_eq!(frame_times_s, &[0.0, 0.04, 0.08]);
         assert_eq!(photos.len(), 6);
         assert_eq!(capture_files.name(PhotoId { frame: 2, camera: 1 }), "b/3");
         capture_files.keep_frames(1..2).unwrap();
-        assert_eq!(capture_files.capture.times, [0.0]);
+        assert_eq!(capture_files.capture.frame_times_s, [0.0]);
         for wrong in [0..2, 1..1] {
             assert!(matches!(capture_files.keep_frames(wrong), Err(Fault::Usage(_))));
         }

@@ -12,6 +12,7 @@ use serde::Deserialize;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
 use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use crate::scene::DEFAULT_FPS;
 
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
@@ -108,14 +109,17 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
         let frame = times.partition_point(|other| *other < time);
         builder.photo(camera, frame, files);
     }
-    Ok(builder.build(clip_times(&times)))
+    Ok(builder.build(frame_times_s(&times), None))
 }
 
-/// Scales ascending frame times to clip time, from 0 at the first to 1 at the last. D-NeRF's files have i / N,
-/// which never reaches 1.
-fn clip_times(times: &[f64]) -> Vec<f64> {
+/// Scales ascending times of frames, in any unit, to seconds since the first, at [`DEFAULT_FPS`] on average.
+/// D-NeRF's files have i / N.
+fn frame_times_s(times: &[f64]) -> Vec<f64> {
     match times {
-        [first, .., last] => times.iter().map(|t| (t - first) / (last - first)).collect(),
+        [first, .., last] => {
+            let duration_s = (times.len() - 1) as f64 / f64::from(DEFAULT_FPS);
+            times.iter().map(|t| (t - first) / (last - first) * duration_s).collect()
+        }
         _ => vec![0.0; times.len()],
     }
 }
@@ -206,9 +210,9 @@ mod tests {
     }
 
     #[test]
-    fn times_span_the_clip() {
-        assert_eq!(clip_times(&[0.25, 0.375, 0.75]), [0.0, 0.25, 1.0]);
-        assert_eq!(clip_times(&[0.7]), [0.0]);
-        assert!(clip_times(&[]).is_empty());
+    fn times_become_seconds() {
+        assert_eq!(frame_times_s(&[0.25, 0.375, 0.75]), [0.0, 0.25 * 2.0 / 30.0, 2.0 / 30.0]);
+        assert_eq!(frame_times_s(&[0.7]), [0.0]);
+        assert!(frame_times_s(&[]).is_empty());
     }
 }

@@ -7,7 +7,6 @@ use std::sync::Once;
 use crate::capture::CaptureFiles;
 use crate::fit::TrainingViews;
 use crate::messages::{count, unreadable};
-use crate::scene::DEFAULT_FPS;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
@@ -90,7 +89,7 @@ pub(crate) fn describe(capture_files: &CaptureFiles, holdout: Holdout) -> Result
          {interp_a} of both",
         count(cameras.len(), "camera"),
         cameras.iter().filter(|camera| camera.held).count(),
-        count(capture_files.capture.times.len(), "frame"),
+        count(capture_files.capture.frames(), "frame"),
         count(train, "photograph"),
         interp_b + recon + interp_a,
     ))
@@ -150,14 +149,14 @@ pub(crate) fn held_frames(
     }
 }
 
-/// The assumed frame rate of a capture, in frames per second: no layout of a capture states one. The first call
-/// for a capture of several frames reports that on standard error, with `remedy`, how to state another.
-pub(crate) fn assumed_fps(capture_files: &CaptureFiles, remedy: &str) -> f32 {
+/// Reports on standard error that the frame rate of a capture of several frames is assumed, if nothing states it,
+/// with `remedy`, how to state it. Only the first call for such a capture reports.
+pub(crate) fn note_assumed_fps(capture_files: &CaptureFiles, remedy: &str) {
     static REPORT: Once = Once::new();
-    if capture_files.capture.times.len() > 1 {
-        REPORT.call_once(|| eprintln!("note: {DEFAULT_FPS} frames per second are assumed; {remedy}"));
+    if capture_files.stated_fps.is_none() && capture_files.capture.frames() > 1 {
+        let fps = capture_files.fps();
+        REPORT.call_once(|| eprintln!("note: {fps} frames per second are assumed; {remedy}"));
     }
-    DEFAULT_FPS
 }
 
 fn frames(text: &str) -> Result<Range<usize>, String> {

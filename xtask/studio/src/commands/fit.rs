@@ -20,7 +20,7 @@ use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, assumed_fps, describe, load_lpips, load_training_views};
+use super::capture::{FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
@@ -86,13 +86,13 @@ pub struct Args {
     /// Back end that renders and computes gradients
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
-    /// Captured frames per second; 30 by default
+    /// Captured frames per second, of a capture that does not state them; 30 by default
     #[arg(long, value_parser = positive)]
-    fps: Option<f32>,
+    fps: Option<f64>,
     /// Seconds between checkpoints
-    #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f32(),
+    #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f64(),
           value_parser = positive)]
-    checkpoint_every: f32,
+    checkpoint_every: f64,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -134,22 +134,21 @@ enum Engine {
     Gpu,
 }
 
-fn positive(text: &str) -> Result<f32, String> {
+fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
-/// Fits a capture with the defaults of `fit`, captured at `fps` frames per second.
+/// Fits a capture with the defaults of `fit`.
 pub(super) fn by_default(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     plan: &FitPlan,
-    fps: f32,
     out: &Path,
 ) -> anyhow::Result<()> {
     let runtime =
         FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_and_write(out, plan, capture_files, views, runtime, fps).map(drop)
+    fit_and_write(out, plan, capture_files, views, runtime).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -208,7 +207,10 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
-    let capture_files = args.selection.open(args.capture())?;
+    let mut capture_files = args.selection.open(args.capture())?;
+    if let Some(fps) = args.fps {
+        capture_files.state_fps(fps)?;
+    }
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
     let lpips = load_lpips(args.lpips_weights.as_deref())?;
@@ -219,10 +221,10 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let runtime = FitRuntime {
         backend: &mut *backend,
         lpips: lpips.as_ref(),
-        checkpoint_every: Duration::try_from_secs_f32(args.checkpoint_every).unwrap_or(Duration::MAX),
+        checkpoint_every: Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX),
     };
-    let fps = args.fps.unwrap_or_else(|| assumed_fps(&capture_files, "--fps states another number"));
-    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime, fps)?;
+    note_assumed_fps(&capture_files, "--fps states another number");
+    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
     Ok(FitResult { plan, fitted, splits })
 }
 
@@ -240,13 +242,12 @@ fn fit_and_write(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
     runtime: FitRuntime,
-    fps: f32,
 ) -> anyhow::Result<Fitted> {
     let bar = counting(plan.steps, "steps");
     bar.println(describe(capture_files, plan.holdout)?);
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::clip_info(capture_files, fps);
+    let info = fit::clip_info(capture_files);
     // The checkpoint goes only when the field is safe.
     output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
     fit::remove_checkpoint(out)?;

@@ -24,7 +24,7 @@ use refine::prune::Ranking;
 use serde_json::{Value, json};
 
 use super::capture::{
-    FrameSelection, HeldFrames, HoldoutRecord, assumed_fps, held_frames, load_training_views,
+    FrameSelection, HeldFrames, HoldoutRecord, held_frames, load_training_views, note_assumed_fps,
 };
 use super::takes::{self, TakeCommand, TakeOptions};
 
@@ -335,8 +335,8 @@ impl Captured {
 
     fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
         let views = load_training_views(&self.capture_files, plan.holdout)?;
-        let fps = assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
-        super::fit::by_default(&self.capture_files, &views, plan, fps, out)
+        note_assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
+        super::fit::by_default(&self.capture_files, &views, plan, out)
     }
 
     /// The photographs for the refinement of `scene`.

@@ -52,14 +52,14 @@ pub fn judge_baselines(
     let splits = splits(capture_files, holdout)?;
     let fitted = splits.iter().filter(|(_, split)| *split == Split::Train);
     let mut times: Vec<f64> =
-        fitted.map(|(photo_id, _)| capture_files.capture.times[photo_id.frame]).collect();
+        fitted.map(|(photo_id, _)| capture_files.capture.clip_time(*photo_id)).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     let mut judged = [Vec::new(), Vec::new()];
     for (photo_id, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
         let photo = photo_for(capture_files, photo_id, lpips)?;
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
-        let guesses = guesses(input, camera, &around(&times, capture_files.capture.times[photo_id.frame]));
+        let guesses = guesses(input, camera, &around(&times, capture_files.capture.clip_time(photo_id)));
         for (judged, guess) in judged.iter_mut().zip(guesses) {
             judged.push(Judged { photo_id, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
         }

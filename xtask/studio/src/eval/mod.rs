@@ -71,7 +71,7 @@ impl Subject {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         match self {
             Subject::Drawn(input) => {
-                let t = capture_files.capture.times[photo_id.frame];
+                let t = capture_files.capture.clip_time(photo_id);
                 Ok(Some(reference::render(&input.to_reference(), camera, t, Order::Depth)))
             }
             Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(photo_id))) {

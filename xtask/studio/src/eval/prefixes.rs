@@ -88,7 +88,7 @@ pub fn eval_prefixes(
     let mut row = Vec::new();
     for (i, photo_id) in photo_ids.iter().enumerate() {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
-        let (photo, t) = (capture_files.photo(*photo_id)?, capture_files.capture.times[photo_id.frame]);
+        let (photo, t) = (capture_files.photo(*photo_id)?, capture_files.capture.clip_time(*photo_id));
         let draw = |layer: usize| {
             reference::render(&RenderScene::from_layers(clip, layer + 1), camera, t, Order::Depth)
         };

@@ -26,7 +26,8 @@ pub struct Interval {
 impl Interval {
     /// Clip time halfway.
     pub fn center(&self, capture_files: &CaptureFiles) -> f64 {
-        let [start, end] = self.frames.map(|frame| capture_files.capture.times[frame]);
+        let photo_id = |frame| PhotoId { camera: self.camera, frame };
+        let [start, end] = self.frames.map(|frame| capture_files.capture.clip_time(photo_id(frame)));
         0.5 * (start + end)
     }
 }
@@ -94,8 +95,9 @@ pub fn quarter_frames(
         let blank = || Image::new(camera.width, camera.height);
         let photo = photos[frame - start].as_ref().filter(|_| part == 0.0);
         let top = photo.map_or_else(blank, |photo| photo.image.clone());
-        let next = capture.times[(frame + 1).min(end)];
-        let t = capture.times[frame] + part * (next - capture.times[frame]);
+        let [this, next] = [frame, (frame + 1).min(end)]
+            .map(|frame| capture.clip_time(PhotoId { camera: number, frame }));
+        let t = this + part * (next - this);
         let bottom = reference::render(&input.to_reference(), camera, t, Order::Depth);
         (crop.of(&top), crop.of(&bottom))
     };

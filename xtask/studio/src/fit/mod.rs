@@ -236,7 +236,7 @@ pub fn check_frames(
     frames: Option<usize>,
     capture_files: &CaptureFiles,
 ) -> Result<(), Fault> {
-    let (name, capture_frames) = (name.display(), capture_files.capture.times.len());
+    let (name, capture_frames) = (name.display(), capture_files.capture.frames());
     match frames {
         _ if field.temporal.is_none() => {
             if capture_frames > 1 {
@@ -266,15 +266,15 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Metadata of a clip of this capture: its duration at `fps`, the mean up direction of its cameras, and
+/// Metadata of a clip of this capture: its duration and frame rate, the mean up direction of its cameras, and
 /// viewpoints at its first camera and a few others.
-pub fn clip_info(capture_files: &CaptureFiles, fps: f32) -> ClipInfo {
+pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
-    let frames = capture_files.capture.times.len();
+    let duration_s = capture_files.capture.duration_s();
     let views = cameras.len().min(VIEWPOINTS_MAX);
     ClipInfo {
-        duration_s: if frames > 1 { (frames - 1) as f32 / fps } else { DEFAULT_DURATION_S },
-        fps,
+        duration_s: if duration_s > 0.0 { duration_s as f32 } else { DEFAULT_DURATION_S },
+        fps: capture_files.fps() as f32,
         up: up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
         metres_per_unit: DEFAULT_METRES_PER_UNIT,
         viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),

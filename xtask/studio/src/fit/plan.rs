@@ -135,14 +135,14 @@ fn fingerprint(capture_files: &CaptureFiles) -> String {
     for camera in &capture.cameras {
         crc.update(format!("{camera:?}").as_bytes());
     }
-    crc.update(format!("{:?}", capture.times).as_bytes());
+    crc.update(format!("{:?}", capture.frame_times_s).as_bytes());
     for photo_id in &capture.photos {
         crc.update(capture_files.name(*photo_id).as_bytes());
     }
     format!(
         "{} cameras, {} frames, {} photographs, {:08x}",
         capture.cameras.len(),
-        capture.times.len(),
+        capture.frames(),
         capture.photos.len(),
         crc.sum()
     )

@@ -85,7 +85,7 @@ mod tests {
     use refine::capture::PhotoId;
     use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
 
-    const TIMELINE: Timeline = Timeline { frames: 3 };
+    const TIMELINE: Timeline = Timeline::even(3);
 
     /// Two Gaussians: a static one and a dynamic one.
     fn field() -> Field {
@@ -113,12 +113,12 @@ mod tests {
             let angle = camera as f64;
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
             let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.9, 32, 32);
-            let frame = frame as f64;
-            let picture = cpu::render(&parameters, &FrameView { camera: &camera, frame }).image;
+            let time = frame as f64;
+            let picture = cpu::render(&parameters, &FrameView { camera: &camera, time }).image;
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
             let pixels = picture.pixels.iter().map(|&[r, g, b, _]| [r, g, b, 1.0].map(byte)).collect();
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
-            TrainingView { camera, frame, photograph }
+            TrainingView { camera, time, photograph }
         };
         let train =
             (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, view(camera, frame))));

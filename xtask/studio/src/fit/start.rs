@@ -134,20 +134,16 @@ fn anchored(
         let (camera, photograph) = (view.camera.clone(), view.photograph.clone());
         Ok(AnchorView { camera_id: photo_id.camera, camera, photograph, depths })
     };
+    let intervals = views.timeline.intervals;
     let frames = frames.into_iter().map(|(frame, views)| {
         let views = views.into_iter().map(anchor_view).collect::<Result<_, AnchorFault>>()?;
-        Ok(AnchorFrame { frame, views })
+        let time = capture_files.capture.frame_clip_time(frame) * intervals;
+        Ok(AnchorFrame { frame, time, views })
     });
-    let mut parameters = anchor(&anchor_settings, views.timeline, frames).map_err(|fault| match fault {
+    anchor(&anchor_settings, views.timeline, frames).map_err(|fault| match fault {
         AnchorFault::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
         AnchorFault::Fault(fault) => fault,
-    })?;
-    // The anchor counts frames; the frames of some captures are unevenly spaced in time.
-    let times = &capture_files.capture.times;
-    for tau in &mut parameters.tau {
-        *tau = (times[*tau as usize] * views.timeline.frames_per_clip()) as f32;
-    }
-    Ok(parameters)
+    })
 }
 
 #[cfg(test)]
@@ -166,13 +162,13 @@ mod tests {
             valid: Vec::new(),
         };
         let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
-        (PhotoId { camera, frame }, TrainingView { camera: camera_of, frame: frame as f64, photograph })
+        (PhotoId { camera, frame }, TrainingView { camera: camera_of, time: frame as f64, photograph })
     }
 
     #[test]
     fn depths_are_scaled_on_the_hull_where_every_frame_has_one() {
         let scale = |train: Vec<_>| {
-            let views = TrainingViews { train, held: Vec::new(), timeline: Timeline { frames: 2 } };
+            let views = TrainingViews { train, held: Vec::new(), timeline: Timeline::even(2) };
             DepthScale::Auto.alignment(&views)
         };
         let (partial, full, empty) = ([255, 0], [255, 255], [0, 0]);

@@ -26,7 +26,7 @@ pub struct TrainingViews {
     pub train: Vec<(PhotoId, TrainingView)>,
     /// A few photographs of all held-out splits, for the table; empty if none is held out.
     pub held: Vec<TrainingView>,
-    /// Number of frames.
+    /// Number and times of the frames.
     pub timeline: Timeline,
 }
 
@@ -40,8 +40,12 @@ impl TrainingViews {
         holdout: Holdout,
         on_photo: impl Fn() + Sync,
     ) -> Result<TrainingViews, Fault> {
-        let timeline = Timeline { frames: capture_files.capture.times.len() };
         let splits = splits(capture_files, holdout)?;
+        let select = |is_selected: &dyn Fn(Split) -> bool| -> Vec<PhotoId> {
+            splits.iter().filter(|(_, split)| is_selected(*split)).map(|(photo_id, _)| *photo_id).collect()
+        };
+        let fitted = select(&|split| split == Split::Train);
+        let timeline = Timeline::of(&capture_files.capture, &fitted);
         let load = |photo_id: &PhotoId| {
             let photograph = Photograph::from(&capture_files.photo(*photo_id)?);
             on_photo();
@@ -55,11 +59,8 @@ impl TrainingViews {
             }
             Ok(loaded)
         };
-        let select = |is_selected: &dyn Fn(Split) -> bool| -> Vec<PhotoId> {
-            splits.iter().filter(|(_, split)| is_selected(*split)).map(|(photo_id, _)| *photo_id).collect()
-        };
         let held = load_all(&evenly(&select(&|split| split != Split::Train), CHECKED_MAX))?;
-        let train = load_all(&select(&|split| split == Split::Train))?;
+        let train = load_all(&fitted)?;
         Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })
     }
 }
@@ -86,7 +87,7 @@ fn view_of(
     let camera: Camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
     TrainingView {
         camera,
-        frame: capture_files.capture.times[photo_id.frame] * timeline.frames_per_clip(),
+        time: capture_files.capture.clip_time(photo_id) * timeline.intervals,
         photograph,
     }
 }

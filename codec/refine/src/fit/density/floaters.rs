@@ -1,6 +1,6 @@
 //! [`floaters`]: Gaussians far from the subject, or as large as it (the paper's floater filter).
 //!
-//! The subject is where the Gaussians of a frame are: their geometric median, which a few strays hardly
+//! The subject is where the Gaussians of an interval are: their geometric median, which a few strays hardly
 //! move.
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use crate::median::median;
 /// A floater is further from the median than this multiple of the median distance.
 const DISTANCE_MAX: f64 = 4.0;
 
-/// Largest number of centres that the median of a frame is computed from.
+/// Largest number of centres that the median of an interval is computed from.
 const SAMPLES: usize = 4096;
 
 /// Smallest number of Gaussians that locate a subject.
@@ -24,8 +24,8 @@ const SAMPLES_MIN: usize = 8;
 const ITERATIONS: usize = 10;
 
 /// Whether each Gaussian is a floater: at the largest scale that the bounds allow, or further than four
-/// median distances from the geometric median of the centres in its frame. A Gaussian belongs to the
-/// frame nearest to its window's centre.
+/// median distances from the geometric median of the centres in its interval. A Gaussian belongs to the
+/// whole interval nearest to its window's centre.
 pub(super) fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> Vec<bool> {
     let largest = T::from_f64(bounds.log_scales[1]);
     let mut floating: Vec<bool> =
@@ -87,7 +87,7 @@ mod tests {
     }
 
     fn bounds() -> Bounds {
-        Bounds::new(1.0, Timeline { frames: 9 })
+        Bounds::new(1.0, Timeline::even(9))
     }
 
     /// The geometric median of a triangle with no angle above 120 degrees is its Fermat point, which

@@ -9,8 +9,8 @@ use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
 use crate::fit::precision::Real;
 
-/// Largest shift of a relocated Gaussian's window, in frames along its trajectory.
-const TAU_JITTER: f64 = 0.5;
+/// Largest shift of a relocated Gaussian's window, in intervals along its trajectory.
+const TAU_JITTER: f64 = 0.25;
 
 /// Opacity of each of `n` Gaussians that replace one of `opacity`, and the factor of their scales (at
 /// most 1).
@@ -138,7 +138,7 @@ mod tests {
     }
 
     fn bounds() -> Bounds {
-        Bounds::new(10.0, Timeline { frames: 9 })
+        Bounds::new(10.0, Timeline::even(9))
     }
 
     fn run(parameters: &mut Parameters<f64>, dead: &[bool], seed: u64) -> (usize, Moments<f64>) {
@@ -155,7 +155,7 @@ mod tests {
         let mut after = before.clone();
         let (moved, moments) = run(&mut after, &dead, 3);
         assert_eq!((moved, after.len()), (3, 5));
-        let timeline = Timeline { frames: 9 };
+        let timeline = Timeline::even(9);
         let (old, new) = (before.to_field(timeline), after.to_field(timeline));
         for row in 0..5 {
             let source = before.sh.iter().position(|sh| *sh == after.sh[row]).unwrap();
@@ -209,6 +209,6 @@ mod tests {
         let mut after = parameters(vec![f64::NAN, 1.0]);
         after.centers[0] = [f64::INFINITY; 3];
         run(&mut after, &[true, false], 1);
-        assert!(after.to_field(Timeline { frames: 9 }).check().is_ok());
+        assert!(after.to_field(Timeline::even(9)).check().is_ok());
     }
 }

@@ -12,7 +12,7 @@ const CONTROL: DensityControl =
 const DUE: [usize; 2] = [1000, 10_000];
 
 fn bounds() -> Bounds {
-    Bounds::new(10.0, Timeline { frames: 9 })
+    Bounds::new(10.0, Timeline::even(9))
 }
 
 /// Gaussians on a circle, where none floats; their colours number them.
@@ -234,7 +234,8 @@ fn a_resumed_fit_is_the_same() {
                 gradient.centers[i] = [1e-6 * ((*row as usize * 7 + step) as f32).sin(); 3];
                 gradient.logits[i] = 1e-3 * (*row as f32).cos();
             }
-            adam(all, moments, &rows, &gradient, &LearningRates::new(10.0), &bounds());
+            let rates = LearningRates::new(10.0, all);
+            adam(all, moments, &rows, &gradient, &rates, &bounds());
             let gradients: Vec<f32> = rows.iter().map(|row| 5e-4 * (*row % 5) as f32).collect();
             state.screen_gradients.accumulate(&rows, &gradients);
             let control = DensityControl { interval: 10, floor: 20, cap: 100, ..CONTROL };
@@ -247,7 +248,7 @@ fn a_resumed_fit_is_the_same() {
         let mut all = parameters(&[0.05; 30]);
         all.log_scales[4] = [-1.5; 3];
         let single =
-            Parameters::<f32>::from_field(&all.to_field(Timeline { frames: 9 }), Timeline { frames: 9 });
+            Parameters::<f32>::from_field(&all.to_field(Timeline::even(9)), Timeline::even(9));
         let moments = Moments::new(&single);
         (DensityState::new(30, 42), single, moments)
     };

@@ -3,8 +3,10 @@
 //! `0.8 L1 + 0.2 (1 - SSIM) + 0.1 LPIPS`, each a mean over all pixels and three channels. Without weights
 //! for LPIPS its term is left out. The photograph is masked over black, as the image is rendered.
 
+use std::ops::Range;
+
 use super::lpips::Lpips;
-use super::ssim::ssim_and_gradient;
+use super::ssim::{self, ssim_and_gradient};
 use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
 
@@ -73,12 +75,28 @@ fn comparable<T: Real>(image: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]
     [(0..image.len()).map(pixel).collect(), target]
 }
 
-/// The terms L1 and SSIM.
+/// The terms L1 and SSIM, computed where either image is lit: elsewhere both are black, which is equal, and no
+/// Gaussian was drawn that a gradient could move.
 fn photometric<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Loss<T> {
-    let channels = 3 * image.len().max(1);
+    let mut gradient = vec![[T::zero(); 4]; image.len()];
+    let Some(area) = Area::lit(image, target, width) else { return Loss { value: 0.0, gradient } };
+    // Windows at the border of the lit pixels reach this far beyond it.
+    let area = area.grown(ssim::HALF, [width, image.len() / width]);
+    let (lit_image, lit_target) = (area.crop(image, width), area.crop(target, width));
+    let part = lit_image.len() as f64 / image.len() as f64;
+    let lit = photometric_whole(&lit_image, &lit_target, area.x.len(), part);
+    for (row, y) in lit.gradient.chunks(area.x.len()).zip(area.y) {
+        gradient[y * width..][area.x.clone()].copy_from_slice(row);
+    }
+    Loss { value: lit.value, gradient }
+}
+
+/// The terms L1 and SSIM of images that are `part` of larger ones, which are equal elsewhere.
+fn photometric_whole<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize, part: f64) -> Loss<T> {
+    let channels = (3 * image.len()) as f64 / part;
     let mut absolute = 0.0;
     let (similarity, by_similarity) = ssim_and_gradient(image, target, width);
-    let l1_slope = T::from_f64((1.0 - LAMBDA) / channels as f64);
+    let [l1_slope, ssim_slope] = [(1.0 - LAMBDA) / channels, LAMBDA * part].map(T::from_f64);
     let pixel = |((a, b), by_ssim): ((&[T; 4], &[T; 4]), &[T; 3])| {
         let mut pixel = [T::zero(); 4];
         for c in 0..3 {
@@ -86,13 +104,51 @@ fn photometric<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Lo
             absolute += difference.abs().to_double();
             // The sign, but 0 for 0.
             let sign = if difference == T::zero() { difference } else { difference.signum() };
-            pixel[c] = l1_slope * sign - T::from_f64(LAMBDA) * by_ssim[c];
+            pixel[c] = l1_slope * sign - ssim_slope * by_ssim[c];
         }
         pixel
     };
     let gradient = image.iter().zip(target).zip(&by_similarity).map(pixel).collect();
-    let value = (1.0 - LAMBDA) * absolute / channels as f64 + LAMBDA * (1.0 - similarity);
+    let value = (1.0 - LAMBDA) * absolute / channels + LAMBDA * part * (1.0 - similarity);
     Loss { value, gradient }
+}
+
+/// A rectangle of pixels.
+struct Area {
+    x: Range<usize>,
+    y: Range<usize>,
+}
+
+impl Area {
+    /// The smallest one that holds all pixels in which either image has anything but zeros, alpha included;
+    /// `None` if no pixel has.
+    fn lit<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Option<Area> {
+        let is_lit = |i: &usize| [image[*i], target[*i]].as_flattened().iter().any(|c| *c != T::zero());
+        let first = (0..image.len()).find(is_lit)?;
+        let last = (0..image.len()).rfind(is_lit)?;
+        let rows = first / width..last / width + 1;
+        let mut columns = width..0;
+        for y in rows.clone() {
+            let row = y * width..(y + 1) * width;
+            if let Some(left) = row.clone().find(is_lit) {
+                let right = row.rev().find(is_lit).expect("a lit pixel");
+                columns = columns.start.min(left % width)..columns.end.max(right % width + 1);
+            }
+        }
+        Some(Area { x: columns, y: rows })
+    }
+
+    /// The area with `margin` pixels more on each side, within an image of this width and height.
+    fn grown(&self, margin: usize, [width, height]: [usize; 2]) -> Area {
+        let grown = |range: &Range<usize>, side: usize| {
+            range.start.saturating_sub(margin)..(range.end + margin).min(side)
+        };
+        Area { x: grown(&self.x, width), y: grown(&self.y, height) }
+    }
+
+    fn crop<T: Real>(&self, pixels: &[[T; 4]], width: usize) -> Vec<[T; 4]> {
+        self.y.clone().flat_map(|y| &pixels[y * width..][self.x.clone()]).copied().collect()
+    }
 }
 
 /// The term LPIPS.
@@ -170,6 +226,32 @@ mod tests {
         let expected =
             0.8 * absolute / (3 * width * height) as f64 + 0.2 * (1.0 - crate::metrics::ssim(&drawn, &taken));
         assert!((loss(&drawn.pixels, &photograph, None).value - expected).abs() < 1e-12);
+    }
+
+    /// Lit pixels far from the borders and at a corner: the same loss and, where the image is lit, the same
+    /// gradient as without cropping.
+    #[test]
+    fn cropping_to_lit_pixels_changes_nothing() {
+        let (width, height) = (40, 30);
+        let pixel = |x: usize, y: usize, phase: f64| [0.3, 0.9, 2.0, 3.0].map(|c| 0.5 + 0.4 * (c * (x + 7 * y) as f64 + phase).sin());
+        let image_of = |area: &Area, phase: f64| -> Vec<[f64; 4]> {
+            let at = |i: usize| (i % width, i / width);
+            let is_lit = |(x, y): (usize, usize)| area.x.contains(&x) && area.y.contains(&y);
+            (0..width * height).map(|i| if is_lit(at(i)) { pixel(at(i).0, at(i).1, phase) } else { [0.0; 4] }).collect()
+        };
+        let areas = [Area { x: 14..20, y: 9..22 }, Area { x: 0..7, y: 25..30 }];
+        for [drawn, taken] in [[&areas[0], &areas[0]], [&areas[0], &areas[1]], [&areas[1], &areas[1]]] {
+            let (image, target) = (image_of(drawn, 0.0), image_of(taken, 0.4));
+            let whole = photometric_whole(&image, &target, width, 1.0);
+            let cropped = photometric(&image, &target, width);
+            assert!((whole.value - cropped.value).abs() < 1e-12, "{} {}", whole.value, cropped.value);
+            for (i, (a, b)) in whole.gradient.iter().zip(&cropped.gradient).enumerate() {
+                let is_lit = image[i] != [0.0; 4];
+                assert!(!is_lit || a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "pixel {i}: {a:?} {b:?}");
+            }
+        }
+        let black = vec![[0.0; 4]; width * height];
+        assert_eq!(photometric(&black, &black, width).value, 0.0);
     }
 
     #[test]

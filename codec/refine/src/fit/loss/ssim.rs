@@ -12,7 +12,7 @@ use crate::fit::precision::Real;
 /// Size and standard deviation of the window in pixels; the constants K1 and K2 squared, for colours of
 /// range 1.
 const WINDOW: usize = 11;
-const HALF: usize = WINDOW / 2;
+pub(super) const HALF: usize = WINDOW / 2;
 const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;

@@ -1,4 +1,9 @@
 //! [`LearningRates`]: the step length of each column, and [`decay`], their schedule.
+//!
+//! The rates of 3D Gaussian Splatting are made for 30,000 steps, in each of which most Gaussians are visible. In a
+//! fit over time a photograph shows the Gaussians of a few frames only, so each of them moves in a fraction of the
+//! steps, and colours and sizes arrive at those rates too late. The rates here were swept on captures with and
+//! without time; `codec/refine/README.md` has the tables.
 
 use codec::sh_coefficients;
 
@@ -6,9 +11,46 @@ use serde::{Deserialize, Serialize};
 
 use crate::fit::parameters::{COLUMNS, Parameters};
 use crate::fit::precision::Real;
+use crate::median::median;
 
-/// Fraction of the steps, at the end, over which the rates decay.
-const DECAY_SHARE: f64 = 0.1;
+/// For the centres, in extents of the scene: 3 times the rate of 3D Gaussian Splatting.
+const CENTERS: f64 = 4.8e-4;
+
+/// For the quaternions: 6 times the rate of 3D Gaussian Splatting.
+const ROTATIONS: f64 = 6e-3;
+
+/// For the logarithms of the scales: 6 times the rate of 3D Gaussian Splatting.
+const LOG_SCALES: f64 = 3e-2;
+
+/// For the logits of the opacities, as in 3D Gaussian Splatting.
+const LOGITS: f64 = 5e-2;
+
+/// For the spherical harmonics coefficient of degree 0: 10 times the rate of 3D Gaussian Splatting.
+const SH_FIRST: f64 = 2.5e-2;
+
+/// For the coefficients of degrees 1 to 3: 40 times the rate of 3D Gaussian Splatting, which is a 20th of that of
+/// degree 0.
+const SH_REST: f64 = 5e-3;
+
+/// For the window centres, in intervals: the rate of Spacetime Gaussians for clips of 50 frames.
+const TAU: f64 = 2.5e-3;
+
+/// For the logarithms of the window widths.
+const LOG_WIDTHS: f64 = 5e-3;
+
+/// For the motion, in extents of the scene at the end of the window's reach. A step of `c_k` moves a Gaussian by as
+/// much there for every power `k`. Without that division a step of `c_3` would throw it several times as far as a
+/// step of its centre.
+const MOTION: f64 = 8e-4;
+
+/// For the rates of the quaternions per interval.
+const ROTATION_RATES: f64 = 1e-3;
+
+/// Distance from its centre, in widths, up to which a window's opacity matters: it is 1/90 of the peak there.
+const REACH: f64 = 3.0;
+
+/// Fraction of the steps, at the end, over which the rates decay. The paper's is 0.1, of 96,000 steps.
+const DECAY_SHARE: f64 = 0.2;
 
 /// Factor of the rates at the end.
 const DECAY_TO: f64 = 0.01;
@@ -28,36 +70,33 @@ pub(in crate::fit) struct LearningRates {
     pub(in crate::fit) sh_first: f64,
     /// For the coefficients of degrees 1 to 3.
     pub(in crate::fit) sh_rest: f64,
-    /// For the window centres, in frames.
+    /// For the window centres, in intervals.
     pub(in crate::fit) tau: f64,
     /// For the logarithms of the window widths.
     pub(in crate::fit) log_widths: f64,
     /// For `c1, c2, c3`, in units of the capture.
     pub(in crate::fit) motion: [f64; 3],
-    /// For the rates of the quaternions per frame.
+    /// For the rates of the quaternions per interval.
     pub(in crate::fit) rotation_rates: f64,
 }
 
 impl LearningRates {
-    /// The rates for a scene of `extent`, in units of the capture.
-    ///
-    /// The columns of a static field have the rates of 3D Gaussian Splatting and gsplat. `c1` is the
-    /// distance that a Gaussian moves within a frame and has the rate of the centres; `c2` and `c3`
-    /// have a half and a quarter of it, because they grow with the square and cube of the frames.
-    /// `tau` has the rate of Spacetime Gaussians for clips of 50 frames.
-    pub(in crate::fit) fn new(extent: f64) -> LearningRates {
-        let centers = 1.6e-4 * extent;
+    /// The rates for `parameters` in a scene of `extent`, in units of the capture. Those of the motion follow from
+    /// the median width of the windows.
+    pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
+        let widths = parameters.log_widths.iter().map(|width| libm::exp(width.to_double())).collect();
+        let reach = REACH * median(widths).unwrap_or(1.0);
         LearningRates {
-            centers,
-            rotations: 1e-3,
-            log_scales: 5e-3,
-            logits: 5e-2,
-            sh_first: 2.5e-3,
-            sh_rest: 2.5e-3 / 20.0,
-            tau: 5e-3,
-            log_widths: 5e-3,
-            motion: [centers, centers / 2.0, centers / 4.0],
-            rotation_rates: 1e-3,
+            centers: CENTERS * extent,
+            rotations: ROTATIONS,
+            log_scales: LOG_SCALES,
+            logits: LOGITS,
+            sh_first: SH_FIRST,
+            sh_rest: SH_REST,
+            tau: TAU,
+            log_widths: LOG_WIDTHS,
+            motion: [1, 2, 3].map(|power| MOTION * extent * reach.powi(-power)),
+            rotation_rates: ROTATION_RATES,
         }
     }
 
@@ -95,8 +134,8 @@ impl LearningRates {
     }
 }
 
-/// Factor of the rates at `step` (from 0) of `steps`: 1 for the first nine tenths, then exponential
-/// decay to 0.01 (the paper's section on implementation).
+/// Factor of the rates at `step` (from 0) of `steps`: 1 for the first four fifths, then exponential decay to 0.01
+/// (the paper's section on implementation).
 pub(in crate::fit) fn decay(step: usize, steps: usize) -> f64 {
     let done = step as f64 / steps.max(1) as f64;
     let within = ((done - (1.0 - DECAY_SHARE)) / DECAY_SHARE).clamp(0.0, 1.0);
@@ -108,9 +147,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rates_decay_over_the_last_tenth() {
-        assert_eq!([0, 1, 500, 899, 900].map(|step| decay(step, 1000)), [1.0; 5]);
-        for (step, expected) in [(950, 0.1), (925, 0.1_f64.sqrt()), (1000, 0.01), (2000, 0.01)] {
+    fn the_rates_decay_over_the_last_fifth() {
+        assert_eq!([0, 1, 500, 799, 800].map(|step| decay(step, 1000)), [1.0; 5]);
+        for (step, expected) in [(900, 0.1), (850, 0.1_f64.sqrt()), (1000, 0.01), (2000, 0.01)] {
             assert!((decay(step, 1000) - expected).abs() < 1e-12, "{step}");
         }
         assert_eq!((decay(0, 0), decay(0, 1)), (1.0, 1.0));
@@ -124,10 +163,23 @@ mod tests {
             motion_order: 2,
             ..Parameters::default()
         };
-        let rates = LearningRates::new(2.0).scaled(0.5).by_column(&parameters);
-        assert_eq!(rates[0], [1.6e-4; 3]);
-        assert_eq!(rates[4].len(), 27);
-        assert_eq!((rates[4][2], rates[4][3]), (1.25e-3, 6.25e-5));
-        assert_eq!(rates[7], [1.6e-4, 1.6e-4, 1.6e-4, 0.8e-4, 0.8e-4, 0.8e-4]);
+        let rates = LearningRates::new(2.0, &parameters);
+        let columns = rates.scaled(0.5).by_column(&parameters);
+        assert_eq!(columns[0], [CENTERS; 3]);
+        assert_eq!(columns[4].len(), 27);
+        assert_eq!((columns[4][2], columns[4][3]), (0.5 * SH_FIRST, 0.5 * SH_REST));
+        let [c1, c2, _] = rates.motion.map(|rate| 0.5 * rate);
+        assert_eq!(columns[7], [c1, c1, c1, c2, c2, c2]);
+    }
+
+    /// At the reach of the median window, 3 widths of 2 intervals, all powers move a Gaussian equally far.
+    #[test]
+    fn motion_is_limited_at_the_reach_of_a_window() {
+        let log_widths = [0.5, 2.0, 8.0].map(f64::ln).to_vec();
+        let parameters = Parameters { log_widths, ..Parameters::default() };
+        let [c1, c2, c3] = LearningRates::new(10.0, &parameters).motion;
+        for step in [c1 * 6.0, c2 * 36.0, c3 * 216.0] {
+            assert!((step - 10.0 * MOTION).abs() < 1e-12, "{step}");
+        }
     }
 }

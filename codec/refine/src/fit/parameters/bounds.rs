@@ -1,8 +1,8 @@
 //! [`Bounds`]: the feasible set of a fit.
 //!
 //! Outside it gradients vanish or explode: scales run away, saturated opacities get no gradient back,
-//! and windows collapse to less than a frame, so that each frame has Gaussians of its own and held
-//! frames show ghosts.
+//! and windows collapse to less than an interval, so that each photograph has Gaussians of its own and
+//! instants between photographs show ghosts.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,12 +13,12 @@ use crate::fit::precision::Real;
 /// Smallest and largest standard deviation, as fractions of the scene's extent.
 const SCALES: [f64; 2] = [1e-4, 0.1];
 
-/// Smallest and largest window width in frames. A width below 1 would not reach the held frame between
-/// two training frames.
-const WIDTHS: [f64; 2] = [1.0, 6.0];
+/// Smallest and largest window width in intervals. A width below 0.5 would not reach the instant halfway
+/// between two photographs.
+const WIDTHS: [f64; 2] = [0.5, 3.0];
 
-/// Frames by which a window centre may precede the first frame or follow the last.
-const TAU_MARGIN: f64 = 1.0;
+/// Intervals by which a window centre may precede the first frame or follow the last.
+const TAU_MARGIN: f64 = 0.5;
 
 /// Margin above the largest log-scale of a field that was fitted under other bounds.
 const SCALE_MARGIN: f64 = 0.1;
@@ -33,21 +33,21 @@ pub(in crate::fit) struct Bounds {
     pub(in crate::fit) extent: f64,
     /// For the logarithms of the standard deviations.
     pub(in crate::fit) log_scales: [f64; 2],
-    /// For the logarithms of the window widths in frames.
+    /// For the logarithms of the window widths in intervals.
     pub(in crate::fit) log_widths: [f64; 2],
-    /// For the window centres, in frames.
+    /// For the window centres, in intervals.
     pub(in crate::fit) tau: [f64; 2],
 }
 
 impl Bounds {
-    /// Scales from 0.0001 to 0.1 of `extent`, windows from 1 to 6 frames wide, centred at most a
-    /// frame outside the clip.
+    /// Scales from 0.0001 to 0.1 of `extent`, windows from 0.5 to 3 intervals wide, centred at most
+    /// half an interval outside the clip.
     pub(in crate::fit) fn new(extent: f64, timeline: Timeline) -> Bounds {
         Bounds {
             extent,
             log_scales: SCALES.map(|part| libm::log(part * extent)),
             log_widths: WIDTHS.map(libm::log),
-            tau: [-TAU_MARGIN, timeline.frames.max(1) as f64 - 1.0 + TAU_MARGIN],
+            tau: [-TAU_MARGIN, timeline.intervals + TAU_MARGIN],
         }
     }
 
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_row_is_clamped() {
-        let bounds = Bounds::new(10.0, Timeline { frames: 9 });
+        let bounds = Bounds::new(10.0, Timeline::even(9));
         let mut parameters = row();
         bounds.project(&mut parameters, 0);
         let [a, b, c] = parameters.log_scales[0].map(f64::exp);
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn a_scene_without_time_has_no_windows() {
         let mut parameters = Parameters { tau: Vec::new(), log_widths: Vec::new(), ..row() };
-        Bounds::new(1.0, Timeline { frames: 1 }).project(&mut parameters, 0);
+        Bounds::new(1.0, Timeline::even(1)).project(&mut parameters, 0);
         assert_eq!(parameters.logits[0], -7.0);
     }
 
@@ -135,7 +135,7 @@ mod tests {
     fn a_fitted_field_widens_the_bounds() {
         let mut parameters = row();
         parameters.tau.push(f64::NAN);
-        let bounds = Bounds::new(10.0, Timeline { frames: 9 }).around(&parameters);
+        let bounds = Bounds::new(10.0, Timeline::even(9)).around(&parameters);
         assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0 + SCALE_MARGIN], [-4.0, 9.0]));
         assert_eq!(bounds.log_widths, [-2.0, 6.0_f64.ln()]);
     }

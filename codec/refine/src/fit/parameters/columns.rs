@@ -1,8 +1,8 @@
 //! [`Parameters`]: what a fit optimises, in well-conditioned form.
 //!
 //! A field's opacities and widths are bounded, its scales are ratios, its motion is per clip. Here
-//! opacities are logits, widths and scales are logarithms, and time is in frames, so that a motion
-//! coefficient is a length: the distance that a Gaussian moves within a frame.
+//! opacities are logits, widths and scales are logarithms, and time is in intervals (see [`Timeline`]), so
+//! that a motion coefficient is a length: the distance that a Gaussian moves within an interval.
 
 use codec::{Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
 use serde::{Deserialize, Serialize};
@@ -32,16 +32,16 @@ pub struct Parameters<T> {
     pub sh_degree: u8,
     /// Spherical harmonics coefficients as in [`Field::sh`].
     pub sh: Vec<[T; 3]>,
-    /// Window centres in frames; empty for a scene without time.
+    /// Window centres in intervals; empty for a scene without time.
     pub tau: Vec<T>,
-    /// Natural logarithms of the window widths in frames; empty for a scene without time.
+    /// Natural logarithms of the window widths in intervals; empty for a scene without time.
     pub log_widths: Vec<T>,
     /// Highest power of time in the trajectories, 0 to 3.
     pub motion_order: u8,
-    /// `c1, c2, c3` of the trajectories `mu + c1 d + c2 d^2 + c3 d^3`, with `d` in frames since `tau`:
+    /// `c1, c2, c3` of the trajectories `mu + c1 d + c2 d^2 + c3 d^3`, with `d` in intervals since `tau`:
     /// `[gaussian][power - 1]`, flattened.
     pub motion: Vec<[T; 3]>,
-    /// Rates of the quaternions per frame, as in [`Temporal::rotation_rates`]; empty if no Gaussian
+    /// Rates of the quaternions per interval, as in [`Temporal::rotation_rates`]; empty if no Gaussian
     /// rotates.
     pub rotation_rates: Vec<[T; 4]>,
 }
@@ -106,7 +106,7 @@ impl<T: Real> Parameters<T> {
     /// clips.
     pub fn from_field(field: &Field, timeline: Timeline) -> Parameters<T> {
         let convert = |x: f32| T::from_f64(f64::from(x));
-        let per_clip = timeline.frames_per_clip();
+        let per_clip = timeline.intervals;
         let logit = |o: f32| {
             let o = f64::from(o);
             T::from_f64(libm::log(o / (1.0 - o)).clamp(-LOGIT_MAX, LOGIT_MAX))
@@ -137,7 +137,7 @@ impl<T: Real> Parameters<T> {
     /// The field of these parameters, its quaternions normalised.
     pub fn to_field(&self, timeline: Timeline) -> Field {
         let single = |x: T| x.to_double() as f32;
-        let per_clip = timeline.frames_per_clip();
+        let per_clip = timeline.intervals;
         let opacity = |a: &T| (1.0 / (1.0 + libm::exp(-a.to_double()))) as f32;
         let order = usize::from(self.motion_order);
         let scaled = |(i, c): (usize, &[T; 3])| {
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn a_field_survives_the_round_trip() {
-        let timeline = Timeline { frames: 17 };
+        let timeline = Timeline::even(17);
         let back = Parameters::<f64>::from_field(&field(), timeline).to_field(timeline);
         for (i, t) in [(0, 0.0), (0, 0.3), (1, 0.8), (1, 1.0)] {
             for axis in 0..3 {
@@ -286,11 +286,11 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_the_unit_of_time() {
-        let parameters = Parameters::<f64>::from_field(&field(), Timeline { frames: 17 });
+    fn an_interval_is_the_unit_of_time() {
+        let parameters = Parameters::<f64>::from_field(&field(), Timeline::even(17));
         assert_eq!(parameters.tau, [4.0, 12.0]);
         assert!((parameters.log_widths[0].exp() - 2.0).abs() < 1e-12);
-        // Half a clip, 8 frames, at the speed of c1.
+        // Half a clip, 8 intervals, at the speed of c1.
         assert!((parameters.motion[0][1] * 16.0 - 1.0).abs() < 1e-12);
     }
 
@@ -299,7 +299,7 @@ mod tests {
         let mut always = field();
         always.temporal.as_mut().unwrap().s[0] = f32::INFINITY;
         always.opacities = vec![0.0, 1.0];
-        let timeline = Timeline { frames: 17 };
+        let timeline = Timeline::even(17);
         let parameters = Parameters::<f32>::from_field(&always, timeline);
         assert_eq!(parameters.logits, [-LOGIT_MAX as f32, LOGIT_MAX as f32]);
         let back = parameters.to_field(timeline);
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn rows_are_selected_and_appended() {
-        let timeline = Timeline { frames: 17 };
+        let timeline = Timeline::even(17);
         let all = Parameters::<f32>::from_field(&field(), timeline);
         let mut selected = all.select(&[1]);
         selected.append(all.select(&[0]));

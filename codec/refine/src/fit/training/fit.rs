@@ -72,7 +72,7 @@ impl Fit {
         Fit {
             settings,
             timeline,
-            rates: LearningRates::new(extent),
+            rates: LearningRates::new(extent, &parameters),
             bounds,
             moments: Moments::new(&parameters),
             control: DensityControl {

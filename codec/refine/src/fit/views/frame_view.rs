@@ -10,8 +10,8 @@ const MARGIN: f64 = 0.3;
 pub struct FrameView<'a> {
     /// The camera; it satisfies [`Camera::check`].
     pub camera: &'a Camera,
-    /// Time in frames; the first frame is 0.
-    pub frame: f64,
+    /// Time in intervals since the first frame, see [`Timeline`](crate::fit::Timeline).
+    pub time: f64,
 }
 
 impl FrameView<'_> {

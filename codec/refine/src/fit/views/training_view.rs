@@ -9,8 +9,8 @@ use super::{FrameView, Photograph};
 pub struct TrainingView {
     /// The camera; its image has the size of the photograph.
     pub camera: Camera,
-    /// Time in frames; the first frame is 0.
-    pub frame: f64,
+    /// Time in intervals since the first frame, see [`Timeline`](crate::fit::Timeline).
+    pub time: f64,
     /// The photograph.
     pub photograph: Photograph,
 }
@@ -18,6 +18,6 @@ pub struct TrainingView {
 impl TrainingView {
     /// Viewpoint from which the photograph was taken.
     pub fn view(&self) -> FrameView<'_> {
-        FrameView { camera: &self.camera, frame: self.frame }
+        FrameView { camera: &self.camera, time: self.time }
     }
 }

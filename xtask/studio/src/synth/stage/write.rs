@@ -8,12 +8,14 @@ use codec::Camera;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use program::Fault;
 use rayon::prelude::*;
-use refine::capture::even_times;
 use serde_json::json;
 
 use super::figure::{FigurePart, figure};
 use super::trace::trace;
 use super::{StageSettings, is_held, rig};
+
+/// Frames per second.
+const FPS: u32 = 30;
 
 /// Path of an image in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";
@@ -47,7 +49,8 @@ fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> 
     for kind in ["images", "masks", "depths"] {
         (0..cameras.len()).try_for_each(|camera| fs::create_dir_all(folder.join(kind).join(name(camera))))?;
     }
-    let figures: Vec<Vec<FigurePart>> = even_times(settings.frames).into_iter().map(figure).collect();
+    let clip_time = |frame: usize| frame as f64 / (settings.frames.max(2) - 1) as f64;
+    let figures: Vec<Vec<FigurePart>> = (0..settings.frames).map(|frame| figure(clip_time(frame))).collect();
     (0..settings.images()).into_par_iter().try_for_each(|index| {
         let (camera, frame) = (index % cameras.len(), index / cameras.len());
         let image = trace(&figures[frame], &cameras[camera]);
@@ -79,6 +82,7 @@ fn manifest(settings: &StageSettings, cameras: &[Camera]) -> String {
     };
     let manifest = json!({
         "frames": settings.frames,
+        "fps": FPS,
         "images": format!("images/{PATTERN}"),
         "masks": format!("masks/{PATTERN}"),
         "cameras": cameras.iter().enumerate().map(camera).collect::<Vec<_>>(),

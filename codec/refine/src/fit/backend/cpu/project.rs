@@ -68,11 +68,11 @@ pub(super) struct Window<T> {
     pub(super) opacity: T,
     /// 1 minus the peak opacity.
     pub(super) clearness: T,
-    /// Time since `tau` in frames; 0 without time.
+    /// Time since `tau` in intervals; 0 without time.
     pub(super) since: T,
     /// The same in window widths.
     pub(super) since_in_widths: T,
-    /// Width in frames; 1 without time.
+    /// Width in intervals; 1 without time.
     pub(super) width: T,
 }
 
@@ -91,7 +91,7 @@ pub(super) struct Footprint<T> {
 
 /// A view in the precision of the projection.
 pub(super) struct Projection<T> {
-    frame: T,
+    time: T,
     pub(super) size: [T; 2],
     pub(super) focal: [T; 2],
     principal: [T; 2],
@@ -107,7 +107,7 @@ impl<T: Real> Projection<T> {
         let camera = view.camera;
         let m = &camera.camera_from_world;
         Projection {
-            frame: T::from_f64(view.frame),
+            time: T::from_f64(view.time),
             size: [camera.width, camera.height].map(|side| T::from_f64(f64::from(side))),
             focal: [camera.k[0][0], camera.k[1][1]].map(T::from_f64),
             principal: [camera.k[0][2], camera.k[1][2]].map(T::from_f64),
@@ -128,7 +128,7 @@ impl<T: Real> Projection<T> {
     pub(super) fn window(&self, parameters: &Parameters<T>, row: usize) -> Option<Window<T>> {
         let one = T::one();
         let (since, width) = match parameters.tau.get(row) {
-            Some(tau) => (self.frame - *tau, parameters.log_widths[row].exp()),
+            Some(tau) => (self.time - *tau, parameters.log_widths[row].exp()),
             None => (T::zero(), one),
         };
         let since_in_widths = since / width;

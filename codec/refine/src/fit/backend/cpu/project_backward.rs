@@ -258,7 +258,7 @@ fn quaternion<T: Real>(projected: &Projected<T>, g: &[[T; 3]; 3]) -> [T; 4] {
     [0, 1, 2, 3].map(|k| (by_unit[k] - along * q[k]) / length)
 }
 
-/// From position and rotation at the frame, `d` frames after `tau`, to motion and rotation rate. Returns
+/// From position and rotation at the frame, `d` intervals after `tau`, to motion and rotation rate. Returns
 /// the derivative with respect to `d`.
 fn motion<T: Real>(parameters: &Parameters<T>, row: usize, d: T, out: &mut GaussianGradient<T>) -> T {
     let order = usize::from(parameters.motion_order);

@@ -15,7 +15,7 @@ use crate::fit::views::{FrameView, RenderedImage};
 use crate::reference::{self, Order, RenderScene};
 
 fn render_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> RenderedImage<T> {
-    render(&Parameters::<T>::from_field(field, TIMELINE), &FrameView { camera, frame }).image
+    render(&Parameters::<T>::from_field(field, TIMELINE), &FrameView { camera, time: frame }).image
 }
 
 /// Differences between the channels of an image and those of the reference.
@@ -23,7 +23,7 @@ fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> 
     let expected = reference::render(
         &RenderScene::from(field),
         camera,
-        frame / TIMELINE.frames_per_clip(),
+        frame / TIMELINE.intervals,
         Order::Depth,
     );
     let actual = render_field::<T>(field, camera, frame);
@@ -124,7 +124,7 @@ fn check_gradients(parameters: &Parameters<f64>, view: &FrameView, detach_tau: b
     for (column, (name, values)) in COLUMN_NAMES.into_iter().zip(gradient.values.columns()).enumerate() {
         // Detaching changes the derivative with respect to `tau` alone.
         let from =
-            if name == "tau" && detach_tau { frozen(parameters, view.frame) } else { parameters.clone() };
+            if name == "tau" && detach_tau { frozen(parameters, view.time) } else { parameters.clone() };
         let (per_row, mut largest) = (values.len() / parameters.len(), 0.0_f64);
         for (index, value) in values.iter().enumerate() {
             let at = |offset: f64| {
@@ -145,7 +145,7 @@ fn check_gradients(parameters: &Parameters<f64>, view: &FrameView, detach_tau: b
 #[test]
 fn gradients_match_finite_differences() {
     let camera = camera(21, 18);
-    let view = FrameView { camera: &camera, frame: 3.3 };
+    let view = FrameView { camera: &camera, time: 3.3 };
     for detach_tau in [true, false] {
         check_gradients(&smooth(0, 3, true), &view, detach_tau, "cubic and rotating");
         check_gradients(&smooth(1, 1, false), &view, detach_tau, "linear");
@@ -160,7 +160,7 @@ fn gradients_match_finite_differences() {
 #[test]
 fn gradients_match_where_the_slope_is_clamped() {
     let camera = camera(21, 18);
-    let view = FrameView { camera: &camera, frame: 0.0 };
+    let view = FrameView { camera: &camera, time: 0.0 };
     let mut parameters = static_scene(1).select(&[0, 1]);
     let m = &camera.camera_from_world;
     // 1.6 times as far from the axis as the edge of the image: to the right, and above to the left.
@@ -189,7 +189,7 @@ fn the_screen_gradient_matches_a_moved_principal_point() {
     let moved = |offset: [f64; 2]| {
         let mut camera = camera.clone();
         (0..2).for_each(|axis| camera.k[axis][2] += offset[axis]);
-        render(&parameters, &FrameView { camera: &camera, frame: 0.0 }).image
+        render(&parameters, &FrameView { camera: &camera, time: 0.0 }).image
     };
     let weights = weights(21 * 18);
     let loss = |offset| -> f64 {
@@ -200,7 +200,7 @@ fn the_screen_gradient_matches_a_moved_principal_point() {
     let by_x = (loss([step, 0.0]) - loss([-step, 0.0])) / (2.0 * step);
     let by_y = (loss([0.0, step]) - loss([0.0, -step])) / (2.0 * step);
     let expected = (by_x * 21.0 / 2.0).hypot(by_y * 18.0 / 2.0);
-    let view = FrameView { camera: &camera, frame: 0.0 };
+    let view = FrameView { camera: &camera, time: 0.0 };
     let gradient = render(&parameters, &view).backward(&parameters, &view, &weights, true);
     assert!((gradient.screen[0] / expected - 1.0).abs() < 1e-6, "{} for {expected}", gradient.screen[0]);
 }
@@ -210,7 +210,7 @@ fn the_screen_gradient_matches_a_moved_principal_point() {
 #[test]
 fn gradients_in_single_precision_match_double() {
     let camera = camera(77, 53);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let field = cloud(6, 300, 2);
     let double = Parameters::<f64>::from_field(&field, TIMELINE);
     let forward = render(&double, &view);
@@ -235,7 +235,7 @@ fn results_do_not_depend_on_threads() {
     let field = cloud(8, 3000, 3);
     let parameters = Parameters::<f32>::from_field(&field, TIMELINE);
     let camera = camera(150, 90);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -254,7 +254,7 @@ fn results_do_not_depend_on_the_vector_width() {
     let parameters = Parameters::<f32>::from_field(&cloud(13, 500, 0), TIMELINE);
     let camera = camera(77, 53);
     let ForwardPass { image: picture, splats, tiles, composited } =
-        render(&parameters, &FrameView { camera: &camera, frame: 4.0 });
+        render(&parameters, &FrameView { camera: &camera, time: 4.0 });
     let on = |arch| {
         let composited_image = rasterize::rasterize(arch, &splats, &tiles, picture.width, picture.height);
         let by_pixels = weights(picture.pixels.len());
@@ -278,7 +278,7 @@ fn assert_finite(parameters: &Parameters<f32>, view: &FrameView) -> Gradient<f32
 #[test]
 fn extreme_parameters_give_finite_results() {
     let camera = camera(40, 30);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let plain = Parameters::<f32>::from_field(&cloud(9, 40, 3), TIMELINE);
     assert_finite(&around_the_camera(&plain, &camera), &view);
     for extreme in with_extreme_numbers(&plain) {
@@ -286,14 +286,14 @@ fn extreme_parameters_give_finite_results() {
         assert!(gradient.rows.iter().any(|row| *row >= 20), "the others are drawn");
     }
     for frame in EXTREME_FRAMES {
-        assert_finite(&plain, &FrameView { camera: &camera, frame });
+        assert_finite(&plain, &FrameView { camera: &camera, time: frame });
     }
 }
 
 #[test]
 fn a_non_finite_gradient_is_contained() {
     let camera = camera(40, 30);
-    let view = FrameView { camera: &camera, frame: 4.0 };
+    let view = FrameView { camera: &camera, time: 4.0 };
     let parameters = Parameters::<f32>::from_field(&cloud(10, 200, 1), TIMELINE);
     let forward = render(&parameters, &view);
     let mut by_pixels = weights(forward.image.pixels.len());
@@ -319,7 +319,7 @@ fn nothing_visible_renders_black() {
     let camera = camera(40, 30);
     let parameters = Parameters::<f32>::from_field(&cloud(12, 20, 1), TIMELINE);
     for (parameters, frame) in [(parameters.zeros(0), 0.0), (parameters, 1e4)] {
-        let view = FrameView { camera: &camera, frame };
+        let view = FrameView { camera: &camera, time: frame };
         let forward = render(&parameters, &view);
         assert_eq!(forward.image.pixels, vec![[0.0; 4]; 40 * 30]);
         let gradient = forward.backward(&parameters, &view, &weights(forward.image.pixels.len()), true);

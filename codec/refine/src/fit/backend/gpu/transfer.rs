@@ -105,7 +105,7 @@ pub(super) fn step_uniforms(
     StepUniforms {
         view_from_world: [0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| m[r][c] as f32)),
         eye: camera.position().map(|x| x as f32),
-        frame: view.frame as f32,
+        time: view.time as f32,
         focal: single([camera.k[0][0], camera.k[1][1]]),
         principal: single([camera.k[0][2], camera.k[1][2]]),
         slope_min,
