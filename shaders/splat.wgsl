@@ -44,7 +44,7 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     var pixel = focal * center.xy + views[eye].principal;
 
     // The images of the Gaussian's axes are the columns of a 2x3 matrix with rows x and y; the
-    // covariance is that matrix times its transpose, plus the blur.
+    // covariance is that matrix times its transpose, plus the filter.
     let axes = views[eye].view_from_world * rotation_matrix(g.rotation);
     let across = transpose(mat3x3<f32>(axes[0] * g.scale.x, axes[1] * g.scale.y, axes[2] * g.scale.z));
     let slope = clamp(center.xy / center.z, views[eye].slope_min, views[eye].slope_max);
@@ -63,9 +63,9 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     if !(max(abs(pixel.x), abs(pixel.y)) < 8.0 * SIGMA_MAX) {
         return nothing;
     }
-    let xx = dot(x, x) + BLUR;
+    let xx = dot(x, x) + FILTER;
     let xy = dot(x, y);
-    let yy = dot(y, y) + BLUR;
+    let yy = dot(y, y) + FILTER;
 
     // Eigenvalues. The determinant comes from the cross product: xx yy - xy^2 would lose the width
     // of a needle to cancellation.
@@ -73,9 +73,13 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     let spread = length(vec2<f32>(half_difference, xy));
     let major = 0.5 * (xx + yy) + spread;
     let area = length(cross(x, y));
-    let minor = (area / major) * area + BLUR * (xx + yy - BLUR) / major;
+    let minor = (area / major) * area + FILTER * (xx + yy - FILTER) / major;
     let sigma = sqrt(vec2<f32>(major, minor));
     if !(sigma.x < 4.0 * SIGMA_MAX && sigma.y > 0.0) {
+        return nothing;
+    }
+    let opacity = filtered_opacity(g.opacity, area, sigma);
+    if !(opacity >= ALPHA_MIN) {
         return nothing;
     }
     // Eigenvector of the larger eigenvalue, in the form that does not cancel.
@@ -87,7 +91,7 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
 
     // No side needs to extend beyond the farthest corner of the image; the factor covers rounding.
     // At the threshold, the logarithm may be rounded below 0.
-    let exact = sqrt(max(0.0, 2.0 * log(g.opacity / ALPHA_MIN)));
+    let exact = sqrt(max(0.0, 2.0 * log(opacity / ALPHA_MIN)));
     let farthest = 1.0001 * length(max(abs(pixel), abs(views[eye].size - pixel)));
     let radius = min(vec2<f32>(min(exact, frame.radius_max)), farthest / sigma);
     let local = radius * vec2<f32>(f32(corner & 1u) * 2.0 - 1.0, f32(corner >> 1u) * 2.0 - 1.0);
@@ -96,5 +100,5 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     let ndc = (2.0 * image / views[eye].size - 1.0) * vec2<f32>(1.0, -1.0);
 
     let color = color_of(row, normalize(from_eye));
-    return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(place, color, g.opacity));
+    return Splat(vec4<f32>(ndc, 0.0, 1.0), local, carried(place, color, opacity));
 }

@@ -2,7 +2,7 @@
 
 use crate::camera::{cross, norm};
 use crate::format::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
-use crate::{Camera, Field, Temporal, TimeIndex, sh_coefficients};
+use crate::{Camera, Field, PixelFilter, Temporal, TimeIndex, sh_coefficients};
 
 /// Metadata of a clip: everything a player needs besides the Gaussians.
 #[derive(Clone, Debug, PartialEq)]
@@ -161,6 +161,7 @@ impl Clip {
             opacities: [&first.opacities[..], &second.opacities].concat(),
             sh_degree,
             sh: both(&sh_at_degree(first, sh_degree), &sh_at_degree(second, sh_degree)),
+            filter: self.filter(),
             temporal: second.temporal.as_ref().filter(|_| !second.is_empty()).map(|temporal| {
                 let n = first.len();
                 Temporal {
@@ -185,6 +186,11 @@ impl Clip {
     /// Whether the clip has no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// The filter of both regions; the plate has its own.
+    pub fn filter(&self) -> PixelFilter {
+        if self.dynamic_field.is_empty() { self.static_field.filter } else { self.dynamic_field.filter }
     }
 
     /// Degree of the spherical harmonics of both regions, 0 to 3.

@@ -1,6 +1,6 @@
 //! [`Columns`]: which columns the Gaussians of a region have.
 
-use crate::{Error, Field, Temporal, limits::Budget, sh_coefficients};
+use crate::{Error, Field, PixelFilter, Temporal, limits::Budget, sh_coefficients};
 #[cfg(feature = "encode")]
 use crate::{MOTION_ORDER_MAX, SH_DEGREE_MAX};
 
@@ -19,7 +19,7 @@ pub(crate) struct TemporalColumns {
 }
 
 impl Columns {
-    /// A field of `rows` rows of zeros with these columns.
+    /// A field of `rows` rows of zeros with these columns and the default filter.
     ///
     /// # Errors
     /// [`Error::Limits`] if `budget` does not suffice.
@@ -31,6 +31,7 @@ impl Columns {
             opacities: budget.zeros(rows)?,
             sh_degree: self.sh_degree,
             sh: budget.zeros(rows * sh_coefficients(self.sh_degree))?,
+            filter: PixelFilter::default(),
             temporal: match self.temporal {
                 None => None,
                 Some(TemporalColumns { motion_order, rotation_rates }) => Some(Temporal {

@@ -53,6 +53,8 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     let mut static_field = region(Region::Static, rows.static_count)?;
     let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
     let mut plate = region(Region::Plate, contents.plate_len)?;
+    (static_field.filter, dynamic_field.filter) = (contents.filter, contents.filter);
+    plate.filter = contents.plate_filter;
     let row_numbers = match contents.coder {
         Coder::Fixed => Vec::new(),
         Coder::Context => budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?,

@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Precision, VERSION_MINOR,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision, VERSION_MINOR,
     bytes::Writer,
     columns::Columns,
     context, fixed,
@@ -108,6 +108,8 @@ pub fn encode_parallel(
         (chunks, along_curve(plate))
     });
     let mut contents = describe(info, coder, bounds, &chunks, &layers, plate.as_ref());
+    contents.filter = field.filter;
+    contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
     let payload = |planned: &PlannedSection| {
@@ -134,9 +136,10 @@ pub fn encode_parallel(
     try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
-    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older.
+    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
-    contents.version_major = if saved > payloads.len() { 2 } else { 1 };
+    let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
+    contents.version_major = if has_other_filter || saved > payloads.len() { 2 } else { 1 };
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -314,7 +317,7 @@ fn with_coded_windows(field: &Field) -> Field {
     coded
 }
 
-/// Returns the head of a package, apart from the section table.
+/// Returns the head of a package, apart from the filters and the section table.
 fn describe(
     info: &ClipInfo,
     coder: Coder,
@@ -343,8 +346,10 @@ fn describe(
         sh_degree: columns.sh_degree,
         motion_order: temporal.motion_order,
         rotation_rates: temporal.rotation_rates,
+        filter: PixelFilter::default(),
         layers: layers.iter().map(layer_end).collect(),
         plate_len: plate.map_or(0, |(_, rows)| rows.len()),
+        plate_filter: PixelFilter::default(),
         plate_sh_degree: plate.map_or(0, |(chunks, rows)| chunks.nonzero_columns(rows, false).sh_degree),
         head_bytes: 0,
         sections: Vec::new(),

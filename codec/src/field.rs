@@ -6,6 +6,8 @@
 //! Lengths are in the units of the source. Clip time `t` is 0 at the start of the clip and 1 at its
 //! end.
 
+use crate::PixelFilter;
+
 /// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 
@@ -46,6 +48,8 @@ pub struct Field {
     /// dimensions flattened: `len * sh_coefficients(sh_degree)` entries. The display-referred colour
     /// is `max(0.5 + sum(Y_k c_k), 0)`, with the basis order and signs of 3D Gaussian Splatting.
     pub sh: Vec<[f32; 3]>,
+    /// The filter that the Gaussians are drawn with.
+    pub filter: PixelFilter,
     /// Windows and motion; absent if every Gaussian is always on and motionless.
     pub temporal: Option<Temporal>,
 }
@@ -221,6 +225,7 @@ impl Field {
             opacities: rows.iter().map(|&i| self.opacities[i]).collect(),
             sh_degree: self.sh_degree,
             sh: groups(&self.sh, sh_coefficients(self.sh_degree)),
+            filter: self.filter,
             temporal: self.temporal.as_ref().map(|temporal| Temporal {
                 tau: rows.iter().map(|&i| temporal.tau[i]).collect(),
                 s: rows.iter().map(|&i| temporal.s[i]).collect(),
@@ -338,6 +343,7 @@ mod tests {
             opacities: vec![0.8, 0.3],
             sh_degree: 1,
             sh: (0..8).map(|i| [i as f32; 3]).collect(),
+            filter: PixelFilter::Mip,
             temporal: Some(Temporal {
                 tau: vec![0.4, 0.9],
                 s: vec![0.1, f32::INFINITY],
@@ -477,7 +483,7 @@ mod tests {
         let field = field();
         let picked = field.select(&[1, 0, 1]);
         assert_eq!(picked.check(), Ok(()));
-        assert_eq!(picked.len(), 3);
+        assert_eq!((picked.len(), picked.filter), (3, field.filter));
         for (row, source) in [1, 0, 1].into_iter().enumerate() {
             assert_eq!(picked.centers[row], field.centers[source]);
             assert_eq!(picked.rotations[row], field.rotations[source]);

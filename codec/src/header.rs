@@ -6,7 +6,7 @@
 //! counts instead of trusted.
 
 use crate::{
-    ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Viewpoint,
+    ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Viewpoint,
     bytes::Reader,
     columns::{Columns, TemporalColumns},
     error::FormatError,
@@ -17,6 +17,12 @@ use crate::{
     limits::Budget,
     section::{Region, Section, SectionKind},
 };
+
+/// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and
+/// the dynamic region, and that of the plate. Format.
+const ROTATION_RATES: u8 = 1;
+const MIP: u8 = 2;
+const PLATE_MIP: u8 = 4;
 
 /// Coding of the Gaussians of a package.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,12 +75,16 @@ pub struct Contents {
     pub motion_order: u8,
     /// Whether the dynamic region has rotation rates.
     pub rotation_rates: bool,
+    /// Filter of the static and the dynamic region.
+    pub filter: PixelFilter,
     /// Gaussians up to the end of each layer; 1 to 16 entries.
     pub layers: Vec<LayerEnd>,
     /// Number of Gaussians in the plate; 0 without a plate.
     pub plate_len: usize,
     /// Degree of the plate's spherical harmonics, 0 to 3.
     pub plate_sh_degree: u8,
+    /// Filter of the plate; the default without a plate.
+    pub plate_filter: PixelFilter,
     /// Length of the head in bytes: the offset of the first section.
     pub head_bytes: usize,
     /// The section table, in file order.
@@ -173,7 +183,8 @@ fn parse(body: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, 
     };
     let sh_degree = degree("SH degree", 61, reader.u8()?, SH_DEGREE_MAX)?;
     let motion_order = degree("motion order", 62, reader.u8()?, MOTION_ORDER_MAX)?;
-    let flags = degree("flags", 63, reader.u8()?, 1)?;
+    let known_flags = if version_major >= 2 { ROTATION_RATES | MIP | PLATE_MIP } else { ROTATION_RATES };
+    let flags = degree("flags", 63, reader.u8()?, known_flags)?;
     let layer_count = usize::from(reader.u8()?);
     if !(1..=LAYERS_MAX).contains(&layer_count) {
         return Err(Error::value(64, "number of layers", layer_count));
@@ -183,6 +194,9 @@ fn parse(body: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, 
     let plate_sh_degree = degree("SH degree of the plate", 66, reader.u8()?, SH_DEGREE_MAX)?;
     degree("reserved byte", 67, reader.u8()?, 0)?;
     let plate_len = reader.u32()? as usize;
+    if flags & PLATE_MIP != 0 && plate_len == 0 {
+        return Err(Error::value(63, "flags", flags));
+    }
     let section_count = reader.u32()? as usize;
 
     let mut layers = Vec::with_capacity(layer_count);
@@ -239,10 +253,12 @@ fn parse(body: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, 
         coder,
         sh_degree,
         motion_order,
-        rotation_rates: flags == 1,
+        rotation_rates: flags & ROTATION_RATES != 0,
+        filter: filter(flags, MIP),
         layers,
         plate_len,
         plate_sh_degree,
+        plate_filter: filter(flags, PLATE_MIP),
         head_bytes: body.len() + 4,
         sections,
     })
@@ -257,6 +273,11 @@ pub(crate) struct PlannedSection {
     pub(crate) chunk: u32,
     /// Number of Gaussians in the section.
     pub(crate) rows: usize,
+}
+
+/// The filter that a flag of version 2 stands for.
+fn filter(flags: u8, bit: u8) -> PixelFilter {
+    if flags & bit != 0 { PixelFilter::Mip } else { PixelFilter::Blur }
 }
 
 impl Contents {
@@ -390,7 +411,10 @@ impl Contents {
         w.u8(self.coder.id());
         w.u8(self.sh_degree);
         w.u8(self.motion_order);
-        w.u8(u8::from(self.rotation_rates));
+        let flag = |is_set, bit| if is_set { bit } else { 0 };
+        w.u8(flag(self.rotation_rates, ROTATION_RATES)
+            | flag(self.filter == PixelFilter::Mip, MIP)
+            | flag(self.plate_filter == PixelFilter::Mip, PLATE_MIP));
         w.u8(self.layers.len() as u8);
         w.u8(self.info.viewpoints.len() as u8);
         w.u8(self.plate_sh_degree);

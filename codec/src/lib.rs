@@ -44,7 +44,7 @@
 //!     opacities: vec![1.0, 0.2],
 //!     sh_degree: 0,
 //!     sh: vec![[0.8, 0.1, -0.4], [0.0, 0.0, 0.0]],
-//!     temporal: None,
+//!     ..Field::default()
 //! };
 //! let info = ClipInfo {
 //!     duration_s: 2.0,
@@ -88,6 +88,7 @@ mod morton;
 #[cfg(feature = "encode")]
 mod order;
 mod parallel;
+mod pixel_filter;
 #[cfg(feature = "encode")]
 mod precision;
 mod quant;
@@ -109,6 +110,7 @@ pub use header::{Coder, Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
+pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};

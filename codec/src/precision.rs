@@ -1,6 +1,6 @@
 //! [`Precision`]: the fidelity of the coder `context`, per package and per Gaussian.
 
-use crate::{ALPHA_MIN, EncodeError, Field, columns::Columns, order::is_static, sh_coefficients};
+use crate::{ALPHA_MIN, EncodeError, Field, PixelFilter, columns::Columns, order::is_static, sh_coefficients};
 
 /// Fidelity of a package of the coder `context`. The coder `fixed` has one fidelity and ignores it.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,9 +39,24 @@ pub struct Sensitivity {
 /// Gaussian's colour and the colour behind it.
 const GEOMETRY_RATIO: f64 = 0.3;
 
-/// Lines of the picture that estimates assume, and the blur of a pixel in pixels.
+/// Lines of the picture that estimates assume.
 const LINES: f64 = 480.0;
-const BLUR: f64 = 0.55;
+
+/// Estimated standard deviation of a filter in pixels.
+const fn deviation(filter: PixelFilter) -> f64 {
+    match filter {
+        PixelFilter::Blur => 0.55,
+        PixelFilter::Mip => 0.32,
+    }
+}
+
+/// Detail that the coder keeps of a field with this filter, relative to the footprint `f`. Scales `s` are coded as
+/// `ln(s^2 + f^2)`, which is what blurring makes of them. Compensated opacity falls as `s / f` below the footprint,
+/// of which that code would lose `f sqrt(2 step)`, a fifth of the opacity at a step of 0.02; with an eighth
+/// of the footprint it is a fortieth, and detail is right up to 8 times the resolution.
+const fn kept_detail(filter: PixelFilter) -> f32 {
+    if filter.compensates() { 0.125 } else { 1.0 }
+}
 
 /// A field prepared for the coder `context`, before it is cut into chunks.
 #[derive(Debug)]
@@ -99,7 +114,8 @@ impl Precision {
         let numbers = field.len() * (10 + motion + 3 * sh_coefficients(columns.sh_degree));
         // As if the errors of all numbers were independent.
         let error = libm::pow(10.0, -0.05 * self.psnr.clamp(0.0, 160.0));
-        let footprint = self.footprint.unwrap_or_else(|| (diagonal(bounds) * BLUR / LINES) as f32);
+        let footprint = self.footprint.unwrap_or_else(|| (diagonal(bounds) * deviation(field.filter) / LINES) as f32)
+            * kept_detail(field.filter);
         Prepared { field, sensitivities, step: (12.0 / numbers as f64).sqrt() * error, footprint }
     }
 }

@@ -6,10 +6,11 @@
 mod common;
 
 use codec::{
-    ALPHA_MIN, Clip, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, Source, contents, encode,
+    ALPHA_MIN, Clip, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter, Source, contents,
+    decode, encode,
 };
 use common::{
-    Shape, field, info, options, package,
+    Parts, Shape, field, info, options, package,
     precision::{self, Worst},
     source_row, static_field, valid_clip,
 };
@@ -451,4 +452,40 @@ fn metadata_out_of_range_is_refused() {
     refuse("target", &|info| info.viewpoints[1].target[2] = f32::INFINITY);
     refuse("field of view", &|info| info.viewpoints[0].fov_y = 3.2);
     refuse("number of viewpoints", &|info| info.viewpoints = vec![info.viewpoints[0].clone(); 65]);
+}
+
+#[test]
+fn filters_are_flags_of_version_2() {
+    for (coder, filter, plate_filter) in [Coder::Fixed, Coder::Context].into_iter().flat_map(|coder| {
+        PixelFilter::ALL.into_iter().flat_map(move |a| PixelFilter::ALL.map(|b| (coder, a, b)))
+    }) {
+        let source = Field { filter, ..field(Shape::full(40), 1) };
+        let plate = Field { filter: plate_filter, ..static_field(5, 0, 2) };
+        let bytes = package(&source, Some(&plate), &options(coder, &[20]));
+        let clip = valid_clip(&bytes);
+        assert_eq!([clip.static_field.filter, clip.dynamic_field.filter, clip.filter()], [filter; 3]);
+        assert_eq!(clip.plate.as_ref().unwrap().filter, plate_filter);
+        assert_eq!(clip.merged().filter, filter);
+        let head = contents(&bytes, &Limits::default()).unwrap();
+        assert_eq!((head.filter, head.plate_filter), (filter, plate_filter));
+        let expected = if [filter, plate_filter] == [PixelFilter::Blur; 2] { 1 } else { 2 };
+        assert_eq!(head.version_major, expected, "{coder:?} {filter:?} {plate_filter:?}");
+        assert_eq!(bytes[63] & 1, 1, "rotation rates are the same flag");
+    }
+}
+
+#[test]
+fn flags_of_filters_are_refused_where_they_mean_nothing() {
+    let field = Field { filter: PixelFilter::Mip, ..field(Shape::full(40), 1) };
+    let parts = Parts::of(&package(&field, None, &options(Coder::Fixed, &[])));
+    let refused = |version: u8, flags: u8| {
+        let mut parts = parts.clone();
+        (parts.head[4], parts.head[63]) = (version, flags);
+        decode(&parts.join(), &Limits::default()).map(drop).map_err(|error| error.to_string())
+    };
+    assert_eq!(refused(2, 3), Ok(()));
+    for (version, flags) in [(1, 3), (2, 7), (2, 11)] {
+        let message = refused(version, flags).unwrap_err();
+        assert!(message.contains("byte 63") && message.contains("flags"), "{version} {flags}: {message}");
+    }
 }

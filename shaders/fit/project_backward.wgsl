@@ -67,7 +67,8 @@ fn splat_backward(row: u32, splat: Splat) -> SplatGradient {
     );
 }
 
-// To the images of the axes. The variance of x given y is xx - xy^2 / yy, and shear is xy / yy.
+// To the images x and y of the axes. The variance of x given y is xx - xy^2 / yy, and shear is xy / yy. Compensated
+// opacity has the factor sqrt(A / D), with A = |x x y|^2 and D = A + b (|x|^2 + |y|^2) + b^2 for a filter of variance b.
 fn images_backward(projected: Projected, d_splat: SplatGradient) -> array<vec3<f32>, 2> {
     let inverse_variance = projected.splat.inverse_variance;
     let shear = projected.splat.shear;
@@ -78,10 +79,21 @@ fn images_backward(projected: Projected, d_splat: SplatGradient) -> array<vec3<f
     let d_yy = shear * shear * d_variance - shear * d_shear
         - inverse_variance.y * inverse_variance.y * d_splat.inverse_variance.y;
     let images = projected.footprint.images;
-    return array<vec3<f32>, 2>(
+    var d_images = array<vec3<f32>, 2>(
         images[0] * (2.0 * d_xx) + images[1] * d_xy,
         images[1] * (2.0 * d_yy) + images[0] * d_xy,
     );
+    if COMPENSATES {
+        let footprint = projected.footprint;
+        let area = footprint.area;
+        // 1 / A - 1 / D is b (|x|^2 + |y|^2 + b) / (A D), and half the derivatives of A are y x (x x y) and
+        // (x x y) x x: neither cancels.
+        let by_filter = d_splat.log_opacity * FILTER / footprint.determinant;
+        let by_area = by_filter * (footprint.variance.x + footprint.variance.y - FILTER) / dot(area, area);
+        d_images[0] += cross(images[1], area) * by_area - images[0] * by_filter;
+        d_images[1] += cross(area, images[0]) * by_area - images[1] * by_filter;
+    }
+    return d_images;
 }
 
 // To the scaled axes in camera space. Returns the gradient with respect to the centre there.

@@ -5,7 +5,7 @@
 
 // The temporal window of a Gaussian at the frame.
 struct Window {
-    // Opacity at the frame; 1 minus the peak opacity.
+    // Opacity at the frame, not compensated; 1 minus the peak opacity.
     opacity: f32,
     clearness: f32,
     // Time since tau in intervals, and in window widths; 0 without time.
@@ -22,10 +22,12 @@ struct Footprint {
     is_inside: vec2<bool>,
     // Images of the Gaussian's scaled axes in x and in y, in pixels.
     images: array<vec3<f32>, 2>,
-    // Variances of x and y with blur in px^2, their covariance, and the determinant.
+    // Variances of x and y with the filter in px^2, their covariance, and the determinant.
     variance: vec2<f32>,
     covariance: f32,
     determinant: f32,
+    // Cross product of the images, whose square is the determinant without filter.
+    area: vec3<f32>,
 }
 
 struct Projected {
@@ -141,14 +143,15 @@ fn footprint_of(view: vec3<f32>, axes: array<vec3<f32>, 3>) -> Footprint {
     // |a|^2 |b|^2 - (a . b)^2 is |a x b|^2, which does not cancel.
     let area = cross(x_image, y_image);
     let sharp = vec2<f32>(dot(x_image, x_image), dot(y_image, y_image));
-    let determinant = dot(area, area) + BLUR * (sharp.x + sharp.y) + BLUR * BLUR;
+    let determinant = dot(area, area) + FILTER * (sharp.x + sharp.y) + FILTER * FILTER;
     return Footprint(
         slope,
         at_center == slope,
         array<vec3<f32>, 2>(x_image, y_image),
-        sharp + vec2<f32>(BLUR),
+        sharp + vec2<f32>(FILTER),
         dot(x_image, y_image),
         determinant,
+        area,
     );
 }
 
@@ -163,7 +166,7 @@ fn color_of(row: u32, direction: vec3<f32>) -> vec3<f32> {
 }
 
 // Projects a Gaussian. Returns false if it reaches no pixel: it is invisible at the frame, nearer than
-// NEAR, outside the image, or not finite.
+// NEAR, outside the image, compensated to nothing, or not finite.
 fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool {
     if !(is_finite(window.opacity) && window.opacity >= ALPHA_MIN) {
         return false;
@@ -188,8 +191,15 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         && is_finite(footprint.determinant)) {
         return false;
     }
+    var opacity = window.opacity;
+    if COMPENSATES {
+        opacity *= sqrt(dot(footprint.area, footprint.area) / footprint.determinant);
+        if !(opacity >= ALPHA_MIN) {
+            return false;
+        }
+    }
     // The margin exceeds the rounding error of the finite_exp.
-    let q_max = max(2.0 * log(window.opacity / ALPHA_MIN), 0.0) + Q_MARGIN;
+    let q_max = max(2.0 * log(opacity / ALPHA_MIN), 0.0) + Q_MARGIN;
     let half_extent = sqrt(q_max * footprint.variance);
     if !(all(center + half_extent > vec2<f32>(0.0)) && all(center - half_extent < vec2<f32>(uniforms.size))) {
         return false;
@@ -203,7 +213,7 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         footprint.covariance / yy,
         q_max,
         max(color, vec3<f32>(0.0)),
-        window.opacity,
+        opacity,
         half_extent.x * (footprint.covariance / xx),
         0u,
         0u,

@@ -14,7 +14,7 @@ struct Splat {
     q_max: f32,
     // Red, green, blue towards the camera, at least 0.
     color: vec3<f32>,
-    // Opacity at the frame, at least ALPHA_MIN.
+    // Opacity at the frame, compensated if the filter compensates, at least ALPHA_MIN.
     opacity: f32,
     // `d.y` at which the ellipse touches its bounding box on the right; on the left it is -tangent_y.
     tangent_y: f32,

@@ -14,7 +14,7 @@ pub mod layout;
 #[cfg(test)]
 mod tests;
 
-use crate::{ALPHA_MAX, ALPHA_MIN, BLUR, NEAR};
+use crate::{ALPHA_MAX, ALPHA_MIN, NEAR, filter_variance};
 
 /// A pixel is saturated before the fragment that would lower its transmittance to this.
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
@@ -119,7 +119,7 @@ pub mod binding {
 /// Size of a splat in bytes.
 pub const SPLAT_BYTES: u64 = 64;
 
-/// The columns of a scene.
+/// The columns of a scene, and its filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Columns {
     /// Degree of the spherical harmonics, 0 to 3.
@@ -130,6 +130,8 @@ pub struct Columns {
     pub motion_order: u8,
     /// Whether Gaussians rotate.
     pub rotates: bool,
+    /// Whether the scene has the mip filter, which compensates opacities.
+    pub mip: bool,
 }
 
 impl Columns {
@@ -282,7 +284,7 @@ fn constants(columns: Columns) -> String {
         ("ALPHA_MIN", ALPHA_MIN),
         ("ALPHA_MAX", ALPHA_MAX),
         ("NEAR", NEAR),
-        ("BLUR", BLUR),
+        ("FILTER", filter_variance(columns.mip)),
         ("TRANSMITTANCE_MIN", TRANSMITTANCE_MIN),
         ("LENGTH_MIN", LENGTH_MIN),
         ("Q_MARGIN", Q_MARGIN),
@@ -295,7 +297,7 @@ fn constants(columns: Columns) -> String {
     ]
     .map(float)
     .concat();
-    source += &[("IS_TIMED", columns.is_timed), ("ROTATES", columns.rotates)].map(truth).concat();
+    source += &[("IS_TIMED", columns.is_timed), ("ROTATES", columns.rotates), ("COMPENSATES", columns.mip)].map(truth).concat();
     let names =
         ["CENTER", "ROTATION", "LOG_SCALE", "LOGIT", "SH", "TAU", "LOG_WIDTH", "MOTION", "ROTATION_RATE"];
     for (column, name) in names.into_iter().enumerate() {

@@ -30,8 +30,11 @@ pub const ALPHA_MAX: f32 = 0.999;
 /// Near plane, in units of the field.
 pub const NEAR: f32 = 0.01;
 
-/// Added to the variances of every footprint, in px^2, so that no splat falls between pixels.
-pub const BLUR: f32 = 0.3;
+/// Variance of a field's filter, added to those of every footprint, in px^2, so that no splat falls between pixels:
+/// of the mip filter, which compensates opacities, or of blur.
+pub const fn filter_variance(mip: bool) -> f32 {
+    if mip { 0.1 } else { 0.3 }
+}
 
 /// Unit of the 16-bit `1/s`: the narrowest window is `1 / (65504 WIDTH_UNIT)` of the clip, 5e-7. Windows wider
 /// than 500 clips lose precision, without a visible effect.
@@ -73,6 +76,8 @@ pub struct Features {
     pub sh_degree: u8,
     /// Temporal data; `None` for a static field.
     pub motion: Option<Motion>,
+    /// Whether the field has the mip filter, which compensates opacities.
+    pub mip: bool,
 }
 
 /// The temporal data of a field.
@@ -124,11 +129,12 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
         "const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n\
          const ALPHA_MAX: f32 = {ALPHA_MAX:?};\n\
          const NEAR: f32 = {NEAR:?};\n\
-         const BLUR: f32 = {BLUR:?};\n\
+         const FILTER: f32 = {:?};\n\
          const WIDTH_UNIT: f32 = {WIDTH_UNIT:?};\n\
          const CORNERS: u32 = {CORNERS}u;\n\
          const BATCH: u32 = {BATCH}u;\n\
-         const VIEWS: u32 = {views}u;\n"
+         const VIEWS: u32 = {views}u;\n",
+        filter_variance(features.mip)
     );
     source += include_str!("../frame.wgsl");
     source += include_str!("../gaussian.wgsl");
@@ -149,6 +155,10 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
             sh_words(degree),
             include_str!("../color_sh.wgsl"),
         ),
+    };
+    source += match features.mip {
+        true => include_str!("../filter_mip.wgsl"),
+        false => include_str!("../filter_blur.wgsl"),
     };
     source += include_str!("../splat.wgsl");
     source += match purpose {

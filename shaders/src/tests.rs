@@ -9,11 +9,11 @@ use crate::layout::{Frame, Gaussian, Ranges, ViewUniform};
 
 fn all_features() -> Vec<Features> {
     let mut all = Vec::new();
-    for sh_degree in 0..=3 {
-        all.push(Features { sh_degree, motion: None });
+    for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
+        all.push(Features { sh_degree, motion: None, mip });
         for order in 0..=3 {
             for rotates in [false, true] {
-                all.push(Features { sh_degree, motion: Some(Motion { order, rotates }) });
+                all.push(Features { sh_degree, motion: Some(Motion { order, rotates }), mip });
             }
         }
     }
@@ -48,12 +48,24 @@ fn every_composition_is_valid() {
 /// A root of a number that rounding makes negative is NaN, of which WGSL promises nothing.
 #[test]
 fn no_root_is_of_a_number_that_may_be_negative() {
-    // The variances of a footprint are at least BLUR.
+    // The variances of a footprint are at least FILTER.
     let roots = ["sqrt(max(0.0, ", "sqrt(vec2<f32>(major, minor))"];
     for features in all_features() {
         let source = compose(features, PURPOSES[0]);
         for line in source.lines().filter(|line| line.contains("sqrt(")) {
             assert!(roots.iter().any(|root| line.contains(root)), "{line}");
+        }
+    }
+}
+
+#[test]
+fn a_shader_compensates_only_for_the_mip_filter() {
+    for features in all_features() {
+        for purpose in PURPOSES {
+            let source = compose(features, purpose);
+            assert_eq!(source.contains("area / sigma.x"), features.mip, "{features:?} {purpose:?}");
+            let variance = format!("const FILTER: f32 = {:?};", if features.mip { 0.1 } else { 0.3 });
+            assert!(source.contains(&variance), "{features:?} {purpose:?}");
         }
     }
 }

@@ -6,7 +6,7 @@
 
 pub(in crate::gpu) mod moment;
 
-use codec::Field;
+use codec::{Field, PixelFilter};
 use glam::DVec3;
 use half::f16;
 use shaders::layout::{Gaussian, Ranges};
@@ -62,7 +62,9 @@ pub(crate) fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -
         .into_iter()
         .filter(|field| !field.is_empty())
         .map(|field| field.sh_degree);
-    let features = Features { sh_degree: sh_degree.max().unwrap_or(0), motion };
+    let field = if dynamic_field.is_empty() { static_field } else { dynamic_field };
+    let features =
+        Features { sh_degree: sh_degree.max().unwrap_or(0), motion, mip: field.filter == PixelFilter::Mip };
     let moments: Vec<Moment> = temporal.map_or_else(Vec::new, |temporal| {
         (0..dynamic_field.len()).map(|row| Moment::of(dynamic_field, temporal, row)).collect()
     });

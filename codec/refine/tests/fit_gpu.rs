@@ -7,7 +7,7 @@ mod fixtures;
 
 use std::process::ExitCode;
 
-use codec::Camera;
+use codec::{Camera, PixelFilter};
 use fixtures::{COLUMN_NAMES, TIMELINE};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
@@ -73,6 +73,11 @@ fn static_cloud(seed: u64, count: usize, sh_degree: u8) -> Parameters<f32> {
     }
 }
 
+/// The same Gaussians with the mip filter.
+fn compensated(parameters: &Parameters<f32>) -> Parameters<f32> {
+    Parameters { filter: PixelFilter::Mip, ..parameters.clone() }
+}
+
 fn largest_difference(a: &RenderedImage<f32>, b: &RenderedImage<f32>) -> f32 {
     assert_eq!((a.width, a.height, a.pixels.len()), (b.width, b.height, b.pixels.len()));
     let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
@@ -100,6 +105,9 @@ fn images(mut gpu: Gpu) -> Result<(), DeviceError> {
         let parameters = static_cloud(u64::from(degree) + 1, 500, degree);
         gpu.load(parameters.clone().into())?;
         assert_images(&mut gpu, &parameters, &view, &format!("static, degree {degree}, {size:?}"));
+        let parameters = compensated(&parameters);
+        gpu.load(parameters.clone().into())?;
+        assert_images(&mut gpu, &parameters, &view, &format!("compensated, degree {degree}, {size:?}"));
     }
     Ok(())
 }
@@ -165,7 +173,8 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
         let camera = camera(size[0], size[1]);
         let view = FrameView { camera: &camera, time: frame };
         let weights = weights(&camera);
-        for parameters in [cloud(20 + u64::from(degree), 500, degree), static_cloud(30, 500, degree)] {
+        let (moving, fixed) = (cloud(20 + u64::from(degree), 500, degree), static_cloud(30, 500, degree));
+        for parameters in [compensated(&moving), moving, compensated(&fixed), fixed] {
             gpu.load(parameters.clone().into())?;
             let expected = cpu::render(&parameters, &view).backward(&parameters, &view, &weights, detach_tau);
             assert!(expected.rows.len() > 250, "{} are drawn", expected.rows.len());
@@ -319,7 +328,7 @@ fn nothing(mut gpu: Gpu) -> Result<(), DeviceError> {
 fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
     let camera = camera(40, 30);
     let view = FrameView { camera: &camera, time: 4.0 };
-    let plain = cloud(9, 40, 3);
+    let (plain, mip) = (cloud(9, 40, 3), compensated(&cloud(9, 40, 3)));
     let mut check = |extreme: &Parameters<f32>, view: &FrameView| -> Result<(), DeviceError> {
         gpu.load(extreme.clone().into())?;
         let image = gpu.render(view)?;
@@ -331,9 +340,11 @@ fn extremes(mut gpu: Gpu) -> Result<(), DeviceError> {
         assert_eq!(gradient.rows, expected.rows, "the same are drawn");
         Ok(())
     };
-    check(&fixtures::around_the_camera(&plain, &camera), &view)?;
-    for extreme in fixtures::with_extreme_numbers(&plain) {
-        check(&extreme, &view)?;
+    for plain in [&plain, &mip] {
+        check(&fixtures::around_the_camera(plain, &camera), &view)?;
+        for extreme in fixtures::with_extreme_numbers(plain) {
+            check(&extreme, &view)?;
+        }
     }
     for frame in fixtures::EXTREME_FRAMES {
         check(&plain, &FrameView { camera: &camera, time: frame })?;

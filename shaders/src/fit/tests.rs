@@ -41,11 +41,11 @@ const NAMES: [&str; 28] = [
 
 fn all_columns() -> Vec<Columns> {
     let mut all = Vec::new();
-    for sh_degree in 0..=3 {
-        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, rotates: false });
+    for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
+        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, rotates: false, mip });
         for motion_order in 0..=3 {
             for rotates in [false, true] {
-                all.push(Columns { sh_degree, is_timed: true, motion_order, rotates });
+                all.push(Columns { sh_degree, is_timed: true, motion_order, rotates, mip });
             }
         }
     }
@@ -143,8 +143,8 @@ fn totals_have_their_indices() {
 
 #[test]
 fn absent_columns_are_empty() {
-    let static_scene = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false };
+    let static_scene = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false, mip: false };
     assert_eq!(static_scene.numbers(), 14);
-    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true };
+    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true, mip: true };
     assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
 }

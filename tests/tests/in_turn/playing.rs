@@ -114,6 +114,9 @@ fn features_left_out(gpu: &'static Gpu) -> Result<(), String> {
         expect(&format!("{name}: {fixed} bytes of a package"), fixed > 0.0)?;
     }
     expect("SH is needed", !feature(&playing, "SH up to degree 1")?.left_out)?;
+    let compensation = feature(&playing, "opacity compensation")?;
+    let lines = saved(compensation, "shader_lines")?;
+    expect(&format!("compensation takes {lines} lines of the shader"), compensation.left_out && lines > 0.0)?;
     expect("turning is needed", !feature(&playing, "rotation over time")?.left_out)?;
     let tested = saved(feature(&playing, "Gaussians of other times")?, "rows_tested")?;
     expect(&format!("the time index saves {tested} tests"), tested > 0.0)?;

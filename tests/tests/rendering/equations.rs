@@ -64,6 +64,7 @@ fn gaussian(deviations: [f32; 3], temporal: Temporal) -> Field {
         sh_degree: 0,
         sh: vec![[1.0; 3]],
         temporal: Some(temporal),
+        ..Field::default()
     }
 }
 

@@ -11,7 +11,7 @@ use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with};
 use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings, SortOrder};
-use codec::{Camera, Clip};
+use codec::{Camera, Clip, Field, PixelFilter};
 use libtest_mimic::Trial;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
@@ -39,6 +39,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     }
     trials.extend([
         gpu::trial("plate", Passes::Shared, plate),
+        gpu::trial("mip filter", Passes::Shared, mip_filter),
+        gpu::trial("plate of another filter", Passes::Shared, plate_of_another_filter),
         gpu::trial("layers", Passes::Shared, layers),
         gpu::trial("sorted by distance from the eye", Passes::Shared, radial),
         gpu::trial("cutoffs that clip nothing", Passes::Shared, cutoffs),
@@ -169,6 +171,53 @@ fn plate(gpu: &Gpu) -> Result<(), String> {
         return Err("the plate is hardly visible, so this tests nothing".into());
     }
     Ok(())
+}
+
+/// Needles and balls from a hundredth of a pixel up, static and dynamic.
+fn mip_filter(gpu: &Gpu) -> Result<(), String> {
+    for motion in [Motion::Static, Motion::Mixed] {
+        let mut field = Recipe { sh_degree: 1, motion, ..RECIPE }.field();
+        field.filter = PixelFilter::Mip;
+        for (row, scales) in field.log_scales.iter_mut().enumerate() {
+            match row % 4 {
+                0 => scales.iter_mut().for_each(|scale| *scale -= 3.0),
+                1 => scales[1..].iter_mut().for_each(|scale| *scale -= 4.0),
+                2 => scales[0] -= 8.0,
+                _ => {}
+            }
+        }
+        let clip = decoded(&field);
+        let blurred = Field { filter: PixelFilter::Blur, ..clip.merged() };
+        for place in PLACES {
+            let camera = camera(place, SIZE.0, SIZE.1);
+            let scene = RenderScene::from(&clip);
+            compare(
+                gpu,
+                &format!("mip filter, {motion:?}, {place:?}"),
+                &clip,
+                (&camera, 0.5),
+                &RenderSettings::default(),
+                (&scene, Order::Depth),
+            )?;
+            let expected = render(&scene, &camera, 0.5, Order::Depth);
+            if render(&RenderScene::from(&blurred), &camera, 0.5, Order::Depth).psnr(&expected) > 40.0 {
+                return Err(format!("{place:?}: both filters give the same image, so this tests nothing"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The plate has a filter of its own.
+fn plate_of_another_filter(gpu: &Gpu) -> Result<(), String> {
+    let field = Recipe { motion: Motion::Static, ..RECIPE }.field();
+    let mut background = Recipe { motion: Motion::Static, seed: 9, ..RECIPE }.field();
+    background.filter = PixelFilter::Mip;
+    background.log_scales.iter_mut().flatten().for_each(|scale| *scale -= 1.0);
+    let clip = decoded_with(&field, Some(&background), &[]);
+    let view = (&camera(Place::Whole, SIZE.0, SIZE.1), 0.5);
+    let scene = RenderScene::from(&clip);
+    compare(gpu, "plate of another filter", &clip, view, &RenderSettings::default(), (&scene, Order::Depth))
 }
 
 fn layers(gpu: &Gpu) -> Result<(), String> {

@@ -52,7 +52,7 @@ impl GsplatCase {
             opacities: floats(&file, "opacities").1.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
             sh_degree: floats(&file, "coeffs").0[1].isqrt() as u8 - 1,
             sh: rows(&file, "coeffs"),
-            temporal: None,
+            ..Field::default()
         };
         field.check()?;
         let (w, h) = (f64::from(width), f64::from(height));

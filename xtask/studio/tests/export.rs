@@ -2,7 +2,7 @@
 
 mod support;
 
-use codec::{ALPHA_MIN, ClipInfo, Field};
+use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
 use studio::import::{Hints, import};
@@ -13,8 +13,8 @@ fn field_file_is_lossless() {
     let fields = (0..=3)
         .map(|degree| field(7, degree, None, false))
         .chain((0..=3u8).flat_map(|order| [false, true].map(|turns| field(9, order, Some(order), turns))));
-    for original in fields {
-        let mut original = original;
+    for (i, original) in fields.enumerate() {
+        let mut original = Field { filter: PixelFilter::ALL[i % 2], ..original };
         // Opacities that do not survive conversion to a logit.
         original.opacities[..4].copy_from_slice(&[0.0, 1.0, f32::MIN_POSITIVE, 1.0 - f32::EPSILON]);
         let imported = import_bytes("field.ply", &field_file(&original, &info())).expect("our own file");
@@ -62,6 +62,24 @@ fn other_formats_keep_the_metadata_that_they_can_hold() {
     let bytes = splatv(&field(3, 0, Some(3), true), &info());
     let text = String::from_utf8_lossy(&bytes[8..]).into_owned();
     assert_eq!(text.matches("\"img_name\"").count(), 2, "{}", text.split_at(900).0);
+}
+
+#[test]
+fn files_that_can_keep_the_filter() {
+    for filter in PixelFilter::ALL {
+        let field = Field { filter, ..field(3, 1, None, false) };
+        for (name, bytes) in
+            [("a.ply", static_ply(&field, None)), ("a.spz", spz(&field, info().up)), ("f.ply", field_file(&field, &info()))]
+        {
+            assert_eq!(import_bytes(name, &bytes).expect("our own file").field.filter, filter, "{name}");
+        }
+    }
+    let field = Field { filter: PixelFilter::Mip, ..field(3, 0, None, false) };
+    let bytes = static_ply(&field, None);
+    let at = bytes.windows(4).position(|window| window == b"mip\n").expect("the comment");
+    let unknown = [&bytes[..at], b"map", &bytes[at + 3..]].concat();
+    let error = import_bytes("a.ply", &unknown).expect_err("no such filter").to_string();
+    assert!(error.contains("comment aarc filter: cannot use `map`"), "{error}");
 }
 
 /// Values at the limits of what a field may hold.

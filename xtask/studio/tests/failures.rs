@@ -8,7 +8,7 @@ mod tool;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use codec::Field;
+use codec::{Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, splatv, static_ply};
 use studio::import::import;
@@ -247,6 +247,15 @@ fn exports_say_in_one_line_what_they_lose() {
     assert_eq!(export(&["--spz", "--at", "0.5", "-o", "a.spz"]), lost);
     assert_eq!(export(&["--ply", "--at", "0.5", "-o", "a.ply"]), "");
     assert_eq!(export(&["--ply", "-o", "whole.ply"]), "");
+    let mip = Field { filter: PixelFilter::Mip, ..field(40, 0, Some(2), true) };
     let hints = import(&folder.path().join("whole.ply")).unwrap().hints;
+    fs::write(folder.path().join("field.ply"), fitted_field_file(&mip, &info(), Holdout::Odd)).unwrap();
+    assert_eq!(export(&["--splatv", "-o", "b.splatv"]), "note: b.splatv does not hold the mip filter\n");
+    let lost = "note: b.ply does not hold the mip filter for other tools\n";
+    assert_eq!(export(&["--ply", "--at", "0.5", "-o", "b.ply"]), lost);
+    assert_eq!(export(&["--ply", "-o", "mip.ply"]), "");
+    let lost =
+        "note: b.spz does not hold the up axis, metres per unit, viewpoints, duration and frame rate\n";
+    assert_eq!(export(&["--spz", "--at", "0.5", "-o", "b.spz"]), lost);
     assert_eq!((hints.holdout, hints.viewpoints), (Some(Holdout::Odd), info().viewpoints));
 }

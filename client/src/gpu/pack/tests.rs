@@ -69,7 +69,7 @@ fn unpack_rotation(g: &Gaussian) -> [f32; 4] {
 fn static_attributes() {
     let field = field(2000, 0, None);
     let packed = pack(&field, &Field::default(), DVec3::ZERO);
-    assert_eq!(packed.features, Features { sh_degree: 0, motion: None });
+    assert_eq!(packed.features, Features::default());
     assert_eq!((packed.motion.len(), packed.sh.len()), (0, 0), "nothing for what is not there");
     for (row, g) in packed.gaussians.iter().enumerate() {
         assert_eq!(g.center.map(f32::from_bits), field.centers[row], "centres are exact");
@@ -308,7 +308,8 @@ fn regions_share_their_records() {
     let static_field = field(3, 1, None);
     let dynamic_field = field(4, 2, Some(Motion { order: 1, rotates: false }));
     let packed = pack(&static_field, &dynamic_field, DVec3::ZERO);
-    assert_eq!(packed.features, Features { sh_degree: 2, motion: Some(Motion { order: 1, rotates: false }) });
+    let motion = Some(Motion { order: 1, rotates: false });
+    assert_eq!(packed.features, Features { sh_degree: 2, motion, mip: false });
     assert_eq!((packed.gaussians.len(), packed.ranges.first_dynamic), (7, 3));
     assert_eq!((packed.motion.len(), packed.sh.len()), (4 * 3, 7 * 9));
     // Coefficients that the static field does not have are zero.

@@ -1,6 +1,6 @@
 //! [`scatter`]: random Gaussians instead of an anchor, the baseline that anchors are compared with.
 
-use codec::Camera;
+use codec::{Camera, PixelFilter};
 
 use super::pinhole::{Pinhole, nearest_to_axes};
 use super::{AnchorError, AnchorSettings};
@@ -37,6 +37,7 @@ pub fn scatter(
     let timed = timeline.frames > 1;
     let columns = Parameters {
         sh_degree: settings.sh_degree,
+        filter: PixelFilter::Mip,
         motion_order: if timed { settings.motion_order } else { 0 },
         // Only its emptiness matters: it tells `zeros` whether to make temporal columns.
         tau: vec![0.0; usize::from(timed)],

@@ -2,17 +2,14 @@
 //!
 //! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form
 //! of gsplat: the Jacobian of the projection is taken at the centre, clamped to at most 30 % of the half
-//! field of view outside the image.
+//! field of view outside the image. The field's filter is added, and compensated in the opacity if it says so.
 
-use codec::{ALPHA_MIN, Camera, Field};
+use codec::{ALPHA_MIN, Camera, Field, PixelFilter};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::alive::Alive;
 use super::sh;
-
-/// Added to the variances of every footprint, in px^2, so that no splat falls between pixels.
-pub(crate) const BLUR: f64 = 0.3;
 
 /// Near plane, in units of the field.
 const NEAR: f64 = 0.01;
@@ -27,9 +24,9 @@ pub(crate) struct Splat {
     pub(crate) row: usize,
     /// Centre in pixels, from the image's top left corner.
     pub(crate) center: DVec2,
-    /// Covariance in px^2, blur included: xx, xy, yy. Positive definite.
+    /// Covariance in px^2, filter included: xx, xy, yy. Positive definite.
     pub(crate) covariance: [f64; 3],
-    /// Opacity at the instant, in `[ALPHA_MIN, 1]`.
+    /// Opacity at the instant, in `[ALPHA_MIN, 1]`, compensated if the filter compensates.
     pub(crate) opacity: f64,
     /// Colour towards the eye: red, green, blue, from 0 up.
     pub(crate) color: [f64; 3],
@@ -47,11 +44,19 @@ impl Splat {
     }
 }
 
-/// Projects the `alive` rows of `field` in order. Skips rows in front of the near plane and rows without a
-/// finite footprint.
+/// Projects the `alive` rows of `field` in order. Skips rows in front of the near plane, rows without a
+/// finite footprint, and rows that compensation makes invisible.
 pub(crate) fn evaluate(field: &Field, alive: &[Alive], camera: &Camera, t: f64) -> Vec<Splat> {
     let projection = Projection::new(camera);
     alive.par_iter().filter_map(|&alive| projection.splat(field, alive, t)).collect()
+}
+
+/// The filtered affine approximation of a Gaussian in the image.
+struct Footprint {
+    /// See [`Splat::covariance`].
+    covariance: [f64; 3],
+    /// Factor of the opacity, 0 to 1; see [`PixelFilter::compensates`].
+    compensation: f64,
 }
 
 /// The camera as the projection uses it.
@@ -92,33 +97,45 @@ impl Projection {
         let [w, x, y, z] = field.rotation_at(row, t);
         let scales = DVec3::from_array(field.log_scales[row].map(|s| libm::exp(f64::from(s))));
         let axes = self.view_from_world * DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
-        let [xx, xy, yy] = self.footprint(view, axes * DMat3::from_diagonal(scales));
+        let Footprint { covariance, compensation } =
+            self.footprint(view, axes * DMat3::from_diagonal(scales), field.filter);
         let splat = Splat {
             row,
             center: self.focal * view.truncate() / view.z + self.principal,
-            covariance: [xx + BLUR, xy, yy + BLUR],
-            opacity,
+            covariance,
+            opacity: opacity * compensation,
             color: sh::color(field.sh_of(row), (world - self.eye).normalize_or_zero()),
             depth: view.z,
             distance: view.length(),
         };
-        let determinant = splat.covariance[0] * splat.covariance[2] - xy * xy;
+        let [xx, xy, yy] = covariance;
+        let determinant = xx * yy - xy * xy;
         let drawable = splat.center.is_finite()
             && splat.distance.is_finite()
             && splat.color.iter().all(|c| c.is_finite())
             && determinant.is_finite()
-            && determinant > 0.0;
+            && determinant > 0.0
+            && splat.opacity >= ALPHA_MIN;
         drawable.then_some(splat)
     }
 
-    /// Image covariance, without blur, of a Gaussian at `view`; the columns of `axes` are its axes times
-    /// its standard deviations.
-    fn footprint(&self, view: DVec3, axes: DMat3) -> [f64; 3] {
+    /// The filtered footprint of a Gaussian at `view`; the columns of `axes` are its axes times its standard
+    /// deviations.
+    fn footprint(&self, view: DVec3, axes: DMat3, filter: PixelFilter) -> Footprint {
         let slope = (view.truncate() / view.z).max(self.limits[0]).min(self.limits[1]);
         let f = self.focal / view.z;
         // Rows of the Jacobian times the axes.
         let x = f.x * (axes.row(0) - slope.x * axes.row(2));
         let y = f.y * (axes.row(1) - slope.y * axes.row(2));
-        [x.dot(x), x.dot(y), y.dot(y)]
+        let (xx, xy, yy) = (x.dot(x), x.dot(y), y.dot(y));
+        let added = filter.variance();
+        let compensation = if filter.compensates() {
+            // |x|^2 |y|^2 - (x . y)^2 is |x x y|^2, which does not cancel.
+            let sharp = x.cross(y).length_squared();
+            (sharp / (sharp + added * (xx + yy) + added * added)).sqrt()
+        } else {
+            1.0
+        };
+        Footprint { covariance: [xx + added, xy, yy + added], compensation }
     }
 }

@@ -5,7 +5,7 @@
 //! them. Tests compare the GPU with it, pruning compares candidates by it, and tools draw with it where
 //! there is no GPU.
 //!
-//! Conventions are those of gsplat, and so of nearly all fitted fields: 0.3 px^2 are added to variances,
+//! Conventions are those of gsplat, and so of nearly all fitted fields: variances get the filter of the field,
 //! alpha is limited to 0.999 and skipped below 1/255, and a pixel is finished before its transmittance
 //! falls to 1e-4.
 //!

@@ -7,7 +7,6 @@
 
 use codec::{Field, Sensitivity};
 
-use super::evaluate::BLUR;
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
 use super::{FieldPrefix, evaluate_all};
@@ -44,6 +43,7 @@ pub fn sensitivities(
 ) -> Option<(Vec<Sensitivity>, f32)> {
     let mut rows = vec![Sums::default(); field.len()];
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
+    let deviation = field.filter.variance().sqrt();
     for PosedView { camera, t } in views {
         let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, *t);
         sort::sort(&mut splats, Order::Depth);
@@ -71,7 +71,7 @@ pub fn sensitivities(
         };
         for (splat, sums) in splats[..subjects].iter().zip(walk.sum_per_splat(add, Sums::add)) {
             rows[splat.row].add(&sums);
-            blur += sums.color * splat.depth * BLUR.sqrt() / camera.k[0][0];
+            blur += sums.color * splat.depth * deviation / camera.k[0][0];
             weight += sums.color;
         }
         pixels += f64::from(camera.width) * f64::from(camera.height);

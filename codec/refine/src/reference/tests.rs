@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use codec::{ALPHA_MIN, Camera, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
+use codec::{ALPHA_MIN, Camera, Clip, ClipInfo, Field, LayerEnd, PixelFilter, Temporal, TimeIndex};
 use glam::{DQuat, DVec3, dvec2};
 
 use super::*;
@@ -126,6 +126,45 @@ fn one_gaussian_is_its_closed_form() {
         }
     }
     assert!(drawn > 200 && drawn < 500, "{drawn} pixels drawn");
+}
+
+/// The closed form of a compensated Gaussian, from a twentieth of a pixel to several pixels.
+#[test]
+fn the_mip_filter_compensates_the_opacity() {
+    for sigma in [0.002, 0.02, 0.2f32] {
+        let ball = Ball { sigma, opacity: 0.95, ..Ball::at([0.02, 0.02, 4.0], WHITE) };
+        let field = Field { filter: PixelFilter::Mip, ..field(&[ball]) };
+        let sharp = (FOCAL * f64::from(sigma) / 4.0).powi(2);
+        let expected = f64::from(0.95f32) * sharp / (sharp + 0.1);
+        let image = render(&(&field).into(), &camera(), 0.0, Order::Depth);
+        // The centre of the ball is that of a pixel.
+        let alpha = image.pixel(32, 24)[3];
+        let expected = if expected < ALPHA_MIN { 0.0 } else { expected };
+        assert!((alpha - expected).abs() < 1e-6, "{sigma}: {alpha} for {expected}");
+    }
+}
+
+/// Drawn at 8 times the resolution and averaged, the picture of a subpixel needle keeps its sum with the mip filter.
+#[test]
+fn the_mip_filter_keeps_the_sum_of_a_picture_at_any_resolution() {
+    let mut needle = field(&[Ball { opacity: 0.9, ..Ball::at([0.013, -0.007, 4.0], WHITE) }]);
+    needle.log_scales[0] = [0.3f32.ln(), 0.01f32.ln(), 0.01f32.ln()];
+    needle.rotations[0] = [0.9f32.sqrt(), 0.0, 0.0, 0.1f32.sqrt()];
+    let sum = |filter, times: u32| {
+        let mut camera = camera();
+        (camera.width, camera.height) = (times * WIDTH, times * HEIGHT);
+        camera.k[..2].iter_mut().flatten().for_each(|x| *x *= f64::from(times));
+        let field = Field { filter, ..needle.clone() };
+        let image = render(&(&field).into(), &camera, 0.0, Order::Depth);
+        image.pixels.iter().map(|pixel| pixel[3]).sum::<f64>() / f64::from(times * times)
+    };
+    // The exact sum, less the tails below 1/255.
+    let exact = 2.0 * PI * 0.9 * (FOCAL / 4.0f64).powi(2) * 0.3 * 0.01;
+    for times in [1, 2, 4, 8] {
+        let mip = sum(PixelFilter::Mip, times) / exact;
+        assert!((0.9..1.01).contains(&mip), "{times}: {mip}");
+    }
+    assert!(sum(PixelFilter::Blur, 1) > 1.8 * exact, "blur adds to it");
 }
 
 /// Compares the covariance with finite differences of the projection.

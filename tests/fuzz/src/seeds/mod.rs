@@ -33,6 +33,7 @@ pub(crate) fn field(motion_order: u8) -> Field {
             motion: (0..n * order).map(|k| [0.1, 0.01 * k as f32, 0.0]).collect(),
             rotation_rates: (order > 0).then(|| vec![[0.0, 0.1, 0.0, 0.0]; n]),
         }),
+        ..Field::default()
     }
 }
 

@@ -120,6 +120,7 @@ fn to_field(set: &GaussianSet, duration_s: f64) -> Field {
             motion: triples(&set.motions, &|x| (f64::from(x) * duration_s) as f32),
             rotation_rates: None,
         }),
+        ..Field::default()
     }
 }
 
@@ -143,6 +144,7 @@ mod tests {
                 motion: vec![[4.0, 0.0, -1.0], [bend, 0.0, 0.0]],
                 rotation_rates: None,
             }),
+            ..Field::default()
         }
     }
 

@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 use super::result::{ClipFeature, ResourceUse};
 use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
 use client::viewpoint::viewpoints;
-use codec::{Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Source, sh_coefficients};
+use codec::{
+    Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Source, sh_coefficients,
+};
 use shaders::{Features, Motion, Purpose, compose};
 
 use super::bench::{EyeMode, Variant, VariantContent};
@@ -89,6 +91,7 @@ pub(super) fn features(clip: &Clip, gpu: &Gpu, layers: &[usize]) -> Vec<FeatureT
     sh(clip, &mut features);
     motion(clip, &mut features);
     rotation(clip, &mut features);
+    features.push(compensation(clip));
     features.extend([static_columns(clip), index(clip), plate(clip), layered(clip, layers)]);
     eyes(gpu, &mut features);
     features.push(sort_width(clip));
@@ -195,6 +198,27 @@ fn rotation(clip: &Clip, features: &mut Vec<FeatureToggle>) {
         packable(clip, field)
     }));
     features.push(feature);
+}
+
+/// The mip filter's opacity. Frame times are not compared, because the filter changes the fragments, too.
+fn compensation(clip: &Clip) -> FeatureToggle {
+    let name = "opacity compensation".to_owned();
+    if clip.filter().compensates() {
+        return needed(name, "the clip has the mip filter".into());
+    }
+    let with = |field: &Field| Field { filter: PixelFilter::Mip, ..field.clone() };
+    let compensated = Clip {
+        static_field: with(&clip.static_field),
+        dynamic_field: with(&clip.dynamic_field),
+        ..clip.clone()
+    };
+    FeatureToggle {
+        left_out: true,
+        switched_on: "the mip filter".into(),
+        counts: [counts(clip), counts(&compensated)],
+        package: Some(Box::new(move |clip| packable(clip, with(&ordered(clip))))),
+        ..needed(name, "no: the filter leaves opacities as they are".into())
+    }
 }
 
 /// Windows and motion of the Gaussians that are always on and never move.
@@ -317,7 +341,7 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     let temporal = clip.dynamic_field.temporal.as_ref().filter(|_| !clip.dynamic_field.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
-    let features = Features { sh_degree: clip.sh_degree(), motion };
+    let features = Features { sh_degree: clip.sh_degree(), motion, mip: clip.filter().compensates() };
     let shader = compose(features, Purpose::Draw { views: 1 });
     let bindings = shader.matches("@binding(").count();
     let tested = |t: f64| {

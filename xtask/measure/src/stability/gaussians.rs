@@ -63,6 +63,7 @@ pub(super) fn field(rows: &[Gaussian]) -> Field {
         sh_degree: 0,
         sh: rows.iter().map(|row| row.color.map(|c| (c - 0.5) / y0)).collect(),
         temporal: (order > 0 || turns || fades).then_some(temporal),
+        ..Field::default()
     }
 }
 

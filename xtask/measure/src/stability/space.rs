@@ -1,7 +1,7 @@
 //! Stiff in space: scales from 1e-8 to 1e6 of the scene, needles, and Gaussians around the eye, far away, or at the
 //! limits of the view.
 
-use codec::Field;
+use codec::{Field, PixelFilter};
 
 use super::gaussians::{Gaussian, crowd, field, normalized, static_crowd};
 use refine::prune::PosedView;
@@ -171,6 +171,35 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 let rows: Vec<Gaussian> =
                     crowd(800).into_iter().map(|row| row.sized([2e-4, 1e-3, 5e-5])).collect();
                 StabilityScene::new(field(&rows), at(&[0.3, 0.6]))
+            },
+        ),
+        case(
+            GROUP,
+            "subpixel needles with the mip filter, zooming in",
+            2.0,
+            "opacity by a quotient of determinants that do not cancel, never negative; it follows the scale from a \
+             hundredth of a pixel to a pixel",
+            || {
+                let zoom = |distance: f64| PosedView { camera: look([0.0, 0.0, -distance], [0.0; 3]), t: 0.5 };
+                let rows: Vec<Gaussian> =
+                    crowd(800).into_iter().map(|row| row.sized([0.1, 2e-3, 1e-5])).collect();
+                let field = Field { filter: PixelFilter::Mip, ..field(&rows) };
+                StabilityScene::new(field, [256.0, 64.0, 16.0, 4.0, 2.0].map(zoom).to_vec())
+            },
+        ),
+        case(
+            GROUP,
+            "scales from 1e-8 to 1e6 of the scene with the mip filter",
+            2.0,
+            "opacity by a quotient of determinants that do not cancel; compensated to nothing, it is not drawn",
+            || {
+                let row = |k: i32| {
+                    let center = [0.2 * (k + 1) as f32, 0.1 * (k % 3) as f32, 0.05 * k as f32];
+                    Gaussian { center, opacity: 0.3, ..Gaussian::default() }.sized([10f32.powi(k); 3])
+                };
+                let rows: Vec<Gaussian> = (-8..=6).map(row).collect();
+                let field = field(&[rows, static_crowd(20)].concat());
+                StabilityScene::new(Field { filter: PixelFilter::Mip, ..field }, at(&T))
             },
         ),
         case(

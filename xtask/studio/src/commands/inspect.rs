@@ -66,6 +66,7 @@ struct Inspection {
     sh_degree: u8,
     motion_order: u8,
     rotation_rates: bool,
+    filter: &'static str,
     plate: Option<Plate>,
     layers: Vec<Layer>,
     left_out: Vec<LeftOut>,
@@ -89,6 +90,7 @@ struct ViewpointRow {
 struct Plate {
     gaussians: usize,
     sh_degree: u8,
+    filter: &'static str,
 }
 
 /// Cost of playing up to and including a layer.
@@ -161,7 +163,12 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         sh_degree: contents.sh_degree,
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
-        plate: clip.plate.as_ref().map(|plate| Plate { gaussians: plate.len(), sh_degree: plate.sh_degree }),
+        filter: contents.filter.name(),
+        plate: clip.plate.as_ref().map(|plate| Plate {
+            gaussians: plate.len(),
+            sh_degree: plate.sh_degree,
+            filter: plate.filter.name(),
+        }),
         layers: layers(&contents, clip.layers.len()),
         left_out: left_out(&contents, clip),
         gpu_bytes: gpu_bytes(&contents, clip),
@@ -271,9 +278,10 @@ impl Inspection {
             "columns     SH degree {}, motion of order {}, {rotates}",
             self.sh_degree, self.motion_order
         );
+        println!("filter      {}", self.filter);
         match &self.plate {
-            Some(plate) => {
-                println!("plate       {} Gaussians, SH degree {}", plate.gaussians, plate.sh_degree)
+            Some(Plate { gaussians, sh_degree, filter }) => {
+                println!("plate       {gaussians} Gaussians, SH degree {sh_degree}, filter {filter}")
             }
             None => println!("plate       none"),
         }

@@ -3,7 +3,7 @@
 use codec::{ClipInfo, Field};
 use refine::capture::Holdout;
 
-use super::ply::{binary_ply, metadata, push_static, static_names};
+use super::ply::{binary_ply, filter_comment, metadata, push_static, static_names};
 use crate::import::field_file::{MARK, VERSION};
 
 /// A field and the metadata of its clip, without loss.
@@ -19,6 +19,7 @@ pub fn fitted_field_file(field: &Field, info: &ClipInfo, holdout: Holdout) -> Ve
 fn with_holdout(field: &Field, info: &ClipInfo, holdout: Option<Holdout>) -> Vec<u8> {
     let mut comments = vec![format!("{MARK} field {VERSION}")];
     comments.extend(metadata(info));
+    comments.extend(filter_comment(field.filter));
     comments.extend(holdout.map(|holdout| format!("{MARK} holdout {}", holdout.name())));
     let mut names = static_names(field.sh_degree);
     names.push("aarc_opacity".into());

@@ -1,18 +1,20 @@
 //! The PLY of 3D Gaussian Splatting, as [`crate::import`] reads it.
 
-use codec::{ClipInfo, Field, sh_coefficients};
+use codec::{ClipInfo, Field, PixelFilter, sh_coefficients};
 
 use crate::import::field_file::MARK;
 
 /// Larger logits give the same opacity in `f32`; infinite ones would break other readers.
 const LOGIT_MAX: f64 = 16.0;
 
-/// The static columns of a field, with the unused normals that some readers expect, and the metadata of its clip as
+/// The static columns of a field, with the unused normals that some readers expect, and its filter and the metadata of its clip as
 /// comments. Windows and motion are omitted: see [`super::frozen`].
 pub fn static_ply(field: &Field, info: Option<&ClipInfo>) -> Vec<u8> {
     let mut names = static_names(field.sh_degree);
     names.splice(3..3, ["nx", "ny", "nz"].map(String::from));
-    binary_ply(&info.map_or_else(Vec::new, metadata), &names, field.len(), |i, row| {
+    let mut comments = info.map_or_else(Vec::new, metadata);
+    comments.extend(filter_comment(field.filter));
+    binary_ply(&comments, &names, field.len(), |i, row| {
         push_static(field, i, row);
         row.splice(3..3, [0.0; 3]);
     })
@@ -33,6 +35,11 @@ pub(super) fn metadata(info: &ClipInfo) -> Vec<String> {
         format!("{MARK} viewpoint {position} {target} {} {name}", view.fov_y)
     }));
     comments
+}
+
+/// The comment that names another filter than the one of most fields.
+pub(super) fn filter_comment(filter: PixelFilter) -> Option<String> {
+    (filter != PixelFilter::default()).then(|| format!("{MARK} filter {}", filter.name()))
 }
 
 /// Names of the static columns.

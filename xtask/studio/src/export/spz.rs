@@ -8,7 +8,7 @@ use codec::Field;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use crate::import::spz::{COLOR_SCALE, MAGIC};
+use crate::import::spz::{ANTIALIASED, COLOR_SCALE, MAGIC};
 
 /// Bits of a stored coordinate without its sign.
 const COORDINATE_BITS: i32 = 23;
@@ -27,7 +27,8 @@ pub fn spz(field: &Field, up: [f32; 3]) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(3u32.to_le_bytes());
     bytes.extend((field.len() as u32).to_le_bytes());
-    bytes.extend([field.sh_degree, places, 0, 0]);
+    let flags = if field.filter.compensates() { ANTIALIASED } else { 0 };
+    bytes.extend([field.sh_degree, places, flags, 0]);
 
     let flip = if up[1] < 0.0 { -1.0 } else { 1.0 };
     let largest = (1 << COORDINATE_BITS) - 1;

@@ -103,6 +103,7 @@ mod tests {
                 motion: vec![[0.0; 3], [0.0, 0.4, 0.0]],
                 rotation_rates: None,
             }),
+            ..Field::default()
         }
     }
 

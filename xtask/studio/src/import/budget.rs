@@ -90,7 +90,7 @@ impl ImportBudget {
             opacities: self.vec(rows)?,
             sh_degree,
             sh: self.vec(rows.saturating_mul(sh_coefficients(sh_degree)))?,
-            temporal: None,
+            ..Field::default()
         })
     }
 

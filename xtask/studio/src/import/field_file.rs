@@ -2,7 +2,7 @@
 //!
 //! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
 
-use codec::{MOTION_ORDER_MAX, Viewpoint};
+use codec::{MOTION_ORDER_MAX, PixelFilter, Viewpoint};
 use refine::capture::Holdout;
 
 use super::budget::ImportBudget;
@@ -93,6 +93,19 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
         }
     }
     Ok(hints)
+}
+
+/// The filter in the comments of any PLY; that of most fields if there is none.
+///
+/// # Errors
+/// One sentence that names the comment, if it names no filter.
+pub(super) fn filter(ply: &Ply) -> Result<PixelFilter, String> {
+    match metadata(ply).find(|(key, _)| *key == "filter") {
+        None => Ok(PixelFilter::default()),
+        Some((key, value)) => {
+            PixelFilter::named(value).ok_or_else(|| format!("comment {MARK} {key}: cannot use `{value}`"))
+        }
+    }
 }
 
 /// Parses `position target fov_y name`; the name is the rest of the line.

@@ -147,8 +147,8 @@ fn read_ply(ply: &ply::Ply, budget: &mut ImportBudget) -> Result<Imported, Strin
     let Some(vertex) = ply.table("vertex") else {
         return Err("PLY without a vertex element".into());
     };
-    let hints = field_file::hints(ply)?;
-    let imported = if field_file::is_marked(ply) {
+    let (hints, filter) = (field_file::hints(ply)?, field_file::filter(ply)?);
+    let mut imported = if field_file::is_marked(ply) {
         field_file::read(vertex, budget)
     } else if ply.table("chunk").is_some() {
         compressed_ply::read(ply, vertex, budget)
@@ -156,6 +156,7 @@ fn read_ply(ply: &ply::Ply, budget: &mut ImportBudget) -> Result<Imported, Strin
         spacetime::read(vertex, budget)
     } else {
         inria::read(vertex, budget)
-    };
-    Ok(Imported { hints, ..imported? })
+    }?;
+    imported.field.filter = filter;
+    Ok(Imported { hints, ..imported })
 }

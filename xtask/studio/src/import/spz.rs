@@ -18,7 +18,7 @@
 
 use std::io::Read;
 
-use codec::{SH_DEGREE_MAX, sh_coefficients};
+use codec::{PixelFilter, SH_DEGREE_MAX, sh_coefficients};
 
 use super::budget::ImportBudget;
 use super::imported::{Hints, Imported, Repairs, TRUNCATED};
@@ -36,11 +36,16 @@ const HEADER: usize = 16;
 /// Bytes of the header of version 4.
 const HEADER_V4: usize = 32;
 
+/// Bit of byte 14 of the header: the field was fitted with compensated opacities.
+pub(crate) const ANTIALIASED: u8 = 1;
+
 struct Header {
     version: u32,
     gaussians: usize,
     sh_degree: u8,
     fractional_bits: u8,
+    /// Whether the field was fitted with compensated opacities.
+    is_antialiased: bool,
     /// Version 4: number of packed arrays, and where their table of sizes starts.
     streams: usize,
     table: usize,
@@ -58,6 +63,7 @@ impl Header {
             gaussians: word(8) as usize,
             sh_degree: bytes[12],
             fractional_bits: bytes[13],
+            is_antialiased: bytes[14] & ANTIALIASED != 0,
             streams: usize::from(bytes[15]),
             table: bytes.get(16..20).map_or(0, |_| word(16) as usize),
         };
@@ -121,6 +127,10 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         coefficients.iter().map(|c| c.map(|byte| (f32::from(byte) - 128.0) / 128.0))
     };
     let mut field = budget.field(rows, sh_degree)?;
+    if header.is_antialiased {
+        // The format does not say with which variance; Mip-Splatting's is the one that is known here.
+        field.filter = PixelFilter::Mip;
+    }
     field.centers.extend(first(centers, rows).map(center));
     match header.version {
         2 => field.rotations.extend(first(rotations, rows).map(|&xyz| unpack_first_three(xyz))),

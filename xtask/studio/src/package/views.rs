@@ -175,7 +175,7 @@ mod tests {
             opacities: vec![1.0],
             sh_degree: 0,
             sh: vec![[0.0; 3]],
-            temporal: None,
+            ..Field::default()
         };
         let viewpoint = |i: usize| {
             let (sin, cos) = (std::f32::consts::TAU * i as f32 / count as f32).sin_cos();

@@ -78,6 +78,7 @@ pub(crate) fn field(len: usize, sh_degree: u8, motion_order: Option<u8>, turns: 
             motion: (0..len * usize::from(motion_order)).map(|_| noise.vector(-1.0, 1.0)).collect(),
             rotation_rates: turns.then(|| (0..len).map(|_| noise.vector(-0.5, 0.5)).collect()),
         }),
+        ..Field::default()
     };
     field.check().expect("a valid field");
     field

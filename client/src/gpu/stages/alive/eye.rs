@@ -1,5 +1,6 @@
 //! [`Eye`]: frustum culling and contribution bounds for one eye.
 
+use codec::PixelFilter;
 use glam::{Affine3A, DMat4, DVec3, Vec2, Vec3A};
 
 use super::columns::{BATCH, ContributionBound, Places};
@@ -29,7 +30,7 @@ impl Eye {
 
     /// Prepares `view`; `origin` is that of the clip, in the world.
     pub(super) fn new(view: &View, origin: DVec3) -> Eye {
-        // The radius to which blur alone, 0.3 px^2, can carry a Gaussian, plus a pixel for
+        // The radius to which a filter alone, of at most 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
         const MARGIN: f32 = 2.9;
         let (low, high) = slope_limits(view);
@@ -54,7 +55,7 @@ impl Eye {
             xs.iter().zip(ys).zip(zs).zip(support_radius).zip(visible)
         {
             // All terms are multiplied by the depth. The footprint's standard deviation is
-            // sqrt(a^2 + b^2) with the blur b: at most a + b, and the margin includes b.
+            // sqrt(a^2 + b^2) with the filter b: at most a + b, and the margin includes b.
             let depth = a.z * x + b.z * y + c.z * z + o.z;
             let right = self.focal.x * (a.x * x + b.x * y + c.x * z + o.x);
             let down = self.focal.y * (a.y * x + b.y * y + c.y * z + o.y);
@@ -69,11 +70,24 @@ impl Eye {
 
     /// Upper bound of a Gaussian's sum of alpha over all pixels at `d` after the instant of its record: as if
     /// it showed its two longest axes at the centre of the image.
-    pub(super) fn weight_px(&self, place: Vec3A, d: f32, contribution: &ContributionBound) -> f32 {
+    pub(super) fn weight_px(
+        &self,
+        place: Vec3A,
+        d: f32,
+        contribution: &ContributionBound,
+        filter: PixelFilter,
+    ) -> f32 {
+        // Compensated opacities keep the integral that they have without filter. The sum over pixel centres
+        // exceeds it for the narrowest footprint, 0.1 px^2 at a pixel's centre: (sum exp(-5 n^2))^2 / (0.2 pi).
+        const MIP_PEAK: f32 = 1.64;
         let distance = self.view_from_clip.transform_point3a(place).length();
         let footprint = contribution.sigmas * (self.focal.max_element() / distance);
-        let variances = footprint * footprint + shaders::BLUR;
-        std::f32::consts::TAU * contribution.opacity_at(d) * variances.element_product().sqrt()
+        let (added, peak) = match filter {
+            PixelFilter::Blur => (shaders::filter_variance(false), 1.0),
+            PixelFilter::Mip => (0.0, MIP_PEAK),
+        };
+        let variances = footprint * footprint + added;
+        std::f32::consts::TAU * peak * contribution.opacity_at(d) * variances.element_product().sqrt()
     }
 }
 

@@ -12,7 +12,7 @@ mod tests;
 
 use std::ops::Range;
 
-use codec::{Field, LayerEnd, TimeIndex};
+use codec::{Field, LayerEnd, PixelFilter, TimeIndex};
 use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
@@ -33,6 +33,7 @@ pub(in crate::gpu) struct Rows {
     layers: Vec<LayerEnd>,
     time_index: TimeIndex,
     origin: DVec3,
+    filter: PixelFilter,
 }
 
 /// Counts of the stage.
@@ -52,9 +53,10 @@ impl Rows {
         layers: Vec<LayerEnd>,
         time_index: TimeIndex,
     ) -> Rows {
+        let filter = if dynamic_field.is_empty() { static_field.filter } else { dynamic_field.filter };
         let [static_field, dynamic_field] =
             [static_field, dynamic_field].map(|field| RowColumns::new(field, origin));
-        Rows { static_field, dynamic_field, layers, time_index, origin }
+        Rows { static_field, dynamic_field, layers, time_index, origin, filter }
     }
 
     pub(in crate::gpu) fn len(&self) -> usize {
@@ -89,6 +91,7 @@ impl Rows {
             eyes: &eyes[..views.len().min(EYES_MAX)],
             depth: DepthKeys::new(views, self.origin, settings.sort),
             min_contribution_px: settings.min_contribution_px,
+            filter: self.filter,
             items,
             seen: CullCounts::default(),
         };
@@ -107,6 +110,7 @@ struct Culler<'a> {
     eyes: &'a [Eye],
     depth: DepthKeys,
     min_contribution_px: f32,
+    filter: PixelFilter,
     items: &'a mut Vec<Item>,
     seen: CullCounts,
 }
@@ -132,7 +136,7 @@ impl Culler<'_> {
                     let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
                     let (d, contribution) = (batch.since[i], &columns.contribution[row]);
                     let is_negligible =
-                        |eye: &Eye| eye.weight_px(place, d, contribution) < self.min_contribution_px;
+                        |eye: &Eye| eye.weight_px(place, d, contribution, self.filter) < self.min_contribution_px;
                     if self.eyes.iter().all(is_negligible) {
                         self.seen.culled += 1;
                         continue;

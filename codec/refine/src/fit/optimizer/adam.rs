@@ -114,6 +114,7 @@ mod tests {
             sh: vec![[T::zero(); 3]; 4 * rows],
             tau: vec![T::from_f64(2.0); rows],
             log_widths: vec![T::from_f64(0.5); rows],
+            filter: codec::PixelFilter::default(),
             motion_order: 2,
             motion: vec![[T::zero(); 3]; 2 * rows],
             rotation_rates: vec![[T::zero(); 4]; rows],

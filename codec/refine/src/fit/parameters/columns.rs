@@ -4,7 +4,7 @@
 //! opacities are logits, widths and scales are logarithms, and time is in intervals (see [`Timeline`]), so
 //! that a motion coefficient is a length: the distance that a Gaussian moves within an interval.
 
-use codec::{Field, MOTION_ORDER_MAX, SH_DEGREE_MAX, Temporal, sh_coefficients};
+use codec::{Field, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Temporal, sh_coefficients};
 use serde::{Deserialize, Serialize};
 
 use super::Timeline;
@@ -32,6 +32,8 @@ pub struct Parameters<T> {
     pub sh_degree: u8,
     /// Spherical harmonics coefficients as in [`Field::sh`].
     pub sh: Vec<[T; 3]>,
+    /// The filter that the Gaussians are drawn with; not optimised.
+    pub filter: PixelFilter,
     /// Window centres in intervals; empty for a scene without time.
     pub tau: Vec<T>,
     /// Natural logarithms of the window widths in intervals; empty for a scene without time.
@@ -94,6 +96,7 @@ impl<T: Real> Parameters<T> {
             logits: vec![z; rows],
             sh_degree: self.sh_degree,
             sh: vec![[z; 3]; rows * sh_coefficients(self.sh_degree)],
+            filter: self.filter,
             tau: vec![z; if_timed(rows)],
             log_widths: vec![z; if_timed(rows)],
             motion_order: self.motion_order,
@@ -126,6 +129,7 @@ impl<T: Real> Parameters<T> {
             logits: field.opacities.iter().map(|o| logit(*o)).collect(),
             sh_degree: field.sh_degree,
             sh: field.sh.iter().map(|c| c.map(convert)).collect(),
+            filter: field.filter,
             tau: temporal.tau.iter().map(|t| T::from_f64(f64::from(*t) * per_clip)).collect(),
             log_widths: temporal.s.iter().map(width).collect(),
             motion_order: temporal.motion_order,
@@ -169,6 +173,7 @@ impl<T: Real> Parameters<T> {
             opacities: self.logits.iter().map(opacity).collect(),
             sh_degree: self.sh_degree,
             sh: self.sh.iter().map(|c| c.map(single)).collect(),
+            filter: self.filter,
             temporal,
         }
     }
@@ -186,7 +191,7 @@ impl<T: Real> Parameters<T> {
         selected
     }
 
-    /// Appends the rows of `other`, which has the same columns.
+    /// Appends the rows of `other`, which has the same columns and filter.
     pub fn append(&mut self, other: Parameters<T>) {
         self.centers.extend(other.centers);
         self.rotations.extend(other.rotations);
@@ -257,6 +262,7 @@ mod tests {
             opacities: vec![0.25, 0.9],
             sh_degree: 1,
             sh: (0..8).map(|i| [i as f32, 0.5, -0.25]).collect(),
+            filter: PixelFilter::Mip,
             temporal: Some(Temporal {
                 tau: vec![0.25, 0.75],
                 s: vec![0.125, 2.0],
@@ -281,7 +287,7 @@ mod tests {
                 assert!((a - b).abs() < 1e-6);
             }
         }
-        assert_eq!(back.sh, field().sh);
+        assert_eq!((back.sh, back.filter), (field().sh, PixelFilter::Mip));
         assert_eq!(back.log_scales, field().log_scales);
     }
 

@@ -95,6 +95,10 @@ pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
         let gpu_words = Motion { rotates: true, ..motion }.words() - motion.words();
         add("rotation over time".to_owned(), all, &[ROTATION_RATES], gpu_words);
     }
+    if !contents.filter.compensates() {
+        // The mip filter is a flag of the head and code of the player.
+        add("opacity compensation".to_owned(), Rows { chunks: 0, ..all }, &[], 0);
+    }
     if clip.plate.is_none() {
         // A plate costs only its Gaussians, and an absent one has none.
         add("plate".to_owned(), Rows { gaussians: 0, chunks: 0 }, &[], 0);

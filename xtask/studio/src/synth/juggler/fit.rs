@@ -268,6 +268,7 @@ impl Gaussians {
                 motion: rows.iter().flat_map(|row| row.motion.map(single)).collect(),
                 rotation_rates: Some(rows.iter().map(|row| quaternion(row.rate)).collect()),
             }),
+            ..Field::default()
         }
     }
 }

@@ -3,16 +3,13 @@
 //! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form of gsplat,
 //! as in the reference. It is kept as the variances of y and of x given y, so that needles lose no digits.
 
-use codec::{ALPHA_MIN, sh_coefficients};
+use codec::{ALPHA_MIN, PixelFilter, sh_coefficients};
 use rayon::prelude::*;
 
 use super::sh;
 use crate::fit::parameters::{NORM_MIN, Parameters};
 use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
-
-/// Added to the variances of every footprint, in px^2: no splat falls between pixels.
-pub(in crate::fit) const BLUR: f64 = 0.3;
 
 /// Distance in front of the camera below which Gaussians are culled, in units of the capture.
 pub(in crate::fit) const NEAR: f64 = 0.01;
@@ -29,7 +26,7 @@ pub(super) struct Splat<T> {
     pub(super) shear: T,
     /// In px^-2: of x given y, and of y.
     pub(super) inverse_variance: [T; 2],
-    /// Opacity at the frame, in `[ALPHA_MIN, 1]`.
+    /// Opacity at the frame, in `[ALPHA_MIN, 1]`, compensated if the filter compensates.
     pub(super) opacity: T,
     /// Red, green, blue towards the camera, at least 0.
     pub(super) color: [T; 3],
@@ -64,7 +61,7 @@ pub(super) struct Projected<T> {
 /// The temporal window of a Gaussian at the frame.
 #[derive(Clone, Copy)]
 pub(super) struct Window<T> {
-    /// Opacity at the frame.
+    /// Opacity at the frame, not compensated.
     pub(super) opacity: T,
     /// 1 minus the peak opacity.
     pub(super) clearness: T,
@@ -83,14 +80,17 @@ pub(super) struct Footprint<T> {
     pub(super) is_inside: [bool; 2],
     /// Rows are the images of the scaled axes in x and in y, in pixels.
     pub(super) images: [[T; 3]; 2],
-    /// Variances of x and y in px^2, blur included.
+    /// Variances of x and y in px^2, filter included.
     pub(super) variance: [T; 2],
     covariance: T,
-    determinant: T,
+    pub(super) determinant: T,
+    /// Cross product of the images, whose square is the determinant without filter.
+    pub(super) area: [T; 3],
 }
 
-/// A view in the precision of the projection.
+/// A view in the precision of the projection, and the filter of the field.
 pub(super) struct Projection<T> {
+    pub(super) filter: PixelFilter,
     time: T,
     pub(super) size: [T; 2],
     pub(super) focal: [T; 2],
@@ -103,10 +103,11 @@ pub(super) struct Projection<T> {
 }
 
 impl<T: Real> Projection<T> {
-    pub(super) fn new(view: &FrameView) -> Projection<T> {
+    pub(super) fn new(view: &FrameView, filter: PixelFilter) -> Projection<T> {
         let camera = view.camera;
         let m = &camera.camera_from_world;
         Projection {
+            filter,
             time: T::from_f64(view.time),
             size: [camera.width, camera.height].map(|side| T::from_f64(f64::from(side))),
             focal: [camera.k[0][0], camera.k[1][1]].map(T::from_f64),
@@ -193,7 +194,7 @@ impl<T: Real> Projection<T> {
         // Rows of the Jacobian times the axes.
         let images =
             [0, 1].map(|axis| scaled(add(axes[axis], scaled(axes[2], -slope[axis])), self.focal[axis] / z));
-        let blur = T::from_f64(BLUR);
+        let added = T::from_f64(self.filter.variance());
         let [x_image, y_image] = images;
         let (xx, yy) = (dot(x_image, x_image), dot(y_image, y_image));
         // |a|^2 |b|^2 - (a . b)^2 is |a x b|^2, which does not cancel.
@@ -202,13 +203,23 @@ impl<T: Real> Projection<T> {
             slope,
             is_inside: [0, 1].map(|axis| at_center[axis] == slope[axis]),
             images,
-            variance: [xx + blur, yy + blur],
+            variance: [xx + added, yy + added],
             covariance: dot(x_image, y_image),
-            determinant: dot(area, area) + blur * (xx + yy) + blur * blur,
+            determinant: dot(area, area) + added * (xx + yy) + added * added,
+            area,
         }
     }
 
-    /// The splat of a footprint; `None` if it is not finite or outside the image.
+    /// Factor of the opacity of a footprint, 0 to 1: the root of the ratio of the determinants without and with
+    /// the filter if that compensates, else 1.
+    fn compensation(&self, footprint: &Footprint<T>) -> T {
+        match self.filter.compensates() {
+            true => (dot(footprint.area, footprint.area) / footprint.determinant).sqrt(),
+            false => T::one(),
+        }
+    }
+
+    /// The splat of a footprint; `None` if it is not finite, outside the image, or compensated to nothing.
     fn splat(
         &self,
         row: u32,
@@ -221,6 +232,10 @@ impl<T: Real> Projection<T> {
         let center = [0, 1].map(|axis| self.focal[axis] / z * view[axis] + self.principal[axis]);
         let &Footprint { variance: [xx, yy], covariance: xy, determinant, .. } = footprint;
         if !(center.iter().all(|x| x.is_finite()) && determinant.is_finite()) {
+            return None;
+        }
+        let opacity = opacity * self.compensation(footprint);
+        if self.filter.compensates() && !(opacity >= T::from_f64(ALPHA_MIN)) {
             return None;
         }
         let visible = T::from_f64(2.0 * libm::log(opacity.to_double() / ALPHA_MIN)).max(T::zero());
@@ -303,7 +318,7 @@ pub(super) fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(super) fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

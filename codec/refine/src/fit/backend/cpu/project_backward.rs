@@ -5,7 +5,9 @@
 use codec::sh_coefficients;
 use rayon::prelude::*;
 
-use super::project::{Projected, Projection, Splat, Window, add, dot, matrix, scaled, transposed_times};
+use super::project::{
+    Footprint, Projected, Projection, Splat, Window, add, cross, dot, matrix, scaled, transposed_times,
+};
 use super::rasterize_backward::SplatGradient;
 use super::sh;
 use crate::fit::backend::Gradient;
@@ -24,7 +26,7 @@ pub(super) fn project_backward<T: Real>(
     view: &FrameView,
     detach_tau: bool,
 ) -> Gradient<T> {
-    let projection = Projection::new(view);
+    let projection = Projection::new(view, parameters.filter);
     let mut by_row: Vec<(u32, u32)> = (0..).zip(splats).map(|(index, splat)| (splat.row, index)).collect();
     by_row.par_sort_unstable();
     let mut values = parameters.zeros(by_row.len());
@@ -144,7 +146,8 @@ fn gaussian<T: Real>(
     out.center = d_world;
     let d_since = motion(parameters, row, projected.window.since, &mut out);
     let by_since = if detach_tau { T::zero() } else { d_since };
-    temporal(&projected.window, d_splat.opacity, by_since, !parameters.tau.is_empty(), &mut out);
+    let d_log_opacity = d_splat.opacity * projected.splat.opacity;
+    temporal(&projected.window, d_log_opacity, by_since, !parameters.tau.is_empty(), &mut out);
     out
 }
 
@@ -167,10 +170,15 @@ fn view_and_axes<T: Real>(
         - inverse_variance[1] * inverse_variance[1] * d_splat.inverse_variance[1];
 
     let [x_image, y_image] = footprint.images;
-    let d_images = [
+    let mut d_images = [
         add(scaled(x_image, two * d_xx), scaled(y_image, d_xy)),
         add(scaled(y_image, two * d_yy), scaled(x_image, d_xy)),
     ];
+    if projection.filter.compensates() {
+        let added = T::from_f64(projection.filter.variance());
+        let d_compensation = compensation(footprint, added, d_splat.opacity * projected.splat.opacity);
+        d_images = [0, 1].map(|axis| add(d_images[axis], d_compensation[axis]));
+    }
     let [x, y, z] = projected.view;
     let center = [x / z, y / z];
     let mut d_view = [T::zero(); 3];
@@ -189,6 +197,20 @@ fn view_and_axes<T: Real>(
         d_view[2] -= d_slope * center[axis] / z;
     }
     (d_view, d_axes)
+}
+
+/// From the logarithm of the factor of the opacity, `sqrt(A / D)`, to the images `x` and `y`, where `A` is
+/// `|x x y|^2` and `D` is `A + b (|x|^2 + |y|^2) + b^2` for the variance `b` that the filter added.
+fn compensation<T: Real>(footprint: &Footprint<T>, added: T, d_log_factor: T) -> [[T; 3]; 2] {
+    let Footprint { images: [x, y], variance, determinant, area, .. } = footprint;
+    // (1 / A - 1 / D) is b (|x|^2 + |y|^2 + b) / (A D), and half the derivatives of A are y x (x x y) and
+    // (x x y) x x: neither cancels.
+    let by_added = d_log_factor * added / *determinant;
+    let by_area = by_added * (variance[0] + variance[1] - added) / dot(*area, *area);
+    [
+        add(scaled(cross(*y, *area), by_area), scaled(*x, -by_added)),
+        add(scaled(cross(*area, *x), by_area), scaled(*y, -by_added)),
+    ]
 }
 
 /// From a colour to its coefficients. Returns the gradient with respect to the position.
@@ -275,16 +297,15 @@ fn motion<T: Real>(parameters: &Parameters<T>, row: usize, d: T, out: &mut Gauss
     d_since
 }
 
-/// From the opacity at the frame, `o = sigmoid(a) exp(-z^2 / 2)` with `z = d / s`, and from `d` to logit,
-/// width and `tau`.
+/// From the logarithm of the opacity at the frame, `o = sigmoid(a) exp(-z^2 / 2)` with `z = d / s`, and from `d` to
+/// logit, width and `tau`.
 fn temporal<T: Real>(
     window: &Window<T>,
-    d_opacity: T,
+    d_log_opacity: T,
     d_since: T,
     is_timed: bool,
     out: &mut GaussianGradient<T>,
 ) {
-    let d_log_opacity = d_opacity * window.opacity;
     out.logit = [d_log_opacity * window.clearness];
     if is_timed {
         let z = window.since_in_widths;

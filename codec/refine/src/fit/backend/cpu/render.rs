@@ -29,7 +29,7 @@ pub struct ForwardPass<T> {
 /// Renders Gaussians over black. The camera satisfies [`codec::Camera::check`]. No pixel is NaN, for any
 /// parameters.
 pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardPass<T> {
-    let mut splats = Projection::new(view).splats(parameters);
+    let mut splats = Projection::new(view, parameters.filter).splats(parameters);
     // Stable: splats of equal depth keep their order.
     splats.par_sort_by(|a, b| a.depth.partial_cmp(&b.depth).expect("depths of splats are finite"));
     let (width, height) = (view.camera.width, view.camera.height);

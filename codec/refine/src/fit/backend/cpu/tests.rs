@@ -1,6 +1,6 @@
 //! Tests of the whole back end: images against the reference, gradients against finite differences.
 
-use codec::{Camera, Field};
+use codec::{Camera, Field, PixelFilter};
 use pulp::Arch;
 
 use super::project::Projection;
@@ -35,8 +35,9 @@ fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> 
 
 #[test]
 fn images_match_the_reference() {
-    for (seed, degree, frame) in [(1, 0, 0.0), (2, 1, 3.0), (3, 2, 4.5), (4, 3, 8.0)] {
-        let field = cloud(seed, 400, degree);
+    let plain = [(1, 0, 0.0), (2, 1, 3.0), (3, 2, 4.5), (4, 3, 8.0)];
+    for (filter, (seed, degree, frame)) in PixelFilter::ALL.into_iter().flat_map(|f| plain.map(|p| (f, p))) {
+        let field = Field { filter, ..cloud(seed, 400, degree) };
         let camera = camera(77, 53);
         let worst = differences::<f64>(&field, &camera, frame).into_iter().fold(0.0, f64::max);
         assert!(worst < 1e-9, "degree {degree}, frame {frame}: {worst:e}");
@@ -54,8 +55,26 @@ fn images_of_large_and_of_needle_like_splats_match_the_reference() {
     for (row, scales) in field.log_scales.iter_mut().enumerate() {
         *scales = if row % 2 == 0 { [0.5, 0.2, -0.5] } else { [1.0, -6.0, -6.0] };
     }
+    for filter in PixelFilter::ALL {
+        field.filter = filter;
+        let worst = differences::<f64>(&field, &camera(77, 53), 4.0).into_iter().fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{filter:?}: {worst:e}");
+    }
+}
+
+/// Gaussians of a thousandth of a pixel to a pixel.
+#[test]
+fn images_of_compensated_subpixel_splats_match_the_reference() {
+    let mut field = Field { filter: PixelFilter::Mip, ..cloud(14, 9000, 0) };
+    for (row, scales) in field.log_scales.iter_mut().enumerate() {
+        let thin = -6.0 - (row % 7) as f32;
+        *scales = if row % 2 == 0 { [-3.6, -3.9, -4.2] } else { [-2.5, thin, thin] };
+    }
     let worst = differences::<f64>(&field, &camera(77, 53), 4.0).into_iter().fold(0.0, f64::max);
     assert!(worst < 1e-9, "{worst:e}");
+    let mut single = differences::<f32>(&field, &camera(77, 53), 4.0);
+    single.sort_by(f64::total_cmp);
+    assert!(single[single.len() * 99 / 100] < 1e-4, "{:e}", single[single.len() * 99 / 100]);
 }
 
 /// The Gaussians at the frame, without motion.
@@ -157,6 +176,25 @@ fn gradients_match_finite_differences() {
     }
 }
 
+/// An image of a few pixels, so that footprints as small as the filter cover it.
+#[test]
+fn gradients_match_through_compensated_opacities() {
+    let camera = camera(4, 3);
+    let view = FrameView { camera: &camera, time: 3.3 };
+    let mip = |parameters| Parameters { filter: PixelFilter::Mip, ..parameters };
+    for row in 0..3 {
+        let parameters = mip(smooth(1, 2, true)).select(&[row]);
+        let projection = Projection::new(&view, PixelFilter::Mip);
+        let window = projection.window(&parameters, 0).unwrap();
+        let factor = projection.project(&parameters, 0, window).unwrap().splat.opacity / window.opacity;
+        assert!((0.3..0.95).contains(&factor), "row {row}: {factor}");
+    }
+    for detach_tau in [true, false] {
+        check_gradients(&mip(smooth(1, 2, true)), &view, detach_tau, "compensated");
+    }
+    check_gradients(&mip(static_scene(0)), &view, true, "compensated, static");
+}
+
 #[test]
 fn gradients_match_where_the_slope_is_clamped() {
     let camera = camera(21, 18);
@@ -173,7 +211,7 @@ fn gradients_match_where_the_slope_is_clamped() {
     }
     check_gradients(&parameters, &view, true, "outside");
     // The clamped slope does not depend on the centre.
-    let projection = Projection::new(&view);
+    let projection = Projection::new(&view, parameters.filter);
     for row in 0..2 {
         let window = projection.window(&parameters, row).unwrap();
         let projected = projection.project(&parameters, row, window).unwrap();
@@ -211,14 +249,20 @@ fn the_screen_gradient_matches_a_moved_principal_point() {
 fn gradients_in_single_precision_match_double() {
     let camera = camera(77, 53);
     let view = FrameView { camera: &camera, time: 4.0 };
-    let field = cloud(6, 300, 2);
-    let double = Parameters::<f64>::from_field(&field, TIMELINE);
-    let forward = render(&double, &view);
+    for filter in PixelFilter::ALL {
+        let field = Field { filter, ..cloud(6, 300, 2) };
+        single_matches_double(&field, &view);
+    }
+}
+
+fn single_matches_double(field: &Field, view: &FrameView) {
+    let double = Parameters::<f64>::from_field(field, TIMELINE);
+    let forward = render(&double, view);
     let weights = weights(forward.image.pixels.len());
-    let double = forward.backward(&double, &view, &weights, false);
-    let single = Parameters::<f32>::from_field(&field, TIMELINE);
+    let double = forward.backward(&double, view, &weights, false);
+    let single = Parameters::<f32>::from_field(field, TIMELINE);
     let of_pixels: Vec<_> = weights.iter().map(|pixel| pixel.map(|x| x as f32)).collect();
-    let single = render(&single, &view).backward(&single, &view, &of_pixels, false);
+    let single = render(&single, view).backward(&single, view, &of_pixels, false);
     assert_eq!(single.rows, double.rows);
     assert!(single.rows.len() > 150 && single.rows.len() < 300, "{} are drawn", single.rows.len());
     for column in [0, 2] {
@@ -279,14 +323,16 @@ fn assert_finite(parameters: &Parameters<f32>, view: &FrameView) -> Gradient<f32
 fn extreme_parameters_give_finite_results() {
     let camera = camera(40, 30);
     let view = FrameView { camera: &camera, time: 4.0 };
-    let plain = Parameters::<f32>::from_field(&cloud(9, 40, 3), TIMELINE);
-    assert_finite(&around_the_camera(&plain, &camera), &view);
-    for extreme in with_extreme_numbers(&plain) {
-        let gradient = assert_finite(&extreme, &view);
-        assert!(gradient.rows.iter().any(|row| *row >= 20), "the others are drawn");
-    }
-    for frame in EXTREME_FRAMES {
-        assert_finite(&plain, &FrameView { camera: &camera, time: frame });
+    for filter in PixelFilter::ALL {
+        let plain = Parameters::<f32>::from_field(&Field { filter, ..cloud(9, 40, 3) }, TIMELINE);
+        assert_finite(&around_the_camera(&plain, &camera), &view);
+        for extreme in with_extreme_numbers(&plain) {
+            let gradient = assert_finite(&extreme, &view);
+            assert!(gradient.rows.iter().any(|row| *row >= 20), "the others are drawn");
+        }
+        for frame in EXTREME_FRAMES {
+            assert_finite(&plain, &FrameView { camera: &camera, time: frame });
+        }
     }
 }
 

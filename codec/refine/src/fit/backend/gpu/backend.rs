@@ -274,6 +274,9 @@ mod tests {
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);
-        assert_eq!([shaders::NEAR, shaders::BLUR], [cpu::NEAR, cpu::BLUR].map(|x| x as f32));
+        assert_eq!(shaders::NEAR, cpu::NEAR as f32);
+        for filter in codec::PixelFilter::ALL {
+            assert_eq!(shaders::filter_variance(filter.compensates()), filter.variance() as f32);
+        }
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
         is_timed: !parameters.tau.is_empty(),
         motion_order: parameters.motion_order,
         rotates: !parameters.rotation_rates.is_empty(),
+        mip: parameters.filter.compensates(),
     }
 }
 
