@@ -59,8 +59,11 @@ impl Error for Fault {}
 /// The exit code of an error: that of the [`Fault`] that it is or was caused by; 1 without one, for a check that
 /// failed or a defect.
 pub fn exit_code(error: &(dyn Error + 'static)) -> u8 {
-    let mut causes = std::iter::successors(Some(error), |error| error.source());
-    causes.find_map(|cause| cause.downcast_ref::<Fault>()).map_or(1, Fault::exit_code)
+    match (error.downcast_ref::<Fault>(), error.source()) {
+        (Some(fault), _) => fault.exit_code(),
+        (None, Some(cause)) => exit_code(cause),
+        (None, None) => 1,
+    }
 }
 
 #[cfg(test)]

@@ -204,7 +204,10 @@ mod tests {
     fn a_panic_of_the_loader_is_a_failure_with_the_exit_code_of_a_defect() {
         let options = LoadOptions { source: SourceOptions::default(), min_layers: 1, is_complete: false };
         let (wake, woken) = channel();
-        let mut clips = ClipController::new(options, true, move || drop(wake.send(()))).unwrap();
+        let mut clips = ClipController::new(options, true, move || {
+            let _ = wake.send(());
+        })
+        .unwrap();
         clips.open(None);
         clips.set_target(Defective);
         let fault = loop {
