@@ -70,8 +70,7 @@ mod tests {
     fn line(arguments: &[&str]) -> String {
         let command = Command::new("tool")
             .arg(Arg::new("size").long("size").value_name("WxH").required(true))
-            .arg(Arg::new("sort").long("sort").value_parser(["depth", "radial"]))
-            .arg(Arg::new("sorted").long("sorted"));
+            .arg(Arg::new("sort").long("sort").value_parser(["depth", "radial"]));
         sentence(&command.try_get_matches_from([&["tool"], arguments].concat()).unwrap_err())
     }
 
@@ -88,8 +87,11 @@ mod tests {
         );
         let similar = line(&["--siz", "1"]);
         assert!(similar.ends_with(": a similar argument exists: '--size'"), "{similar}");
-        let similar = line(&["--sortd", "1"]);
-        assert!(similar.ends_with(": some similar arguments exist: '--sort', '--sorted'"), "{similar}");
+        let tool = ["export", "exports"]
+            .into_iter()
+            .fold(Command::new("tool"), |tool, name| tool.subcommand(Command::new(name)));
+        let similar = sentence(&tool.try_get_matches_from(["tool", "exporz"]).unwrap_err());
+        assert!(similar.contains("'exporz': some similar subcommands exist: '"), "{similar}");
     }
 
     #[test]

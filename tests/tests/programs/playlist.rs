@@ -130,7 +130,7 @@ fn urls(_: &Gpu) -> Result<(), String> {
     });
     let url = server.url("show/list.json?key=1");
     let outcome = play(&folder, &url, "--frames 0..9 --out fetched").success();
-    if !outcome.stderr.contains("none.aarc: there is no such file (404 Not Found); skipped") {
+    if !outcome.stderr.contains("none.aarc: there is no such file (404 Not Found): check the URL; skipped") {
         return Err(format!("{outcome:?}"));
     }
     play(&folder, &url, "--frames 0..9 --out again").success();
