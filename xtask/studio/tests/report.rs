@@ -1,10 +1,13 @@
 //! `cargo xtask report`: measurements, files, and refused requests.
 
+mod support;
 mod tool;
 
 use std::fs;
 
 use serde_json::Value;
+use studio::export::field_file;
+use support::{field, info};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -18,11 +21,12 @@ fn number(points: &[Value], row: &str, key: &str) -> f64 {
 fn the_floor_wins_if_a_ranking_severs_limbs() {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
-    let report = aarc_studio(folder.path(), &["report", "limbs.ply", "--rd", "-o", "out", "--json"]).json();
+    let args = ["report", "limbs.ply", "--rd", "--budgets", "5000", "--size", "160x120", "-o", "out", "--json"];
+    let report = aarc_studio(folder.path(), &args).json();
     let field = &report["rd"][0];
     assert_eq!((&field["field"], &field["features"]), (&"limbs".into(), &7.into()));
     let points = field["points"].as_array().expect("points");
-    assert_eq!(points.len(), 5, "one budget is smaller than the field");
+    assert_eq!(points.len(), 5, "one budget");
 
     assert!(number(points, "mass", "recall") < 0.6);
     assert_eq!(number(points, "mass + floor", "recall"), 1.0);
@@ -58,7 +62,26 @@ fn the_floor_wins_if_a_ranking_severs_limbs() {
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert_eq!(names, ["rd.csv", "rd.md", "rd.svg"]);
+    assert_eq!(names, ["rd.csv", "rd.md"], "one budget makes no curve");
+}
+
+#[test]
+fn a_small_field_gets_budgets_of_its_own() {
+    let folder = tempdir().unwrap();
+    fs::write(folder.path().join("small.ply"), field_file(&field(240, 0, Some(1), false), &info())).unwrap();
+    let run = |args: &[&str]| {
+        let args = [&["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json"], args].concat();
+        aarc_studio(folder.path(), &args)
+    };
+    let report = run(&[]).json();
+    let points = report["rd"][0]["points"].as_array().expect("points");
+    let mut budgets: Vec<u64> = points.iter().map(|point| point["budget"].as_u64().unwrap()).collect();
+    budgets.dedup();
+    let gaussians = report["rd"][0]["gaussians"].as_u64().unwrap();
+    assert_eq!(budgets, [2, 4, 8].map(|part| gaussians / part));
+    assert_eq!(report["rd"][0]["image_size"], serde_json::json!([64, 48]));
+    assert!(fs::read_to_string(folder.path().join("out/rd.svg")).unwrap().matches("<circle").count() >= 30);
+    assert!(run(&["--budgets", "100,5000"]).error(2).contains("5000"), "no field is larger");
 }
 
 #[test]
@@ -77,5 +100,7 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
     assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
-    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "--rd has no size");
+    assert!(run(&["report", "bad.ply", "--rd", "--size", "9000x9000"]).error(2).contains("9000x9000"));
+    assert_eq!(run(&["report", "bad.ply", "--budgets", "50"]).code, Some(2), "a page has no budgets");
+    assert_eq!(run(&["report", "bad.ply", "--rd", "--budgets", "0"]).code, Some(2), "at least one Gaussian");
 }

@@ -36,6 +36,7 @@ fn findings() -> Findings {
         stage: FlowStage::Playing,
         name: "cut < off".into(),
         about: "How far.".into(),
+        why_default: "fields are fitted with it".into(),
         cost: "ms a frame".into(),
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
@@ -94,7 +95,10 @@ fn the_page_is_self_contained_and_names_beaten_defaults() {
     let page = &files[0].text;
     assert!(page.contains("<title>a &amp; b: error against run time</title>"));
     assert!(
-        page.contains("cut &lt; off: exact (50.00 dB at 9.00 ms a frame) is beaten by near (52.00 dB"),
+        page.contains(
+            "<li>cut &lt; off: near has 2.00 dB more and costs 5 ms a frame less than the default, exact (50 dB at \
+             9 ms a frame), which stands because fields are fitted with it.</li>"
+        ),
         "{page}"
     );
     for expected in ["12,345,678", "9.00 <small>8.75 to 9.25</small>", "4,000", "two cores", "a device, Mesa"]
@@ -140,4 +144,35 @@ fn the_terminal_shows_every_value() {
         table.contains("* exact") && table.contains("  near") && table.contains("off the front"),
         "{table}"
     );
+}
+
+#[test]
+fn a_beaten_default_says_by_how_much_and_why_it_stands() {
+    let beaten = |points: Vec<ParameterValue>| {
+        let mut findings = findings();
+        findings.playing.parameters[0].points = points;
+        let parameter = findings.playing.parameters.remove(0).mark_front();
+        findings.playing.parameters.push(parameter);
+        findings.beaten_defaults()
+    };
+    let said = |others: Vec<ParameterValue>| {
+        let [sentence] = &beaten([vec![point("exact", 9.0, 50.0)], others].concat())[..] else { panic!("one") };
+        sentence.clone()
+    };
+    let faster = said(vec![point("fast", 4.0, 49.95), point("faster", 3.0, 49.96)]);
+    let expected = "faster (as 1 other value) has only 0.04 dB less and costs 6 ms a frame less than";
+    assert!(faster.contains(expected), "{faster}");
+    let perfect = said(vec![point("perfect", 9.0, f64::INFINITY)]);
+    assert!(perfect.contains("perfect is without error and costs no more than the default, exact"), "{perfect}");
+    assert!(beaten(vec![point("exact", 9.0, 50.0), point("slow", 12.0, 60.0)]).is_empty());
+}
+
+#[test]
+fn a_parameter_of_one_value_has_a_sentence_in_place_of_a_chart() {
+    let mut findings = findings();
+    findings.playing.parameters[0].points.truncate(1);
+    findings.fits[0].entries.truncate(1);
+    let page = &findings.files().unwrap()[0].text;
+    assert_eq!(page.matches("<svg").count(), 0, "{page}");
+    assert_eq!(page.matches("No chart of ").count(), 3, "{page}");
 }
