@@ -66,22 +66,26 @@ fn the_floor_wins_if_a_ranking_severs_limbs() {
 }
 
 #[test]
-fn a_small_field_gets_budgets_of_its_own() {
+fn budgets_and_the_size_of_the_images_can_be_chosen() {
     let folder = tempdir().unwrap();
-    fs::write(folder.path().join("small.ply"), field_file(&field(240, 0, Some(1), false), &info())).unwrap();
-    let run = |args: &[&str]| {
-        let args = [&["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json"], args].concat();
-        aarc_studio(folder.path(), &args)
+    let mut small = field(60, 0, None, false);
+    small.log_scales.iter_mut().flatten().for_each(|scale| *scale = scale.clamp(-4.0, -3.0));
+    small.opacities.iter_mut().for_each(|opacity| *opacity = opacity.max(0.1));
+    fs::write(folder.path().join("small.ply"), field_file(&small, &info())).unwrap();
+    let run = |budgets: &str| {
+        let args = ["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json", "--budgets"];
+        aarc_studio(folder.path(), &[&args[..], &[budgets]].concat())
     };
-    let report = run(&[]).json();
-    let points = report["rd"][0]["points"].as_array().expect("points");
-    let mut budgets: Vec<u64> = points.iter().map(|point| point["budget"].as_u64().unwrap()).collect();
-    budgets.dedup();
-    let gaussians = report["rd"][0]["gaussians"].as_u64().unwrap();
-    assert_eq!(budgets, [2, 4, 8].map(|part| gaussians / part));
-    assert_eq!(report["rd"][0]["image_size"], serde_json::json!([64, 48]));
-    assert!(fs::read_to_string(folder.path().join("out/rd.svg")).unwrap().matches("<circle").count() >= 30);
-    assert!(run(&["--budgets", "100,5000"]).error(2).contains("5000"), "no field is larger");
+    let report = run("15,30").json();
+    let report = &report["rd"][0];
+    let points = report["points"].as_array().expect("points");
+    let budgets: Vec<f64> = points.iter().map(|point| point["budget"].as_f64().unwrap()).collect();
+    assert_eq!(budgets, [[30.0; 5], [15.0; 5]].concat());
+    let size = serde_json::json!([64, 48]);
+    assert_eq!((&report["image_size"], &report["rate_image_size"]), (&size, &size));
+    let plot = fs::read_to_string(folder.path().join("out/rd.svg")).unwrap();
+    assert_eq!(plot.matches("<circle").count(), 2 * 10, "PSNR and topology of every point");
+    assert!(run("30,60").error(2).contains("--budgets 60"), "no field is larger");
 }
 
 #[test]

@@ -63,13 +63,8 @@ impl Pictures {
     }
 
     /// Number of pictures.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.taken.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.taken.is_empty()
     }
 
     fn errors_in(&self, picture: usize, scene: &RenderScene) -> PictureErrors {
@@ -165,7 +160,7 @@ mod tests {
         let pictures = Pictures::take(&RenderScene::from(&field), posed_views(&cameras, &[0.5]), || ());
         let part = field.select(&(0..50).collect::<Vec<_>>());
         let fidelity = pictures.compare(&RenderScene::from(&part), || ());
-        let worst = fidelity.worst.unwrap();
+        let worst = fidelity.worst.clone().unwrap();
         let of = |(view, image): &(PosedView, Image)| {
             image.psnr(&render(&(&part).into(), &view.camera, view.t, Order::Depth))
         };

@@ -9,7 +9,6 @@ mod result;
 mod text;
 mod views;
 
-use codec::Field;
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference;
 

@@ -89,6 +89,14 @@ fn findings() -> Findings {
     }
 }
 
+/// The findings with a parameter of these values.
+fn findings_of(points: Vec<ParameterValue>) -> Findings {
+    let mut findings = findings();
+    let parameter = Parameter { points, ..findings.playing.parameters.remove(0) };
+    findings.playing.parameters.push(parameter.mark_front());
+    findings
+}
+
 #[test]
 fn the_page_is_self_contained_and_names_beaten_defaults() {
     let files = findings().files().unwrap();
@@ -148,17 +156,8 @@ fn the_terminal_shows_every_value() {
 
 #[test]
 fn a_beaten_default_says_by_how_much_and_why_it_stands() {
-    let beaten = |points: Vec<ParameterValue>| {
-        let mut findings = findings();
-        findings.playing.parameters[0].points = points;
-        let parameter = findings.playing.parameters.remove(0).mark_front();
-        findings.playing.parameters.push(parameter);
-        findings.beaten_defaults()
-    };
-    let said = |others: Vec<ParameterValue>| {
-        let [sentence] = &beaten([vec![point("exact", 9.0, 50.0)], others].concat())[..] else { panic!("one") };
-        sentence.clone()
-    };
+    let beaten = |points| findings_of(points).beaten_defaults();
+    let said = |others| beaten([vec![point("exact", 9.0, 50.0)], others].concat()).remove(0);
     let faster = said(vec![point("fast", 4.0, 49.95), point("faster", 3.0, 49.96)]);
     let expected = "faster (as 1 other value) has only 0.04 dB less and costs 6 ms a frame less than";
     assert!(faster.contains(expected), "{faster}");
@@ -169,8 +168,7 @@ fn a_beaten_default_says_by_how_much_and_why_it_stands() {
 
 #[test]
 fn a_parameter_of_one_value_has_a_sentence_in_place_of_a_chart() {
-    let mut findings = findings();
-    findings.playing.parameters[0].points.truncate(1);
+    let mut findings = findings_of(vec![point("exact", 9.0, 50.0)]);
     findings.fits[0].entries.truncate(1);
     let page = &findings.files().unwrap()[0].text;
     assert_eq!(page.matches("<svg").count(), 0, "{page}");
