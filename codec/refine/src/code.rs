@@ -4,16 +4,15 @@
 //! compared with the field, and the precision is searched at which it just meets the target. Small fields
 //! are also coded with the same precision for all rows, as learning each row's precision can cost more
 //! than it saves.
+//!
+//! Pictures take nearly all of the time. [`Trials`] renders each at most once per precision, and those
+//! first that tell soonest that a precision is too coarse.
 
 mod scan;
 mod search;
+mod trials;
 
-use std::num::NonZero;
-
-use codec::{
-    Clip, Coder, EncodeError, EncodeOptions, Error, Limits, Precision, Sensitivity, Source, decode_parallel,
-    encode_parallel,
-};
+use codec::{Clip, EncodeError, Error, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures, PosedView};
 use crate::reference::{RenderScene, sensitivities};
@@ -21,6 +20,7 @@ use crate::reference::{RenderScene, sensitivities};
 use scan::Scan;
 use search::Search;
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
+use trials::{Trials, decode};
 
 /// Rows of a small field at most. In small and regular fields, many Gaussians have the same numbers and so the
 /// same errors: the PSNR jumps by up to 10 dB between neighbouring precisions, and equal precision for all
@@ -65,39 +65,66 @@ pub fn code(
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
     let known = sensitivities(source.field, source.plate, seen, &mut on_step);
-    code_knowing(source, layers, psnr_db, known.as_ref(), judge, on_step)
+    TargetCoder::new(source, layers, known, judge).code(psnr_db, on_step)
 }
 
-/// Packages `source` as [`code`] does with known sensitivities and footprint, as computed by
-/// [`sensitivities`]. `on_step` is called after each of [`TRIALS`].
-///
-/// # Errors
-/// Errors of [`codec::encode`] and [`codec::decode`].
-pub fn code_knowing(
-    source: &Source,
-    layers: &[usize],
-    psnr_db: f64,
-    sensitivities: Option<&(Vec<Sensitivity>, f32)>,
-    judge: &Pictures,
-    mut on_step: impl FnMut(),
-) -> Result<Coded, CodeError> {
-    let own = code_at(source, layers, psnr_db, precision(sensitivities), judge, &mut on_step)?;
-    let Some((rows, footprint)) = sensitivities.filter(|_| source.field.len() <= SMALL_ROWS) else {
-        return Ok(own);
-    };
-    let equal = (equal_sensitivities(rows), *footprint);
-    if equal.0 == *rows {
-        return Ok(own);
+/// Packages a source with target PSNRs, one after another. What a small field's trials for one target
+/// found out is not computed again for the next.
+#[derive(Debug)]
+pub struct TargetCoder<'a> {
+    /// With the precision of each row by its sensitivity.
+    own: Trials<'a>,
+    /// With equal precision for all rows; `None` if that is the same.
+    equal: Option<Trials<'a>>,
+}
+
+impl<'a> TargetCoder<'a> {
+    /// A coder of `source` in `layers`, given by their ends in rows. `sensitivities` are those of its rows, and
+    /// its footprint, as computed by [`sensitivities`]; `judge` holds pictures of the source.
+    pub fn new(
+        source: &'a Source<'a>,
+        layers: &'a [usize],
+        sensitivities: Option<(Vec<Sensitivity>, f32)>,
+        judge: &'a Pictures,
+    ) -> TargetCoder<'a> {
+        let Some((rows, footprint)) = sensitivities else {
+            return TargetCoder { own: Trials::new(source, layers, Precision::default(), judge), equal: None };
+        };
+        let trials = |sensitivities: Vec<Sensitivity>| {
+            let precision =
+                Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
+            Trials::new(source, layers, precision, judge)
+        };
+        let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);
+        TargetCoder { equal: equal.map(trials), own: trials(rows) }
     }
-    let equal = code_at(source, layers, psnr_db, precision(Some(&equal)), judge, || ())?;
-    Ok(match equal.is_better_than(&own) {
-        true => equal,
-        false => own,
-    })
+
+    /// Packages the source at `psnr_db`, as [`code`] does. `on_step` is called after each of [`TRIALS`].
+    ///
+    /// # Errors
+    /// Errors of [`codec::encode`] and [`codec::decode`].
+    pub fn code(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Coded, CodeError> {
+        let own = meet(&mut self.own, psnr_db, on_step)?;
+        let Some(equal) = self.equal.as_mut().filter(|equal| equal.is_small()) else { return Ok(own) };
+        let equal = match own.miss {
+            Some(Miss::Below) => Some(meet(equal, psnr_db, || ())?),
+            _ => scan(equal, psnr_db, own.bytes.len(), || ())?,
+        };
+        Ok(equal.filter(|equal| equal.is_better_than(&own)).unwrap_or(own))
+    }
+
+    /// Packages the source at `psnr_db` with equal precision for all rows. `on_step` is called after each
+    /// of [`TRIALS`].
+    ///
+    /// # Errors
+    /// Errors of [`codec::encode`] and [`codec::decode`].
+    pub fn code_equally(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Coded, CodeError> {
+        meet(self.equal.as_mut().unwrap_or(&mut self.own), psnr_db, on_step)
+    }
 }
 
 /// The root mean square of `rows`, which are at least one, for each of them: equal precision.
-pub fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
+fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
     let of = |number: fn(&Sensitivity) -> f32| {
         let squares: f64 = rows.iter().map(|row| f64::from(number(row)).powi(2)).sum();
         (squares / rows.len() as f64).sqrt() as f32
@@ -105,93 +132,70 @@ pub fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
     vec![Sensitivity { color: of(|row| row.color), geometry: of(|row| row.geometry) }; rows.len()]
 }
 
-fn precision(sensitivities: Option<&(Vec<Sensitivity>, f32)>) -> Precision {
-    match sensitivities {
-        Some((rows, footprint)) => {
-            Precision { sensitivities: rows.clone(), footprint: Some(*footprint), ..Precision::default() }
+/// The package at the coarsest precision that meets a target, or the one that comes closest to it.
+fn meet(trials: &mut Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Coded, CodeError> {
+    if !trials.is_small() {
+        return search(trials, psnr_db, on_step);
+    }
+    match scan(trials, psnr_db, usize::MAX, &mut on_step)? {
+        Some(coded) => Ok(coded),
+        // Out of reach, a search comes as close as any.
+        None => search(trials, psnr_db, || ()),
+    }
+}
+
+/// Searches a precision as [`Search`] does.
+fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Coded, CodeError> {
+    let mut best: Option<Coded> = None;
+    let mut search = Search::new(psnr_db);
+    let mut steps = 0;
+    while let Some(finer_db) = search.next() {
+        let bytes = trials.encode(finer_db)?;
+        let clip = decode(&bytes)?;
+        let fidelity = trials.judge.compare(&RenderScene::from(&clip), || ());
+        let miss = search.record(&fidelity, bytes.len());
+        let coded = Coded { bytes, clip, fidelity, miss };
+        if best.as_ref().is_none_or(|best| coded.is_better_than(best)) {
+            best = Some(coded);
         }
-        None => Precision::default(),
+        steps += 1;
+        on_step();
     }
+    (steps..TRIALS).for_each(|_| on_step());
+    Ok(best.expect("a search has at least one trial"))
 }
 
-/// Finds the [`Precision::psnr`] at which the package meets the target.
-fn code_at(
-    source: &Source,
-    layers: &[usize],
+/// Takes the coarsest precision of [`Scan`] that meets the target with fewer than `limit` bytes; `None` if none
+/// does.
+fn scan(
+    trials: &mut Trials,
     psnr_db: f64,
-    precision: Precision,
-    judge: &Pictures,
-    on_step: impl FnMut(),
-) -> Result<Coded, CodeError> {
-    let packager = Packager { source, layers, precision, judge };
-    match source.field.len() <= SMALL_ROWS {
-        true => packager.scan(psnr_db, on_step),
-        false => packager.search(psnr_db, on_step),
-    }
-}
-
-/// Packages a source at any precision.
-struct Packager<'a> {
-    source: &'a Source<'a>,
-    layers: &'a [usize],
-    /// All but [`Precision::psnr`].
-    precision: Precision,
-    judge: &'a Pictures,
-}
-
-impl Packager<'_> {
-    fn package(&self, finer_db: f64) -> Result<(Vec<u8>, Clip), CodeError> {
-        let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
-        let precision = Precision { psnr: finer_db, ..self.precision.clone() };
-        let options = EncodeOptions { coder: Coder::Context, layers: self.layers.to_vec(), precision };
-        let bytes = encode_parallel(self.source, &options, threads).map_err(CodeError::Encode)?;
-        let clip = decode_parallel(&bytes, &Limits::default(), threads).map_err(CodeError::Decode)?;
-        Ok((bytes, clip))
-    }
-
-    /// Searches a precision as [`Search`] does.
-    fn search(&self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Coded, CodeError> {
-        let mut best: Option<Coded> = None;
-        let mut search = Search::new(psnr_db);
-        let mut trials = 0;
-        while let Some(finer_db) = search.next() {
-            let (bytes, clip) = self.package(finer_db)?;
-            let fidelity = self.judge.compare(&RenderScene::from(&clip), || ());
-            let miss = search.record(&fidelity, bytes.len());
-            let coded = Coded { bytes, clip, fidelity, miss };
-            if best.as_ref().is_none_or(|best| coded.is_better_than(best)) {
-                best = Some(coded);
-            }
-            trials += 1;
+    limit: usize,
+    mut on_step: impl FnMut(),
+) -> Result<Option<Coded>, CodeError> {
+    let mut found: Option<(f64, Fidelity)> = None;
+    let mut scan = Scan::new(psnr_db);
+    let mut steps = 0;
+    while let Some(finer_db) = scan.next() {
+        // Finer packages are larger, so the scan goes on below this precision, as if it met the target.
+        if trials.bytes(finer_db)?.len() >= limit {
+            scan.record(true);
+        } else {
+            let fidelity = trials.meets(finer_db, (psnr_db, psnr_db - WORST_BELOW_DB))?;
+            scan.record(fidelity.is_some());
+            found = fidelity.map(|fidelity| (finer_db, fidelity)).or(found);
+        }
+        steps += 1;
+        if steps <= TRIALS {
             on_step();
         }
-        (trials..TRIALS).for_each(|_| on_step());
-        Ok(best.expect("a search has at least one trial"))
     }
-
-    /// Takes the coarsest precision of [`Scan`] that meets the target.
-    fn scan(&self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Coded, CodeError> {
-        let mut found: Option<Coded> = None;
-        let mut scan = Scan::new(psnr_db);
-        let mut trials = 0;
-        while let Some(finer_db) = scan.next() {
-            let (bytes, clip) = self.package(finer_db)?;
-            let least = (psnr_db, psnr_db - WORST_BELOW_DB);
-            let fidelity = self.judge.compare_at_least(&RenderScene::from(&clip), least);
-            scan.record(fidelity.is_some());
-            if let Some(fidelity) = fidelity {
-                let miss = search::miss_of(&fidelity, psnr_db);
-                found = Some(Coded { bytes, clip, fidelity, miss });
-            }
-            trials += 1;
-            if trials <= TRIALS {
-                on_step();
-            }
-        }
-        (trials..TRIALS).for_each(|_| on_step());
-        // Out of reach, a search comes as close as any.
-        found.map_or_else(|| self.search(psnr_db, || ()), Ok)
-    }
+    (steps..TRIALS).for_each(|_| on_step());
+    let Some((finer_db, fidelity)) = found else { return Ok(None) };
+    let bytes = trials.bytes(finer_db)?.to_vec();
+    let clip = decode(&bytes)?;
+    let miss = search::miss_of(&fidelity, psnr_db);
+    Ok(Some(Coded { bytes, clip, fidelity, miss }))
 }
 
 impl Coded {

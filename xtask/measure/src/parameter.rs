@@ -30,6 +30,9 @@ pub struct Parameter {
     pub name: String,
     /// What it does, in a sentence.
     pub about: String,
+    /// Why its default stands where another value beats it on one clip: the clause after "because". Empty without
+    /// a default.
+    pub why_default: String,
     /// What a point costs, with the unit.
     pub cost: String,
     /// Its values, from one end to the other.
@@ -162,6 +165,7 @@ mod tests {
             stage: FlowStage::Playing,
             name: "parameter".into(),
             about: String::new(),
+            why_default: String::new(),
             cost: "ms".into(),
             points,
         }

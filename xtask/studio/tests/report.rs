@@ -1,10 +1,13 @@
 //! `cargo xtask report`: measurements, files, and refused requests.
 
+mod support;
 mod tool;
 
 use std::fs;
 
 use serde_json::Value;
+use studio::export::field_file;
+use support::{field, info};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -18,11 +21,12 @@ fn number(points: &[Value], row: &str, key: &str) -> f64 {
 fn the_floor_wins_if_a_ranking_severs_limbs() {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
-    let report = aarc_studio(folder.path(), &["report", "limbs.ply", "--rd", "-o", "out", "--json"]).json();
+    let args = ["report", "limbs.ply", "--rd", "--budgets", "5000", "--size", "160x120", "-o", "out", "--json"];
+    let report = aarc_studio(folder.path(), &args).json();
     let field = &report["rd"][0];
     assert_eq!((&field["field"], &field["features"]), (&"limbs".into(), &7.into()));
     let points = field["points"].as_array().expect("points");
-    assert_eq!(points.len(), 5, "one budget is smaller than the field");
+    assert_eq!(points.len(), 5, "one budget");
 
     assert!(number(points, "mass", "recall") < 0.6);
     assert_eq!(number(points, "mass + floor", "recall"), 1.0);
@@ -58,7 +62,30 @@ fn the_floor_wins_if_a_ranking_severs_limbs() {
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert_eq!(names, ["rd.csv", "rd.md", "rd.svg"]);
+    assert_eq!(names, ["rd.csv", "rd.md"], "one budget makes no curve");
+}
+
+#[test]
+fn budgets_and_the_size_of_the_images_can_be_chosen() {
+    let folder = tempdir().unwrap();
+    let mut small = field(60, 0, None, false);
+    small.log_scales.iter_mut().flatten().for_each(|scale| *scale = scale.clamp(-4.0, -3.0));
+    small.opacities.iter_mut().for_each(|opacity| *opacity = opacity.max(0.1));
+    fs::write(folder.path().join("small.ply"), field_file(&small, &info())).unwrap();
+    let run = |budgets: &str| {
+        let args = ["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json", "--budgets"];
+        aarc_studio(folder.path(), &[&args[..], &[budgets]].concat())
+    };
+    let report = run("15,30").json();
+    let report = &report["rd"][0];
+    let points = report["points"].as_array().expect("points");
+    let budgets: Vec<f64> = points.iter().map(|point| point["budget"].as_f64().unwrap()).collect();
+    assert_eq!(budgets, [[30.0; 5], [15.0; 5]].concat());
+    let size = serde_json::json!([64, 48]);
+    assert_eq!((&report["image_size"], &report["rate_image_size"]), (&size, &size));
+    let plot = fs::read_to_string(folder.path().join("out/rd.svg")).unwrap();
+    assert_eq!(plot.matches("<circle").count(), 2 * 10, "PSNR and topology of every point");
+    assert!(run("30,60").error(2).contains("--budgets 60"), "no field is larger");
 }
 
 #[test]
@@ -77,5 +104,7 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
     assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
-    assert_eq!(run(&["report", "bad.ply", "--rd", "--size", "64x64"]).code, Some(2), "--rd has no size");
+    assert!(run(&["report", "bad.ply", "--rd", "--size", "9000x9000"]).error(2).contains("9000x9000"));
+    assert_eq!(run(&["report", "bad.ply", "--budgets", "50"]).code, Some(2), "a page has no budgets");
+    assert_eq!(run(&["report", "bad.ply", "--rd", "--budgets", "0"]).code, Some(2), "at least one Gaussian");
 }

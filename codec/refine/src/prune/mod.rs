@@ -37,6 +37,7 @@ mod topology;
 
 pub use floor::{Floor, FloorError, FloorSettings, ROUNDS, Retained};
 pub use persistence::{Connectivity, Feature, MergeTree};
+pub(crate) use pictures::PictureErrors;
 pub use pictures::{Fidelity, Pictures, WorstPicture};
 pub use posed_views::{PosedView, dome, inside, instants, is_informative, posed_views, steps_aside};
 pub use rank::{Ranking, by_importance, contributions_to};

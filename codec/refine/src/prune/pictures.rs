@@ -29,46 +29,79 @@ impl Pictures {
 
     /// Compares `scene` with these pictures. `on_view` is called after each picture.
     pub fn compare(&self, scene: &RenderScene, mut on_view: impl FnMut()) -> Fidelity {
-        self.compare_while(scene, |_, _| true, &mut on_view).expect("nothing ends it")
-    }
-
-    /// Compares `scene` with these pictures as [`Pictures::compare`] does; `None`, as soon as that is known, if
-    /// the PSNR over all pictures is below the first of `least_db` or that of one picture is below the
-    /// second.
-    pub fn compare_at_least(&self, scene: &RenderScene, least_db: (f64, f64)) -> Option<Fidelity> {
-        let pixels = self.taken.iter().map(|(_, image)| image.pixels.len()).sum();
-        let may_meet = |all: &Errors, picture_db: f64| {
-            psnr(all.squared, pixels) >= least_db.0 && picture_db >= least_db.1
+        let errors_in = |picture| {
+            let errors = self.errors_in(picture, scene);
+            on_view();
+            errors
         };
-        self.compare_while(scene, may_meet, &mut || ())
+        let errors: Vec<PictureErrors> = (0..self.taken.len()).map(errors_in).collect();
+        self.fidelity(&errors)
     }
 
-    /// Compares while `goes_on` says so, given the errors so far and the PSNR of the last picture.
-    fn compare_while(
+    /// Compares `scene` with these pictures as [`Pictures::compare`] does, in `order`; `None`, as soon as that is
+    /// known, if the PSNR over all pictures is below the first of `least_db` or that of one picture is
+    /// below the second. `known` holds the errors of `scene` that are known, one entry per picture, and
+    /// gets those that are computed.
+    pub(crate) fn compare_at_least(
         &self,
         scene: &RenderScene,
-        goes_on: impl Fn(&Errors, f64) -> bool,
-        on_view: &mut dyn FnMut(),
+        least_db: (f64, f64),
+        order: &[usize],
+        known: &mut [Option<PictureErrors>],
     ) -> Option<Fidelity> {
-        let (mut all, mut covered) = (Errors::default(), Errors::default());
-        let mut worst: Option<WorstPicture> = None;
-        for (view, image) in &self.taken {
-            let other = render(scene, &view.camera, view.t, Order::Depth);
-            let squared = image.squared_error(&other);
-            all.add(squared, image.pixels.len());
-            let (squared_covered, pixels) = image.squared_error_covered(&other);
-            covered.add(squared_covered, pixels);
-            let psnr_db = psnr(squared, image.pixels.len());
-            if worst.as_ref().is_none_or(|worst| psnr_db < worst.psnr_db) {
-                worst = Some(WorstPicture { psnr_db, view: view.clone() });
-            }
-            on_view();
-            if !goes_on(&all, psnr_db) {
+        let pixels = self.taken.iter().map(|(_, image)| image.pixels.len()).sum();
+        let mut squared = 0.0;
+        for &picture in order {
+            let errors = *known[picture].get_or_insert_with(|| self.errors_in(picture, scene));
+            squared += errors.squared;
+            if psnr(squared, pixels) < least_db.0 || psnr(errors.squared, errors.pixels) < least_db.1 {
                 return None;
             }
         }
-        Some(Fidelity { psnr_db: all.psnr(), covered_psnr_db: covered.psnr(), worst })
+        let all: Option<Vec<PictureErrors>> = known.iter().copied().collect();
+        all.map(|errors| self.fidelity(&errors))
     }
+
+    /// Number of pictures.
+    pub(crate) fn len(&self) -> usize {
+        self.taken.len()
+    }
+
+    fn errors_in(&self, picture: usize, scene: &RenderScene) -> PictureErrors {
+        let (view, image) = &self.taken[picture];
+        let other = render(scene, &view.camera, view.t, Order::Depth);
+        let (covered_squared, covered_pixels) = image.squared_error_covered(&other);
+        let squared = image.squared_error(&other);
+        PictureErrors { squared, pixels: image.pixels.len(), covered_squared, covered_pixels }
+    }
+
+    /// The fidelity of a scene with these `errors`, one entry per picture.
+    fn fidelity(&self, errors: &[PictureErrors]) -> Fidelity {
+        let psnr_of = |squared: fn(&PictureErrors) -> f64, pixels: fn(&PictureErrors) -> usize| {
+            psnr(errors.iter().map(squared).sum(), errors.iter().map(pixels).sum())
+        };
+        let mut worst: Option<WorstPicture> = None;
+        for ((view, _), errors) in self.taken.iter().zip(errors) {
+            let psnr_db = psnr(errors.squared, errors.pixels);
+            if worst.as_ref().is_none_or(|worst| psnr_db < worst.psnr_db) {
+                worst = Some(WorstPicture { psnr_db, view: view.clone() });
+            }
+        }
+        Fidelity {
+            psnr_db: psnr_of(|errors| errors.squared, |errors| errors.pixels),
+            covered_psnr_db: psnr_of(|errors| errors.covered_squared, |errors| errors.covered_pixels),
+            worst,
+        }
+    }
+}
+
+/// Errors of a scene in one picture: sums of squared differences, and the numbers of pixels that they are over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PictureErrors {
+    pub(crate) squared: f64,
+    pixels: usize,
+    covered_squared: f64,
+    covered_pixels: usize,
 }
 
 /// How close a scene comes to [`Pictures`].
@@ -89,24 +122,6 @@ pub struct WorstPicture {
     pub psnr_db: f64,
     /// Its camera and instant.
     pub view: PosedView,
-}
-
-/// A sum of squared errors over pixels.
-#[derive(Default)]
-struct Errors {
-    squared: f64,
-    pixels: usize,
-}
-
-impl Errors {
-    fn add(&mut self, squared: f64, pixels: usize) {
-        self.squared += squared;
-        self.pixels += pixels;
-    }
-
-    fn psnr(&self) -> f64 {
-        psnr(self.squared, self.pixels)
-    }
 }
 
 #[cfg(test)]
@@ -145,17 +160,23 @@ mod tests {
         let pictures = Pictures::take(&RenderScene::from(&field), posed_views(&cameras, &[0.5]), || ());
         let part = field.select(&(0..50).collect::<Vec<_>>());
         let fidelity = pictures.compare(&RenderScene::from(&part), || ());
-        let worst = fidelity.worst.unwrap();
+        let worst = fidelity.worst.clone().unwrap();
         let of = |(view, image): &(PosedView, Image)| {
             image.psnr(&render(&(&part).into(), &view.camera, view.t, Order::Depth))
         };
         let lowest = pictures.taken.iter().min_by(|a, b| of(a).total_cmp(&of(b))).unwrap();
         assert_eq!((worst.view, worst.psnr_db), (lowest.0.clone(), of(lowest)));
         let scene = RenderScene::from(&part);
-        let at_least = |mean_db, picture_db| pictures.compare_at_least(&scene, (mean_db, picture_db));
-        assert!(at_least(fidelity.psnr_db, worst.psnr_db).is_some());
-        assert!(at_least(fidelity.psnr_db + 1e-6, worst.psnr_db).is_none());
-        assert!(at_least(fidelity.psnr_db, worst.psnr_db + 1e-6).is_none());
+        let order: Vec<usize> = (0..pictures.len()).rev().collect();
+        let at_least = |mean_db, picture_db| {
+            let mut known = vec![None; pictures.len()];
+            let found = pictures.compare_at_least(&scene, (mean_db, picture_db), &order, &mut known);
+            (found, known.iter().flatten().count())
+        };
+        assert_eq!(at_least(fidelity.psnr_db - 1e-9, worst.psnr_db), (Some(fidelity.clone()), pictures.len()));
+        assert!(at_least(fidelity.psnr_db + 1e-6, worst.psnr_db).0.is_none());
+        assert!(at_least(fidelity.psnr_db, worst.psnr_db + 1e-6).0.is_none());
+        assert_eq!(at_least(99.0, 0.0), (None, 1), "the first picture tells");
         assert!(worst.psnr_db < fidelity.psnr_db && fidelity.covered_psnr_db < fidelity.psnr_db);
     }
 }

@@ -69,6 +69,7 @@ pub(super) fn parameter(
                 sorts in every frame. The change of the image is taken from the reference; the saved time is the \
                 share of the stages `alive` and `sort`."
             .into(),
+        why_default: "Gaussians change places while the head moves, and an older order shows it".into(),
         cost: "ms a frame".into(),
         points,
     };

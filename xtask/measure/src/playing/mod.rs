@@ -176,6 +176,7 @@ fn parameter(sweep: Sweep, results: &[Option<MeasuredVariant>], base: &MeasuredV
         stage: FlowStage::Playing,
         name: sweep.name.into(),
         about: sweep.about.into(),
+        why_default: sweep.why_default.into(),
         cost: "ms a frame".into(),
         points: values.collect(),
     }

@@ -11,6 +11,8 @@ use super::reduce::{to_motion_order, to_sh_degree, without_rotation};
 pub(super) struct Sweep {
     pub(super) name: &'static str,
     pub(super) about: &'static str,
+    /// See [`Parameter::why_default`](crate::parameter::Parameter::why_default).
+    pub(super) why_default: &'static str,
     pub(super) values: Vec<Value>,
 }
 
@@ -32,6 +34,9 @@ const MIN_CONTRIBUTION_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
 /// Least opacities at the instant, in 255ths.
 const LEAST_ALIVE: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
+/// Why defaults show all that a clip holds.
+const AS_STORED: &str = "the player shows all that a package holds";
+
 /// The parameters that make a difference to `clip`, in pictures of `size` pixels.
 // Long: a table of parameters and their values.
 pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
@@ -42,6 +47,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
             "cutoff",
             "How far a Gaussian reaches: to where its alpha falls to 1/255, or no farther than so many \
              standard deviations.",
+            "fields are fitted with it",
             "exact",
             [("sqrt 8", Cutoff::Sqrt8), ("sqrt 5", Cutoff::Sqrt5)].map(|(label, cutoff)| {
                 (label.into(), RenderSettings { cutoff, ..RenderSettings::default() })
@@ -51,12 +57,14 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
             "sort",
             "What Gaussians are sorted by, in every frame: the depth that fields are fitted with, or the \
              distance from the eye, which does not change when the head turns.",
+            "fields are fitted with it",
             "depth",
             [("radial".into(), RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() })],
         ),
         settings(
             "contribution cull",
             "Gaussians that add less than so many pixels of full alpha to an image are left out.",
+            "what a threshold removes depends on the clip, and without one nothing is missing from any clip",
             "0",
             MIN_CONTRIBUTION_PX.map(|min_contribution_px| {
                 (
@@ -68,6 +76,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
         Sweep {
             name: "temporal cull",
             about: "Gaussians that are fainter than this at the instant are not drawn.",
+            why_default: "a Gaussian of this opacity is the faintest that changes an image of 8 bits",
             values: with_default(
                 "1/255",
                 LEAST_ALIVE.map(|least| {
@@ -79,6 +88,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
         Sweep {
             name: "resolution scale",
             about: "Part of the image's sides that is drawn; the rest is interpolation.",
+            why_default: "the player draws all pixels unless frames take too long",
             values: with_default(
                 "1",
                 SIDES.map(|side| {
@@ -107,6 +117,7 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
         sweeps.push(Sweep {
             name: "rotation over time",
             about: "Whether Gaussians turn; without, they stay as in the middle of their life.",
+            why_default: AS_STORED,
             values: with_default("turning", [("still".into(), Variant { content, ..Variant::default() })]),
         });
     }
@@ -132,11 +143,12 @@ fn with_default(default: &str, others: impl IntoIterator<Item = (String, Variant
 fn settings(
     name: &'static str,
     about: &'static str,
+    why_default: &'static str,
     default: &str,
     others: impl IntoIterator<Item = (String, RenderSettings)>,
 ) -> Sweep {
     let variant = |(label, settings)| (label, Variant { settings, ..Variant::default() });
-    Sweep { name, about, values: with_default(default, others.into_iter().map(variant)) }
+    Sweep { name, about, why_default, values: with_default(default, others.into_iter().map(variant)) }
 }
 
 /// A sweep over what is in the clip, from `most` down to 0; none where `most` is 0.
@@ -146,7 +158,7 @@ fn content(name: &'static str, about: &'static str, most: u8, reduced: impl Fn(u
         (value.to_string(), Variant { content, ..Variant::default() })
     };
     let values = with_default(&most.to_string(), (0..most).rev().map(variant));
-    (most > 0).then_some(Sweep { name, about, values })
+    (most > 0).then_some(Sweep { name, about, why_default: AS_STORED, values })
 }
 
 /// Gaussians of the clip in the first layer, the first two, and so on.
@@ -162,6 +174,7 @@ fn layers(clip: &Clip) -> Sweep {
     settings(
         "layers",
         "How many Gaussians are drawn, the most important first, in layers of the package.",
+        AS_STORED,
         &clip.len().to_string(),
         others,
     )
@@ -177,6 +190,7 @@ fn levels(clip: &Clip, size: UVec2) -> Sweep {
         name: "quality",
         about: "Quality levels of the player in a headset, lowered while frames take too long; each sets \
                 several of the other parameters.",
+        why_default: "the player lowers the quality only while frames take too long",
         values: with_default(Level::Exact.name(), Level::ALL.into_iter().skip(1).map(variant)),
     }
 }
@@ -190,6 +204,7 @@ fn target() -> Sweep {
         name: "target",
         about: "Bits per channel of what is drawn into. Images are made with 16, windows and headsets show 8; \
                 all other parameters are measured with 16.",
+        why_default: "windows and headsets take 8 bits, and files of images keep 16",
         values,
     }
 }

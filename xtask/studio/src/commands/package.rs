@@ -106,7 +106,7 @@ pub struct Args {
 #[derive(Clone, Copy, Debug)]
 struct Rank(Option<Ranking>);
 
-fn budget(text: &str) -> Result<NonZeroUsize, String> {
+pub(super) fn budget(text: &str) -> Result<NonZeroUsize, String> {
     text.parse().map_err(|_| "not a number of Gaussians, 1 or more".into())
 }
 

@@ -7,15 +7,22 @@ mod page;
 mod stability;
 
 use crate::progress::StagedProgress;
-use crate::report::{ReportFile, ReportSubject, rd};
+use crate::report::rd::{self, RdSettings};
+use crate::report::{ReportFile, ReportSubject};
 use ::program::{Fault, output};
 use anyhow::bail;
 use serde_json::{Map, Value};
 use std::fs;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::package::budget;
 use super::render::size;
+
+/// Default size of the measured pictures of a page.
+#[cfg(feature = "measure")]
+const PAGE_SIZE: [u32; 2] = [512, 384];
 
 /// Maximum number of pixels of a measured picture: about 60 pictures of 32 bytes per pixel are in memory at
 /// once, a gigabyte.
@@ -35,10 +42,14 @@ pub struct Args {
     /// from the reference's
     #[arg(long)]
     stability: bool,
-    /// Size of the pictures that are measured
-    #[arg(long, value_name = "WxH", default_value = "512x384", value_parser = size,
-          conflicts_with_all = ["rd", "stability"])]
-    size: [u32; 2],
+    /// With --rd, the numbers of Gaussians to keep [default: 80000, 40000, 20000, 10000 and 5000 below the size of
+    /// the field; a half, a quarter and an eighth of a field of at most 10000]
+    #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "rd", value_parser = budget)]
+    budgets: Vec<NonZeroUsize>,
+    /// Size of the pictures that are measured [default: 512x384; with --rd 320x240, and 640x480 for the rate of
+    /// the coder]
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
+    size: Option<[u32; 2]>,
     /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
     #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability"])]
     fit_log: Vec<PathBuf>,
@@ -64,6 +75,7 @@ struct Report {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     check_folder(&args.out)?;
+    args.check_size()?;
     let page_of = args.page_of()?;
     #[cfg(not(feature = "measure"))]
     if args.stability || page_of.is_some() {
@@ -79,7 +91,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let subjects =
             args.fields.iter().map(|path| ReportSubject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
-            report.add_rd(&subjects)?;
+            let settings = args.rd_settings(&subjects)?;
+            report.add_rd(&subjects, &settings)?;
         }
         #[cfg(feature = "measure")]
         if args.stability {
@@ -111,31 +124,48 @@ impl Args {
             let what = "a page is of one clip or field: name one, or choose --rd or --stability";
             return Err(Fault::Usage(what.into()));
         };
-        let [width, height] = self.size;
-        if u64::from(width) * u64::from(height) > PIXELS_MAX {
-            let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
-            return Err(Fault::Usage(what));
-        }
         Ok(Some(path))
+    }
+
+    fn check_size(&self) -> Result<(), Fault> {
+        match self.size {
+            Some([width, height]) if u64::from(width) * u64::from(height) > PIXELS_MAX => {
+                let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
+                Err(Fault::Usage(what))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What `--rd` measures; refuses budgets that no field is larger than.
+    fn rd_settings(&self, subjects: &[ReportSubject]) -> Result<RdSettings, Fault> {
+        let budgets: Vec<usize> = self.budgets.iter().map(|budget| budget.get()).collect();
+        let largest = subjects.iter().map(|subject| subject.field.len()).max().unwrap_or(0);
+        match budgets.iter().find(|&&budget| budget >= largest) {
+            Some(budget) => Err(Fault::Usage(format!(
+                "--budgets {budget}: the largest field has {largest} visible Gaussians, choose fewer"
+            ))),
+            None => Ok(RdSettings { budgets, size: self.size }),
+        }
     }
 }
 
 impl Report {
     #[cfg(feature = "measure")]
     fn add_page(&mut self, path: &Path, args: &Args) -> anyhow::Result<()> {
-        let findings = page::measure(path, args.size, &args.fit_log)?;
+        let findings = page::measure(path, args.size.unwrap_or(PAGE_SIZE), &args.fit_log)?;
         self.text += &findings.table();
         self.files.extend(findings.files()?);
         self.json.extend(findings.to_json()?);
         Ok(())
     }
 
-    fn add_rd(&mut self, subjects: &[ReportSubject]) -> anyhow::Result<()> {
+    fn add_rd(&mut self, subjects: &[ReportSubject], settings: &RdSettings) -> anyhow::Result<()> {
         let progress = StagedProgress::visible();
         let mut measured = Vec::new();
         for subject in subjects {
             progress.set_prefix(format!("{}: ", subject.scene.name));
-            measured.push(rd::measure(subject, &progress)?);
+            measured.push(rd::measure(subject, settings, &progress)?);
         }
         progress.finish();
         let files = rd::files(&measured)?;

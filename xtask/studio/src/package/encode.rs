@@ -9,7 +9,7 @@ use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
-use super::views::{compared_views, render_scene, visibility_views};
+use super::views::{CODED_SIZE, compared_views, render_scene, visibility_views};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -58,7 +58,7 @@ pub(crate) fn encode(
     coding: Coding,
     progress: &StagedProgress,
 ) -> anyhow::Result<VerifiedPackage> {
-    let compared = compared_views(scene, field);
+    let compared = compared_views(scene, field, CODED_SIZE);
     progress.stage("pictures to code by", compared.len());
     let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
@@ -71,7 +71,7 @@ pub(crate) fn encode(
         }
         Coding::Context { quality_db } => {
             let source = Source { info: &scene.info, field, plate };
-            let views = visibility_views(scene, field);
+            let views = visibility_views(scene, field, CODED_SIZE);
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
                 .map_err(|error| refused(scene, error))?;

@@ -63,9 +63,9 @@ pub(crate) fn recolor_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, STEERING_PLACES, SIZE, 2 * STEERING)
 }
 
-/// Views that measure the visibility of coding errors.
-pub(crate) fn visibility_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
-    views_of(scene, field, STEERING_PLACES, CODED_SIZE, STEERING)
+/// Views that measure the visibility of coding errors, in pictures of this `size`.
+pub(crate) fn visibility_views(scene: &Scene, field: &Field, size: (u32, u32)) -> Vec<PosedView> {
+    views_of(scene, field, STEERING_PLACES, size, STEERING)
 }
 
 /// Views that compare selections with the whole field, in small pictures.
@@ -73,9 +73,9 @@ pub(crate) fn judging_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, JUDGING_PLACES, SIZE, STEERING)
 }
 
-/// Views that compare a package with the field before coding.
-pub(crate) fn compared_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
-    views_of(scene, field, JUDGING_PLACES, CODED_SIZE, COMPARED)
+/// Views that compare a package with the field before coding, in pictures of this `size`.
+pub(crate) fn compared_views(scene: &Scene, field: &Field, size: (u32, u32)) -> Vec<PosedView> {
+    views_of(scene, field, JUDGING_PLACES, size, COMPARED)
 }
 
 /// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from

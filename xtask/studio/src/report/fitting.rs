@@ -102,6 +102,7 @@ pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
             stage: FlowStage::Fitting,
             name: "fit".into(),
             about: "PSNR of the subject in held-out photographs during a fit.".into(),
+            why_default: String::new(),
             cost: "s".into(),
             points,
         }

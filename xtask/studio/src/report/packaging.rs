@@ -7,9 +7,11 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use codec::{Clip, Coder, EncodeOptions, Field, Limits, Sensitivity, Source};
-use refine::code::{CodeError, TRIALS, code_knowing};
-use refine::prune::{Candidate, Pictures, PosedView, Ranking, Selection, by_importance, recolor};
+use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source};
+use refine::code::{CodeError, TRIALS, TargetCoder};
+use refine::prune::{
+    Candidate, Pictures, PosedView, RESOLUTION_DB, Ranking, Selection, by_importance, recolor,
+};
 use refine::reference::{self, sensitivities};
 
 use super::subject::ReportSubject;
@@ -65,13 +67,10 @@ fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Resu
     let judge = Pictures::take(&render_scene(&part, plate), coded_views(subject), || ());
     let tried = || progress.step();
 
-    let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
-        code_knowing(&source, &LAYERS, target_db, visible.as_ref(), &judge, tried)
-            .map_err(|error| refused(scene, error))
-    };
+    let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
     let mut points = Vec::new();
     for target_db in TARGETS_DB {
-        let coded = code(target_db, &visible)?;
+        let coded = coder.code(target_db, tried).map_err(|error| refused(scene, error))?;
         let label = format!("{target_db} dB");
         points.push(package(&label, target_db == QUALITY_DB, &coded.bytes, coded.fidelity.psnr_db)?);
     }
@@ -90,6 +89,9 @@ fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Resu
             part.len(),
             field.len()
         ),
+        why_default: "it holds for all fields: coding then costs 0.01 dB of a field that fits its photographs to \
+                      24.3 dB"
+            .into(),
         cost: "bytes".into(),
         points,
     }
@@ -169,6 +171,10 @@ fn selection(
              where it changes the selection: draft packages against the whole field. The default tries all and \
              uses the marked one."
         ),
+        why_default: format!(
+            "`package` keeps the candidate of the highest PSNR, or one within {RESOLUTION_DB} dB of it that severs \
+             fewer features, which the fraction of lost features does not count"
+        ),
         cost: "fraction of persistent features lost".into(),
         points: candidates.iter().enumerate().map(ranked).collect(),
     };
@@ -189,6 +195,7 @@ fn selection(
             "Whether the colours of the {budget} Gaussians are fitted to images of the whole field \
              (`--recolor`)."
         ),
+        why_default: "it takes time, and changes colours that were fitted to photographs".into(),
         cost: "s of packaging".into(),
         points: vec![point("as they were", true, selected.psnr_db), refitted],
     };

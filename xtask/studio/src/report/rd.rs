@@ -9,28 +9,44 @@ mod result;
 mod text;
 mod views;
 
-use codec::Field;
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference;
 
 use super::subject::ReportSubject;
-use crate::package::{FieldAnalysis, LAYERS, PackageSettings, encode, floor};
+use crate::package::{CODED_SIZE, FieldAnalysis, LAYERS, PackageSettings, encode, floor};
 use crate::progress::StagedProgress;
 
 pub use rates::{CoderRate, SimplerCoders};
 pub use result::{FieldRd, RatePoint, Selector};
 pub use text::files;
-use views::reported_views;
+use views::{SIZE, reported_views};
+
+/// What to measure.
+#[derive(Clone, Debug, Default)]
+pub struct RdSettings {
+    /// Numbers of Gaussians; if empty, the ends of layers below the size of the field, or parts of a small
+    /// field.
+    pub budgets: Vec<usize>,
+    /// Width and height in pixels of the images compared; by default 320x240, and for the rate of the coder
+    /// those of `package`.
+    pub size: Option<[u32; 2]>,
+}
 
 /// Measures every selector at every budget below the size of the field.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) if the field cannot be coded. Any other error is a defect of this program.
-pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<FieldRd> {
+pub fn measure(
+    subject: &ReportSubject,
+    rd: &RdSettings,
+    progress: &StagedProgress,
+) -> anyhow::Result<FieldRd> {
     let settings = PackageSettings::default();
-    let bench = RateBench::new(subject, &settings, progress)?;
+    let image_size = rd.size.unwrap_or(SIZE);
+    let rate_image_size = rd.size.unwrap_or(CODED_SIZE.into());
+    let bench = RateBench::new(subject, &settings, image_size, progress)?;
     let mut points = Vec::new();
-    for budget in budgets(&subject.field) {
+    for budget in budgets(subject.field.len(), &rd.budgets) {
         points.extend(bench.points(budget)?);
     }
     Ok(FieldRd {
@@ -40,14 +56,30 @@ pub fn measure(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Re
         duration_assumed: subject.scene.assumed.contains(&"duration_s"),
         coder: settings.coding.name(),
         features: bench.recall.features(),
+        image_size,
         points,
-        rates: rates::measure(subject, &bench.analysis.order(Ranking::BlendSum), progress)?,
+        rate_image_size,
+        rates: rates::measure(subject, &bench.analysis.order(Ranking::BlendSum), rate_image_size, progress)?,
     })
 }
 
-/// The budgets below the size of the field, the largest first.
-fn budgets(field: &Field) -> impl Iterator<Item = usize> {
-    LAYERS.into_iter().rev().filter(|&budget| budget < field.len())
+/// The budgets below the size of a field, the largest first: those `requested`, or else the ends of layers. Fewer
+/// than two of these make no curve: a half, a quarter and an eighth of the field take their place.
+fn budgets(len: usize, requested: &[usize]) -> Vec<usize> {
+    let below = |budgets: &[usize]| {
+        let mut below: Vec<usize> = budgets.iter().copied().filter(|&budget| budget < len).collect();
+        below.sort_unstable();
+        below.dedup();
+        below.reverse();
+        below
+    };
+    if !requested.is_empty() {
+        return below(requested);
+    }
+    match below(&LAYERS) {
+        layers if layers.len() >= 2 => layers,
+        _ => [2, 4, 8].map(|part| len / part).into_iter().filter(|&budget| budget > 0).collect(),
+    }
 }
 
 /// Measures packages of one field.
@@ -79,12 +111,13 @@ impl<'a> RateBench<'a> {
     fn new(
         subject: &'a ReportSubject,
         settings: &'a PackageSettings,
+        image_size: [u32; 2],
         progress: &'a StagedProgress,
     ) -> anyhow::Result<RateBench<'a>> {
         let ReportSubject { scene, field, plate } = subject;
         let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
         let recall = floor(field, Measure::Recall)?;
-        let reported = reported_views(subject);
+        let reported = reported_views(subject, image_size);
         progress.stage("images", reported.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());
         Ok(RateBench { subject, progress, analysis, recall, reported, settings })
@@ -146,5 +179,19 @@ impl<'a> RateBench<'a> {
         let coded = encode(scene, &part, plate.as_ref(), self.settings.coding, self.progress)?.coded;
         let psnr_db = self.reported.psnr(&reference::RenderScene::from(&coded.clip), || ());
         Ok(CodedRows { rows, bytes: coded.bytes.len(), psnr_db })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_are_below_the_size_of_the_field() {
+        assert_eq!(budgets(62_040, &[]), [40_000, 20_000, 10_000, 5_000]);
+        assert_eq!(budgets(10_001, &[]), [10_000, 5_000]);
+        assert_eq!(budgets(9_418, &[]), [4_709, 2_354, 1_177], "one layer's end makes no curve");
+        assert_eq!((budgets(3, &[]), budgets(1, &[])), (vec![1], vec![]));
+        assert_eq!(budgets(9_418, &[500, 5_000, 500, 20_000]), [5_000, 500]);
     }
 }

@@ -23,6 +23,19 @@ pub(super) struct Mark {
     pub(super) on_front: bool,
 }
 
+impl Chart {
+    /// Whether it shows at least two points.
+    pub(super) fn has_line(&self) -> bool {
+        self.marks.iter().filter(|mark| mark.is_finite()).count() >= 2
+    }
+}
+
+impl Mark {
+    fn is_finite(&self) -> bool {
+        self.y.is_finite() && self.x.iter().all(|x| x.is_finite())
+    }
+}
+
 /// Size of a chart in pixels.
 const SIZE: (u32, u32) = (520, 330);
 
@@ -57,8 +70,7 @@ fn draw<D: DrawingBackend>(area: &DrawingArea<D, Shift>, chart: &Chart) -> anyho
 where
     D::ErrorType: 'static,
 {
-    let is_finite = |mark: &&Mark| mark.y.is_finite() && mark.x.iter().all(|x| x.is_finite());
-    let mut marks: Vec<&Mark> = chart.marks.iter().filter(is_finite).collect();
+    let mut marks: Vec<&Mark> = chart.marks.iter().filter(|mark| mark.is_finite()).collect();
     marks.sort_by(|a, b| a.x[0].total_cmp(&b.x[0]));
     let (left, right) = range(marks.iter().flat_map(|mark| mark.x), [0.06, 0.14]);
     let (bottom, top) = range(marks.iter().map(|mark| mark.y), [0.12, 0.12]);

@@ -225,6 +225,9 @@ impl Findings {
         };
         let steps = chart("steps", |entry| entry.step as f64);
         let seconds = chart("seconds", |entry| entry.seconds);
+        if !self.fits.iter().any(|fit| fit.entries.iter().filter_map(|entry| entry.held_psnr_db).count() >= 2) {
+            return Ok(no_chart("the PSNR of held photographs"));
+        }
         Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
     }
 }
@@ -257,9 +260,18 @@ fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
             marks: parameter.points.iter().map(flicker).collect(),
         });
     }
-    *text += &svg(&charts)?;
+    let (drawn, empty): (Vec<Chart>, Vec<Chart>) = charts.into_iter().partition(Chart::has_line);
+    if !drawn.is_empty() {
+        *text += &svg(&drawn)?;
+    }
+    empty.iter().for_each(|chart| *text += &no_chart(&chart.title));
     *text += &tables::parameter(parameter);
     Ok(())
+}
+
+/// The sentence in place of a chart of `what`.
+fn no_chart(what: &str) -> String {
+    format!("<p>No chart of {}: it has fewer than two points.</p>\n", escape(what))
 }
 
 #[cfg(test)]

@@ -36,6 +36,7 @@ fn findings() -> Findings {
         stage: FlowStage::Playing,
         name: "cut < off".into(),
         about: "How far.".into(),
+        why_default: "fields are fitted with it".into(),
         cost: "ms a frame".into(),
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
@@ -88,13 +89,24 @@ fn findings() -> Findings {
     }
 }
 
+/// The findings with a parameter of these values.
+fn findings_of(points: Vec<ParameterValue>) -> Findings {
+    let mut findings = findings();
+    let parameter = Parameter { points, ..findings.playing.parameters.remove(0) };
+    findings.playing.parameters.push(parameter.mark_front());
+    findings
+}
+
 #[test]
 fn the_page_is_self_contained_and_names_beaten_defaults() {
     let files = findings().files().unwrap();
     let page = &files[0].text;
     assert!(page.contains("<title>a &amp; b: error against run time</title>"));
     assert!(
-        page.contains("cut &lt; off: exact (50.00 dB at 9.00 ms a frame) is beaten by near (52.00 dB"),
+        page.contains(
+            "<li>cut &lt; off: near has 2.00 dB more and costs 5 ms a frame less than the default, exact (50 dB at \
+             9 ms a frame), which stands because fields are fitted with it.</li>"
+        ),
         "{page}"
     );
     for expected in ["12,345,678", "9.00 <small>8.75 to 9.25</small>", "4,000", "two cores", "a device, Mesa"]
@@ -140,4 +152,25 @@ fn the_terminal_shows_every_value() {
         table.contains("* exact") && table.contains("  near") && table.contains("off the front"),
         "{table}"
     );
+}
+
+#[test]
+fn a_beaten_default_says_by_how_much_and_why_it_stands() {
+    let beaten = |points| findings_of(points).beaten_defaults();
+    let said = |others| beaten([vec![point("exact", 9.0, 50.0)], others].concat()).remove(0);
+    let faster = said(vec![point("fast", 4.0, 49.95), point("faster", 3.0, 49.96)]);
+    let expected = "faster (as 1 other value) has only 0.04 dB less and costs 6 ms a frame less than";
+    assert!(faster.contains(expected), "{faster}");
+    let perfect = said(vec![point("perfect", 9.0, f64::INFINITY)]);
+    assert!(perfect.contains("perfect is without error and costs no more than the default, exact"), "{perfect}");
+    assert!(beaten(vec![point("exact", 9.0, 50.0), point("slow", 12.0, 60.0)]).is_empty());
+}
+
+#[test]
+fn a_parameter_of_one_value_has_a_sentence_in_place_of_a_chart() {
+    let mut findings = findings_of(vec![point("exact", 9.0, 50.0)]);
+    findings.fits[0].entries.truncate(1);
+    let page = &findings.files().unwrap()[0].text;
+    assert_eq!(page.matches("<svg").count(), 0, "{page}");
+    assert_eq!(page.matches("No chart of ").count(), 3, "{page}");
 }

@@ -1,8 +1,8 @@
 //! Rate of the coder over its precision, and the savings of its parts: packages of the same Gaussians, coded
 //! to several PSNRs against the Gaussians before coding.
 
-use codec::{AttributeSize, Limits, Sensitivity, Source};
-use refine::code::{TRIALS, code_knowing, equal_sensitivities};
+use codec::{AttributeSize, Limits, Source};
+use refine::code::{TRIALS, TargetCoder};
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
@@ -50,10 +50,11 @@ pub struct SimplerCoders {
     pub alike: f64,
 }
 
-/// Codes the first rows of `order` to every target PSNR.
+/// Codes the first rows of `order` to every target PSNR, in images of this `size`.
 pub(super) fn measure(
     subject: &ReportSubject,
     order: &[usize],
+    size: [u32; 2],
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<CoderRate>> {
     progress.stage("rates", 2 * TRIALS * TARGETS_DB.len());
@@ -61,16 +62,14 @@ pub(super) fn measure(
     let ReportSubject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-    let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared_views(scene, &part), || ());
-    let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part), || ());
-    let equal = visible.as_ref().map(|(rows, footprint)| (equal_sensitivities(rows), *footprint));
-    let code = |target_db: f64, visible: &Option<(Vec<Sensitivity>, f32)>| {
-        code_knowing(&source, &LAYERS, target_db, visible.as_ref(), &judge, step)
-            .map_err(|error| refused(scene, error))
-    };
+    let compared = compared_views(scene, &part, size.into());
+    let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
+    let visible =
+        sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
+    let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
     let rate = |target_db: f64| {
-        let coded = code(target_db, &visible)?;
-        let alike = code(target_db, &equal)?;
+        let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
+        let alike = coder.code_equally(target_db, step).map_err(|error| refused(scene, error))?;
         Ok(CoderRate {
             gaussians: part.len(),
             target_db,

@@ -55,8 +55,12 @@ pub struct FieldRd {
     pub coder: &'static str,
     /// Number of persistent features of the field's density, over all reference instants.
     pub features: usize,
+    /// Width and height in pixels of the images in which packages are compared with the field.
+    pub image_size: [u32; 2],
     /// One point per budget and selector, the largest budget first.
     pub points: Vec<RatePoint>,
+    /// Width and height in pixels of the images of [`FieldRd::rates`].
+    pub rate_image_size: [u32; 2],
     /// Rate of the coder over its precision.
     pub rates: Vec<CoderRate>,
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::rates::{CoderRate, SimplerCoders};
 use super::result::{FieldRd, RatePoint, Selector};
-use super::views::{COUNT, SIZE};
+use super::views::COUNT;
 use crate::messages::decimal;
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
@@ -16,7 +16,7 @@ use refine::prune::{FloorSettings, RESOLUTION_DB};
 const MEAN: &str = "mean of the fields";
 
 /// The files of the report on `fields`, of which there is at least one: tables, CSV, and a plot of each field
-/// and of their mean.
+/// and of their mean where it has several budgets.
 ///
 /// # Errors
 /// If a plot cannot be drawn.
@@ -26,14 +26,11 @@ pub fn files(fields: &[FieldRd]) -> anyhow::Result<Vec<ReportFile>> {
         curves.insert(0, Curve::mean(fields));
     }
     let mut plots = Vec::new();
-    for (i, curve) in curves.iter().enumerate() {
-        // Fields may have equal names, and names may contain any character.
-        let name = if i == 0 { "rd.svg".into() } else { format!("rd-{i}.svg") };
-        plots.push(ReportFile { name, text: plot(curve)? });
+    for (i, curve) in curves.iter().enumerate().filter(|(_, curve)| curve.has_line()) {
+        plots.push(ReportFile { name: plot_name(i), text: plot(curve)? });
     }
-    let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
     let mut files = vec![
-        ReportFile { name: "rd.md".into(), text: markdown(fields, &curves, &names) },
+        ReportFile { name: "rd.md".into(), text: markdown(fields, &curves) },
         ReportFile { name: "rd.csv".into(), text: csv(&curves) },
     ];
     files.append(&mut plots);
@@ -53,6 +50,11 @@ impl Curve {
             name: field.field.clone(),
             points: field.points.iter().cloned().map(|point| (point, 1)).collect(),
         }
+    }
+
+    /// Whether its points make a line: at least two budgets.
+    fn has_line(&self) -> bool {
+        self.points.iter().any(|(point, _)| point.budget != self.points[0].0.budget)
     }
 
     /// The mean at each budget, over the fields larger than the budget.
@@ -86,6 +88,11 @@ impl Curve {
         }
         Curve { name: MEAN.into(), points: means }
     }
+}
+
+/// File name of the plot of the `i`th curve: fields may have equal names, and names may contain any character.
+fn plot_name(i: usize) -> String {
+    if i == 0 { "rd.svg".into() } else { format!("rd-{i}.svg") }
 }
 
 fn plot(curve: &Curve) -> anyhow::Result<String> {
@@ -178,14 +185,20 @@ fn csv(curves: &[Curve]) -> String {
     text
 }
 
-fn markdown(fields: &[FieldRd], curves: &[Curve], plots: &[&str]) -> String {
+fn markdown(fields: &[FieldRd], curves: &[Curve]) -> String {
     let mut text = format!("# Rate and distortion\n\n{}\n", caption(fields));
     rates(&mut text, fields);
-    for (curve, plot) in curves.iter().zip(plots) {
-        let _ = write!(text, "\n## {}\n\n![PSNR and topology over the rate]({plot})\n\n", curve.name);
+    for (i, curve) in curves.iter().enumerate() {
+        let _ = write!(text, "\n## {}\n\n", curve.name);
         if curve.points.is_empty() {
-            text.push_str("Smaller than the smallest budget: nothing to select.\n");
+            text.push_str("No budget is smaller than the field: nothing to select.\n");
             continue;
+        }
+        match curve.has_line() {
+            true => {
+                let _ = write!(text, "![PSNR and topology over the rate]({})\n\n", plot_name(i));
+            }
+            false => text.push_str("One budget makes no curve: the tables hold its numbers.\n\n"),
         }
         compact(&mut text, curve);
         full(&mut text, curve);
@@ -205,7 +218,7 @@ fn caption(fields: &[FieldRd]) -> String {
         let FieldRd { field, gaussians, features, coder, .. } = field;
         let _ = writeln!(text, "| {field} | {gaussians} | {duration_s} s{assumed} | {features} | {coder} |");
     }
-    let (width, height) = SIZE;
+    let [width, height] = fields[0].image_size;
     let _ = write!(
         text,
         "
@@ -232,9 +245,11 @@ of the largest density. Mbps is the size of the package over the duration of the
 
 /// Rate of the coder, per field.
 fn rates(text: &mut String, fields: &[FieldRd]) {
-    text.push_str(
+    let [width, height] = fields[0].rate_image_size;
+    let _ = write!(
+        text,
         "\n## Rate of the coder\n\nThe most visible Gaussians, coded to a target PSNR of images of the decoded package \
-         against images of the Gaussians before coding. B/G is the size of the file in bytes per Gaussian. The columns \
+         against images of the Gaussians before coding, of {width}x{height} pixels. B/G is the size of the file in bytes per Gaussian. The columns \
          before it are sizes by simpler coders: *order 0* is the entropy of the numbers, *+ order* the same with a free \
          order, *+ prediction* the entropy of the residuals; contexts save the rest. *all alike* is the complete coder \
          at the same PSNR, with equal precision for visible and invisible Gaussians.\n\n\
@@ -324,7 +339,9 @@ mod tests {
             duration_assumed: true,
             coder: "fixed",
             features: 7,
+            image_size: [320, 240],
             points: points.collect(),
+            rate_image_size: [640, 480],
             rates: vec![CoderRate {
                 gaussians: 5_000,
                 target_db: 45.0,
@@ -369,7 +386,7 @@ mod tests {
         other.points.iter_mut().for_each(|point| point.psnr_db += 2.0);
         let files = files(&[field("a", &[10_000, 5_000]), other]).unwrap();
         let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-        assert_eq!(names, ["rd.md", "rd.csv", "rd.svg", "rd-1.svg", "rd-2.svg"]);
+        assert_eq!(names, ["rd.md", "rd.csv", "rd.svg", "rd-1.svg"], "one budget of b makes no curve");
         let text = file(&files, "rd.md");
         assert!(text.contains("| PSNR (dB) | 10000 (of 1) | 5000 (of 2) |"), "{text}");
         assert!(text.contains("| ours | 34.00 | 30.00 |"), "{text}");
@@ -378,7 +395,17 @@ mod tests {
     #[test]
     fn a_field_below_the_smallest_budget_is_reported() {
         let files = files(&[field("tiny", &[])]).unwrap();
-        assert!(file(&files, "rd.md").contains("Smaller than the smallest budget"));
+        assert_eq!(files.len(), 2, "no plot");
+        assert!(file(&files, "rd.md").contains("No budget is smaller than the field"));
         assert_eq!(file(&files, "rd.csv").lines().count(), 1);
+    }
+
+    #[test]
+    fn one_budget_has_a_table_and_no_plot() {
+        let files = files(&[field("small", &[5_000])]).unwrap();
+        assert_eq!(files.len(), 2, "no plot");
+        let text = file(&files, "rd.md");
+        assert!(text.contains("One budget makes no curve") && text.contains("| ours | 29.00 |"), "{text}");
+        assert!(!text.contains("rd.svg") && text.contains("of 640x480 pixels"), "{text}");
     }
 }

@@ -5,8 +5,8 @@ use refine::prune::PosedView;
 use crate::package::{Places, views_of};
 use crate::report::subject::ReportSubject;
 
-/// Width and height in pixels of the images compared.
-pub(super) const SIZE: (u32, u32) = (320, 240);
+/// Default width and height in pixels of the images compared.
+pub(super) const SIZE: [u32; 2] = [320, 240];
 
 /// Camera positions, other than those that rank or judge.
 const PLACES: Places = Places { aside: 8.0, viewpoint: false, turn: 0.25 };
@@ -15,7 +15,7 @@ const PLACES: Places = Places { aside: 8.0, viewpoint: false, turn: 0.25 };
 /// or judge.
 pub(super) const COUNT: usize = 16;
 
-/// Views in which packages are compared with the field.
-pub(super) fn reported_views(subject: &ReportSubject) -> Vec<PosedView> {
-    views_of(&subject.scene, &subject.field, PLACES, SIZE, COUNT)
+/// Views in which packages are compared with the field, in images of this `size`.
+pub(super) fn reported_views(subject: &ReportSubject, size: [u32; 2]) -> Vec<PosedView> {
+    views_of(&subject.scene, &subject.field, PLACES, size.into(), COUNT)
 }
