@@ -6,6 +6,8 @@
 //! Lengths are in the units of the source. Clip time `t` is 0 at the start of the clip and 1 at its
 //! end.
 
+use crate::work::Work;
+
 /// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 
@@ -239,6 +241,7 @@ impl Field {
     /// # Panics
     /// If a row is out of range.
     pub(crate) fn swap_rows(&mut self, a: usize, b: usize) {
+        Work::Rows.count(2);
         fn swap_groups<T>(column: &mut [T], size: usize, a: usize, b: usize) {
             (0..size).for_each(|k| column.swap(a * size + k, b * size + k));
         }
