@@ -1,6 +1,6 @@
 //! [`Reader`] and `Writer`: little-endian numbers from and to byte strings.
 
-use crate::{Error, error::FormatError};
+use crate::{Error, error::FormatError, work::Work};
 
 /// Reads numbers in order, never past the end.
 pub(crate) struct Reader<'a> {
@@ -27,6 +27,7 @@ impl<'a> Reader<'a> {
         let taken =
             rest.get(..count).ok_or(Error::format(self.at(), FormatError::Short { part: self.part }))?;
         self.position += count;
+        Work::Bytes.count(count);
         Ok(taken)
     }
 

@@ -169,9 +169,11 @@ fn chunk_decoders(
     count: usize,
     budget: &mut Budget,
 ) -> Result<Vec<ChunkDecoder>, Error> {
-    let mut decoders = vec![ChunkDecoder::new(contents, budget)?];
+    let chunks = contents.planned_sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
+    let largest = chunks.map(|(_, section)| section.raw_length).max().unwrap_or(0);
+    let mut decoders = vec![ChunkDecoder::new(contents, largest, budget)?];
     while decoders.len() < count
-        && let Ok(decoder) = ChunkDecoder::new(contents, budget)
+        && let Ok(decoder) = ChunkDecoder::new(contents, largest, budget)
     {
         decoders.push(decoder);
     }
@@ -179,14 +181,12 @@ fn chunk_decoders(
 }
 
 impl ChunkDecoder {
-    fn new(contents: &Contents, budget: &mut Budget) -> Result<ChunkDecoder, Error> {
+    /// Creates a decoder of chunks of up to `largest` bytes before compression.
+    fn new(contents: &Contents, largest: usize, budget: &mut Budget) -> Result<ChunkDecoder, Error> {
         if contents.coder == Coder::Context {
             budget.spend(context::WORK_BYTES)?;
             return Ok(ChunkDecoder::Context { version_major: contents.version_major });
         }
-        let chunks =
-            contents.planned_sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
-        let largest = chunks.map(|(_, section)| section.raw_length).max().unwrap_or(0);
         let zstd = zstd::bulk::Decompressor::new()
             .map_err(|e| Error::format(0, FormatError::Payload { reason: e.to_string() }))?;
         Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })

@@ -7,6 +7,7 @@
 //! end.
 
 use crate::PixelFilter;
+use crate::work::Work;
 
 /// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
@@ -244,6 +245,7 @@ impl Field {
     /// # Panics
     /// If a row is out of range.
     pub(crate) fn swap_rows(&mut self, a: usize, b: usize) {
+        Work::Rows.count(2);
         fn swap_groups<T>(column: &mut [T], size: usize, a: usize, b: usize) {
             (0..size).for_each(|k| column.swap(a * size + k, b * size + k));
         }

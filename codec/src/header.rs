@@ -16,6 +16,7 @@ use crate::{
     },
     limits::Budget,
     section::{Region, Section, SectionKind},
+    work::Work,
 };
 
 /// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and
@@ -113,6 +114,7 @@ pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
 pub(crate) fn contents_within(bytes: &[u8], limits: &Limits, budget: &mut Budget) -> Result<Contents, Error> {
     let head = head_bytes(bytes)?;
     let (body, stored) = head.split_at(head.len() - 4);
+    Work::Bytes.count(body.len());
     let computed = crc32fast::hash(body);
     let stored = Reader::new(stored, body.len(), "head").u32()?;
     if stored != computed {
@@ -315,7 +317,7 @@ impl Contents {
     /// chunks of the plate (first layer only), the static chunks, the time index (coder `fixed`
     /// only), the dynamic chunks.
     pub(crate) fn plan(&self) -> impl Iterator<Item = PlannedSection> + '_ {
-        self.layers.iter().enumerate().flat_map(|(layer, end)| {
+        let sections = self.layers.iter().enumerate().flat_map(|(layer, end)| {
             let start = if layer == 0 { LayerEnd::default() } else { self.layers[layer - 1] };
             let layer = layer as u8;
             let dynamic = end.dynamic_count - start.dynamic_count;
@@ -330,12 +332,14 @@ impl Contents {
                 .chain(chunks(layer, Region::Static, end.static_count - start.static_count))
                 .chain((dynamic > 0 && self.coder == Coder::Fixed).then_some(index))
                 .chain(chunks(layer, Region::Dynamic, dynamic))
-        })
+        });
+        sections.inspect(|_| Work::Sections.count(1))
     }
 
     /// The required sections, each with its entry in the table.
     pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (PlannedSection, &Section)> {
-        self.plan().zip(self.sections.iter().filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
+        let visited = self.sections.iter().inspect(|_| Work::Sections.count(1));
+        self.plan().zip(visited.filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
     }
 
     /// Checks the table against the counts.
@@ -344,6 +348,7 @@ impl Contents {
         let mut offset = self.head_bytes;
         let table_at = self.head_bytes - 4 - self.sections.len() * ENTRY_BYTES;
         for (i, section) in self.sections.iter().enumerate() {
+            Work::Sections.count(1);
             let at = table_at + i * ENTRY_BYTES;
             let error = |expected: String, found: String| {
                 Error::format(at, FormatError::Sections { expected, found })

@@ -68,6 +68,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
+// Unit tests share the helpers of the tests in `tests`, which name this crate.
+#[cfg(all(test, feature = "encode"))]
+extern crate self as codec;
+
 mod bytes;
 mod camera;
 mod clip;
@@ -95,6 +99,7 @@ mod quant;
 mod rows;
 mod section;
 mod time_index;
+mod work;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};

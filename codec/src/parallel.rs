@@ -61,7 +61,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Condvar;
+    use std::time::Duration;
+
     use super::*;
+
+    /// Longest wait for another thread.
+    const PATIENCE: Duration = Duration::from_secs(60);
 
     #[test]
     fn every_item_is_processed_once() {
@@ -76,12 +82,32 @@ mod tests {
         }
     }
 
+    /// Each item waits for the end of all later ones, which only as many threads can run.
+    #[test]
+    fn items_that_end_in_the_reverse_order_keep_their_places() {
+        for count in [2, 3, 7] {
+            let (ended, changed) = (Mutex::new(0), Condvar::new());
+            let mut places = vec![None; count];
+            let work = |(number, place): (usize, &mut Option<usize>)| {
+                let is_early = |ended: &mut usize| *ended < count - 1 - number;
+                let mut waited = changed.wait_timeout_while(lock(&ended), PATIENCE, is_early).unwrap();
+                assert!(!waited.1.timed_out(), "{count} items do not run at once");
+                *place = Some(number);
+                *waited.0 += 1;
+                changed.notify_all();
+                Err(number)
+            };
+            assert_eq!(try_for_each(places.iter_mut().enumerate(), vec![work; count]), Err(0));
+            assert!(places.into_iter().eq((0..count).map(Some)));
+        }
+    }
+
     #[test]
     fn the_first_failure_in_order_is_returned() {
         for threads in [1, 2, 3, 16] {
             let work = |number: u64| {
                 // The later an item, the sooner it fails.
-                thread::sleep(std::time::Duration::from_micros(10 * (100 - number)));
+                thread::sleep(Duration::from_micros(10 * (100 - number)));
                 if number >= 20 { Err(number) } else { Ok(()) }
             };
             assert_eq!(try_for_each(0..100, vec![work; threads]), Err(20));

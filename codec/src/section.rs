@@ -1,6 +1,6 @@
 //! [`Section`]: an entry of the section table, and the checksum of the bytes it points to.
 
-use crate::{Error, bytes::Reader, error::FormatError};
+use crate::{Error, bytes::Reader, error::FormatError, work::Work};
 
 /// An entry of the section table: a checksummed run of bytes of a package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,6 +141,7 @@ impl Section {
     pub(crate) fn payload<'a>(&self, package: &'a [u8]) -> Result<&'a [u8], Error> {
         let truncated = FormatError::Truncated { needed: self.end(), available: package.len() };
         let bytes = package.get(self.offset..self.end()).ok_or(Error::format(package.len(), truncated))?;
+        Work::Bytes.count(bytes.len());
         let computed = crc32fast::hash(bytes);
         if computed != self.crc {
             let error = FormatError::Crc { part: self.kind.name(), stored: self.crc, computed };

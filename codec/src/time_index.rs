@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::Field;
+use crate::{Field, work::Work};
 
 /// Number of start bins over the clip.
 const BINS: usize = 64;
@@ -51,6 +51,7 @@ fn fits_cell(field: &Field, i: usize, cell: usize) -> bool {
 
 /// The alive interval of Gaussian `i`, or the empty one at its window centre.
 fn indexed_interval(field: &Field, i: usize) -> (f64, f64) {
+    Work::Rows.count(1);
     field.alive_interval(i).unwrap_or_else(|| {
         let tau = field.temporal.as_ref().map_or(0.0, |temporal| f64::from(temporal.tau[i]));
         (tau.clamp(0.0, 1.0), tau.clamp(0.0, 1.0))

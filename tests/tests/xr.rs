@@ -90,14 +90,31 @@ struct Played {
     eyes: [(Camera, f64, Image); 2],
 }
 
-/// Plays a clip under validation and returns the last frame.
-fn play(headset: &Headset, clip: Option<&Path>, frames: u32, quality: Level) -> Result<Played, String> {
+/// Plays a clip under validation until it has moved, and returns the last frame. It stands still before the session
+/// has the focus, which on a busy machine comes after many frames.
+fn play(headset: &Headset, clip: Option<&Path>, quality: Level) -> Result<Played, String> {
+    for frames in [16, 64, 256, 1024] {
+        let played = play_frames(headset, clip, frames, quality)?;
+        if played.eyes.iter().all(|(_, time, _)| *time > 0.0) {
+            return Ok(played);
+        }
+    }
+    Err("the clip stands still".into())
+}
+
+/// Plays some frames of a clip under validation and returns the last one.
+fn play_frames(
+    headset: &Headset,
+    clip: Option<&Path>,
+    frames: u32,
+    quality: Level,
+) -> Result<Played, String> {
     let (folder, stats) = (headset.path("eyes"), headset.path("stats.json"));
     let mut command = headset.validated(client());
     command.args(clip).args(["--xr", "--frames", &format!("0..{frames}"), "--out"]).arg(&folder);
     command.args(["--quality", &quality.name().to_lowercase()]);
     let outcome = run(command.arg("--stats").arg(&stats).env("RUST_LOG", "client=info"));
-    if outcome.code != Some(0) || !outcome.stderr.contains("session Focused") {
+    if outcome.code != Some(0) {
         return Err(format!("{outcome:?}"));
     }
     nothing_found(headset)?;
@@ -146,14 +163,14 @@ fn lower_quality(headset: Headset) -> Result<(), String> {
 /// Plays the demo. The eyes must show what the renderer alone draws for the same cameras.
 fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     let gpu = device(Passes::Shared).map_err(|fault| fault.to_string())?;
-    let played = play(headset, None, 16, quality)?;
+    let played = play(headset, None, quality)?;
     let [(left, time, left_image), (right, right_time, right_image)] = &played.eyes;
     let drawn = quality.size(UVec2::new(number(&played.stats["width"])?, number(&played.stats["height"])?));
     if UVec2::new(left.width, left.height) != drawn || played.stats["quality"]["level"] != quality.name() {
         return Err(format!("{}x{} were drawn and not {drawn}", left.width, left.height));
     }
-    if *time <= 0.0 || time != right_time {
-        return Err(format!("the clip stands at {time} s and {right_time} s"));
+    if time != right_time {
+        return Err(format!("the clip stands at {time} s and at {right_time} s"));
     }
     if !played.stats["runtime"].as_str().is_some_and(|name| name.starts_with("Monado")) {
         return Err(format!("another runtime: {}", played.stats["runtime"]));
@@ -262,7 +279,7 @@ fn signpost() -> Field {
 fn parallax(headset: Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
-    let played = play(&headset, Some(&clip), 10, Level::Exact)?;
+    let played = play(&headset, Some(&clip), Level::Exact)?;
     let field = decoded(&signpost()).static_field;
     let spot = field.centers.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1])).ok_or("no spot")?;
     let mut places = Vec::new();

@@ -4,6 +4,7 @@
 //! are coded recursively. So the order of the Gaussians, which has no meaning, takes no bits.
 
 use super::{model::BitTree, observer::Attribute, range::Symbols};
+use crate::work::Work;
 
 /// Largest number of bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;
@@ -24,6 +25,7 @@ pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64
     // Stack of runs of the curve to code: first cell, bits left, first row, end row.
     let mut runs = vec![(0u64, 3 * axis_bits, 0, cells.len())];
     while let Some((first, bits, start, end)) = runs.pop() {
+        Work::Rows.count(1);
         let rows = &mut cells[start..end];
         match (rows.len(), bits) {
             (0, _) => {}

@@ -1,5 +1,7 @@
 //! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
 
+use crate::work::Work;
+
 /// Number of last Gaussians to search; they come along a Morton curve. Format.
 const WINDOW: usize = 24;
 
@@ -33,6 +35,7 @@ pub(super) struct Neighbors {
 impl Neighbors {
     /// Finds the Gaussians nearest to `cell`; at equal distances the later ones.
     pub(super) fn find(&mut self, cell: [u32; 3]) {
+        Work::Rows.count(self.last.len());
         let mut best = [(u64::MAX, 0); NEAREST];
         for age in 1..=self.last.len() {
             let position = if age <= self.next { self.next - age } else { self.next + WINDOW - age };

@@ -8,6 +8,7 @@ use super::{
     bit::Bit,
     observer::{Attribute, BitObserver},
 };
+use crate::work::Work;
 
 /// Smallest range; below it the coder shifts by a byte.
 const LOW: u32 = 1 << 24;
@@ -93,6 +94,7 @@ impl<O: BitObserver> Symbols for Decoder<'_, O> {
     const ENCODES: bool = false;
 
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
+        Work::Symbols.count(1);
         let bound = model.split(self.range);
         let bit = self.code < bound;
         if bit {
@@ -120,6 +122,7 @@ impl<O: BitObserver> Symbols for Decoder<'_, O> {
     }
 
     fn uniform(&mut self, count: u32, _: u32) -> u32 {
+        Work::Symbols.count(1);
         self.observer.coded(|| f64::from(count).log2());
         let unit = self.range / count;
         // In a damaged stream the number can lie above the last unit.

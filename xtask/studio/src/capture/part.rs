@@ -131,7 +131,7 @@ mod tests {
                 builder.photo(index, frame, files);
             }
         }
-        builder.build(refine::capture::even_times_s(5, 25.0), Some(25.0))
+        builder.build(refine::capture::even_times_s(5, 32.0), Some(32.0))
     }
 
     #[test]
@@ -139,7 +139,7 @@ mod tests {
         let mut capture_files = capture_files();
         capture_files.keep_frames(1..4).unwrap();
         let Capture { frame_times_s, photos, .. } = &capture_files.capture;
-        assert_eq!(frame_times_s, &[0.0, 0.04, 0.08]);
+        assert_eq!(frame_times_s, &[0.0, 1.0 / 32.0, 2.0 / 32.0]);
         assert_eq!(photos.len(), 6);
         assert_eq!(capture_files.name(PhotoId { frame: 2, camera: 1 }), "b/3");
         capture_files.keep_frames(1..2).unwrap();

@@ -195,12 +195,13 @@ mod tests {
     #[test]
     fn rows_are_projected_into_the_bounds() {
         let mut all = parameters::<f64>(2);
-        all.log_widths = vec![0.002, 0.002];
+        let least = 0.5_f64.ln();
+        all.log_widths = vec![least + 0.002; 2];
         let mut moments = Moments::new(&all);
         let mut gradient = all.zeros(1);
         gradient.log_widths[0] = 1.0;
         run(&mut all, &mut moments, &[1], &gradient);
-        assert_eq!(all.log_widths, [0.002, 0.0]);
+        assert_eq!(all.log_widths, [least + 0.002, least]);
     }
 
     #[test]

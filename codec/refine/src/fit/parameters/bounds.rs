@@ -113,12 +113,12 @@ mod tests {
         bounds.project(&mut parameters, 0);
         let [a, b, c] = parameters.log_scales[0].map(f64::exp);
         assert!((a - 1e-3).abs() < 1e-12 && (b - 1.0).abs() < 1e-12 && (c - (-1.0_f64).exp()).abs() < 1e-12);
-        assert_eq!((parameters.logits[0], parameters.tau[0], parameters.log_widths[0]), (-7.0, -1.0, 0.0));
+        assert_eq!((parameters.logits[0], parameters.tau[0], parameters.log_widths[0]), (-7.0, -0.5, 0.5_f64.ln()));
         assert_eq!(parameters.rotations[0], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(parameters.centers[0], row().centers[0]);
         parameters.tau[0] = 12.0;
         bounds.project(&mut parameters, 0);
-        assert_eq!(parameters.tau[0], 9.0);
+        assert_eq!(parameters.tau[0], 8.5);
         let projected = parameters.clone();
         bounds.project(&mut parameters, 0);
         assert_eq!(parameters, projected);
@@ -136,7 +136,7 @@ mod tests {
         let mut parameters = row();
         parameters.tau.push(f64::NAN);
         let bounds = Bounds::new(10.0, Timeline::even(9)).around(&parameters);
-        assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0 + SCALE_MARGIN], [-4.0, 9.0]));
-        assert_eq!(bounds.log_widths, [-2.0, 6.0_f64.ln()]);
+        assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0 + SCALE_MARGIN], [-4.0, 8.5]));
+        assert_eq!(bounds.log_widths, [-2.0, 3.0_f64.ln()]);
     }
 }
