@@ -21,7 +21,8 @@ fn number(points: &[Value], row: &str, key: &str) -> f64 {
 fn the_floor_wins_if_a_ranking_severs_limbs() {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
-    let args = ["report", "limbs.ply", "--rd", "--budgets", "5000", "--size", "160x120", "-o", "out", "--json"];
+    let args =
+        ["report", "limbs.ply", "--rd", "--budgets", "5000", "--size", "160x120", "-o", "out", "--json"];
     let report = aarc_studio(folder.path(), &args).json();
     let field = &report["rd"][0];
     assert_eq!((&field["field"], &field["features"]), (&"limbs".into(), &7.into()));

@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::num::NonZero;
 
-use codec::{
-    Clip, Coder, EncodeOptions, Limits, Precision, Source, decode_parallel, encode_parallel,
-};
+use codec::{Clip, Coder, EncodeOptions, Limits, Precision, Source, decode_parallel, encode_parallel};
 
 use super::{CodeError, SMALL_ROWS};
 use crate::prune::{Fidelity, PictureErrors, Pictures};

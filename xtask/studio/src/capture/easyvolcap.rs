@@ -13,8 +13,8 @@ use refine::capture::{Lens, even_times_s};
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
 use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
-use crate::scene::DEFAULT_FPS;
 use crate::messages::unreadable;
+use crate::scene::DEFAULT_FPS;
 
 /// File of the intrinsics, which identifies the layout.
 pub(super) const INTRINSICS: &str = "intri.yml";

@@ -20,7 +20,9 @@ use refine::capture::Holdout;
 use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps};
+use super::capture::{
+    FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
+};
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.

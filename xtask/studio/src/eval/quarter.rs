@@ -95,8 +95,8 @@ pub fn quarter_frames(
         let blank = || Image::new(camera.width, camera.height);
         let photo = photos[frame - start].as_ref().filter(|_| part == 0.0);
         let top = photo.map_or_else(blank, |photo| photo.image.clone());
-        let [this, next] = [frame, (frame + 1).min(end)]
-            .map(|frame| capture.clip_time(PhotoId { camera: number, frame }));
+        let [this, next] =
+            [frame, (frame + 1).min(end)].map(|frame| capture.clip_time(PhotoId { camera: number, frame }));
         let t = this + part * (next - this);
         let bottom = reference::render(&input.to_reference(), camera, t, Order::Depth);
         (crop.of(&top), crop.of(&bottom))

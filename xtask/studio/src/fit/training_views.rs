@@ -85,11 +85,7 @@ fn view_of(
     photograph: Photograph,
 ) -> TrainingView {
     let camera: Camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
-    TrainingView {
-        camera,
-        time: capture_files.capture.clip_time(photo_id) * timeline.intervals,
-        photograph,
-    }
+    TrainingView { camera, time: capture_files.capture.clip_time(photo_id) * timeline.intervals, photograph }
 }
 
 /// Mean PSNR of the subject in the held-out photographs, in dB; `None` if none is held out.

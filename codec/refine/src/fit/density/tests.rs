@@ -247,8 +247,7 @@ fn a_resumed_fit_is_the_same() {
     let start = || {
         let mut all = parameters(&[0.05; 30]);
         all.log_scales[4] = [-1.5; 3];
-        let single =
-            Parameters::<f32>::from_field(&all.to_field(Timeline::even(9)), Timeline::even(9));
+        let single = Parameters::<f32>::from_field(&all.to_field(Timeline::even(9)), Timeline::even(9));
         let moments = Moments::new(&single);
         (DensityState::new(30, 42), single, moments)
     };

@@ -233,11 +233,15 @@ mod tests {
     #[test]
     fn cropping_to_lit_pixels_changes_nothing() {
         let (width, height) = (40, 30);
-        let pixel = |x: usize, y: usize, phase: f64| [0.3, 0.9, 2.0, 3.0].map(|c| 0.5 + 0.4 * (c * (x + 7 * y) as f64 + phase).sin());
+        let pixel = |x: usize, y: usize, phase: f64| {
+            [0.3, 0.9, 2.0, 3.0].map(|c| 0.5 + 0.4 * (c * (x + 7 * y) as f64 + phase).sin())
+        };
         let image_of = |area: &Area, phase: f64| -> Vec<[f64; 4]> {
             let at = |i: usize| (i % width, i / width);
             let is_lit = |(x, y): (usize, usize)| area.x.contains(&x) && area.y.contains(&y);
-            (0..width * height).map(|i| if is_lit(at(i)) { pixel(at(i).0, at(i).1, phase) } else { [0.0; 4] }).collect()
+            (0..width * height)
+                .map(|i| if is_lit(at(i)) { pixel(at(i).0, at(i).1, phase) } else { [0.0; 4] })
+                .collect()
         };
         let areas = [Area { x: 14..20, y: 9..22 }, Area { x: 0..7, y: 25..30 }];
         for [drawn, taken] in [[&areas[0], &areas[0]], [&areas[0], &areas[1]], [&areas[1], &areas[1]]] {
@@ -247,7 +251,10 @@ mod tests {
             assert!((whole.value - cropped.value).abs() < 1e-12, "{} {}", whole.value, cropped.value);
             for (i, (a, b)) in whole.gradient.iter().zip(&cropped.gradient).enumerate() {
                 let is_lit = image[i] != [0.0; 4];
-                assert!(!is_lit || a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "pixel {i}: {a:?} {b:?}");
+                assert!(
+                    !is_lit || a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12),
+                    "pixel {i}: {a:?} {b:?}"
+                );
             }
         }
         let black = vec![[0.0; 4]; width * height];

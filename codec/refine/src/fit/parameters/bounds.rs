@@ -113,7 +113,10 @@ mod tests {
         bounds.project(&mut parameters, 0);
         let [a, b, c] = parameters.log_scales[0].map(f64::exp);
         assert!((a - 1e-3).abs() < 1e-12 && (b - 1.0).abs() < 1e-12 && (c - (-1.0_f64).exp()).abs() < 1e-12);
-        assert_eq!((parameters.logits[0], parameters.tau[0], parameters.log_widths[0]), (-7.0, -0.5, 0.5_f64.ln()));
+        assert_eq!(
+            (parameters.logits[0], parameters.tau[0], parameters.log_widths[0]),
+            (-7.0, -0.5, 0.5_f64.ln())
+        );
         assert_eq!(parameters.rotations[0], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(parameters.centers[0], row().centers[0]);
         parameters.tau[0] = 12.0;

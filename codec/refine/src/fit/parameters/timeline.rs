@@ -82,7 +82,10 @@ mod tests {
         };
         assert!((intervals(&together, &every(1)) - 8.0).abs() < 1e-9);
         assert!((intervals(&together, &every(2)) - 4.0).abs() < 1e-9);
-        assert!((intervals(&capture(&[0.0, 0.05]), &every(2)) - 4.0).abs() < 1e-9, "an offset changes nothing");
+        assert!(
+            (intervals(&capture(&[0.0, 0.05]), &every(2)) - 4.0).abs() < 1e-9,
+            "an offset changes nothing"
+        );
         let gap = [(0, 0), (0, 1), (0, 2), (0, 7), (0, 8)];
         assert!((intervals(&together, &gap) - 8.0).abs() < 1e-9, "missing photographs do not");
     }

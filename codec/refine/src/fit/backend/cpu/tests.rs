@@ -20,12 +20,8 @@ fn render_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Rendered
 
 /// Differences between the channels of an image and those of the reference.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
-    let expected = reference::render(
-        &RenderScene::from(field),
-        camera,
-        frame / TIMELINE.intervals,
-        Order::Depth,
-    );
+    let expected =
+        reference::render(&RenderScene::from(field), camera, frame / TIMELINE.intervals, Order::Depth);
     let actual = render_field::<T>(field, camera, frame);
     assert_eq!((actual.width, actual.height), (expected.width, expected.height));
     assert!(expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is visible");
