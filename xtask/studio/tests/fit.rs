@@ -9,13 +9,13 @@ use std::thread;
 use std::time::Duration;
 
 use serde_json::Value;
-use small_stage::{fit, kill_when, measured, stage};
+use small_stage::{fit, kill_when, measured, stage, stage_of};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
 #[test]
 fn a_fit_generalizes_to_held_out_photographs() {
-    let folder = stage();
+    let folder = stage_of("9");
     let folder = folder.path();
     let json = fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "hull"]);
     assert_eq!((json["steps"].as_u64(), json["non_finite"].as_u64()), (Some(800), Some(0)));

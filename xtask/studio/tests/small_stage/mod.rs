@@ -13,8 +13,13 @@ use crate::tool::aarc_studio;
 
 /// A folder with a stage of eight cameras and five frames.
 pub(crate) fn stage() -> TempDir {
+    stage_of("5")
+}
+
+/// A folder with a stage of eight cameras. The motion takes the whole clip: more frames are closer together.
+pub(crate) fn stage_of(frames: &str) -> TempDir {
     let folder = tempdir().unwrap();
-    let stage = ["synth", "stage", "-o", "stage", "--cameras", "8", "--frames", "5", "--size", "48x48"];
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "8", "--frames", frames, "--size", "48x48"];
     assert_eq!(aarc_studio(folder.path(), &stage).code, Some(0));
     folder
 }

@@ -38,11 +38,6 @@ const TAU: f64 = 2.5e-3;
 /// For the logarithms of the window widths.
 const LOG_WIDTHS: f64 = 5e-3;
 
-/// For the motion, in extents of the scene at the end of the window's reach. A step of `c_k` moves a Gaussian by as
-/// much there for every power `k`. Without that division a step of `c_3` would throw it several times as far as a
-/// step of its centre.
-const MOTION: f64 = 8e-4;
-
 /// For the rates of the quaternions per interval.
 const ROTATION_RATES: f64 = 1e-3;
 
@@ -81,13 +76,16 @@ pub(in crate::fit) struct LearningRates {
 }
 
 impl LearningRates {
-    /// The rates for `parameters` in a scene of `extent`, in units of the capture. Those of the motion follow from
-    /// the median width of the windows.
+    /// The rates for `parameters` in a scene of `extent`, in units of the capture.
+    ///
+    /// At the reach of the median window, a step of any motion coefficient moves a Gaussian as far as a step of its
+    /// centre does. Without that division by powers of the reach a step of `c3` would throw it many times as far.
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
         let widths = parameters.log_widths.iter().map(|width| libm::exp(width.to_double())).collect();
         let reach = REACH * median(widths).unwrap_or(1.0);
+        let centers = CENTERS * extent;
         LearningRates {
-            centers: CENTERS * extent,
+            centers,
             rotations: ROTATIONS,
             log_scales: LOG_SCALES,
             logits: LOGITS,
@@ -95,7 +93,7 @@ impl LearningRates {
             sh_rest: SH_REST,
             tau: TAU,
             log_widths: LOG_WIDTHS,
-            motion: [1, 2, 3].map(|power| MOTION * extent * reach.powi(-power)),
+            motion: [1, 2, 3].map(|power| centers * reach.powi(-power)),
             rotation_rates: ROTATION_RATES,
         }
     }
@@ -172,14 +170,14 @@ mod tests {
         assert_eq!(columns[7], [c1, c1, c1, c2, c2, c2]);
     }
 
-    /// At the reach of the median window, 3 widths of 2 intervals, all powers move a Gaussian equally far.
+    /// The median window reaches 3 widths of 2 intervals.
     #[test]
-    fn motion_is_limited_at_the_reach_of_a_window() {
+    fn motion_moves_a_gaussian_as_far_as_its_centre() {
         let log_widths = [0.5, 2.0, 8.0].map(f64::ln).to_vec();
         let parameters = Parameters { log_widths, ..Parameters::default() };
-        let [c1, c2, c3] = LearningRates::new(10.0, &parameters).motion;
+        let LearningRates { centers, motion: [c1, c2, c3], .. } = LearningRates::new(10.0, &parameters);
         for step in [c1 * 6.0, c2 * 36.0, c3 * 216.0] {
-            assert!((step - 10.0 * MOTION).abs() < 1e-12, "{step}");
+            assert!((step - centers).abs() < 1e-12, "{step}");
         }
     }
 }
