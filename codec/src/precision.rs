@@ -1,6 +1,8 @@
 //! [`Precision`]: the fidelity of the coder `context`, per package and per Gaussian.
 
-use crate::{ALPHA_MIN, EncodeError, Field, PixelFilter, columns::Columns, order::is_static, sh_coefficients};
+use crate::{
+    ALPHA_MIN, EncodeError, Field, PixelFilter, columns::Columns, order::is_static, sh_coefficients,
+};
 
 /// Fidelity of a package of the coder `context`. The coder `fixed` has one fidelity and ignores it.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,8 +116,9 @@ impl Precision {
         let numbers = field.len() * (10 + motion + 3 * sh_coefficients(columns.sh_degree));
         // As if the errors of all numbers were independent.
         let error = libm::pow(10.0, -0.05 * self.psnr.clamp(0.0, 160.0));
-        let footprint = self.footprint.unwrap_or_else(|| (diagonal(bounds) * deviation(field.filter) / LINES) as f32)
-            * kept_detail(field.filter);
+        let footprint =
+            self.footprint.unwrap_or_else(|| (diagonal(bounds) * deviation(field.filter) / LINES) as f32)
+                * kept_detail(field.filter);
         Prepared { field, sensitivities, step: (12.0 / numbers as f64).sqrt() * error, footprint }
     }
 }

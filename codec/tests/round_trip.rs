@@ -6,8 +6,8 @@
 mod common;
 
 use codec::{
-    ALPHA_MIN, Clip, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter, Source, contents,
-    decode, encode,
+    ALPHA_MIN, Clip, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter, Source,
+    contents, decode, encode,
 };
 use common::{
     Parts, Shape, field, info, options, package,

@@ -297,7 +297,9 @@ fn constants(columns: Columns) -> String {
     ]
     .map(float)
     .concat();
-    source += &[("IS_TIMED", columns.is_timed), ("ROTATES", columns.rotates), ("COMPENSATES", columns.mip)].map(truth).concat();
+    source += &[("IS_TIMED", columns.is_timed), ("ROTATES", columns.rotates), ("COMPENSATES", columns.mip)]
+        .map(truth)
+        .concat();
     let names =
         ["CENTER", "ROTATION", "LOG_SCALE", "LOGIT", "SH", "TAU", "LOG_WIDTH", "MOTION", "ROTATION_RATE"];
     for (column, name) in names.into_iter().enumerate() {

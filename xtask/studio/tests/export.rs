@@ -68,9 +68,11 @@ fn other_formats_keep_the_metadata_that_they_can_hold() {
 fn files_that_can_keep_the_filter() {
     for filter in PixelFilter::ALL {
         let field = Field { filter, ..field(3, 1, None, false) };
-        for (name, bytes) in
-            [("a.ply", static_ply(&field, None)), ("a.spz", spz(&field, info().up)), ("f.ply", field_file(&field, &info()))]
-        {
+        for (name, bytes) in [
+            ("a.ply", static_ply(&field, None)),
+            ("a.spz", spz(&field, info().up)),
+            ("f.ply", field_file(&field, &info())),
+        ] {
             assert_eq!(import_bytes(name, &bytes).expect("our own file").field.filter, filter, "{name}");
         }
     }

@@ -180,7 +180,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             "opacity by a quotient of determinants that do not cancel, never negative; it follows the scale from a \
              hundredth of a pixel to a pixel",
             || {
-                let zoom = |distance: f64| PosedView { camera: look([0.0, 0.0, -distance], [0.0; 3]), t: 0.5 };
+                let zoom =
+                    |distance: f64| PosedView { camera: look([0.0, 0.0, -distance], [0.0; 3]), t: 0.5 };
                 let rows: Vec<Gaussian> =
                     crowd(800).into_iter().map(|row| row.sized([0.1, 2e-3, 1e-5])).collect();
                 let field = Field { filter: PixelFilter::Mip, ..field(&rows) };

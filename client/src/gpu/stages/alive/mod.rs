@@ -135,8 +135,9 @@ impl Culler<'_> {
                 if self.min_contribution_px > 0.0 {
                     let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
                     let (d, contribution) = (batch.since[i], &columns.contribution[row]);
-                    let is_negligible =
-                        |eye: &Eye| eye.weight_px(place, d, contribution, self.filter) < self.min_contribution_px;
+                    let is_negligible = |eye: &Eye| {
+                        eye.weight_px(place, d, contribution, self.filter) < self.min_contribution_px
+                    };
                     if self.eyes.iter().all(is_negligible) {
                         self.seen.culled += 1;
                         continue;
