@@ -173,8 +173,8 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
         let camera = camera(size[0], size[1]);
         let view = FrameView { camera: &camera, time: frame };
         let weights = weights(&camera);
-        let (moving, fixed) = (cloud(20 + u64::from(degree), 500, degree), static_cloud(30, 500, degree));
-        for parameters in [compensated(&moving), moving, compensated(&fixed), fixed] {
+        let clouds = [cloud(20 + u64::from(degree), 500, degree), static_cloud(30, 500, degree)];
+        for parameters in clouds.into_iter().flat_map(|cloud| [compensated(&cloud), cloud]) {
             gpu.load(parameters.clone().into())?;
             let expected = cpu::render(&parameters, &view).backward(&parameters, &view, &weights, detach_tau);
             assert!(expected.rows.len() > 250, "{} are drawn", expected.rows.len());

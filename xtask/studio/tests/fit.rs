@@ -8,8 +8,10 @@ use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
+use codec::PixelFilter;
 use serde_json::Value;
 use small_stage::{fit, kill_when, measured, stage, stage_of};
+use studio::import::import;
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -82,8 +84,14 @@ fn a_killed_fit_resumes_with_the_same_result() {
         "the same field on one thread, bit by bit"
     );
 
-    fs::write(folder.join("field.checkpoint"), b"aarcfit\x02 and then nonsense").unwrap();
-    assert!(aarc_studio(folder, &args).error(3).contains("field.checkpoint: the checkpoint is damaged"));
+    for (contents, what) in [
+        (&b"aarcfit\x03 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x02 of an earlier program", "no checkpoint of this version; remove it"),
+    ] {
+        fs::write(folder.join("field.checkpoint"), contents).unwrap();
+        let error = aarc_studio(folder, &args).error(3);
+        assert!(error.contains(&format!("field.checkpoint: {what}")), "{error}");
+    }
 }
 
 #[test]
@@ -102,6 +110,15 @@ fn a_fit_starts_from_a_field() {
     let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
     let error = aarc_studio(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
     assert!(error.contains("first.ply is of 5 frames") && error.contains("the capture of 3"), "{error}");
+    // A new field has the mip filter; one that a fit starts from keeps its own.
+    let filter = |name: &str| import(&folder.join(name)).unwrap().field.filter;
+    assert_eq!([filter("first.ply"), filter("field.ply")], [PixelFilter::Mip; 2]);
+    let bytes = fs::read(folder.join("first.ply")).unwrap();
+    let at = bytes.windows(10).position(|window| window == b"filter mip").unwrap();
+    fs::write(folder.join("blur.ply"), [&bytes[..at], b"filter blur", &bytes[at + 10..]].concat()).unwrap();
+    let from_blur = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "blur.ply"];
+    assert_eq!(aarc_studio(folder, &from_blur).code, Some(0));
+    assert_eq!(filter("other.ply"), PixelFilter::Blur);
     // A static field fits any clip and stays static.
     let export = ["export", "first.ply", "--ply", "--at", "0", "-o", "static.ply"];
     assert_eq!(aarc_studio(folder, &export).code, Some(0));

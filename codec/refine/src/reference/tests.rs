@@ -140,7 +140,8 @@ fn the_mip_filter_compensates_the_opacity() {
         // The centre of the ball is that of a pixel.
         let alpha = image.pixel(32, 24)[3];
         let expected = if expected < ALPHA_MIN { 0.0 } else { expected };
-        assert!((alpha - expected).abs() < 1e-6, "{sigma}: {alpha} for {expected}");
+        // Off the axis by 0.3 degrees, which stretches it by 1e-5.
+        assert!((alpha - expected).abs() < 1e-4, "{sigma}: {alpha} for {expected}");
     }
 }
 

@@ -64,7 +64,7 @@ fn images_of_compensated_subpixel_splats_match_the_reference() {
     let mut field = Field { filter: PixelFilter::Mip, ..cloud(14, 9000, 0) };
     for (row, scales) in field.log_scales.iter_mut().enumerate() {
         let thin = -6.0 - (row % 7) as f32;
-        *scales = if row % 2 == 0 { [-3.6, -3.9, -4.2] } else { [-2.5, thin, thin] };
+        *scales = if row % 2 == 0 { [-3.0, -3.3, -3.6] } else { [-2.5, thin, thin] };
     }
     let worst = differences::<f64>(&field, &camera(77, 53), 4.0).into_iter().fold(0.0, f64::max);
     assert!(worst < 1e-9, "{worst:e}");
@@ -183,7 +183,7 @@ fn gradients_match_through_compensated_opacities() {
         let projection = Projection::new(&view, PixelFilter::Mip);
         let window = projection.window(&parameters, 0).unwrap();
         let factor = projection.project(&parameters, 0, window).unwrap().splat.opacity / window.opacity;
-        assert!((0.3..0.95).contains(&factor), "row {row}: {factor}");
+        assert!((0.3..0.98).contains(&factor), "row {row}: {factor}");
     }
     for detach_tau in [true, false] {
         check_gradients(&mip(smooth(1, 2, true)), &view, detach_tau, "compensated");

@@ -1,0 +1,78 @@
+//! The coder `context` keeps what the mip filter shows of detail below a pixel.
+
+use codec::{
+    Camera, ClipInfo, Coder, EncodeOptions, Field, Limits, PixelFilter, Precision, SH_C0, Source, decode,
+    encode,
+};
+use refine::prune::{dome, posed_views};
+use refine::reference::{Order, RenderScene, render, sensitivities};
+
+/// Size of the pictures that the field is coded for.
+const SIZE: (u32, u32) = (96, 72);
+
+/// Needles in a ball of radius 1, from a fiftieth of a `pixel` to half a pixel wide.
+fn needles(pixel: f64) -> Field {
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut signed = || random.f32() * 2.0 - 1.0;
+    let mut field = Field { filter: PixelFilter::Mip, ..Field::default() };
+    for row in 0..600 {
+        let center = [signed(), signed(), signed()];
+        let q = [signed(), signed(), signed(), signed()];
+        let norm = q.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let width = (pixel * 0.02 * 25f64.powf(f64::from(row % 20) / 19.0)).ln() as f32;
+        field.centers.push(center);
+        field.rotations.push(q.map(|x| x / norm));
+        field.log_scales.push([-2.5 + 0.5 * signed(), width, width]);
+        field.opacities.push(0.6 + 0.4 * signed().abs());
+        field.sh.push([signed(), signed(), signed()].map(|c| (0.4 * f64::from(c) / SH_C0) as f32));
+    }
+    field
+}
+
+/// The camera with an image of 8 times the size.
+fn enlarged(camera: &Camera) -> Camera {
+    let mut large = camera.clone();
+    (large.width, large.height) = (8 * camera.width, 8 * camera.height);
+    large.k[..2].iter_mut().flatten().for_each(|x| *x *= 8.0);
+    large
+}
+
+/// The field, coded with the precision of one with `filter`, and the bytes that takes.
+fn coded(field: &Field, filter: PixelFilter, precision: &Precision) -> (Field, usize) {
+    let info = ClipInfo {
+        duration_s: 1.0,
+        fps: 30.0,
+        up: [0.0, 1.0, 0.0],
+        metres_per_unit: 1.0,
+        viewpoints: Vec::new(),
+    };
+    let field = Field { filter, ..field.clone() };
+    let options =
+        EncodeOptions { coder: Coder::Context, precision: precision.clone(), ..EncodeOptions::default() };
+    let bytes = encode(&Source { info: &info, field: &field, plate: None }, &options).unwrap();
+    let decoded = decode(&bytes, &Limits::default()).unwrap().merged();
+    (Field { filter: PixelFilter::Mip, ..decoded }, bytes.len())
+}
+
+/// The steps for the mip filter show more of the needles in fewer bytes than those for blur, at the size that they are
+/// coded for and at 8 times that: steps for blur forget how much thinner than a pixel a needle is.
+#[test]
+fn compensated_needles_are_right_at_8_times_the_resolution() {
+    let field = needles(0.05);
+    let cameras = dome(&field, &[0.0], [0.0, 1.0, 0.0], 0.0, SIZE);
+    let pixel = 3.0 / cameras[0].k[0][0];
+    assert!((0.02..0.1).contains(&pixel), "{pixel}");
+    let (rows, footprint) = sensitivities(&field, None, &posed_views(&cameras, &[0.0]), || ()).unwrap();
+    let measured = |filter, psnr| {
+        let precision = Precision { psnr, footprint: Some(footprint), sensitivities: rows.clone() };
+        let (decoded, bytes) = coded(&field, filter, &precision);
+        let psnr = |camera: &Camera| {
+            let draw = |field: &Field| render(&RenderScene::from(field), camera, 0.0, Order::Depth);
+            draw(&decoded).psnr(&draw(&field))
+        };
+        (psnr(&cameras[0]), psnr(&enlarged(&cameras[0])), bytes)
+    };
+    let (mip, blur) = (measured(PixelFilter::Mip, 45.0), measured(PixelFilter::Blur, 55.0));
+    assert!(mip.0 > 45.0 && mip.1 > 38.0, "{mip:?}");
+    assert!(mip.0 > blur.0 + 5.0 && mip.1 > blur.1 + 4.0 && mip.2 < blur.2, "{mip:?}, for blur {blur:?}");
+}
