@@ -88,11 +88,13 @@ impl<'a> TargetCoder<'a> {
         judge: &'a Pictures,
     ) -> TargetCoder<'a> {
         let Some((rows, footprint)) = sensitivities else {
-            return TargetCoder { own: Trials::new(source, layers, Precision::default(), judge), equal: None };
+            return TargetCoder {
+                own: Trials::new(source, layers, Precision::default(), judge),
+                equal: None,
+            };
         };
         let trials = |sensitivities: Vec<Sensitivity>| {
-            let precision =
-                Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
+            let precision = Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
             Trials::new(source, layers, precision, judge)
         };
         let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);

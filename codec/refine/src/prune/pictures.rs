@@ -173,7 +173,10 @@ mod tests {
             let found = pictures.compare_at_least(&scene, (mean_db, picture_db), &order, &mut known);
             (found, known.iter().flatten().count())
         };
-        assert_eq!(at_least(fidelity.psnr_db - 1e-9, worst.psnr_db), (Some(fidelity.clone()), pictures.len()));
+        assert_eq!(
+            at_least(fidelity.psnr_db - 1e-9, worst.psnr_db),
+            (Some(fidelity.clone()), pictures.len())
+        );
         assert!(at_least(fidelity.psnr_db + 1e-6, worst.psnr_db).0.is_none());
         assert!(at_least(fidelity.psnr_db, worst.psnr_db + 1e-6).0.is_none());
         assert_eq!(at_least(99.0, 0.0), (None, 1), "the first picture tells");

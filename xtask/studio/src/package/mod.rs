@@ -20,7 +20,7 @@ pub use pipeline::{Package, package, package_with};
 pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
+pub(crate) use views::{CODED_SIZE, Places, compared_views, render_scene, views_of, visibility_views};
 #[cfg(feature = "measure")]
 pub(crate) use views::{JUDGING_PLACES, STEERING_PLACES, recolor_views};
-pub(crate) use views::{CODED_SIZE, Places, compared_views, render_scene, views_of, visibility_views};
 pub(crate) use visible::visible;

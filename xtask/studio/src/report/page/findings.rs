@@ -43,9 +43,9 @@ impl Findings {
 
 /// Says by how much the most exact value of `by` beats `default`, and why `default` stands.
 fn sentence(parameter: &Parameter, default: &ParameterValue, by: &[&ParameterValue]) -> String {
-    let better = by.iter().max_by(|a, b| {
-        a.psnr_db().total_cmp(&b.psnr_db()).then(b.cost.median.total_cmp(&a.cost.median))
-    });
+    let better = by
+        .iter()
+        .max_by(|a, b| a.psnr_db().total_cmp(&b.psnr_db()).then(b.cost.median.total_cmp(&a.cost.median)));
     let better = better.expect("a default off the front is beaten");
     let psnr = |point: &ParameterValue| {
         point.errors.psnr_db.map_or_else(|| "no error".into(), |db| format!("{} dB", decimal(db, 2)))

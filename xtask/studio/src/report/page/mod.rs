@@ -225,7 +225,8 @@ impl Findings {
         };
         let steps = chart("steps", |entry| entry.step as f64);
         let seconds = chart("seconds", |entry| entry.seconds);
-        if !self.fits.iter().any(|fit| fit.entries.iter().filter_map(|entry| entry.held_psnr_db).count() >= 2) {
+        if !self.fits.iter().any(|fit| fit.entries.iter().filter_map(|entry| entry.held_psnr_db).count() >= 2)
+        {
             return Ok(no_chart("the PSNR of held photographs"));
         }
         Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)

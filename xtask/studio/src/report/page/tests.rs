@@ -162,7 +162,10 @@ fn a_beaten_default_says_by_how_much_and_why_it_stands() {
     let expected = "faster (as 1 other value) has only 0.04 dB less and costs 6 ms a frame less than";
     assert!(faster.contains(expected), "{faster}");
     let perfect = said(vec![point("perfect", 9.0, f64::INFINITY)]);
-    assert!(perfect.contains("perfect is without error and costs no more than the default, exact"), "{perfect}");
+    assert!(
+        perfect.contains("perfect is without error and costs no more than the default, exact"),
+        "{perfect}"
+    );
     assert!(beaten(vec![point("exact", 9.0, 50.0), point("slow", 12.0, 60.0)]).is_empty());
 }
 

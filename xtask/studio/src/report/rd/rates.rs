@@ -64,8 +64,7 @@ pub(super) fn measure(
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
     let compared = compared_views(scene, &part, size.into());
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
-    let visible =
-        sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
+    let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
     let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
