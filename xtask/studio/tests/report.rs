@@ -69,9 +69,12 @@ fn the_floor_wins_if_a_ranking_severs_limbs() {
 #[test]
 fn budgets_and_the_size_of_the_images_can_be_chosen() {
     let folder = tempdir().unwrap();
+    // Every ranking keeps the last rows, so a budget has one package.
     let mut small = field(60, 0, None, false);
-    small.log_scales.iter_mut().flatten().for_each(|scale| *scale = scale.clamp(-4.0, -3.0));
-    small.opacities.iter_mut().for_each(|opacity| *opacity = opacity.max(0.1));
+    for row in 0..60 {
+        small.log_scales[row] = [-4.0 + 0.03 * row as f32; 3];
+        small.opacities[row] = 0.3 + 0.01 * row as f32;
+    }
     fs::write(folder.path().join("small.ply"), field_file(&small, &info())).unwrap();
     let run = |budgets: &str| {
         let args = ["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json", "--budgets"];

@@ -94,3 +94,39 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Clip, CodeError> {
 fn threads() -> NonZero<usize> {
     NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::TargetCoder;
+    use super::*;
+    use crate::prune::scenes::cloud;
+    use crate::prune::{dome, posed_views};
+    use crate::reference::sensitivities;
+    use codec::ClipInfo;
+
+    #[test]
+    fn a_later_target_gets_the_same_package_with_fewer_trials() {
+        let field = cloud(1, 60);
+        let info = ClipInfo {
+            duration_s: 1.0,
+            fps: 30.0,
+            up: [0.0, 1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints: Vec::new(),
+        };
+        let source = Source { info: &info, field: &field, plate: None };
+        let cameras = dome(&field, &[0.5], info.up, 0.0, (32, 24));
+        let views = posed_views(&cameras, &[0.5]);
+        let known = sensitivities(&field, None, &views, || ());
+        let judge = Pictures::take(&RenderScene::from(&field), views, || ());
+        let coder = || TargetCoder::new(&source, &[], known.clone(), &judge);
+        let [mut alone, mut after] = [coder(), coder()];
+        let first = after.code(40.0, || ()).unwrap();
+        let before = after.own.known.len();
+        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(45.0, || ()).unwrap());
+        assert!(expected.bytes == second.bytes && expected.fidelity == second.fidelity);
+        assert!(first.bytes.len() < second.bytes.len() && second.miss.is_none(), "{:?}", second.miss);
+        let (fresh, added) = (alone.own.known.len(), after.own.known.len() - before);
+        assert!(added < fresh, "{added} trials of {fresh}");
+    }
+}
