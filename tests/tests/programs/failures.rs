@@ -49,7 +49,7 @@ const FAILURES: &[Failure] = &[
     ("clip.aarc IMAGE --sort never", USAGE, "'never' for '--sort", "[possible values: depth, radial]"),
     ("clip.aarc IMAGE --view a --camera b", USAGE, "'--view <NAME|INDEX>' cannot be used with", "--help"),
     ("clip.aarc --quality least", USAGE, "not provided: --xr", "--help"),
-    ("clip.aarc IMAGE --quality least", USAGE, "'--quality <LEVEL>' cannot be used with", "--headless"),
+    ("clip.aarc IMAGE --quality least", USAGE, "'--headless' cannot be used with '--quality", "--help"),
     ("clip.aarc --xr --quality worst", USAGE, "'worst' for '--quality", "[possible values: exact, fine"),
     ("--generate words", USAGE, "'words' for '--generate", "[possible values: man, bash"),
     ("clip.aarc --xr --out a", USAGE, "--xr --out writes the last of the frames", "give --frames A..B"),
