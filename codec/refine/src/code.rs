@@ -5,27 +5,24 @@
 //! are also coded with the same precision for all rows, as learning each row's precision can cost more
 //! than it saves.
 //!
-//! Pictures take nearly all of the time. [`Trials`] renders each at most once per precision, and those
+//! Pictures take nearly all of the time. `Trials` renders each at most once per precision, and those
 //! first that tell soonest that a precision is too coarse.
 
+mod error;
 mod scan;
 mod search;
 mod trials;
 
-use codec::{Clip, EncodeError, Error, Precision, Sensitivity, Source};
+use codec::{Clip, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures, PosedView};
 use crate::reference::{RenderScene, sensitivities};
 
+pub use error::CodeError;
 use scan::Scan;
 use search::Search;
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
 use trials::{Trials, decode};
-
-/// Rows of a small field at most. In small and regular fields, many Gaussians have the same numbers and so the
-/// same errors: the PSNR jumps by up to 10 dB between neighbouring precisions, and equal precision for all
-/// rows can be smaller. In large fields it was not in any case measured.
-const SMALL_ROWS: usize = 16_384;
 
 /// A package with its decoded clip and quality.
 #[derive(Clone, Debug)]
@@ -38,15 +35,6 @@ pub struct Coded {
     pub fidelity: Fidelity,
     /// Why the target is not met, or exceeded; `None` if it is met within [`SURPLUS_MAX_DB`].
     pub miss: Option<Miss>,
-}
-
-/// Error of [`code`].
-#[derive(Debug)]
-pub enum CodeError {
-    /// The field cannot be packaged.
-    Encode(EncodeError),
-    /// The package cannot be decoded.
-    Decode(Error),
 }
 
 /// Packages `source` with the coder `context` at a PSNR of `psnr_db` to [`SURPLUS_MAX_DB`] above, no
@@ -210,5 +198,39 @@ impl Coded {
             (false, false) => self.fidelity.psnr_db > other.fidelity.psnr_db,
             (reaches, _) => reaches,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prune::scenes::cloud;
+    use crate::prune::{dome, posed_views};
+    use codec::ClipInfo;
+
+    #[test]
+    fn a_later_target_gets_the_same_package_with_fewer_trials() {
+        let field = cloud(1, 60);
+        let info = ClipInfo {
+            duration_s: 1.0,
+            fps: 30.0,
+            up: [0.0, 1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints: Vec::new(),
+        };
+        let source = Source { info: &info, field: &field, plate: None };
+        let cameras = dome(&field, &[0.5], info.up, 0.0, (32, 24));
+        let views = posed_views(&cameras, &[0.5]);
+        let known = sensitivities(&field, None, &views, || ());
+        let judge = Pictures::take(&RenderScene::from(&field), views, || ());
+        let coder = || TargetCoder::new(&source, &[], known.clone(), &judge);
+        let [mut alone, mut after] = [coder(), coder()];
+        let first = after.code(40.0, || ()).unwrap();
+        let before = after.own.known.len();
+        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(45.0, || ()).unwrap());
+        assert!(expected.bytes == second.bytes && expected.fidelity == second.fidelity);
+        assert!(first.bytes.len() < second.bytes.len() && second.miss.is_none(), "{:?}", second.miss);
+        let (fresh, added) = (alone.own.known.len(), after.own.known.len() - before);
+        assert!(added < fresh, "{added} trials of {fresh}");
     }
 }

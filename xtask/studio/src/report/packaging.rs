@@ -9,9 +9,7 @@ use std::time::Instant;
 
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source};
 use refine::code::{CodeError, TRIALS, TargetCoder};
-use refine::prune::{
-    Candidate, Pictures, PosedView, RESOLUTION_DB, Ranking, Selection, by_importance, recolor,
-};
+use refine::prune::{Candidate, Pictures, PosedView, Ranking, Selection, by_importance, recolor};
 use refine::reference::{self, sensitivities};
 
 use super::subject::ReportSubject;
@@ -35,6 +33,10 @@ const DECODINGS: usize = 5;
 const SIZE: (u32, u32) = (320, 240);
 const CODED_VIEWS: usize = 6;
 const SEEN_VIEWS: usize = 8;
+
+/// Why the chosen candidate may have fewer decibels or features than another.
+const WHY_BEST: &str = "`package` keeps the candidate of the highest PSNR, or one about as good that severs fewer \
+                        features, which the fraction of lost features does not count";
 
 /// Measures coder precision, and ranking and recolouring if a budget is smaller than the field.
 ///
@@ -171,10 +173,7 @@ fn selection(
              where it changes the selection: draft packages against the whole field. The default tries all and \
              uses the marked one."
         ),
-        why_default: format!(
-            "`package` keeps the candidate of the highest PSNR, or one within {RESOLUTION_DB} dB of it that severs \
-             fewer features, which the fraction of lost features does not count"
-        ),
+        why_default: WHY_BEST.into(),
         cost: "fraction of persistent features lost".into(),
         points: candidates.iter().enumerate().map(ranked).collect(),
     };

@@ -1,0 +1,12 @@
+//! [`CodeError`]: why a field has no package.
+
+use codec::{EncodeError, Error};
+
+/// Error of [`code`](super::code).
+#[derive(Debug)]
+pub enum CodeError {
+    /// The field cannot be packaged.
+    Encode(EncodeError),
+    /// The package cannot be decoded.
+    Decode(Error),
+}
