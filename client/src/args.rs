@@ -126,7 +126,15 @@ pub struct Args {
 
     /// Highest quality level in a headset; the player chooses a lower one where the GPU misses frames. With
     /// --frames: the level of all frames.
-    #[arg(long, value_enum, default_value_t, value_name = "LEVEL", requires = "xr")]
+    // With --headless, --xr is excluded and thus not required.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        value_name = "LEVEL",
+        requires = "xr",
+        conflicts_with = "headless"
+    )]
     pub quality: Level,
 
     /// Bits per channel of the render target: 8, as a display has, or 16, which keeps small contributions.
@@ -245,6 +253,7 @@ mod tests {
             "--target 32",
             "--sort none",
             "--view a --camera b",
+            "--quality least",
         ] {
             assert!(parse(&format!("aarc a --headless --out o {tail}")).is_err(), "{tail}");
         }

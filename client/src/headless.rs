@@ -287,7 +287,7 @@ fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fau
             run.render_end(clip)
         }
         (None, Some(fault)) => Err(fault),
-        (None, None) => Err(Fault::Data("there is no clip".into())),
+        (None, None) => Err(Fault::Data(format!("{}: no clip of it plays: name others", redacted(list)))),
     }
 }
 

@@ -12,7 +12,7 @@ fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
     // Below that level the HTTP library logs URLs with their secrets.
     env_logger::Builder::from_env(quiet).filter_module("ureq", LevelFilter::Info).init();
-    let args: Args = match program::parse() {
+    let args: Args = match program::parse(Args::command()) {
         Ok(args) => args,
         Err(code) => return code,
     };

@@ -1,7 +1,9 @@
 //! [`Reporter`]: prints load events on standard error.
 //!
-//! On a terminal, progress is one line that is overwritten. In a file, only failures and notes are lines.
+//! On a terminal, progress is one line that is overwritten. In a file, only failures and notes are lines. A note
+//! on a clip that is loaded again, as in a playlist that loops, is printed once.
 
+use std::collections::HashSet;
 use std::io::{IsTerminal, Write, stderr};
 
 use crate::clips::LoadEvent;
@@ -16,11 +18,18 @@ pub(crate) struct Reporter {
     has_line: bool,
     /// The failure printed last.
     trouble: Option<String>,
+    /// The notes printed so far.
+    notes: HashSet<String>,
 }
 
 impl Reporter {
     pub(crate) fn new() -> Reporter {
-        Reporter { is_terminal: stderr().is_terminal(), has_line: false, trouble: None }
+        Reporter {
+            is_terminal: stderr().is_terminal(),
+            has_line: false,
+            trouble: None,
+            notes: HashSet::new(),
+        }
     }
 
     /// Prints an event.
@@ -41,9 +50,14 @@ impl Reporter {
                 self.trouble.clone_from(&progress.trouble);
                 if is_new { format!("{}\n", progress.text()) } else { String::new() }
             }
-            LoadEvent::Note(note) => format!("{}{note}\n", self.clear()),
+            LoadEvent::Note(note) if self.notes.insert(note.clone()) => format!("{}{note}\n", self.clear()),
             _ => String::new(),
         }
+    }
+
+    /// Removes the line of progress.
+    pub(crate) fn end_progress(&mut self) {
+        let _ = stderr().write_all(self.clear().as_bytes());
     }
 
     fn clear(&mut self) -> &'static str {
@@ -53,7 +67,7 @@ impl Reporter {
 
 impl Drop for Reporter {
     fn drop(&mut self) {
-        let _ = stderr().write_all(self.clear().as_bytes());
+        self.end_progress();
     }
 }
 
@@ -67,18 +81,25 @@ mod tests {
         LoadEvent::Progress(Progress { received: 1_000_000, trouble, ..Progress::default() })
     }
 
+    fn reporter(is_terminal: bool) -> Reporter {
+        let mut reporter = Reporter::new();
+        reporter.is_terminal = is_terminal;
+        reporter
+    }
+
     #[test]
     fn a_file_has_a_line_for_each_failure_and_note() {
-        let mut reporter = Reporter { is_terminal: false, has_line: false, trouble: None };
+        let mut reporter = reporter(false);
         let troubles = [None, Some("a"), Some("a"), None, Some("a"), Some("b")];
         let text: String = troubles.map(|trouble| reporter.text(&progress(trouble))).concat();
         assert_eq!(text, "1.0 MB: a\n1.0 MB: a\n1.0 MB: b\n");
-        assert_eq!(reporter.text(&LoadEvent::Note("c".into())), "c\n");
+        let notes = ["c", "d", "c"].map(|note| reporter.text(&LoadEvent::Note(note.into())));
+        assert_eq!(notes, ["c\n", "d\n", ""], "once");
     }
 
     #[test]
     fn progress_on_a_terminal_is_one_line() {
-        let mut reporter = Reporter { is_terminal: true, has_line: false, trouble: None };
+        let mut reporter = reporter(true);
         assert_eq!(reporter.text(&progress(None)), format!("{CLEAR_LINE}1.0 MB"));
         assert_eq!(reporter.text(&progress(Some("a"))), format!("{CLEAR_LINE}1.0 MB: a"));
         assert_eq!(reporter.text(&LoadEvent::Note("c".into())), format!("{CLEAR_LINE}c\n"));

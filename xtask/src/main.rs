@@ -8,7 +8,7 @@ use std::env;
 use std::ffi::OsString;
 use std::process::{self, ExitCode};
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use program::Fault;
 use xtask::workspace;
 
@@ -61,13 +61,15 @@ fn main() -> ExitCode {
     program::exit_on_closed_pipe();
     let args: Vec<OsString> = env::args_os().skip(1).collect();
     if let Some(args) = for_studio(&args) {
-        return program::run(|| hand_over(&args), exit_code);
+        return program::run(|| hand_over(&args), |fault| fault.exit_code());
     }
     // The host tool's commands are listed and suggested as well.
     let studio = STUDIO.map(|(name, about)| clap::Command::new(name).about(about));
-    let matches = Cli::command().subcommands(studio).get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    program::run(|| cli.command.run(), exit_code)
+    let cli: Cli = match program::parse(Cli::command().subcommands(studio)) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    program::run(|| cli.command.run(), |error| program::exit_code(error.as_ref()))
 }
 
 impl Command {
@@ -84,10 +86,6 @@ impl Command {
     }
 }
 
-fn exit_code(error: &anyhow::Error) -> u8 {
-    error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
-}
-
 /// The host tool's arguments, if these are for it: one of its commands, help about one, or `--version`.
 fn for_studio(args: &[OsString]) -> Option<Vec<OsString>> {
     let is_command = |arg: &OsString| STUDIO.iter().any(|(name, _)| arg == name);
@@ -102,7 +100,7 @@ fn for_studio(args: &[OsString]) -> Option<Vec<OsString>> {
 ///
 /// # Errors
 /// [`Fault::Device`] where it cannot be built or run.
-fn hand_over(args: &[OsString]) -> anyhow::Result<()> {
+fn hand_over(args: &[OsString]) -> Result<(), Fault> {
     // A report measures the optimised player that people use.
     let is_optimised = !cfg!(debug_assertions) || args[0] == "report";
     let profile = if is_optimised { "release" } else { "dev" };

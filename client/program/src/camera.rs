@@ -13,8 +13,9 @@ use crate::{Fault, read_error};
 pub fn read_camera(path: &Path) -> Result<Camera, Fault> {
     let fault = |what: String| Fault::Data(format!("camera {}: {what}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| fault(read_error(&error)))?;
-    let camera: Camera = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
-    camera.check().map_err(fault)?;
+    let camera: Camera = serde_json::from_str(&text)
+        .map_err(|error| fault(format!("{error}: --help describes a camera file")))?;
+    camera.check().map_err(|problem| fault(format!("{problem}: correct it")))?;
     Ok(camera)
 }
 

@@ -31,9 +31,9 @@ pub enum Generated {
 /// # Errors
 /// [`Fault::Usage`] if standard output is closed.
 pub fn print(document: Generated, command: Command) -> Result<(), Fault> {
-    io::stdout()
-        .write_all(&render(document, command))
-        .map_err(|error| Fault::Usage(format!("cannot write to standard output: {error}")))
+    io::stdout().write_all(&render(document, command)).map_err(|error| {
+        Fault::Usage(format!("cannot write to standard output: {error}: give it another place"))
+    })
 }
 
 /// The document, UTF-8 text.

@@ -18,7 +18,7 @@ mod usage;
 
 #[cfg(feature = "camera")]
 pub use camera::read_camera;
-pub use fault::Fault;
+pub use fault::{Fault, exit_code};
 #[cfg(not(target_os = "android"))]
 pub use run::run;
 pub use text::{counted, read_error};

@@ -31,7 +31,7 @@ pub fn check_folder(path: &Path) -> Result<(), Fault> {
     match path.ancestors().find(|folder| folder.exists()) {
         Some(folder) if folder.is_dir() => temporary_in(folder, path).map(drop),
         Some(file) => Err(Fault::Usage(format!(
-            "cannot write to the folder {}: {} is a file",
+            "cannot write to the folder {}: {} is a file, name another folder",
             path.display(),
             file.display()
         ))),
@@ -44,8 +44,9 @@ pub fn check_folder(path: &Path) -> Result<(), Fault> {
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn make_folder(path: &Path) -> Result<(), Fault> {
-    std::fs::create_dir_all(path)
-        .map_err(|error| Fault::Usage(format!("cannot make the folder {}: {error}", path.display())))
+    std::fs::create_dir_all(path).map_err(|error| {
+        Fault::Usage(format!("cannot make the folder {}: {error}; name another place", path.display()))
+    })
 }
 
 /// Writes `bytes` to `path`.
@@ -55,11 +56,11 @@ pub fn make_folder(path: &Path) -> Result<(), Fault> {
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
     if is_special(path) {
         let open = OpenOptions::new().write(true).open(path);
-        return open.and_then(|mut file| file.write_all(bytes)).map_err(|error| cannot_write(path, error));
+        return open.and_then(|mut file| file.write_all(bytes)).map_err(|error| failed(path, error));
     }
     let (mut file, target) = temporary(path)?;
-    file.write_all(bytes).map_err(|error| cannot_write(path, error))?;
-    file.persist(target).map_err(|error| cannot_write(path, error.error))?;
+    file.write_all(bytes).map_err(|error| failed(path, error))?;
+    file.persist(target).map_err(|error| failed(path, error.error))?;
     Ok(())
 }
 
@@ -79,11 +80,11 @@ fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()
     }
     let (mut file, target) = temporary(path)?;
     let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
-    file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| cannot_write(path, error))?;
-    file.persist(target).map_err(|error| cannot_write(path, error.error))?;
+    file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| failed(path, error))?;
+    file.persist(target).map_err(|error| failed(path, error.error))?;
     // Other systems cannot open a folder, and write names through.
     #[cfg(unix)]
-    File::open(folder).and_then(|folder| sync(&folder)).map_err(|error| cannot_write(path, error))?;
+    File::open(folder).and_then(|folder| sync(&folder)).map_err(|error| failed(path, error))?;
     Ok(())
 }
 
@@ -95,7 +96,7 @@ pub fn write_png(path: &Path, rgb: &[u8], (width, height): (u32, u32)) -> Result
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
         .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-        .map_err(|error| cannot_write(path, error))?;
+        .map_err(|error| failed(path, error))?;
     write(path, &png)
 }
 
@@ -107,7 +108,7 @@ fn is_special(path: &Path) -> bool {
 /// An empty file, and the path at the end of the links from `path`, in whose folder it is. Dropping the file
 /// removes it.
 fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
-    let target = end_of_links(path).map_err(|error| cannot_write(path, error))?;
+    let target = end_of_links(path).map_err(|error| failed(path, error))?;
     if target.is_dir() || target.file_name().is_none() {
         return Err(cannot_write(path, "it is a folder, name a file"));
     }
@@ -127,14 +128,13 @@ fn temporary_in(folder: &Path, path: &Path) -> Result<NamedTempFile, Fault> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| cannot_write(path, without_name(&error)))
+    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| failed(path, without_name(&error)))
 }
 
 /// The reason of an error of `tempfile`, which adds the name of its file to the text; no user knows that file.
 fn without_name(error: &io::Error) -> String {
     let text = error.to_string();
-    let reason = text.rsplit_once(" at path ").map_or(text.as_str(), |(reason, _)| reason);
-    format!("{reason}; name another place")
+    text.rsplit_once(" at path ").map_or(text.as_str(), |(reason, _)| reason).to_owned()
 }
 
 /// The path that `path` leads to by links, whether or not there is something.
@@ -149,6 +149,11 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
         }
     }
     Err(io::Error::other("its links go round in a circle"))
+}
+
+/// The fault of a place that cannot be written to.
+fn failed(path: &Path, error: impl std::fmt::Display) -> Fault {
+    cannot_write(path, format!("{error}; name another place"))
 }
 
 fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {

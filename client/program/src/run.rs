@@ -1,6 +1,7 @@
 //! [`run`]: from the result of a program's work to its error line and exit code.
 
 use std::fmt::Display;
+use std::io::{Write, stderr};
 use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
@@ -10,7 +11,8 @@ pub fn run<E: Display>(work: impl FnOnce() -> Result<(), E>, code_of: impl Fn(&E
     match panic::catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => {
-            eprintln!("error: {error:#}");
+            // Nothing can be reported if standard error is closed.
+            let _ = writeln!(stderr(), "error: {error:#}");
             ExitCode::from(code_of(&error))
         }
         Err(_) => ExitCode::FAILURE,

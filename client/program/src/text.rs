@@ -14,7 +14,7 @@ pub fn read_error(error: &io::Error) -> String {
         io::ErrorKind::NotFound => "there is no such file: check the path".into(),
         io::ErrorKind::PermissionDenied => "it may not be read: change its permissions".into(),
         io::ErrorKind::IsADirectory => "it is a folder: name a file in it".into(),
-        _ => error.to_string(),
+        _ => format!("it cannot be read ({error}): check the path"),
     }
 }
 

@@ -1,24 +1,42 @@
 //! [`parse`]: the command line, whose errors are one sentence like all others.
 
 #[cfg(not(target_os = "android"))]
+use std::io::{Write, stderr};
+#[cfg(not(target_os = "android"))]
 use std::process::ExitCode;
 
-/// Parses the command line.
+#[cfg(not(target_os = "android"))]
+use clap::{Command, Error, FromArgMatches, error::ErrorKind};
+
+/// Parses the command line of `command`.
 ///
 /// # Errors
 /// The exit code, after printing what there is to print: the help or the version, or what is wrong.
 #[cfg(not(target_os = "android"))]
-pub fn parse<C: clap::Parser>() -> Result<C, ExitCode> {
-    C::try_parse().map_err(|error| {
+pub fn parse<C: FromArgMatches>(command: Command) -> Result<C, ExitCode> {
+    let parsed = command.try_get_matches().and_then(|matches| C::from_arg_matches(&matches));
+    parsed.map_err(|error| {
+        // Nothing can be reported if an output is closed.
         if error.use_stderr() {
-            eprintln!("error: {}", usage_line(&error.render().to_string()));
+            let _ = writeln!(stderr(), "error: {}", sentence(&error));
             ExitCode::from(2)
         } else {
-            // Nothing can be reported if standard output is closed.
             let _ = error.print();
             ExitCode::SUCCESS
         }
     })
+}
+
+/// An error of the parser as one line.
+#[cfg(not(target_os = "android"))]
+fn sentence(error: &Error) -> String {
+    match error.kind() {
+        // The message is the help.
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            "no command was given; --help lists what can be given".into()
+        }
+        _ => usage_line(&error.render().to_string()),
+    }
 }
 
 /// The error of the parser's `message` as one line: its first paragraph, with its hint if it has one. Of URLs,
@@ -33,15 +51,19 @@ pub fn usage_line(message: &str) -> String {
         .map(|paragraph| paragraph.split_whitespace().map(without_secrets).collect::<Vec<_>>().join(" "));
     let error = paragraphs.next().unwrap_or_default();
     let error = error.trim_start_matches("error: ");
-    match paragraphs.find_map(|text| text.strip_prefix("tip: a similar ").map(String::from)) {
-        Some(hint) => format!("{error}: a similar {hint}"),
+    let hint = |text: String| {
+        let hint = text.strip_prefix("tip: ")?;
+        ["a similar ", "some similar "].iter().any(|start| hint.starts_with(start)).then(|| hint.to_owned())
+    };
+    match paragraphs.find_map(hint) {
+        Some(hint) => format!("{error}: {hint}"),
         None => format!("{error}; --help lists what can be given"),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::{Arg, Command};
+    use clap::Arg;
 
     use super::*;
 
@@ -49,8 +71,7 @@ mod tests {
         let command = Command::new("tool")
             .arg(Arg::new("size").long("size").value_name("WxH").required(true))
             .arg(Arg::new("sort").long("sort").value_parser(["depth", "radial"]));
-        let error = command.try_get_matches_from([&["tool"], arguments].concat()).unwrap_err();
-        usage_line(&error.render().to_string())
+        sentence(&command.try_get_matches_from([&["tool"], arguments].concat()).unwrap_err())
     }
 
     #[test]
@@ -66,6 +87,18 @@ mod tests {
         );
         let similar = line(&["--siz", "1"]);
         assert!(similar.ends_with(": a similar argument exists: '--size'"), "{similar}");
+        let tool = ["export", "exports"]
+            .into_iter()
+            .fold(Command::new("tool"), |tool, name| tool.subcommand(Command::new(name)));
+        let similar = sentence(&tool.try_get_matches_from(["tool", "exporz"]).unwrap_err());
+        assert!(similar.contains("'exporz': some similar subcommands exist: '"), "{similar}");
+    }
+
+    #[test]
+    fn a_missing_command_is_one_line() {
+        let tool = Command::new("tool").subcommand_required(true).arg_required_else_help(true);
+        let error = tool.subcommand(Command::new("fit")).try_get_matches_from(["tool"]).unwrap_err();
+        assert_eq!(sentence(&error), "no command was given; --help lists what can be given");
     }
 
     #[test]

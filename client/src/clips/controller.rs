@@ -173,6 +173,50 @@ impl<T: ClipTarget> ClipController<T> {
 
 /// The event of a loader that has panicked. It takes further requests.
 fn failure<C>() -> LoadEvent<C> {
-    let why = "the clip could not be loaded: this is a defect of the player, which its log describes";
-    LoadEvent::Failed(Fault::Data(why.into()))
+    let why =
+        "the clip could not be loaded because of a defect of the player: report it with the player's log";
+    LoadEvent::Failed(Fault::Defect(why.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use codec::Clip;
+
+    use super::*;
+    use crate::clips::{Entry, SourceOptions};
+
+    /// Panics for every clip.
+    #[derive(Clone)]
+    struct Defective;
+
+    impl ClipTarget for Defective {
+        type Ready = ();
+
+        fn prepare(&self, _: &Entry, _: Box<Clip>) -> Result<(), Fault> {
+            panic!("of the test")
+        }
+    }
+
+    #[test]
+    fn a_panic_of_the_loader_is_a_failure_with_the_exit_code_of_a_defect() {
+        let options = LoadOptions { source: SourceOptions::default(), min_layers: 1, is_complete: false };
+        let (wake, woken) = channel();
+        let mut clips = ClipController::new(options, true, move || {
+            let _ = wake.send(());
+        })
+        .unwrap();
+        clips.open(None);
+        clips.set_target(Defective);
+        let fault = loop {
+            woken.recv_timeout(Duration::from_secs(60)).expect("the display is woken for it");
+            if let Some(Change::Failed(fault)) = clips.poll() {
+                break fault;
+            }
+        };
+        assert_eq!(fault.exit_code(), 1, "{fault}");
+        assert!(!clips.is_loading(), "a display that waits on would load for ever");
+    }
 }

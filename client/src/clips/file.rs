@@ -24,9 +24,18 @@ pub fn load_file(path: &Path, limits: &Limits) -> Result<Clip, Fault> {
             Error::Format { error: FormatError::Magic, .. } => {
                 format!("{}: {}", FormatError::Magic, remedy(path))
             }
-            error => error.to_string(),
+            error => format!("{error}: {}", advice(&error, "copy it again")),
         })
     })
+}
+
+/// What to do about a package that cannot be decoded; `again` is what to do about a damaged one.
+pub(crate) fn advice(error: &Error, again: &'static str) -> &'static str {
+    match error {
+        Error::Format { .. } => again,
+        Error::Version { .. } => "update the player",
+        Error::Limits { .. } => "package it with a smaller --budget",
+    }
 }
 
 /// How to make a clip of a file that is none.
@@ -59,7 +68,7 @@ pub(crate) fn read(path: &Path, max_bytes: usize) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     file.take(max_bytes as u64 + 1).read_to_end(&mut bytes).map_err(|error| read_error(&error))?;
     if bytes.len() > max_bytes {
-        return Err(format!("larger than {} MiB, the most that is read", max_bytes >> 20));
+        return Err(format!("larger than {} MiB, the most that is read: name another file", max_bytes >> 20));
     }
     Ok(bytes)
 }

@@ -36,9 +36,9 @@ pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
 #[cfg(all(feature = "xr", any(target_os = "android", test)))]
 pub(crate) use file::clips_in;
-#[cfg(feature = "net")]
-pub(crate) use file::decode;
 pub use file::load_file;
+#[cfg(feature = "net")]
+pub(crate) use file::{advice, decode};
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{ClipTarget, LoadOptions};

@@ -124,13 +124,14 @@ fn fetch(
 /// Parses the playlist `name`; relative entries start from its folder.
 fn parse(name: &str, bytes: &[u8]) -> Result<Vec<String>, String> {
     let Versioned { version } = serde_json::from_slice(bytes)
-        .map_err(|error| format!("no playlist, which is {{\"version\": 1, \"clips\": [..]}}: {error}"))?;
+        .map_err(|error| format!("no playlist ({error}): write {{\"version\": 1, \"clips\": [..]}}"))?;
     if version != VERSION {
         return Err(format!(
-            "a playlist of version {version}; this player reads version {VERSION}: update it"
+            "a playlist of version {version}; this player reads version {VERSION}: update the player"
         ));
     }
-    let Manifest { clips, .. } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    let Manifest { clips, .. } = serde_json::from_slice(bytes)
+        .map_err(|error| format!("{error}: write {{\"version\": 1, \"clips\": [..]}}"))?;
     match clips.len() {
         0 => return Err("the playlist has no clip: name one in \"clips\"".into()),
         count if count > CLIPS_MAX => {
@@ -146,7 +147,7 @@ fn parse(name: &str, bytes: &[u8]) -> Result<Vec<String>, String> {
 /// Path or URL of an entry of the playlist `base`.
 fn resolve(base: &str, entry: &str) -> Result<String, String> {
     if entry.is_empty() || entry.chars().any(char::is_control) {
-        return Err("is neither a path nor a URL".into());
+        return Err("is neither a path nor a URL: name a clip".into());
     }
     if is_playlist(entry) {
         return Err(format!("is a playlist itself, {}: name its clips", redacted(entry)));

@@ -68,7 +68,9 @@ impl Arrival {
             }
         }
         // A download ends with a clip or an error.
-        latest.map(|clip| *clip).ok_or_else(|| Fault::Data("there is no clip".into()))
+        latest
+            .map(|clip| *clip)
+            .ok_or_else(|| Fault::Defect("no clip came: report this defect of the player".into()))
     }
 }
 
@@ -83,7 +85,7 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
     match name {
         None => decode(&demo::package()?, &options.limits)
             .map(|clip| loaded(None, clip))
-            .map_err(|error| Fault::Data(format!("demo clip: {error}"))),
+            .map_err(|error| Fault::Defect(format!("demo clip: {error}: install the player again"))),
         Some(name) if is_url(name) => download(name, options),
         Some(url) if scheme(url).is_some() => {
             Err(Fault::Usage(format!("{}: {UNKNOWN_SCHEME}", redacted(url))))

@@ -8,7 +8,8 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Why a URL of another scheme is not opened.
-pub(super) const UNKNOWN_SCHEME: &str = "clips come from paths and from http:// and https:// URLs only";
+pub(super) const UNKNOWN_SCHEME: &str =
+    "clips come from paths and from http:// and https:// URLs, so name one of those";
 
 /// The components of a URL that has a host.
 struct Components<'a> {

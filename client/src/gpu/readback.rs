@@ -86,11 +86,9 @@ impl Readback {
     pub(super) fn read(&self, gpu: &Gpu) -> Result<Pixels, Fault> {
         self.buffer.slice(..).map_async(wgpu::MapMode::Read, |_| {});
         gpu.wait()?;
-        let mapped = self
-            .buffer
-            .slice(..)
-            .get_mapped_range()
-            .map_err(|error| Fault::Device(format!("graphics device {}: {error}", gpu.adapter_name)))?;
+        let mapped = self.buffer.slice(..).get_mapped_range().map_err(|error| {
+            Fault::Device(format!("graphics device {}: {error}: start again", gpu.adapter_name))
+        })?;
         let row_bytes = (self.size.x * bytes_per_pixel(self.format)) as usize;
         let rows =
             mapped.chunks(bytes_per_row(self.size.x, self.format) as usize).map(|row| &row[..row_bytes]);

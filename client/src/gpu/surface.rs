@@ -55,7 +55,7 @@ impl WindowSurface {
         let offered = surface.get_capabilities(&gpu.adapter);
         let format =
             FORMATS.into_iter().find(|format| offered.formats.contains(format)).ok_or_else(|| {
-                Fault::Device(format!("{} has no 8-bit images for windows; try --headless", gpu.adapter_name))
+                Fault::Device(format!("{} has no 8-bit images for windows: try --headless", gpu.adapter_name))
             })?;
         let opaque = wgpu::CompositeAlphaMode::Opaque;
         let surface = WindowSurface {
@@ -178,5 +178,5 @@ impl Drop for SurfaceFrame {
 fn create(instance: &wgpu::Instance, window: &Arc<Window>) -> Result<wgpu::Surface<'static>, Fault> {
     instance
         .create_surface(window.clone())
-        .map_err(|error| Fault::Device(format!("cannot draw into a window: {error}; try --headless")))
+        .map_err(|error| Fault::Device(format!("cannot draw into a window: {error}: try --headless")))
 }

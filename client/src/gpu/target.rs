@@ -51,7 +51,7 @@ impl Offscreen {
         let side = gpu.caps.max_image_side;
         if size.min_element() == 0 || size.max_element() > side {
             return Err(Fault::Usage(format!(
-                "image size {}x{}: {} draws 1x1 to {side}x{side} pixels",
+                "image size {}x{}: {} draws 1x1 to {side}x{side} pixels: give another --size",
                 size.x, size.y, gpu.adapter_name
             )));
         }
@@ -59,7 +59,7 @@ impl Offscreen {
         let bytes = u64::from(row) * u64::from(size.y);
         if bytes > gpu.device.limits().max_buffer_size {
             return Err(Fault::Usage(format!(
-                "image size {}x{}: {} cannot read back more than {} MiB",
+                "image size {}x{}: {} cannot read back more than {} MiB: give a smaller --size",
                 size.x,
                 size.y,
                 gpu.adapter_name,

@@ -7,7 +7,7 @@ use program::Fault;
 
 use super::cache::CachedFile;
 use super::download::{Options, REPORT_INTERVAL, cached_version_note};
-use super::fetch::{Fetch, FetchOptions, Outcome};
+use super::fetch::{Fetch, FetchOptions, NOT_UNDERSTOOD, Outcome};
 use super::partial_file::PartialFile;
 use crate::clips::{Progress, redacted};
 
@@ -72,9 +72,7 @@ pub(crate) fn document(
             Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note }))
         }
         (Outcome::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
-        (Outcome::Unchanged, None) => {
-            Err(Fault::Network(format!("{}: the answer was not understood", redacted(url))))
-        }
+        (Outcome::Unchanged, None) => Err(Fault::Network(format!("{}: {NOT_UNDERSTOOD}", redacted(url)))),
     }
 }
 

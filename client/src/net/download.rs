@@ -7,7 +7,7 @@ use codec::{Clip, Limits};
 use program::Fault;
 
 use super::cache::{Cache, CachedFile};
-use super::fetch::{Fetch, FetchOptions, Outcome, State};
+use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::retry::RetryPolicy;
 use crate::clips::{LoadEvent, Servers, decode, redacted};
@@ -200,7 +200,7 @@ impl Download {
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Clip, Fault> {
-        decode(bytes, &self.options.limits).map_err(|error| Fault::Data(error.to_string()))
+        decode(bytes, &self.options.limits).map_err(|error| undecodable(&error))
     }
 
     fn fail(&self, fault: Fault) -> Flow {

@@ -18,7 +18,7 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
 use super::watch::Watch;
-use crate::clips::{Progress, Servers};
+use crate::clips::{Progress, Servers, advice};
 
 /// Bytes per read: dozens of reads a second on a fast network.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -169,6 +169,14 @@ impl Drop for Fetch {
     }
 }
 
+/// Why an answer that fits no request ends a fetch.
+pub(super) const NOT_UNDERSTOOD: &str = "the server's answer was not understood: try again later";
+
+/// The fault of a download that cannot be decoded.
+pub(super) fn undecodable(error: &codec::Error) -> Fault {
+    Fault::Data(format!("{error}: {}", advice(error, "upload it again")))
+}
+
 fn failed(why: String, is_transient: bool) -> Outcome {
     Outcome::Failed { fault: Fault::Network(why), is_transient }
 }
@@ -195,7 +203,7 @@ impl From<Action> for AfterRequest {
             Action::GiveUp(why) => failed(why, true),
             Action::Refused(why) => failed(why, false),
             Action::TooLarge(why) => Outcome::Failed { fault: Fault::Data(why), is_transient: false },
-            Action::Read { .. } | Action::StartOver => failed("the answer was not understood".into(), true),
+            Action::Read { .. } | Action::StartOver => failed(NOT_UNDERSTOOD.into(), true),
         })
     }
 }
@@ -295,7 +303,7 @@ impl Exchange<'_> {
         if let Err(error) = state.file.push(bytes) {
             return Some(AfterRequest::End(match state.file.is_web_page() {
                 true => web_page(),
-                false => Outcome::Failed { fault: Fault::Data(error.to_string()), is_transient: false },
+                false => Outcome::Failed { fault: undecodable(&error), is_transient: false },
             }));
         }
         state.meter.count(now_s, bytes.len() as u64);
@@ -337,9 +345,10 @@ impl Exchange<'_> {
             RequestError::Transient(why) => self.transfer.on_break(&why).into(),
             // A name that resolved before does not resolve while the network is down.
             RequestError::UnknownHost(why) if self.has_responded => self.transfer.on_break(&why).into(),
-            RequestError::UnknownHost(why) | RequestError::Untrusted(why) | RequestError::Private(why) => {
-                Action::GiveUp(why).into()
+            RequestError::UnknownHost(why) => {
+                Action::GiveUp(format!("{why}: check the URL and the network")).into()
             }
+            RequestError::Untrusted(why) | RequestError::Private(why) => Action::GiveUp(why).into(),
             RequestError::Permanent(why) => Action::Refused(why).into(),
         }
     }

@@ -98,7 +98,9 @@ impl Server {
             let Some(location) = &head.location else { return Ok(Response { head, body, url }) };
             url = redirected(&url, location)?;
         }
-        Err(RequestError::Permanent(format!("the server redirects more than {REDIRECTS_MAX} times")))
+        Err(RequestError::Permanent(format!(
+            "the server redirects more than {REDIRECTS_MAX} times: name the URL that it leads to"
+        )))
     }
 
     fn send(&self, url: &str, file: &FileRequest) -> Result<(Head, ResponseBody), Error> {
@@ -160,7 +162,10 @@ pub(super) struct ResponseBody(Body);
 /// If it is not to be followed.
 fn redirected(url: &str, location: &str) -> Result<String, RequestError> {
     let target = resolve(url, location);
-    let refused = |what: &str| Err(RequestError::Permanent(format!("the server redirects {what}")));
+    let refused = |what: &str| {
+        let what = format!("the server redirects {what}: name the URL of the file itself");
+        Err(RequestError::Permanent(what))
+    };
     if is_secure(url) && !is_secure(&target) {
         return refused("from https to http, which is not followed");
     }
@@ -179,7 +184,10 @@ fn certificates() -> Result<RootCerts, RequestError> {
         return Ok(RootCerts::WebPki);
     };
     let permanent = |error: &dyn std::fmt::Display| {
-        RequestError::Permanent(format!("SSL_CERT_FILE={}: {error}", path.to_string_lossy()))
+        RequestError::Permanent(format!(
+            "SSL_CERT_FILE={}: {error}: name a file of certificates in PEM",
+            path.to_string_lossy()
+        ))
     };
     let text = std::fs::read(&path).map_err(|error| permanent(&error))?;
     let mut certificates = Vec::new();
@@ -189,6 +197,14 @@ fn certificates() -> Result<RootCerts, RequestError> {
         }
     }
     Ok(certificates.into())
+}
+
+/// The error of a certificate.
+fn untrusted(error: &dyn std::fmt::Display) -> RequestError {
+    RequestError::Untrusted(format!(
+        "no secure connection: {error}: check the clock and the URL, or name the server's certificate with \
+         SSL_CERT_FILE"
+    ))
 }
 
 /// An error of the HTTP library as a sentence.
@@ -212,11 +228,11 @@ fn request_error(error: Error) -> RequestError {
                 RequestError::UnknownHost("the server's name is not known".into())
             }
             // The TLS library reports a refused certificate this way.
-            ErrorKind::InvalidData => RequestError::Untrusted(format!("no secure connection: {error}")),
+            ErrorKind::InvalidData => untrusted(&error),
             _ => transient("the connection was lost"),
         },
         Error::Protocol(error) => RequestError::Transient(format!("the server does not speak HTTP: {error}")),
-        Error::Rustls(error) => RequestError::Untrusted(format!("no secure connection: {error}")),
+        Error::Rustls(error) => untrusted(&error),
         Error::Tls(HANDSHAKE_RESET) => {
             RequestError::Transient(format!("no secure connection: {HANDSHAKE_RESET}"))
         }

@@ -79,7 +79,7 @@ const NO_TLS: &str = "the server does not speak TLS: try the URL with http://";
 
 /// The error of a connection that was reset before it was secure.
 pub(super) const HANDSHAKE_RESET: &str =
-    "the server ends it before it begins: if it does not speak TLS, try the URL with http://";
+    "the server ends it before it begins (if it does not speak TLS, try the URL with http://)";
 
 /// Wraps connections in TLS.
 #[derive(Debug, Default)]

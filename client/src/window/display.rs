@@ -26,7 +26,7 @@ pub(super) fn connect<E: 'static>() -> Result<EventLoop<E>, Fault> {
         Err(_) => LIBRARY_MISSING.into(),
     };
     Err(Fault::Device(format!(
-        "no display to open a window on: {reason}; --headless --out PATH renders images"
+        "no display to open a window on: {reason}: give --headless --out PATH for images"
     )))
 }
 

@@ -40,17 +40,20 @@ use session::{Event, Next, Session, Start};
 /// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until the first clip plays;
 /// [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let First { entry, clip, rest, queue, note } = first_clip(args)?;
+    let mut reporter = Reporter::new();
+    let First { entry, clip, rest, queue, note } = first_clip(args, &mut reporter)?;
+    reporter.end_progress();
     let viewpoints = viewpoint::viewpoints(&clip);
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());
-    let start = Start { entry, clip, rest, queue, note, source, viewpoint, settings, size: args.size };
+    let size = args.size;
+    let start = Start { entry, clip, rest, queue, note, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
-    event_loop
-        .run_app(&mut app)
-        .map_err(|error| Fault::Device(format!("the connection to the display failed: {error}")))?;
+    event_loop.run_app(&mut app).map_err(|error| {
+        Fault::Device(format!("the connection to the display failed: {error}: start again"))
+    })?;
     app.result
 }
 
@@ -67,8 +70,7 @@ struct First {
 
 /// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of
 /// those before it.
-fn first_clip(args: &Args) -> Result<First, Fault> {
-    let mut reporter = Reporter::new();
+fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
@@ -83,7 +85,7 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
         Ok(First { entry, clip, rest, queue, note })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
-        return wait(Entry::single(args.clip.clone()), None, &mut reporter);
+        return wait(Entry::single(args.clip.clone()), None, reporter);
     };
     let playlist = playlist::wait(list, &source, |event| reporter.print(event))?;
     let queue = Queue::new(playlist.clips, playlist.from_public);
@@ -94,7 +96,7 @@ fn first_clip(args: &Args) -> Result<First, Fault> {
         }
         let mut queue = queue.clone();
         queue.go_to(entry.number);
-        match wait(entry, Some(queue), &mut reporter) {
+        match wait(entry, Some(queue), reporter) {
             Err(fault) => last = Some(fault),
             first => return first,
         }

@@ -27,9 +27,11 @@ use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{Requests, Viewer};
 use crate::clips::{
-    Arrival, Change, ClipController, ClipTarget, Entry, LoadOptions, Queue, SourceOptions, Transition, title,
+    Arrival, Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, Queue, SourceOptions,
+    Transition, title,
 };
 use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame};
+use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
 
@@ -50,6 +52,8 @@ pub(super) struct Start {
     pub(super) queue: Option<Queue>,
     /// A remark on the clip.
     pub(super) note: Option<String>,
+    /// The terminal, which has the remarks so far.
+    pub(super) reporter: Reporter,
     /// Where further clips may come from.
     pub(super) source: SourceOptions,
     /// Number of the viewpoint to start from.
@@ -91,7 +95,10 @@ impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
 
     fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Box<Playing>, Fault> {
-        let gpu = self.gpu.upgrade().ok_or_else(|| Fault::Device("the graphics device is gone".into()))?;
+        let gpu = self
+            .gpu
+            .upgrade()
+            .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         Playing::new(&gpu, self.format, entry, &clip).map(Box::new)
     }
 }
@@ -144,6 +151,7 @@ pub(super) struct Session {
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
     clips: ClipController<WindowTarget>,
+    reporter: Reporter,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
     screen: Screen,
@@ -168,7 +176,7 @@ impl Session {
             .with_inner_size(size);
         let window = event_loop
             .create_window(attributes)
-            .map_err(|error| Fault::Device(format!("cannot open a window: {error}; try --headless")))?;
+            .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
@@ -191,6 +199,7 @@ impl Session {
             last_frame: None,
             is_continuous: false,
             clips,
+            reporter: start.reporter,
             saving: None,
             proxy,
             playing,
@@ -219,7 +228,7 @@ impl Session {
                 self.clips.open(Some(name.into()));
                 Message::Working(format!("Opening {}", title(Some(name))))
             }
-            None => Message::Error(format!("{}: its name is not text", path.display())),
+            None => Message::Error(format!("{}: its name is not text: rename it", path.display())),
         });
         self.window.request_redraw();
     }
@@ -247,8 +256,14 @@ impl Session {
                 self.set_message(Message::Working(format!("Loading: {}", progress.text())));
             }
             Change::Waiting => self.set_message(Message::Working("Loading the next clip".into())),
-            Change::Note(note) => self.note(note),
-            Change::Failed(fault) => self.set_message(Message::Error(fault.to_string())),
+            Change::Note(note) => {
+                self.reporter.print(&LoadEvent::Note(note.clone()));
+                self.note(note);
+            }
+            Change::Failed(fault) => {
+                self.reporter.print(&LoadEvent::Note(fault.to_string()));
+                self.set_message(Message::Error(fault.to_string()));
+            }
             Change::Idle => self.clear_progress(),
         }
     }

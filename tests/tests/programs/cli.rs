@@ -3,28 +3,23 @@
 //! Bad input gets one line on stderr and the exit code of its kind, and leaves no file behind: no
 //! output, no partial output, no temporary file.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use ::studio::cli::Cli;
-use ::studio::export::field_file;
-use aarc_tests::gpu::{self, Passes, device};
-use aarc_tests::programs::{Folder, Outcome, client, run, studio};
-use aarc_tests::scene::{Motion, Place, Recipe, camera, info, packaged};
+use aarc_tests::gpu::{self, Passes};
+use aarc_tests::programs::{client, run, studio};
+use aarc_tests::scene::{Place, camera, packaged};
 use clap::CommandFactory;
 use client::gpu::Gpu;
-use codec::Field;
-use image::RgbImage;
-use libtest_mimic::{Completion, Failed, Trial};
+use libtest_mimic::{Failed, Trial};
 use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
 use xtask::workspace;
 
+use crate::workshop::{RECIPE, Workshop, bad_files};
+
 const USAGE: i32 = 2;
 const DATA: i32 = 3;
-const NETWORK: i32 = 4;
-const DEVICE: i32 = 5;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -38,96 +33,11 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("stereo and statistics", Passes::Shared, stereo_and_statistics),
         gpu::trial("one time or many", Passes::Shared, one_time_or_many),
         gpu::trial("a clip that is cut short plays and says so", Passes::Shared, cut_short),
-        bad_input_to_the_player(),
         plain("bad input to package", bad_input_to_package),
         plain("bad input to inspect", bad_input_to_inspect),
         plain("bad input to render and export", bad_input_to_render_and_export),
-        plain("without a graphics device", without_a_device),
         plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
     ]
-}
-
-/// A temporary folder in which programs run, with a clip and a field in it.
-struct Workshop {
-    folder: Folder,
-    before: BTreeMap<PathBuf, Vec<u8>>,
-}
-
-const RECIPE: Recipe =
-    Recipe { count: 500, sh_degree: 1, motion: Motion::Mixed, motion_order: 3, turning: false, seed: 11 };
-
-impl Workshop {
-    fn new() -> Workshop {
-        let workshop = Workshop { folder: Folder::default(), before: BTreeMap::new() };
-        workshop.write("clip.aarc", &packaged(&RECIPE.field(), None, &[100, 200]));
-        workshop.write("field.ply", &field_file(&RECIPE.field(), &info()));
-        workshop
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path(name)
-    }
-
-    fn write(&self, name: &str, bytes: &[u8]) {
-        self.folder.write(name, bytes);
-    }
-
-    /// Runs a program here with the words of a line as arguments.
-    fn run(&self, program: &Path, line: &str) -> Outcome {
-        run(&mut self.folder.command(program, line))
-    }
-
-    fn json(&self, name: &str) -> Result<Value, String> {
-        serde_json::from_slice(&self.folder.read(name)?).map_err(|error| format!("{name}: {error}"))
-    }
-
-    fn image(&self, name: &str) -> Result<RgbImage, String> {
-        Ok(image::open(self.path(name)).map_err(|error| format!("{name}: {error}"))?.into_rgb8())
-    }
-
-    /// Every path in the folder with its file's bytes; empty for folders.
-    fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        let mut found = BTreeMap::new();
-        let mut folders = vec![self.path("")];
-        while let Some(folder) = folders.pop() {
-            for entry in fs::read_dir(&folder).expect("a folder of this test") {
-                let path = entry.expect("a folder of this test").path();
-                let bytes =
-                    if path.is_dir() { Vec::new() } else { fs::read(&path).expect("a file of this test") };
-                folders.extend(Some(path.clone()).filter(|path| path.is_dir()));
-                found.insert(path, bytes);
-            }
-        }
-        found
-    }
-
-    /// Records the contents that refused commands must not change. Call it after the last write.
-    fn seal(mut self) -> Workshop {
-        self.before = self.contents();
-        self
-    }
-
-    /// Expects a command to fail with this code and one line on stderr that contains `mention`, and to
-    /// change no file.
-    fn refuses(&self, program: &Path, line: &str, code: i32, mention: &str) -> Result<(), String> {
-        let outcome = self.run(program, line);
-        let name = program.file_name().expect("a program has a name").to_string_lossy();
-        let complain = |what: &str| Err(format!("{name} {line}: {what}\n{outcome:#?}"));
-        if outcome.code != Some(code) {
-            return complain(&format!("exit code {code} was expected"));
-        }
-        if outcome.stderr.trim_end().lines().count() != 1 {
-            return complain("one line was expected");
-        }
-        if !outcome.stderr.starts_with("error: ") || !outcome.stderr.contains(mention) {
-            return complain(&format!("it does not mention {mention:?}"));
-        }
-        if self.contents() != self.before {
-            let names: Vec<_> = self.contents().into_keys().collect();
-            return complain(&format!("it changed something: now there are {names:?}"));
-        }
-        Ok(())
-    }
 }
 
 fn field_to_pictures(_: &Gpu) -> Result<(), String> {
@@ -275,115 +185,6 @@ fn cut_short(_: &Gpu) -> Result<(), String> {
     Ok(())
 }
 
-/// A workshop with damaged, foreign and incomplete files.
-fn bad_files() -> Workshop {
-    let workshop = Workshop::new();
-    let clip = fs::read(workshop.path("clip.aarc")).expect("written before");
-    workshop.write("empty", b"");
-    workshop.write("noise", b"this is not what you are looking for");
-    workshop.write("short.aarc", &clip[..40]);
-    let mut flipped = clip.clone();
-    flipped[clip.len() / 3] ^= 0x10;
-    workshop.write("flipped.aarc", &flipped);
-    let mut version = clip.clone();
-    version[4] = 99;
-    workshop.write("version.aarc", &version);
-    workshop.write("longer.aarc", &[&clip[..], b"more"].concat());
-    workshop.write("nothing.ply", &field_file(&Field::default(), &info()));
-    workshop.write(
-        "points.ply",
-        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",
-    );
-    let field = fs::read(workshop.path("field.ply")).expect("written before");
-    workshop.write("cut.ply", &field[..field.len() / 2]);
-    fs::create_dir(workshop.path("bare")).expect("temporary files can be written");
-    workshop.write("bare/readme.txt", b"no field here");
-    workshop.write("camera.json", b"{\"width\": 64}");
-    workshop.write("singular.json", b"{\"width\":64,\"height\":48,\"K\":[[0,0,32],[0,0,24],[0,0,1]],\"world_to_camera\":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
-    workshop.seal()
-}
-
-fn bad_input_to_the_player() -> Trial {
-    Trial::ignorable_test("bad input to the player", || {
-        let bad = bad_files();
-        let refuses = |line: &str, code, mention: &str| bad.refuses(client(), line, code, mention);
-        let one = "--headless --out frame.png";
-        let many = "--headless --time 0,1 --out frames";
-        for (file, mention) in [
-            ("missing.aarc", "missing.aarc: there is no such file: check the path"),
-            ("bare", "folder"),
-            ("empty", "empty"),
-            ("noise", "noise"),
-            ("field.ply", "field.ply"),
-            ("short.aarc", "short.aarc"),
-            ("flipped.aarc", "byte"),
-            ("version.aarc", "version"),
-            ("longer.aarc", "longer.aarc"),
-        ] {
-            for output in [one, many] {
-                refuses(&format!("{file} {output}"), DATA, mention)?;
-            }
-        }
-        for (line, mention) in [
-            ("--time nan", "nan"),
-            ("--time -1", "-1"),
-            ("--time 99", "time 99 s is outside the clip: give 0 to 2 s"),
-            ("--frames 3..3", "3..3"),
-            ("--fps 10", "--frames"),
-            ("--size 0x0", "0x0"),
-            ("--size 99999x99999", "99999"),
-            ("--view nowhere", "\"nowhere\": give one of \"front\" (0)"),
-            ("--layer 9", "--layer 9: the clip has 3 layers: give no larger number"),
-            ("--cutoff 7", "7"),
-            ("--target 12", "12"),
-            ("--sort never", "never"),
-            ("--stats absent/stats.json", "absent"),
-            ("--nonsense", "--nonsense"),
-        ] {
-            // Image sizes are checked against the device.
-            if device(Passes::Shared).is_ok() || !line.contains("99999") {
-                refuses(&format!("clip.aarc {one} {line}"), USAGE, mention)?;
-            }
-        }
-        for (line, code, mention) in [
-            ("clip.aarc --headless", USAGE, "--out"),
-            ("clip.aarc --headless --out absent/frame.png", USAGE, "absent"),
-            ("clip.aarc --headless --out bare", USAGE, "bare"),
-            ("clip.aarc --headless --out noise/frame.png", USAGE, "noise"),
-            ("clip.aarc --headless --out frame.jpg", USAGE, "name it frame.png"),
-            ("clip.aarc --headless --frames 0..1 --out noise", USAGE, "noise is a file"),
-            ("clip.aarc --headless --frame 0..1 --out a", USAGE, "similar argument exists: '--frames'"),
-            (
-                "ftp://u:key@host/clip.aarc --headless --out f.png",
-                USAGE,
-                "ftp://host/clip.aarc: clips come from",
-            ),
-            ("ftp://host/list.json --headless --out f.png", USAGE, "http:// and https:// URLs"),
-            ("field.ply --headless --out f.png", DATA, "make one of this field with aarc-studio package"),
-            ("noise --headless --out f.png", DATA, "name a file that aarc-studio package made"),
-            ("clip.aarc --headless --time 0,1 --out noise", USAGE, "noise"),
-            (
-                "clip.aarc --headless --out f.png --camera missing.json",
-                DATA,
-                "missing.json: there is no such file: check the path",
-            ),
-            ("clip.aarc --headless --out f.png --camera camera.json", DATA, "camera.json"),
-            ("clip.aarc --headless --out f.png --camera singular.json", DATA, "singular.json"),
-        ] {
-            refuses(line, code, mention)?;
-        }
-        // Every try is reported, the failure in the last line.
-        let outcome = bad.run(client(), "http://127.0.0.1:9/clip.aarc --headless --out f.png");
-        let last = outcome.stderr.trim_end().lines().last();
-        if outcome.code != Some(NETWORK)
-            || !last.is_some_and(|line| line.starts_with("error: http://127.0.0.1:9/"))
-        {
-            return Err(format!("one error with exit code {NETWORK} was expected: {outcome:#?}").into());
-        }
-        Ok(Completion::Completed)
-    })
-}
-
 fn bad_input_to_package() -> Result<(), String> {
     let bad = bad_files();
     for (input, mention) in [
@@ -436,21 +237,6 @@ fn bad_input_to_render_and_export() -> Result<(), String> {
     Ok(())
 }
 
-/// A Vulkan loader without a driver stands for a machine without a device.
-fn without_a_device() -> Result<(), String> {
-    let workshop = Workshop::new().seal();
-    let mut command = workshop.folder.command(client(), "clip.aarc --headless --out frame.png");
-    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
-        command.env(variable, workshop.path("no-driver.json"));
-    }
-    let outcome = run(&mut command);
-    let one_line = outcome.stderr.trim_end().lines().count() == 1;
-    if outcome.code == Some(DEVICE) && one_line && workshop.contents() == workshop.before {
-        return Ok(());
-    }
-    Err(format!("{outcome:#?}"))
-}
-
 /// `cargo xtask` lists the commands of the host tool, runs them, and passes on their exit codes.
 fn xtask_hands_over() -> Result<(), String> {
     let xtask = workspace::build("xtask", "dev").map_err(|fault| fault.to_string())?;
@@ -471,11 +257,17 @@ fn xtask_hands_over() -> Result<(), String> {
             return Err(format!("{line} differs from aarc-studio {handed_over}"));
         }
     }
-    // A mistyped command is refused before anything is built.
-    let mut mistyped = workshop.folder.command(&xtask, "pakcage field.ply");
-    let outcome = run(mistyped.env("CARGO", workshop.path("no-cargo")));
-    if outcome.code != Some(USAGE) || !outcome.stderr.contains("'package'") {
-        return Err(format!("{outcome:#?}"));
+    // Wrong usage is refused in one line, before anything is built.
+    for (line, what, step) in [
+        ("pakcage field.ply", "unrecognized subcommand 'pakcage'", "'package'"),
+        ("", "no command was given", "--help"),
+        ("ci --ful", "unexpected argument '--ful'", "'--full'"),
+        ("demo a", "unexpected argument 'a'", "--help"),
+        ("help nothing", "unrecognized subcommand 'nothing'", "--help"),
+    ] {
+        let mut command = workshop.folder.command(&xtask, line);
+        let outcome = run(command.env("CARGO", workshop.path("no-cargo")));
+        workshop.refused(&outcome, USAGE, what, step).map_err(|why| format!("cargo xtask {line}: {why}"))?;
     }
     workshop.refuses(&xtask, "inspect missing.aarc", DATA, "missing.aarc")
 }

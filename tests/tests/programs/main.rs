@@ -7,11 +7,13 @@ use aarc_tests::gpu;
 
 mod apk;
 mod cli;
+mod failures;
 mod faults;
 mod job_array;
 mod net_programs;
 mod playlist;
 mod window;
+mod workshop;
 
 fn main() -> ExitCode {
     gpu::run([
@@ -19,6 +21,7 @@ fn main() -> ExitCode {
         ("job_array", job_array::trials()),
         ("apk", apk::trials()),
         ("cli", cli::trials()),
+        ("failures", failures::trials()),
         ("faults", faults::trials()),
         ("net_programs", net_programs::trials()),
         ("playlist", playlist::trials()),

@@ -24,6 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("from a URL, and again without the network", Passes::Shared, urls),
         gpu::trial("errors are one sentence and an exit code", Passes::Shared, faults),
         display::trial("in a window nothing comes between two clips, over and over", window),
+        display::trial("a window prints each remark on a clip once", remarks),
     ]
 }
 
@@ -129,7 +130,7 @@ fn urls(_: &Gpu) -> Result<(), String> {
     });
     let url = server.url("show/list.json?key=1");
     let outcome = play(&folder, &url, "--frames 0..9 --out fetched").success();
-    if !outcome.stderr.contains("none.aarc: there is no such file (404 Not Found); skipped") {
+    if !outcome.stderr.contains("none.aarc: there is no such file (404 Not Found): check the URL; skipped") {
         return Err(format!("{outcome:?}"));
     }
     play(&folder, &url, "--frames 0..9 --out again").success();
@@ -143,7 +144,8 @@ fn urls(_: &Gpu) -> Result<(), String> {
     }
     drop(server);
     let alone = play(&folder, &url, "--frames 0..9 --out alone").success();
-    if !alone.stderr.contains("list.json: the server takes no connections; the version cached") {
+    let note = "list.json: the server takes no connections: check the network, or try again later; the version cached";
+    if !alone.stderr.contains(note) {
         return Err(format!("{alone:?}"));
     }
     let expected = images_in(&folder, "files");
@@ -235,4 +237,47 @@ fn window(display: &Display) -> Result<(), String> {
         return Err(format!("{titles:?}"));
     }
     player.close()
+}
+
+/// Plays a playlist whose second clip is cut short and whose third is broken until all have been loaded again.
+fn remarks(display: &Display) -> Result<(), String> {
+    let folder = Folder::default();
+    folder.write("a.aarc", &lasting(&ball([1.0, 0.0, 0.0]), 0.4, 10.0));
+    let recipe = Recipe {
+        count: 300,
+        sh_degree: 0,
+        motion: Motion::Dynamic,
+        motion_order: 2,
+        turning: false,
+        seed: 9,
+    };
+    let clip = packaged(&recipe.field(), None, &[100, 200]);
+    folder.write("cut.aarc", &clip[..clip.len() - 1]);
+    folder.write("broken.aarc", b"no clip");
+    write_list(&folder, &["a.aarc", "cut.aarc", "broken.aarc"]);
+    let log = folder.path("log.txt");
+    let stderr = fs::File::create(&log).map_err(|error| error.to_string())?;
+    let mut command = display.command(client());
+    command.arg("list.json").args(["--size", "720x400"]).current_dir(folder.path(""));
+    let player = display.open(command.stderr(stderr), "a.aarc")?;
+    let start = Instant::now();
+    // Titles change with the clips.
+    let (mut title, mut changes) = (String::from("a.aarc"), 0);
+    while changes < 4 {
+        let now = display.title(player.window);
+        if now != title {
+            (title, changes) = (now, changes + 1);
+        }
+        if start.elapsed() > Duration::from_secs(60) {
+            return Err(format!("{changes} changes of clips"));
+        }
+        sleep(Duration::from_millis(20));
+    }
+    player.close()?;
+    let log = fs::read_to_string(&log).map_err(|error| error.to_string())?;
+    let count = |text: &str| log.lines().filter(|line| line.contains(text)).count();
+    match (count("cut.aarc: the file is cut short"), count("broken.aarc: "), log.lines().count()) {
+        (1, 1, 2) => Ok(()),
+        _ => Err(log),
+    }
 }

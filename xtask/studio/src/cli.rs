@@ -3,7 +3,6 @@
 use std::sync::LazyLock;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use program::Fault;
 use program::generate::{self, Generated};
 
 use crate::commands;
@@ -59,7 +58,7 @@ impl Cli {
     /// Runs the command, or prints the document of `--generate`.
     ///
     /// # Errors
-    /// [`Fault`] with an exit code of its own; any other error is a failed check or a defect.
+    /// [`program::Fault`] with an exit code of its own; any other error is a failed check or a defect.
     pub fn run(&self) -> anyhow::Result<()> {
         if let Some(document) = self.generate {
             generate::print(document, Cli::command())?;
@@ -99,11 +98,6 @@ impl Command {
             Command::Serve(args) => commands::serve::run(args),
         }
     }
-}
-
-/// The exit code for the error of a command.
-pub fn exit_code(error: &anyhow::Error) -> u8 {
-    error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-use studio::cli::{self, Cli};
+use clap::CommandFactory;
+use studio::cli::Cli;
 
 /// Counts the heap for the stability suite.
 #[cfg(feature = "measure")]
@@ -11,9 +12,9 @@ static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn main() -> ExitCode {
     program::exit_on_closed_pipe();
-    let cli: Cli = match program::parse() {
+    let cli: Cli = match program::parse(Cli::command()) {
         Ok(cli) => cli,
         Err(code) => return code,
     };
-    program::run(|| cli.run(), cli::exit_code)
+    program::run(|| cli.run(), |error| program::exit_code(error.as_ref()))
 }

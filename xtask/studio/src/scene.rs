@@ -227,16 +227,16 @@ impl Overrides {
         for (i, view) in views.iter().enumerate() {
             let at = format!("viewpoints[{i}]");
             if view.name.is_empty() {
-                return Err(format!("{at}.name is empty"));
+                return Err(format!("{at}.name is empty; name it"));
             }
             if views[..i].iter().any(|other| other.name == view.name) {
-                return Err(format!("{at}.name \"{}\" is there twice", view.name));
+                return Err(format!("{at}.name \"{}\" is there twice; rename one", view.name));
             }
             if !view.position.iter().chain(&view.target).all(|x| x.is_finite()) {
-                return Err(format!("{at}: a coordinate is not a finite number"));
+                return Err(format!("{at}: a coordinate is not a finite number; correct it"));
             }
             if view.position == view.target {
-                return Err(format!("{at}: position and target are the same point"));
+                return Err(format!("{at}: position and target are the same point; move one"));
             }
             if !(view.fov_y_deg > 0.0 && view.fov_y_deg < 180.0) {
                 return Err(format!("{at}.fov_y_deg must lie between 0 and 180, not {}", view.fov_y_deg));

@@ -5,12 +5,12 @@ mod tool;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use serde_json::json;
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio};
+use tool::{NO_DEVICE, Outcome, aarc_studio, aarc_studio_with};
 
 const SIZE: [usize; 2] = [24, 16];
 
@@ -237,7 +237,7 @@ fn bad_networks() {
     let features: onnx::ValueInfo = ("features", onnx::FLOAT, &[0, 1, 0, 0]);
     let unknown = error(&[("a.onnx", onnx::model("Identity", &[], &[features], depth))]);
     assert!(
-        unknown.contains("a.onnx: it takes \"features\"") && unknown.contains("there is image"),
+        unknown.contains("a.onnx: it takes \"features\"") && unknown.contains("rename it to one of image"),
         "{unknown}"
     );
     let unnamed = error(&[("a.onnx", mean(IMAGE, features, 1, true))]);
@@ -283,14 +283,6 @@ fn bad_folders() {
 fn without_a_runtime() {
     let folder = studio(json!({}));
     write(&folder, "a.onnx", b"is not read");
-    let run = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
-        .current_dir(folder.path())
-        .args(ARGS)
-        .env("ORT_DYLIB_PATH", "nowhere/libonnxruntime.so")
-        .output()
-        .unwrap();
-    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
-    let outcome = Outcome { code: run.status.code(), stdout: text(&run.stdout), stderr: text(&run.stderr) };
-    let error = outcome.error(5);
+    let error = aarc_studio_with(folder.path(), &ARGS, &NO_DEVICE).error(5);
     assert!(error.contains("pip install onnxruntime") && error.contains("set ORT_DYLIB_PATH"), "{error}");
 }

@@ -14,10 +14,13 @@ use studio::export::{field_file, fitted_field_file, splatv, static_ply};
 use studio::import::import;
 use support::{field, info};
 use tempfile::TempDir;
-use tool::aarc_studio;
+use tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 
+const CHECK: i32 = 1;
 const USAGE: i32 = 2;
 const DATA: i32 = 3;
+#[cfg(any(feature = "gpu", feature = "onnx"))]
+const DEVICE: i32 = 5;
 
 /// Arguments, exit code, what is wrong and where, and the next step.
 type Failure = (&'static str, i32, &'static str, &'static str);
@@ -93,7 +96,7 @@ const FAILURES: &[Failure] = &[
         "name their folder with --capture",
     ),
     ("package field.ply --refine 9 --capture stage", USAGE, "field.ply is of 50 frames", "--frames"),
-    ("package field.ply --size 24x24", USAGE, "options of a capture", "that takes --refine"),
+    ("package field.ply --size 24x24", USAGE, "options of a capture", "give that, or leave them out"),
     ("package stage --refine 9 --capture stage", USAGE, "stage is a capture itself", "leave --capture out"),
     ("package --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
     // Packages.
@@ -134,6 +137,20 @@ const FAILURES: &[Failure] = &[
     ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
     ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
     ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
+    ("serve nope", DATA, "nope: not a folder", "name one"),
+    // The command line.
+    ("", USAGE, "no command was given", "--help lists what can be given"),
+    ("pakcage field.ply", USAGE, "unrecognized subcommand 'pakcage'", "'package'"),
+    ("package", USAGE, "required arguments were not provided: <SCENE>", "--help lists what can be given"),
+    ("package field.ply --budgt 9", USAGE, "unexpected argument '--budgt'", "'--budget'"),
+    ("package field.ply --quality least", USAGE, "'least' for '--quality <DB>'", "dB from 20 to 100"),
+    // Failed checks.
+    ("package far.ply --quality 60 --strict", CHECK, "far: 60 dB, and 6 dB less", "choose a lower --quality"),
+    // Missing devices.
+    #[cfg(feature = "gpu")]
+    ("fit stage --backend gpu", DEVICE, "no graphics device was found", "install a Vulkan driver"),
+    #[cfg(feature = "onnx")]
+    ("depths stage --backbone net -o maps", DEVICE, "no ONNX Runtime", "set ORT_DYLIB_PATH"),
 ];
 
 /// A folder with a capture, a field, a package, and files that are none of these.
@@ -153,7 +170,9 @@ fn workshop() -> TempDir {
     let mut version = clip;
     version[4] = 99;
     write("version.aarc", &version);
-    ["bare", "two", "keys", "moving", "manifest"].iter().for_each(|name| fs::create_dir(path(name)).unwrap());
+    ["bare", "two", "keys", "moving", "manifest", "net"]
+        .iter()
+        .for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");
     write("manifest/capture.json", b"{}");
     write("two/a.ply", &dynamic);
@@ -176,6 +195,13 @@ fn workshop() -> TempDir {
     write("many.splatv", &with_size(&splatv(&field(40, 0, Some(1), false), &info()), 256_000_000_000));
     write("lod-meta.json", br#"{"lodLevels": 5}"#);
     write("meta.json", br#"{"lodLevels": 5}"#);
+    // One Gaussian far away leaves the others too few of the 32 bits of a position.
+    let mut far = field(300, 0, None, false);
+    far.log_scales.fill([-3.0; 3]);
+    far.centers[0] = [1e8; 3];
+    write("far.ply", &field_file(&far, &info()));
+    write("net/backbone.json", br#"{"width": 24, "height": 16}"#);
+    write("net/a.onnx", b"is not read");
     write("camera.json", br#"{"width": 64}"#);
     write("begun.checkpoint", b"no checkpoint");
     folder
@@ -203,8 +229,8 @@ fn every_failure_says_what_where_and_what_to_do() {
     let before = names(folder.path());
     let mut wrong = Vec::new();
     for &(line, code, what, step) in FAILURES {
-        let args: Vec<&str> = line.split(' ').collect();
-        let outcome = aarc_studio(folder.path(), &args);
+        let args: Vec<&str> = line.split_whitespace().collect();
+        let outcome = aarc_studio_with(folder.path(), &args, &NO_DEVICE);
         let errors: Vec<&str> = outcome.stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
         let is_right = match errors[..] {
             [error] => {

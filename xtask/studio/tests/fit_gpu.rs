@@ -5,11 +5,12 @@ mod small_stage;
 mod tool;
 
 use std::fs;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use small_stage::{fit, kill_when, measured, stage};
+use tool::{NO_DEVICE, aarc_studio_with};
 
 fn main() -> ExitCode {
     let said = || {
@@ -68,14 +69,6 @@ fn goes_on_elsewhere() {
 
 fn without_a_device() {
     let folder = stage();
-    let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
-        .current_dir(folder.path())
-        .args(["fit", "stage", "--backend", "gpu"])
-        .env("VK_DRIVER_FILES", "none.json")
-        .env("VK_ICD_FILENAMES", "none.json")
-        .output()
-        .unwrap();
-    let error = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(5), "{error}");
+    let error = aarc_studio_with(folder.path(), &["fit", "stage", "--backend", "gpu"], &NO_DEVICE).error(5);
     assert!(error.starts_with("error: no graphics device was found"), "{error}");
 }

@@ -389,6 +389,24 @@ fn scene_json_overrides_the_file_which_overrides_defaults() {
 }
 
 #[test]
+fn viewpoints_that_show_nothing_are_named() {
+    let folder = tempdir().unwrap();
+    write_field(&folder.path().join("field.ply"), &rising(300));
+    let viewpoint = |name: &str, z: f64| json!({"name": name, "position": [0, 0, -9], "target": [0, 0, z], "fov_y_deg": 60});
+    let stderr = |viewpoints: &[Value]| {
+        let overrides = json!({"up": [0, 1, 0], "viewpoints": viewpoints}).to_string();
+        fs::write(folder.path().join("scene.json"), overrides).unwrap();
+        let outcome = aarc_studio(folder.path(), &["package", ".", "-o", "clip.aarc", "--coder", "fixed"]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        outcome.stderr
+    };
+    assert_eq!(stderr(&[viewpoint("front", 0.0)]), "");
+    let note = stderr(&[viewpoint("front", 0.0), viewpoint("away", -20.0), viewpoint("back", -90.0)]);
+    let [line] = note.lines().collect::<Vec<_>>()[..] else { panic!("one line: {note}") };
+    assert!(line.starts_with("note: ") && line.contains("the viewpoints \"away\", \"back\";"), "{line}");
+}
+
+#[test]
 fn scene_json_is_checked() {
     let folder = tempdir().unwrap();
     let scene = folder.path();

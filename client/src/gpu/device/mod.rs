@@ -124,8 +124,9 @@ impl Gpu {
         })?;
         let info = adapter.get_info();
         let request = DeviceRequest::new(&info, adapter.features(), &adapter.limits());
-        let opened = pollster::block_on(adapter.request_device(&request.descriptor()))
-            .map_err(|error| Fault::Device(format!("graphics device {}: {error}", info.name)))?;
+        let opened = pollster::block_on(adapter.request_device(&request.descriptor())).map_err(|error| {
+            Fault::Device(format!("graphics device {}: {error}: update its driver", info.name))
+        })?;
         Ok(Gpu::opened(instance.clone(), adapter, &request, opened, None))
     }
 
@@ -213,9 +214,9 @@ impl Gpu {
         let name = &self.adapter_name;
         match (exhausted, invalid) {
             (None, None) => Ok(created),
-            (Some(_), _) => {
-                Err(Fault::Device(format!("graphics device {name}: not enough memory for {purpose}")))
-            }
+            (Some(_), _) => Err(Fault::Device(format!(
+                "graphics device {name}: not enough memory for {purpose}: close other programs"
+            ))),
             (None, Some(error)) => panic!("{purpose}: {error}"),
         }
     }
@@ -344,7 +345,7 @@ fn fault_of(adapter_name: &str, error: &wgpu::Error) -> Fault {
     match error {
         wgpu::Error::Validation { .. } => panic!("invalid use of the graphics device: {error}"),
         wgpu::Error::OutOfMemory { .. } | wgpu::Error::Internal { .. } => {
-            Fault::Device(format!("graphics device {adapter_name}: {error}"))
+            Fault::Device(format!("graphics device {adapter_name}: {error}: start again"))
         }
     }
 }

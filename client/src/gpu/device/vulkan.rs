@@ -89,7 +89,7 @@ impl Gpu {
         // Long: a sequence in which each handle is made from those before, and the safety of each call
         // follows from the calls above it.
         let failed = |what: &str, error: &dyn std::fmt::Display| {
-            Fault::Device(format!("graphics device of the headset: {what}: {error}"))
+            Fault::Device(format!("graphics device of the headset: {what}: {error}: update its driver"))
         };
         // SAFETY: the Vulkan loader of the system is what it says.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| {
@@ -135,7 +135,9 @@ impl Gpu {
         }
         .map_err(|error| failed("instance", &error))?;
         let exposed = hal.expose_adapter(physical).ok_or_else(|| {
-            Fault::Device("graphics device of the headset: its driver is too old for the renderer".into())
+            Fault::Device(
+                "graphics device of the headset: its driver is too old for the renderer: update it".into(),
+            )
         })?;
         let request = DeviceRequest::new(&exposed.info, exposed.features, &exposed.capabilities.limits);
 

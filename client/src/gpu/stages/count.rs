@@ -107,10 +107,9 @@ impl Counter {
         for (set, counted) in sets.iter().zip(&self.sets) {
             counted.readback.slice(..).map_async(wgpu::MapMode::Read, |_| {});
             gpu.wait()?;
-            let mapped =
-                counted.readback.slice(..).get_mapped_range().map_err(|error| {
-                    Fault::Device(format!("graphics device {}: {error}", gpu.adapter_name))
-                })?;
+            let mapped = counted.readback.slice(..).get_mapped_range().map_err(|error| {
+                Fault::Device(format!("graphics device {}: {error}: start again", gpu.adapter_name))
+            })?;
             let counts: &[u32] = bytemuck::cast_slice(&mapped);
             for &fragments in &counts[..set.order.len()] {
                 coverage.drawn += u32::from(fragments > 0);

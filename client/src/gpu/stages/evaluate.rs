@@ -37,7 +37,7 @@ impl Buffers {
             return Ok(());
         }
         Err(Fault::Device(format!(
-            "the clip takes a buffer of {} MiB; {} has at most {} MiB",
+            "the clip takes a buffer of {} MiB, and {} has at most {} MiB: package it with a smaller --budget",
             bytes >> 20,
             gpu.adapter_name,
             gpu.caps.max_buffer_bytes >> 20,

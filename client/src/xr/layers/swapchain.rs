@@ -22,7 +22,8 @@ pub(in crate::xr) fn choose_format(session: &xr::Session<xr::Vulkan>) -> Result<
     let offered = session.enumerate_swapchain_formats().halt("asking for its formats")?;
     let offered: Vec<_> = offered.into_iter().map(|format| vk::Format::from_raw(format as i32)).collect();
     RuntimeFormat::choose(&offered).ok_or_else(|| {
-        let what = "the OpenXR runtime takes no 8-bit images with red, green, blue and alpha";
+        let what = "the OpenXR runtime takes no 8-bit images with red, green, blue and alpha: update it, or \
+                    choose another";
         Halt::Fault(Fault::Device(what.into()))
     })
 }

@@ -76,7 +76,9 @@ impl Runtime {
         let views = instance.enumerate_view_configuration_views(system, EYES).fault("counting the eyes")?;
         if views.len() != 2 {
             let count = views.len();
-            return Err(Fault::Device(format!("the headset has {count} eyes: two are drawn for")));
+            return Err(Fault::Device(format!(
+                "the headset has {count} eyes, and two are drawn: choose another runtime"
+            )));
         }
         let sizes = views
             .iter()
@@ -222,7 +224,8 @@ pub(in crate::xr) fn raw(handle: impl vk::Handle) -> *const c_void {
 /// The object that Vulkan created for the runtime.
 fn made_by_vulkan<T>(made: xr::Result<Result<T, i32>>, what: &str) -> Result<T, Fault> {
     made.fault(what)?.map_err(|code| {
-        Fault::Device(format!("OpenXR runtime: {what} failed: {:?}", vk::Result::from_raw(code)))
+        let code = vk::Result::from_raw(code);
+        Fault::Device(format!("OpenXR runtime: {what} failed ({code:?}): update the graphics driver"))
     })
 }
 

@@ -24,7 +24,10 @@ impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
 
     fn prepare(&self, _: &Entry, clip: Box<Clip>) -> Result<Box<ReadyClip>, Fault> {
-        let gpu = self.gpu.upgrade().ok_or_else(|| Fault::Device("the graphics device is gone".into()))?;
+        let gpu = self
+            .gpu
+            .upgrade()
+            .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
         Ok(Box::new(ReadyClip {
             subject: Subject::of(&clip),

@@ -1,5 +1,7 @@
 //! [`Notices`]: the line that the panel shows, and the fault that a run without any clip ends with.
 
+use std::collections::HashSet;
+
 use crate::clips::Progress;
 use crate::xr::System;
 use crate::xr::panel::Notice;
@@ -12,6 +14,8 @@ pub(super) struct Notices {
     attended: bool,
     /// Why no clip has been shown so far.
     unplayed: Option<Fault>,
+    /// The remarks so far, which reach the terminal once.
+    notes: HashSet<String>,
 }
 
 enum Line {
@@ -22,7 +26,7 @@ enum Line {
 
 impl Notices {
     pub(super) fn new(attended: bool) -> Notices {
-        Notices { line: None, attended, unplayed: None }
+        Notices { line: None, attended, unplayed: None, notes: HashSet::new() }
     }
 
     /// Says that something takes a while.
@@ -38,7 +42,9 @@ impl Notices {
 
     /// Shows a remark, such as that a clip was skipped.
     pub(super) fn note(&mut self, text: String) {
-        System::notify(&text);
+        if self.notes.insert(text.clone()) {
+            System::notify(&text);
+        }
         self.line = Some(Line::Note(text));
     }
 

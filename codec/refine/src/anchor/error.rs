@@ -47,12 +47,12 @@ impl AnchorError {
 impl fmt::Display for AnchorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            AnchorError::NoFrames => "there are no frames to anchor",
-            AnchorError::NoViews => "the capture has none of the cameras named to ground the anchor",
+            AnchorError::NoFrames => "there are no frames to anchor: choose some, or hold out fewer",
+            AnchorError::NoViews => "the capture has none of the cameras named to ground the anchor: name others",
             AnchorError::Size { frame, camera } => {
                 return write!(
                     f,
-                    "the photograph of camera {camera} in frame {frame} and its camera differ in size"
+                    "the photograph of camera {camera} in frame {frame} and its camera differ in size: scale one"
                 );
             }
             AnchorError::NoMasks => {

@@ -45,7 +45,7 @@ const INSIDE_CAMERAS: u32 = 4;
 const INSIDE_DEPTH_MIN: f64 = 0.35;
 
 /// Whether `view` shows enough of `field` to compare pictures by: not empty space, and not the inside of one
-/// Gaussian.
+/// Gaussian. A camera that fails [`Camera::check`] shows nothing.
 pub fn is_informative(field: &Field, view: &PosedView) -> bool {
     informative_depth(field, view).is_some()
 }
@@ -53,7 +53,9 @@ pub fn is_informative(field: &Field, view: &PosedView) -> bool {
 /// Mean depth of what an informative view shows; `None` for any other view.
 fn informative_depth(field: &Field, PosedView { camera, t }: &PosedView) -> Option<f64> {
     let alive = (0..field.len()).filter(|&row| field.opacity_at(row, *t) >= ALPHA_MIN).count();
-    let shown = shown(field, &camera.resized(PROBE.0, PROBE.1), *t);
+    let camera = camera.resized(PROBE.0, PROBE.1);
+    camera.check().ok()?;
+    let shown = shown(field, &camera, *t);
     let is_alone = shown.largest_share > SHARE_MAX && alive >= 2 * GAUSSIANS_MIN;
     let enough = GAUSSIANS_MIN.min(alive.div_ceil(2)).max(1);
     (shown.covered >= COVERED_MIN && shown.gaussians >= enough && !is_alone).then_some(shown.depth)

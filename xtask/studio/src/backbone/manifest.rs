@@ -6,6 +6,8 @@ use image::RgbImage;
 use program::Fault;
 use serde::Deserialize;
 
+use crate::messages::unreadable;
+
 /// Name of the file.
 const FILE: &str = "backbone.json";
 
@@ -54,18 +56,19 @@ impl Manifest {
     /// [`Fault::Data`] that names the file.
     pub(super) fn load(folder: &Path) -> Result<Manifest, Fault> {
         let path = folder.join(FILE);
-        let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|error| bad(error.to_string()))?;
+        let bad =
+            |what: String| Fault::Data(format!("{}: {what}; xtask/CAPTURE.md describes it", path.display()));
+        let text = std::fs::read_to_string(&path).map_err(|error| unreadable(&path, &error))?;
         let manifest: Manifest = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
         let Manifest { width, height, mean, std, input, output, .. } = &manifest;
         if [width, height].iter().any(|side| !(1..=SIDE_MAX).contains(*side)) {
             return Err(bad(format!("{width}x{height} pixels: a side can have 1 to {SIDE_MAX}")));
         }
         if !mean.iter().all(|x| x.is_finite()) || !std.iter().all(|x| *x > 0.0 && x.is_finite()) {
-            return Err(bad("mean are three numbers, std three positive ones".into()));
+            return Err(bad("mean must be three numbers and std three positive ones".into()));
         }
         if input.is_empty() || output.is_empty() {
-            return Err(bad("input and output are names".into()));
+            return Err(bad("input and output must be names of tensors".into()));
         }
         Ok(manifest)
     }

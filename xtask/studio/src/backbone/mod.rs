@@ -19,6 +19,7 @@ use ort::value::{TensorElementType, TensorRef, ValueType};
 use program::Fault;
 use refine::anchor::DepthMap;
 
+use crate::messages::{count, unreadable};
 use manifest::Manifest;
 use runtime::one_line;
 
@@ -57,7 +58,7 @@ impl Backbone {
     /// remedy.
     pub fn open(folder: &Path) -> Result<Backbone, Fault> {
         let manifest = Manifest::load(folder)?;
-        let bad = |error: std::io::Error| Fault::Data(format!("{}: {error}", folder.display()));
+        let bad = |error: std::io::Error| unreadable(folder, &error);
         let mut stages = Vec::new();
         for entry in fs::read_dir(folder).map_err(bad)? {
             let path = entry.map_err(bad)?.path();
@@ -66,7 +67,7 @@ impl Backbone {
         stages.sort();
         if stages.is_empty() {
             return Err(Fault::Data(format!(
-                "{}: no stage is there: no file ends in .onnx",
+                "{}: no stage is there, as no file ends in .onnx; put the network's files there",
                 folder.display()
             )));
         }
@@ -109,7 +110,9 @@ impl Backbone {
         for (mut known, views) in batches.into_iter().zip(views) {
             let Some(depth) = known.remove(&self.manifest.output) else {
                 let (folder, output) = (self.folder.display(), &self.manifest.output);
-                return Err(Fault::Data(format!("{folder}: no stage gives \"{output}\"")));
+                return Err(Fault::Data(format!(
+                    "{folder}: no stage gives \"{output}\"; name the depths as \"output\" in backbone.json"
+                )));
             };
             maps.extend(self.maps(depth, views)?);
         }
@@ -121,8 +124,9 @@ impl Backbone {
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != stage) {
             self.loaded = None;
             let path = &self.stages[stage];
-            let session = runtime::session(path)
-                .map_err(|error| Fault::Data(format!("{}: {}", path.display(), one_line(&error))))?;
+            let session = runtime::session(path).map_err(|error| {
+                Fault::Data(format!("{}: {}; export the network again", path.display(), one_line(&error)))
+            })?;
             self.loaded = Some((stage, session));
         }
         Ok(())
@@ -133,14 +137,16 @@ impl Backbone {
         let (stage, session) = self.loaded.as_mut().expect("a stage is loaded");
         let path = &self.stages[*stage];
         let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-        let failed = |error: ort::Error| bad(one_line(&error));
+        let failed = |error: ort::Error| {
+            bad(format!("{}; see that width and height are those of the network", one_line(&error)))
+        };
         let mut inputs: Vec<(String, SessionInputValue)> = Vec::new();
         for input in session.inputs() {
             let name = input.name();
             let Some(Tensor { shape, values }) = known.get(name) else {
                 let names: Vec<&str> = known.keys().map(String::as_str).collect();
                 return Err(bad(format!(
-                    "it takes \"{name}\", which no stage before it gives: there is {}",
+                    "it takes \"{name}\", which no stage before it gives; rename it to one of {}",
                     names.join(", ")
                 )));
             };
@@ -169,7 +175,7 @@ impl Backbone {
                 }
                 _ => {
                     return Err(bad(format!(
-                        "\"{name}\" is neither float32 nor int64, which stages pass on"
+                        "\"{name}\" is neither float32 nor int64; export the network with these types"
                     )));
                 }
             };
@@ -183,7 +189,12 @@ impl Backbone {
     /// Splits an output into the maps of `views` photographs.
     fn maps(&self, Tensor { shape, values }: Tensor, views: usize) -> Result<Vec<DepthMap>, Fault> {
         let output = &self.manifest.output;
-        let bad = |what: String| Fault::Data(format!("{}: \"{output}\" {what}", self.folder.display()));
+        let bad = |what: String| {
+            let folder = self.folder.display();
+            Fault::Data(format!(
+                "{folder}: \"{output}\" {what}; export the network with depths as its output"
+            ))
+        };
         let Values::Float(values) = values else { return Err(bad("is not float32".into())) };
         // Channel, batch and scene dimensions may be 1.
         let sides: Vec<usize> = shape.iter().filter(|side| **side != 1).map(|side| *side as usize).collect();
@@ -192,13 +203,13 @@ impl Backbone {
             (_, [first, height, width]) if *first == views => [*height, *width],
             _ => {
                 return Err(bad(format!(
-                    "has the shape {shape:?}: of {views} photographs there should be as many maps, each of \
-                     height and width"
+                    "has the shape {shape:?}, and {} of height and width are expected",
+                    count(views, "map")
                 )));
             }
         };
         if width * height == 0 {
-            return Err(bad(format!("has the shape {shape:?}: it is empty")));
+            return Err(bad(format!("has the shape {shape:?}, which is empty")));
         }
         let map =
             |depths: &[f32]| DepthMap { width: width as u32, height: height as u32, depths: depths.to_vec() };

@@ -100,7 +100,10 @@ impl CaptureFiles {
             let mask = read(path)?.into_luma16();
             if mask.dimensions() != (camera.width, camera.height) {
                 let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
-                return Err(bad(path, format!("{width}x{height} pixels, but its photograph has {w}x{h}")));
+                return Err(bad(
+                    path,
+                    format!("{width}x{height} pixels, but its photograph has {w}x{h}; scale it"),
+                ));
             }
             apply_mask(&mut image, &mask);
         }

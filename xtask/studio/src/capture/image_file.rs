@@ -72,12 +72,12 @@ fn unit_value(channel: u16) -> f64 {
 pub(super) fn read(path: &Path) -> Result<DynamicImage, Fault> {
     let reader = ImageReader::open(path).map_err(|error| unreadable(path, &error))?;
     let reader = reader.with_guessed_format().map_err(|error| unreadable(path, &error))?;
-    reader.decode().map_err(|error| bad(path, format!("{error}; save it again as PNG, JPEG or WebP")))
+    reader.decode().map_err(|error| unusable(path, &error))
 }
 
 /// Width and height of the image at `path`.
 pub(super) fn size_of(path: &Path) -> Result<(u32, u32), Fault> {
-    image::image_dimensions(path).map_err(|error| bad(path, error))
+    image::image_dimensions(path).map_err(|error| unusable(path, &error))
 }
 
 pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Result<(), Fault> {
@@ -93,6 +93,11 @@ pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Resu
 
 pub(super) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
     Fault::Data(format!("{}: {problem}", path.display()))
+}
+
+/// The fault of a photograph or a mask that cannot be decoded.
+fn unusable(path: &Path, error: &image::ImageError) -> Fault {
+    bad(path, format!("{error}; save it again as PNG, JPEG or WebP"))
 }
 
 /// The fault of a calibration or a depth map that is not as `xtask/CAPTURE.md` describes it.

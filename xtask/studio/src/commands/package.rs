@@ -9,8 +9,8 @@ use crate::capture::CaptureFiles;
 use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
-    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, package_with,
-    prefix_quality,
+    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, blind_viewpoints,
+    package_with, prefix_quality,
 };
 use crate::playlist;
 use crate::progress::StagedProgress;
@@ -201,8 +201,9 @@ impl WrittenPackage {
         match failed.next() {
             None => Ok(()),
             Some(PrefixStep { gaussians, loss_db, .. }) => bail!(
-                "the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many; \
-                 {PREFIX_LOSS_DB} dB are allowed"
+                "{}: the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many, and \
+                 {PREFIX_LOSS_DB} dB are allowed; make such a package with --budget {gaussians}",
+                self.out.display()
             ),
         }
     }
@@ -259,6 +260,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
     }
     output::write(&out, &package.bytes)?;
+    print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {
         true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
         false => None,
@@ -293,7 +295,7 @@ impl Captured {
             )),
             (None, None) if !is_scene => {
                 if !(args.selection.is_default() && args.holdout.is_none()) {
-                    bail!(Fault::Usage("options of a capture, which no field needs: that takes --refine".into()));
+                    bail!(Fault::Usage("options of a capture, which only --refine needs for a field; give that, or leave them out".into()));
                 }
                 return Ok(None);
             }
@@ -369,6 +371,20 @@ fn field_path(args: &Args) -> PathBuf {
 fn already_exists(field: &Path) -> Fault {
     let field = field.display();
     Fault::Usage(format!("{field} is there already; package that, or remove it to fit anew"))
+}
+
+/// Says which viewpoints show next to nothing.
+fn print_blind_viewpoints(scene: &Scene) {
+    let blind = blind_viewpoints(scene);
+    if !blind.is_empty() {
+        eprintln!(
+            "note: {}: next to nothing is seen from the viewpoint{} \"{}\"; scene.json can place {} elsewhere",
+            scene.name,
+            if blind.len() == 1 { "" } else { "s" },
+            blind.join("\", \""),
+            if blind.len() == 1 { "it" } else { "them" }
+        );
+    }
 }
 
 fn print_report(report: &PackageReport) {

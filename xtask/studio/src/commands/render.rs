@@ -137,7 +137,7 @@ fn eyes(args: &Args, input: &Input) -> Result<Vec<Camera>, Fault> {
     };
     let (width, height) = (camera.width, camera.height);
     if u64::from(width) * u64::from(height) > PIXELS_MAX {
-        return Err(Fault::Usage(format!("an image of {width}x{height} has more than {PIXELS_MAX} pixels")));
+        return Err(Fault::Usage(format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels")));
     }
     if !args.stereo {
         return Ok(vec![camera]);

@@ -47,9 +47,11 @@ pub struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let folder = args.folder.canonicalize().ok().filter(|folder| folder.is_dir());
-    let folder = folder.ok_or_else(|| Fault::Data(format!("{}: not a folder", args.folder.display())))?;
-    let listener = TcpListener::bind(args.address)
-        .map_err(|error| Fault::Usage(format!("cannot listen on {}: {error}", args.address)))?;
+    let folder =
+        folder.ok_or_else(|| Fault::Data(format!("{}: not a folder; name one", args.folder.display())))?;
+    let listener = TcpListener::bind(args.address).map_err(|error| {
+        Fault::Usage(format!("cannot listen on {}: {error}; choose another with --address", args.address))
+    })?;
     println!("{}: http://{}/, until Ctrl-C", args.folder.display(), listener.local_addr()?);
     serve(&listener, &folder.into(), args.mbit.map(|mbit| mbit * 1e6 / 8.0));
     Ok(())

@@ -3,7 +3,7 @@
 use crate::messages::count;
 use crate::takes::{List, OutputState, Record, Shard, Take, key};
 use anyhow::{anyhow, bail};
-use program::{Fault, output};
+use program::{Fault, exit_code, output};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::any::Any;
@@ -77,13 +77,14 @@ pub(super) fn run(
         let out = folder.join(format!("{}.{}", take.name, job.ending));
         let start = Instant::now();
         let result = catch_unwind(AssertUnwindSafe(|| run_take(take, &out, job, make)));
-        let result =
-            result.unwrap_or_else(|panic| Err(anyhow!("a defect of this program: {}", text(&*panic))));
+        let result = result.unwrap_or_else(|panic| {
+            Err(anyhow!("a defect of this program, to be reported: {}", text(&*panic)))
+        });
         let (outcome, error) = match result {
             Ok(outcome) => (outcome, None),
             Err(error) => ("failed", Some(error)),
         };
-        let exit_code = error.as_ref().map_or(0, exit_code);
+        let exit_code = error.as_ref().map_or(0, |error| exit_code(error.as_ref()));
         let error = error.map(|error| format!("{error:#}"));
         let outcome = Outcome {
             scene: &take.path,
@@ -178,10 +179,6 @@ fn print_outcome(outcome: &Outcome) -> anyhow::Result<()> {
         None => println!("{outcome:8} {}, {seconds:.1} s", out.display()),
     }
     Ok(std::io::stdout().flush()?)
-}
-
-fn exit_code(error: &anyhow::Error) -> u8 {
-    error.downcast_ref::<Fault>().map_or(1, Fault::exit_code)
 }
 
 /// The message of a panic.

@@ -118,7 +118,9 @@ fn photo_for(
     let photo = capture_files.photo(photo_id)?;
     if let Some(lpips) = lpips {
         let Image { width, height, .. } = photo.image;
-        let too_small = |error: LpipsError| Fault::Data(format!("{}: {error}", capture_files.name(photo_id)));
+        let too_small = |error: LpipsError| {
+            Fault::Data(format!("{}: {error}; leave --lpips-weights out", capture_files.name(photo_id)))
+        };
         lpips.check_size(width as usize, height as usize).map_err(too_small)?;
     }
     Ok(photo)

@@ -1,8 +1,8 @@
 //! Gaussians in order of importance become bytes: a quick draft to judge by, and the package itself,
 //! which is decoded again and verified.
 
-use anyhow::ensure;
-use codec::{Clip, EncodeOptions, Field, Limits, Precision, Source};
+use anyhow::{anyhow, ensure};
+use codec::{Clip, EncodeError, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
 use refine::code::{CodeError, Coded, Miss, TRIALS, WORST_BELOW_DB, code};
 use refine::prune::{Fidelity, Pictures};
@@ -16,6 +16,9 @@ use crate::scene::Scene;
 /// Extra precision of a draft in dB. A draft is coded without sensitivities, and its coding errors must
 /// not decide.
 const DRAFT_MARGIN_DB: f64 = 10.0;
+
+/// What to do about a package that a defect of this program spoilt.
+const DEFECT: &str = "report this defect of the program with the field";
 
 /// A verified package.
 pub(crate) struct VerifiedPackage {
@@ -77,8 +80,8 @@ pub(crate) fn encode(
     };
     let clip = &coded.clip;
     let decoded_plate = clip.plate.as_ref().map(Field::len);
-    ensure!(clip.len() == field.len(), "{} of {} Gaussians were decoded", clip.len(), field.len());
-    ensure!(decoded_plate == plate.map(Field::len), "the plate was decoded as {decoded_plate:?}");
+    let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
+    ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
     Ok(VerifiedPackage { coded, steering_views, judging_views })
 }
 
@@ -119,11 +122,20 @@ pub(super) fn explain(miss: Miss, quality_db: f64, fidelity: &Fidelity) -> Strin
 /// The error of a scene that cannot be packaged.
 pub(crate) fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
     match error {
-        CodeError::Encode(error) => Fault::Data(format!("{}: {error}", scene.name)).into(),
+        CodeError::Encode(error) => {
+            let step = match error {
+                EncodeError::Info { .. } => "set another in scene.json",
+                EncodeError::TooLarge => "choose a --budget",
+                _ => "export the field again",
+            };
+            Fault::Data(format!("{}: {error}; {step}", scene.name)).into()
+        }
         CodeError::Decode(error @ codec::Error::Limits { .. }) => {
-            let what = format!("{}: more than players read; choose a --budget: {error}", scene.name);
+            let what = format!("{}: {error}, which is more than players read; choose a --budget", scene.name);
             Fault::Data(what).into()
         }
-        CodeError::Decode(error) => error.into(),
+        CodeError::Decode(error) => {
+            anyhow!("{}: the package cannot be decoded ({error}); {DEFECT}", scene.name)
+        }
     }
 }

@@ -22,5 +22,5 @@ pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandi
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 #[cfg(feature = "measure")]
 pub(crate) use views::{JUDGING_PLACES, STEERING_PLACES, recolor_views};
-pub(crate) use views::{Places, compared_views, render_scene, views_of, visibility_views};
+pub(crate) use views::{Places, blind_viewpoints, compared_views, render_scene, views_of, visibility_views};
 pub(crate) use visible::visible;

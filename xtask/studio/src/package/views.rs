@@ -105,6 +105,20 @@ pub(crate) fn views_of(
     views
 }
 
+/// Names of the source's viewpoints from which players see next to nothing of the scene, at any of a few
+/// instants.
+pub(crate) fn blind_viewpoints(scene: &Scene) -> Vec<&str> {
+    let fields = [Some(&scene.subject), scene.plate.as_ref()].into_iter().flatten().map(|part| &part.field);
+    let instants = instants(&scene.subject.field, COMPARED);
+    let shows = |camera: &Camera| {
+        let view = |t: f64| PosedView { camera: camera.clone(), t };
+        fields.clone().any(|field| instants.iter().any(|&t| is_informative(field, &view(t))))
+    };
+    let viewpoints = scene.info.viewpoints.iter();
+    let blind = viewpoints.filter(|viewpoint| !shows(&viewpoint.camera(scene.info.up, SIZE.0, SIZE.1)));
+    blind.map(|viewpoint| viewpoint.name.as_str()).collect()
+}
+
 /// The `i`th view of a dynamic field, at `t`: of the next camera of the next group that shows enough then.
 fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<PosedView> {
     let of_group = |group: &[Camera]| {
@@ -225,9 +239,11 @@ mod tests {
     #[test]
     fn views_that_show_nothing_do_not_count() {
         let mut scene = ring(2);
+        assert!(blind_viewpoints(&scene).is_empty());
         // One viewpoint looks away.
         let away = &mut scene.info.viewpoints[1];
         away.target = away.position.map(|x| 2.0 * x);
+        assert_eq!(blind_viewpoints(&scene), ["1"]);
         let views = ring_views(&scene, JUDGING_PLACES);
         assert_eq!(views.len(), 5 + AROUND);
         scene.info.viewpoints.remove(0);

@@ -46,7 +46,10 @@ pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
     }
 
     if field.is_empty() {
-        return Err(Fault::Data(format!("{}: no Gaussian that can be seen", scene.name)));
+        return Err(Fault::Data(format!(
+            "{}: it has no Gaussian that can be seen; check its opacities and times",
+            scene.name
+        )));
     }
     let (plate, plate_counts) = background.unzip();
     // A plate without a visible Gaussian is dropped.
@@ -58,7 +61,9 @@ pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
 fn check_repairs(scene: &Scene) -> Result<(), Fault> {
     let refused = |what: &str, repairs: &Repairs| match repairs.is_empty() {
         true => Ok(()),
-        false => Err(Fault::Data(format!("{what} is not in order and --strict refuses it: {repairs}"))),
+        false => Err(Fault::Data(format!(
+            "{what}: {repairs}, which --strict refuses; correct the file, or leave --strict out"
+        ))),
     };
     refused(&scene.name, &scene.subject.repairs)?;
     scene.plate.as_ref().map_or(Ok(()), |plate| refused("the background plate", &plate.repairs))

@@ -81,7 +81,8 @@ impl Record {
     /// # Errors
     /// [`Fault::Usage`] that names the file, if `out` cannot be read or the record not be written.
     pub fn complete(out: &Path, command: &str, key: &str, report: Value) -> Result<(), Fault> {
-        let sum = file_sum(out).map_err(|error| Fault::Usage(format!("{}: {error}", out.display())))?;
+        let unreadable = |error| Fault::Usage(format!("{}: {error}; name another --out", out.display()));
+        let sum = file_sum(out).map_err(unreadable)?;
         Record { command: command.into(), key: key.into(), sha256: Some(sum), report }.write(out)
     }
 

@@ -13,10 +13,23 @@ pub(crate) struct Outcome {
     pub(crate) stderr: String,
 }
 
+/// Environment of a machine without a graphics device and ONNX Runtime: the loaders find no driver and no library.
+pub(crate) const NO_DEVICE: [(&str, &str); 3] = [
+    ("VK_DRIVER_FILES", "none.json"),
+    ("VK_ICD_FILENAMES", "none.json"),
+    ("ORT_DYLIB_PATH", "none/libonnxruntime.so"),
+];
+
 /// Runs the tool in `folder`.
 pub(crate) fn aarc_studio(folder: &Path, args: &[&str]) -> Outcome {
-    let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio")).current_dir(folder).args(args).output();
-    let output = output.expect("the tool starts");
+    aarc_studio_with(folder, args, &[])
+}
+
+/// Runs the tool in `folder` with these variables in its environment.
+pub(crate) fn aarc_studio_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Outcome {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_aarc-studio"));
+    command.current_dir(folder).args(args).envs(variables.iter().copied());
+    let output = command.output().expect("the tool starts");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
     Outcome { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
