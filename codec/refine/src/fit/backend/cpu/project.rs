@@ -235,7 +235,9 @@ impl<T: Real> Projection<T> {
             return None;
         }
         let opacity = opacity * self.compensation(footprint);
-        if self.filter.compensates() && !(opacity >= T::from_f64(ALPHA_MIN)) {
+        // NaN is invisible, too.
+        let is_visible = opacity >= T::from_f64(ALPHA_MIN);
+        if self.filter.compensates() && !is_visible {
             return None;
         }
         let visible = T::from_f64(2.0 * libm::log(opacity.to_double() / ALPHA_MIN)).max(T::zero());
