@@ -264,7 +264,7 @@ mod tests {
         assert_eq!((capture.frames(), capture.duration_s()), (5, 0.16));
         assert_eq!([time(0, 0), time(0, 2), time(0, 4)], [0.0, 0.5, 1.0]);
         assert!((time(1, 2) - 0.625).abs() < 1e-12 && (time(2, 0) + 0.0625).abs() < 1e-12);
-        let still = Capture { frame_times_s: even_times_s(1, 25.0), ..capture };
-        assert_eq!(still.clip_time(PhotoId { frame: 0, camera: 0 }), 0.0);
+        let one_frame = Capture { frame_times_s: even_times_s(1, 25.0), ..capture };
+        assert_eq!(one_frame.clip_time(PhotoId { frame: 0, camera: 0 }), 0.0);
     }
 }

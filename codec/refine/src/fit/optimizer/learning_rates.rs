@@ -42,7 +42,7 @@ const LOG_WIDTHS: f64 = 5e-3;
 const ROTATION_RATES: f64 = 1e-3;
 
 /// Distance from its centre, in widths, up to which a window's opacity matters: it is 1/90 of the peak there.
-const REACH: f64 = 3.0;
+const SUPPORT_RADIUS: f64 = 3.0;
 
 /// Fraction of the steps, at the end, over which the rates decay. The paper's is 0.1, of 96,000 steps.
 const DECAY_SHARE: f64 = 0.2;
@@ -78,11 +78,12 @@ pub(in crate::fit) struct LearningRates {
 impl LearningRates {
     /// The rates for `parameters` in a scene of `extent`, in units of the capture.
     ///
-    /// At the reach of the median window, a step of any motion coefficient moves a Gaussian as far as a step of its
-    /// centre does. Without that division by powers of the reach a step of `c3` would throw it many times as far.
+    /// At the edge of the median window, a step of any motion coefficient moves a Gaussian as far as a step of its
+    /// centre does. Without that division by powers of the support radius, a step of `c3` would throw it many times as
+    /// far.
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
         let widths = parameters.log_widths.iter().map(|width| libm::exp(width.to_double())).collect();
-        let reach = REACH * median(widths).unwrap_or(1.0);
+        let support_radius = SUPPORT_RADIUS * median(widths).unwrap_or(1.0);
         let centers = CENTERS * extent;
         LearningRates {
             centers,
@@ -93,7 +94,7 @@ impl LearningRates {
             sh_rest: SH_REST,
             tau: TAU,
             log_widths: LOG_WIDTHS,
-            motion: [1, 2, 3].map(|power| centers * reach.powi(-power)),
+            motion: [1, 2, 3].map(|power| centers * support_radius.powi(-power)),
             rotation_rates: ROTATION_RATES,
         }
     }
@@ -170,7 +171,7 @@ mod tests {
         assert_eq!(columns[7], [c1, c1, c1, c2, c2, c2]);
     }
 
-    /// The median window reaches 3 widths of 2 intervals.
+    /// The edge of the median window is 3 widths of 2 intervals from its centre.
     #[test]
     fn motion_moves_a_gaussian_as_far_as_its_centre() {
         let log_widths = [0.5, 2.0, 8.0].map(f64::ln).to_vec();

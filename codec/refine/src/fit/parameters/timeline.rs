@@ -95,7 +95,7 @@ mod tests {
         let scattered = [(0, 0), (1, 2), (2, 4), (3, 6), (4, 8)];
         assert!((intervals(&capture(&[0.0; 5]), &scattered) - 4.0).abs() < 1e-9);
         assert_eq!(intervals(&capture(&[0.0]), &[(0, 3)]), 1.0, "one photograph");
-        let still = Capture { frame_times_s: vec![0.0], ..capture(&[0.0; 2]) };
-        assert_eq!(Timeline::of(&still, &[]), Timeline::even(1));
+        let one_frame = Capture { frame_times_s: vec![0.0], ..capture(&[0.0; 2]) };
+        assert_eq!(Timeline::of(&one_frame, &[]), Timeline::even(1));
     }
 }
