@@ -113,15 +113,24 @@ fn payloads_too_short_or_too_long_are_refused() {
     let parts = Parts::of(&full_package(60));
     let at = parts.find(1, 1);
     let payload = parts.sections[at].clone();
+    let mut ends = 0;
     for length in 0..payload.len() {
         let error = decode(&parts.with_payload(at, payload[..length].to_vec()), &Limits::default());
         let message = error.unwrap_err().to_string();
         assert!(message.contains("at byte "), "{message}");
+        // The head of a chunk has 25 bytes; after it, the bytes end where the payload does.
+        if length >= 25 && message.contains("too short") {
+            assert!(message.ends_with(&format!("at byte {}", parts.offset(at) + length)), "{message}");
+            ends += 1;
+        }
     }
+    assert!(ends > payload.len() / 2, "{ends} cuts were noticed by the end");
     let mut long = payload.clone();
     long.extend([0; 3]);
     let error = decode(&parts.with_payload(at, long), &Limits::default()).unwrap_err().to_string();
-    assert!(error.contains("3 extra bytes after chunk of Gaussians"), "{error}");
+    let expected =
+        format!("3 extra bytes after chunk of Gaussians, at byte {}", parts.offset(at) + payload.len());
+    assert!(error.ends_with(&expected), "{error}");
 }
 
 #[test]
