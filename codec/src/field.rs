@@ -6,7 +6,7 @@
 //! Lengths are in the units of the source. Clip time `t` is 0 at the start of the clip and 1 at its
 //! end.
 
-use crate::work::Work;
+use crate::counters::Work;
 
 /// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;

@@ -9,6 +9,7 @@ use crate::{
     ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, SH_DEGREE_MAX, Viewpoint,
     bytes::Reader,
     columns::{Columns, TemporalColumns},
+    counters::Work,
     error::FormatError,
     fixed,
     format::{
@@ -16,7 +17,6 @@ use crate::{
     },
     limits::Budget,
     section::{Region, Section, SectionKind},
-    work::Work,
 };
 
 /// Coding of the Gaussians of a package.
