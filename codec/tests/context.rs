@@ -61,6 +61,22 @@ fn sensitive_gaussians_are_coded_more_finely() {
     assert!(error[1] > 20.0 * error[0], "{error:?}");
 }
 
+/// Steps end 31 half octaves above the finest of a chunk.
+#[test]
+fn insensitive_gaussians_are_coded_with_the_coarsest_step() {
+    let source = static_field(250, 0, 4);
+    let package_at = |octaves: f32| {
+        let mut options = options(&[]);
+        let weight = |i: usize| if i == 0 { 1.0 } else { (-octaves).exp2() };
+        let sensitivity = |x: f32| Sensitivity { color: x, geometry: x };
+        options.precision.sensitivities = (0..250).map(weight).map(sensitivity).collect();
+        package(&source, None, &options)
+    };
+    let coarsest = package_at(15.5);
+    assert!(package_at(15.0) != coarsest);
+    assert!([16.0, 20.0, 30.0].into_iter().all(|octaves| package_at(octaves) == coarsest));
+}
+
 #[test]
 fn footprints_bound_the_detail() {
     let source = static_field(2000, 0, 5);
