@@ -1,6 +1,6 @@
 //! [`Reader`] and `Writer`: little-endian numbers from and to byte strings.
 
-use crate::{Error, error::FormatError, work::Work};
+use crate::{Error, counters::Work, error::FormatError};
 
 /// Reads numbers in order, never past the end.
 pub(crate) struct Reader<'a> {

@@ -7,7 +7,7 @@
 //! end.
 
 use crate::PixelFilter;
-use crate::work::Work;
+use crate::counters::Work;
 
 /// Opacity below which a Gaussian is not drawn: one step of an 8-bit pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;

@@ -9,6 +9,7 @@ use crate::{
     ClipInfo, Error, LayerEnd, Limits, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Viewpoint,
     bytes::Reader,
     columns::{Columns, TemporalColumns},
+    counters::Work,
     error::FormatError,
     fixed,
     format::{
@@ -16,7 +17,6 @@ use crate::{
     },
     limits::Budget,
     section::{Region, Section, SectionKind},
-    work::Work,
 };
 
 /// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and

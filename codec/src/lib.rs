@@ -77,6 +77,7 @@ mod camera;
 mod clip;
 mod columns;
 mod context;
+mod counters;
 mod decode;
 #[cfg(feature = "encode")]
 mod encode;
@@ -99,7 +100,6 @@ mod quant;
 mod rows;
 mod section;
 mod time_index;
-mod work;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};

@@ -1,6 +1,6 @@
 //! [`Section`]: an entry of the section table, and the checksum of the bytes it points to.
 
-use crate::{Error, bytes::Reader, error::FormatError, work::Work};
+use crate::{Error, bytes::Reader, counters::Work, error::FormatError};
 
 /// An entry of the section table: a checksummed run of bytes of a package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::{Field, work::Work};
+use crate::{Field, counters::Work};
 
 /// Number of start bins over the clip.
 const BINS: usize = 64;

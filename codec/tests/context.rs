@@ -61,6 +61,22 @@ fn sensitive_gaussians_are_coded_more_finely() {
     assert!(error[1] > 20.0 * error[0], "{error:?}");
 }
 
+/// Steps end 31 half octaves above the finest of a chunk.
+#[test]
+fn insensitive_gaussians_are_coded_with_the_coarsest_step() {
+    let source = static_field(250, 0, 4);
+    let package_at = |octaves: f32| {
+        let mut options = options(&[]);
+        let weight = |i: usize| if i == 0 { 1.0 } else { (-octaves).exp2() };
+        let sensitivity = |x: f32| Sensitivity { color: x, geometry: x };
+        options.precision.sensitivities = (0..250).map(weight).map(sensitivity).collect();
+        package(&source, None, &options)
+    };
+    let coarsest = package_at(15.5);
+    assert!(package_at(15.0) != coarsest);
+    assert!([16.0, 20.0, 30.0].into_iter().all(|octaves| package_at(octaves) == coarsest));
+}
+
 #[test]
 fn footprints_bound_the_detail() {
     let source = static_field(2000, 0, 5);
@@ -113,15 +129,24 @@ fn payloads_too_short_or_too_long_are_refused() {
     let parts = Parts::of(&full_package(60));
     let at = parts.find(1, 1);
     let payload = parts.sections[at].clone();
+    let mut ends = 0;
     for length in 0..payload.len() {
         let error = decode(&parts.with_payload(at, payload[..length].to_vec()), &Limits::default());
         let message = error.unwrap_err().to_string();
         assert!(message.contains("at byte "), "{message}");
+        // The head of a chunk has 25 bytes; after it, the bytes end where the payload does.
+        if length >= 25 && message.contains("too short") {
+            assert!(message.ends_with(&format!("at byte {}", parts.offset(at) + length)), "{message}");
+            ends += 1;
+        }
     }
+    assert!(ends > payload.len() / 2, "{ends} cuts were noticed by the end");
     let mut long = payload.clone();
     long.extend([0; 3]);
     let error = decode(&parts.with_payload(at, long), &Limits::default()).unwrap_err().to_string();
-    assert!(error.contains("3 extra bytes after chunk of Gaussians"), "{error}");
+    let expected =
+        format!("3 extra bytes after chunk of Gaussians, at byte {}", parts.offset(at) + payload.len());
+    assert!(error.ends_with(&expected), "{error}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Exhaustive damage to small packages of both coders: every prefix, every change of every byte, every
 //! byte changed under valid checksums, and every order of the section table. Each must be refused with
 //! a byte offset, or decode to the clip, to its first layers, or to a clip that fits the head, within
-//! the limits on memory. `src/work/tests.rs` bounds the work, on larger packages.
+//! the limits on memory. `src/counters/tests.rs` bounds the work, on larger packages.
 //!
 //! `cargo test -p codec --test exhaustive -- --nocapture` prints the outcomes. The allocator counts the
 //! whole process, so this file is one test.

@@ -35,6 +35,18 @@ const RATIO_MAX: f64 = 1.5;
 /// Memory that the limits do not count: the head and the threads.
 const UNCOUNTED_BYTES: usize = 64 << 10;
 
+/// The smallest limits that a package decodes in, to within 16 KiB.
+fn smallest_limits(bytes: &[u8]) -> Limits {
+    let limits = |kibibytes: usize| Limits { max_bytes: kibibytes << 10, ..Limits::default() };
+    let (mut too_few, mut enough) = (0usize, 64 << 10);
+    while enough - too_few > 16 {
+        let midpoint = too_few.midpoint(enough);
+        let decodes = decode(bytes, &limits(midpoint)).is_ok();
+        *(if decodes { &mut enough } else { &mut too_few }) = midpoint;
+    }
+    limits(enough)
+}
+
 #[test]
 fn memory_is_bounded() {
     for (coder, sh_degree) in [(Coder::Fixed, 0), (Coder::Fixed, 3), (Coder::Context, 0), (Coder::Context, 3)]
@@ -60,6 +72,12 @@ fn memory_is_bounded() {
             let (_, peak) = peak_of(|| decode_parallel(&bytes, &limits, threads));
             assert!(peak <= limits.max_bytes + UNCOUNTED_BYTES, "peak {peak} of {limits:?}");
         }
+        let limits = smallest_limits(&bytes);
+        let (_, peak) = peak_of(|| decode(&bytes, &limits).unwrap());
+        assert!(
+            peak <= limits.max_bytes + UNCOUNTED_BYTES,
+            "peak {peak} of the least that suffices, {limits:?}"
+        );
     }
 
     // A decompression bomb: 200,000 equal Gaussians.

@@ -4,7 +4,7 @@
 //! are coded recursively. So the order of the Gaussians, which has no meaning, takes no bits.
 
 use super::{model::BitTree, observer::Attribute, range::Symbols};
-use crate::work::Work;
+use crate::counters::Work;
 
 /// Largest number of bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;

@@ -1,6 +1,6 @@
 //! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
 
-use crate::work::Work;
+use crate::counters::Work;
 
 /// Number of last Gaussians to search; they come along a Morton curve. Format.
 const WINDOW: usize = 24;

@@ -8,7 +8,7 @@ use super::{
     bit::Bit,
     observer::{Attribute, BitObserver},
 };
-use crate::work::Work;
+use crate::counters::Work;
 
 /// Smallest range; below it the coder shifts by a byte.
 const LOW: u32 = 1 << 24;
