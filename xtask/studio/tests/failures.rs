@@ -96,7 +96,7 @@ const FAILURES: &[Failure] = &[
         "name their folder with --capture",
     ),
     ("package field.ply --refine 9 --capture stage", USAGE, "field.ply is of 50 frames", "--frames"),
-    ("package field.ply --size 24x24", USAGE, "options of a capture", "give that, or leave them out"),
+    ("package field.ply --size 24x24", USAGE, "select photographs", "add --refine, or leave them out"),
     ("package stage --refine 9 --capture stage", USAGE, "stage is a capture itself", "leave --capture out"),
     ("package --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
     // Packages.

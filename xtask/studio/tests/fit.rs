@@ -218,7 +218,7 @@ fn a_pruned_field_is_refined() {
     let refine = ["--refine", "9", "--capture", "stage"];
     assert!(error(2, "field.ply", &["--refine", "9"]).contains("name their folder with --capture"));
     assert!(error(2, "stage", &refine).contains("stage is a capture itself"));
-    assert!(error(2, "field.ply", &["--size", "24x24"]).contains("that takes --refine"));
+    assert!(error(2, "field.ply", &["--size", "24x24"]).contains("needs for --refine only"));
     let other = [&refine[..], &["--frames", "0..3"]].concat();
     assert!(error(2, "field.ply", &other).contains("field.ply is of 5 frames"));
     fs::create_dir(folder.join("scene")).unwrap();

@@ -295,7 +295,11 @@ impl Captured {
             )),
             (None, None) if !is_scene => {
                 if !(args.selection.is_default() && args.holdout.is_none()) {
-                    bail!(Fault::Usage("options of a capture, which only --refine needs for a field; give that, or leave them out".into()));
+                    bail!(Fault::Usage(
+                        "--frames, --size, --cameras, --held-cameras and --holdout select photographs, which a field \
+                         needs for --refine only; add --refine, or leave them out"
+                            .into()
+                    ));
                 }
                 return Ok(None);
             }

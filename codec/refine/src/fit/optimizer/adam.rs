@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn rows_are_projected_into_the_bounds() {
         let mut all = parameters::<f64>(2);
-        let least = 0.5_f64.ln();
+        let least = libm::log(0.5);
         all.log_widths = vec![least + 0.002; 2];
         let mut moments = Moments::new(&all);
         let mut gradient = all.zeros(1);
