@@ -9,6 +9,8 @@ use std::thread;
 use codec::{Clip, Error, FormatError, Limits, decode_parallel};
 use program::{Fault, read_error};
 
+use super::advice;
+
 /// Reads and decodes a package.
 ///
 /// # Errors
@@ -27,15 +29,6 @@ pub fn load_file(path: &Path, limits: &Limits) -> Result<Clip, Fault> {
             error => format!("{error}: {}", advice(&error, "copy it again")),
         })
     })
-}
-
-/// What to do about a package that cannot be decoded; `again` is what to do about a damaged one.
-pub(crate) fn advice(error: &Error, again: &'static str) -> &'static str {
-    match error {
-        Error::Format { .. } => again,
-        Error::Version { .. } => "update the player",
-        Error::Limits { .. } => "package it with a smaller --budget",
-    }
 }
 
 /// How to make a clip of a file that is none.

@@ -14,6 +14,7 @@
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
 )]
+mod advice;
 mod controller;
 pub(crate) mod demo;
 mod event;
@@ -32,13 +33,14 @@ mod state;
 mod url;
 mod worker;
 
+pub(crate) use advice::advice;
 pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
 #[cfg(all(feature = "xr", any(target_os = "android", test)))]
 pub(crate) use file::clips_in;
-pub use file::load_file;
 #[cfg(feature = "net")]
-pub(crate) use file::{advice, decode};
+pub(crate) use file::decode;
+pub use file::load_file;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{ClipTarget, LoadOptions};

@@ -93,12 +93,13 @@ fn check_cameras_and_photos(capture_files: &CaptureFiles) {
     for camera in &capture.cameras {
         camera.camera.check().expect("accepted cameras are valid");
     }
-    assert!(capture.times.iter().all(|time| (0.0..=1.0).contains(time)), "{:?}", capture.times);
-    assert!(capture.times.is_sorted());
-    let exists =
-        |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < capture.times.len();
+    let (frames, times_s) = (capture.frames(), &capture.frame_times_s);
+    assert!(times_s.first() == Some(&0.0) && times_s.iter().all(|time_s| time_s.is_finite()), "{times_s:?}");
+    assert!(times_s.is_sorted());
+    let exists = |photo_id: &PhotoId| photo_id.camera < capture.cameras.len() && photo_id.frame < frames;
     assert!(!capture.photos.is_empty() && capture.photos.iter().all(exists));
-    assert!(capture_files.missing_count() <= capture.cameras.len() * capture.times.len());
+    assert!(capture.photos.iter().all(|photo_id| capture.clip_time(*photo_id).is_finite()));
+    assert!(capture_files.missing_count() <= capture.cameras.len() * frames);
 }
 
 /// A folder with the photographs that the initial corpus names.
