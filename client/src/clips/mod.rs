@@ -10,11 +10,11 @@
 //! carries requests out on the thread of a `worker`, up to clips that a `ClipTarget` can show. `state`
 //! decides what to load and what to show; `controller` joins it with the thread.
 
+mod advice;
 #[cfg_attr(
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
 )]
-mod advice;
 mod controller;
 pub(crate) mod demo;
 mod event;
