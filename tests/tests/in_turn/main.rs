@@ -16,10 +16,10 @@ static HEAP: PeakAlloc = PeakAlloc;
 
 fn main() -> ExitCode {
     gpu::run_in_turn([
-        // First: what the drivers keep of other tests hides growth, or looks like it.
-        ("soak", soak::trials()),
         ("footprint", footprint::trials()),
         ("frame_loop", frame_loop::trials()),
+        // Before most others: what drivers keep of them looks like growth, or hides it.
+        ("soak", soak::trials()),
         ("playing", playing::trials()),
         ("stability", stability::trials()),
     ])
