@@ -13,6 +13,8 @@ struct AdamUniforms {
     log_widths: vec2<f32>,
     tau: vec2<f32>,
     logit_max: f32,
+    // Weight of the mean size of the drawn Gaussians in the loss.
+    size_penalty: f32,
 }
 
 @group(0) @binding(2) var<uniform> adam_uniforms: AdamUniforms;
@@ -115,7 +117,11 @@ fn adam(at: Invocation) {
     let bias = vec2<f32>(correction(LOG_BETA1, of_row.visits), correction(LOG_BETA2, of_row.visits));
     let rate = rate_of(column, k);
     if column != ROTATION {
-        parameters[to] = clamped(column, updated(to, d_parameters[by], rate, bias));
+        var g = d_parameters[by];
+        if column == LOG_SCALE {
+            g += adam_uniforms.size_penalty / f32(totals[DRAWN]) * exp(parameters[to]);
+        }
+        parameters[to] = clamped(column, updated(to, g, rate, bias));
     } else if k == 0u {
         // One thread takes all four numbers, because the length depends on all.
         step_quaternion(to, by, rate, bias);

@@ -6,10 +6,11 @@
 //!
 //! ```text
 //! photographs -> silhouette -> hull -> sweep -\
-//!                        given maps -> align --> ground -> mirror -> Parameters
+//!                        given maps -> align --> ground -> mirror -> motion -> Parameters
 //! ```
 //!
-//! Frames are read one at a time, so memory holds the photographs of one frame only.
+//! Frames are read one at a time, so memory holds the photographs of one frame only. When all have their Gaussians,
+//! the surfaces of neighbouring frames are registered, and each Gaussian starts on the motion of its surface.
 
 mod align;
 mod depth_map;
@@ -18,7 +19,9 @@ mod frame;
 mod ground;
 mod hull;
 mod mirror;
+mod motion;
 mod pinhole;
+mod registration;
 mod scatter;
 mod settings;
 mod silhouette;
@@ -42,6 +45,7 @@ pub use sweep::SweepSettings;
 
 use crate::fit::{Parameters, Timeline};
 use mirror::Plane;
+use motion::{FrameRows, start_motion};
 use sources::FrameSurfaces;
 
 /// Most frames of a clip that [`Mirror::Auto`] mirrors: the paper's short clip has nine.
@@ -64,20 +68,30 @@ pub fn anchor<E: From<AnchorError>>(
     let gaussians_per_frame = settings.gaussians as f64 / frames.len().max(1) as f64;
     let mut scale = None;
     let mut all: Option<Parameters<f32>> = None;
+    let mut frame_rows = Vec::new();
     let mut first_error = None;
     for frame in frames {
-        match anchor_frame(settings, timeline, &frame?, gaussians_per_frame, &mut scale) {
-            Ok(gaussians) => match &mut all {
-                None => all = Some(gaussians),
-                Some(all) => all.append(gaussians),
-            },
+        let frame = frame?;
+        match anchor_frame(settings, timeline, &frame, gaussians_per_frame, &mut scale) {
+            Ok(gaussians) => {
+                let first = all.as_ref().map_or(0, Parameters::len);
+                frame_rows.push(FrameRows { time: frame.time, rows: first..first + gaussians.len() });
+                match &mut all {
+                    None => all = Some(gaussians),
+                    Some(all) => all.append(gaussians),
+                }
+            }
             Err(error) if error.is_of_one_frame() => {
                 first_error.get_or_insert(error);
             }
             Err(error) => return Err(error.into()),
         }
     }
-    all.ok_or_else(|| first_error.unwrap_or(AnchorError::NoFrames).into())
+    let mut all = all.ok_or_else(|| first_error.unwrap_or(AnchorError::NoFrames))?;
+    if settings.motion_start {
+        start_motion(&mut all, &frame_rows);
+    }
+    Ok(all)
 }
 
 /// Anchors one frame. `scale` is the scale of [`Alignment::Rig`], set by the first frame that

@@ -30,8 +30,10 @@ pub struct AnchorSettings {
     pub width: f64,
     /// Degree of the spherical harmonics, 0 to 3; all coefficients above degree 0 start at 0.
     pub sh_degree: u8,
-    /// Highest power of time in the trajectories, 0 to 3; all coefficients start at 0.
+    /// Highest power of time in the trajectories, 0 to 3.
     pub motion_order: u8,
+    /// Whether trajectories start along the motion of the surface between frames; else all coefficients start at 0.
+    pub motion_start: bool,
 }
 
 impl Default for AnchorSettings {
@@ -46,6 +48,7 @@ impl Default for AnchorSettings {
             width: 0.75,
             sh_degree: 3,
             motion_order: 3,
+            motion_start: true,
         }
     }
 }

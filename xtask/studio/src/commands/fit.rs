@@ -57,6 +57,9 @@ pub struct Args {
     /// nine frames whose cameras are all on one side
     #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
     mirror: MirrorWhen,
+    /// Start all Gaussians of the anchor at rest, instead of along the motion of the surface between frames
+    #[arg(long)]
+    no_motion_start: bool,
     /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
     /// of a unit, PFM or NPY
     #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
@@ -66,7 +69,7 @@ pub struct Args {
     depth_scale: DepthScale,
     /// Fitted field or package to start from instead of an anchor
     #[arg(long, value_name = "FIELD",
-          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
+          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "no_motion_start", "list"])]
     from: Option<PathBuf>,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
     /// per training frame, at most 200000, and fewer for photographs below 512x375
@@ -122,8 +125,10 @@ enum MirrorWhen {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Rule {
-    /// Split, clone and prune, but never below --gaussians (the paper)
+    /// Split, clone and prune, but never below --gaussians
     Floor,
+    /// The same, and make all nearly transparent every 3000 steps, as the schedule of the paper does
+    Paper,
     /// Relocate dead Gaussians to where they are needed; their number stays
     Relocate,
 }
@@ -312,10 +317,12 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
             MirrorWhen::On => Mirror::On,
             MirrorWhen::Off => Mirror::Off,
         },
+        motion_start: !args.no_motion_start,
         gaussians,
         floor: if args.no_floor { 0 } else { gaussians },
         rule: match args.rule {
             Rule::Floor => DensityRule::Floor,
+            Rule::Paper => DensityRule::Paper,
             Rule::Relocate => DensityRule::Relocate,
         },
         sh_degree: args.sh_degree,

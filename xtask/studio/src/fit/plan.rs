@@ -25,6 +25,8 @@ pub struct FitPlan {
     pub anchor_cameras: Vec<String>,
     /// When the anchor's back side is mirrored.
     pub mirror: Mirror,
+    /// Whether the anchor's Gaussians start along the motion of the surface between frames.
+    pub motion_start: bool,
     /// Approximate number of Gaussians of the anchor.
     pub gaussians: usize,
     /// Number of Gaussians below which pruning stops, the paper's `N_min`; 0 for no floor.
@@ -85,6 +87,7 @@ impl FitPlan {
             start: FitStart::Sweep,
             anchor_cameras: Vec::new(),
             mirror: Mirror::Auto,
+            motion_start: true,
             gaussians,
             floor: gaussians,
             rule: DensityRule::Floor,

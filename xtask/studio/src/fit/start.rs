@@ -53,6 +53,7 @@ pub(super) fn start(
         views: anchor_cameras(plan, capture_files)?,
         gaussians: plan.gaussians,
         mirror: plan.mirror,
+        motion_start: plan.motion_start,
         sh_degree: plan.sh_degree,
         ..AnchorSettings::default()
     };

@@ -2,8 +2,8 @@
 //!
 //! Densification adds Gaussians where the screen-space gradient is high; pruning removes transparent
 //! ones and floaters, but never below the capacity floor (the paper's Eq. 8): windows of time and a
-//! black background would strip the scene bare otherwise. Opacity is judged at its peak and never reset,
-//! and gradients are averaged over those images in which a Gaussian is visible.
+//! black background would strip the scene bare otherwise. Opacity is judged at its peak, and only the
+//! rule `Paper` resets it; gradients are averaged over those images in which a Gaussian is visible.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,7 @@ use super::densify::densify;
 use super::floaters::floaters;
 use super::prune::{is_opaque, prune};
 use super::relocate::relocate;
+use super::reset::{RESET_INTERVAL, reset_opacities};
 use super::{DensityChange, DensityRule, ScreenGradients};
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
@@ -86,13 +87,14 @@ impl DensityControl {
             && step.is_multiple_of(interval)
     }
 
-    /// Changes the Gaussians by the rule, and clears the accumulated gradients.
+    /// Changes the Gaussians by the rule after `step` steps, and clears the accumulated gradients.
     ///
     /// # Panics
     /// If the state or the moments belong to another number of Gaussians.
     pub(in crate::fit) fn control<T: Real>(
         &self,
         state: &mut DensityState,
+        step: usize,
         parameters: &mut Parameters<T>,
         moments: &mut Moments<T>,
         bounds: &Bounds,
@@ -105,11 +107,14 @@ impl DensityControl {
         let mut random = fastrand::Rng::with_seed(state.seed);
         let mut change = DensityChange::default();
         match self.rule {
-            DensityRule::Floor => {
+            DensityRule::Floor | DensityRule::Paper => {
                 let gradients = &state.screen_gradients;
                 (change.cloned, change.split) =
                     densify(self.cap, gradients, parameters, moments, bounds, &mut random);
                 prune(self.floor, parameters, moments, bounds, &mut change);
+                if self.rule == DensityRule::Paper && step.is_multiple_of(RESET_INTERVAL) {
+                    reset_opacities(parameters, moments);
+                }
             }
             DensityRule::Relocate => {
                 let floating = floaters(parameters, bounds);

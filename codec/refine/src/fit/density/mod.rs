@@ -1,11 +1,12 @@
 //! Capacity control: how the number of Gaussians changes. Densification (clone, split), pruning above
-//! the capacity floor, relocation, and the floater filter.
+//! the capacity floor, resets of the opacity, relocation, and the floater filter.
 
 mod control;
 mod densify;
 mod floaters;
 mod prune;
 mod relocate;
+mod reset;
 mod rule;
 mod screen_gradients;
 #[cfg(test)]

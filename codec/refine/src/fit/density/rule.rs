@@ -5,9 +5,12 @@ use serde::{Deserialize, Serialize};
 /// The fate of Gaussians that have become transparent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DensityRule {
-    /// They are pruned down to the capacity floor; others are cloned and split (the paper's rule).
+    /// They are pruned down to the capacity floor; others are cloned and split.
     #[default]
     Floor,
+    /// The same, and all opacities are reset every 3000 steps, as in 3D Gaussian Splatting, whose schedule the
+    /// paper's is.
+    Paper,
     /// They are relocated to opaque ones; the number of Gaussians never changes.
     Relocate,
     /// They stay, as all do: rows keep their number and their order.

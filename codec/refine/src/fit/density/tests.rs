@@ -1,6 +1,7 @@
 //! Tests of capacity control.
 
 use super::densify::halve;
+use super::relocate::sigmoid;
 use super::*;
 use crate::fit::optimizer::{LearningRates, Moments, adam};
 use crate::fit::parameters::{Bounds, Parameters, Timeline};
@@ -41,7 +42,7 @@ fn run(control: DensityControl, state: &mut DensityState, parameters: &mut Param
     let mut moments = Moments::new(parameters);
     moments.visits.fill(3);
     assert!(control.is_due(state, parameters.len(), DUE));
-    let change = control.control(state, parameters, &mut moments, &bounds());
+    let change = control.control(state, DUE[0], parameters, &mut moments, &bounds());
     assert_eq!(moments.visits.len(), parameters.len());
     assert_eq!(*state, DensityState { seed: state.seed, ..DensityState::new(parameters.len(), 0) });
     change
@@ -116,7 +117,7 @@ fn small_ones_are_cloned_and_large_ones_split() {
     moments.visits = vec![11, 12, 13, 14];
     moments.first.logits = vec![0.1, 0.2, 0.3, 0.4];
     let mut state = with_gradients(4, &[1, 2]);
-    let change = CONTROL.control(&mut state, &mut all, &mut moments, &bounds());
+    let change = CONTROL.control(&mut state, DUE[0], &mut all, &mut moments, &bounds());
     assert_eq!((change.cloned, change.split, change.pruned), (1, 1, 0));
     assert_eq!(numbers(&all), [0, 1, 3, 1, 2, 2]);
     assert_eq!(all.select(&[0, 1, 2, 3]), before.select(&[0, 1, 3, 1]));
@@ -220,6 +221,30 @@ fn relocation_preserves_the_count() {
     assert!([0, 7, 9].iter().all(|row| (1..9).contains(&numbers(&all)[*row])));
 }
 
+/// The rule of the paper resets opacities, and only at its steps.
+#[test]
+fn the_rule_of_the_paper_resets_opacities() {
+    let control = DensityControl { rule: DensityRule::Paper, ..CONTROL };
+    let opacities = [0.6, 0.9, 0.007, 0.99];
+    let resets = |control: DensityControl, step: usize| {
+        let mut all = parameters(&opacities);
+        let mut moments = Moments::new(&all);
+        moments.first.logits.fill(0.5);
+        moments.first.tau.fill(0.5);
+        let mut state = DensityState::new(4, 0);
+        control.control(&mut state, step, &mut all, &mut moments, &bounds());
+        let expected = all.logits.iter().map(|logit| sigmoid(*logit)).zip(opacities);
+        let is_reset = expected.clone().all(|(found, before)| (found - before.min(0.01)).abs() < 1e-9);
+        let is_same = expected.clone().all(|(found, before)| (found - before).abs() < 1e-9);
+        assert!(is_reset || is_same);
+        assert_eq!(moments.first.logits, vec![if is_reset { 0.0 } else { 0.5 }; 4]);
+        assert_eq!(moments.first.tau, [0.5; 4]);
+        is_reset
+    };
+    assert_eq!([2900, 3000, 3100, 6000].map(|step| resets(control, step)), [false, true, false, true]);
+    assert!(!resets(CONTROL, 3000), "the rule with a floor");
+}
+
 /// A fit in miniature, interrupted and resumed.
 #[test]
 fn a_resumed_fit_is_the_same() {
@@ -240,7 +265,7 @@ fn a_resumed_fit_is_the_same() {
             state.screen_gradients.accumulate(&rows, &gradients);
             let control = DensityControl { interval: 10, floor: 20, cap: 100, ..CONTROL };
             if control.is_due(state, all.len(), [step + 1, 200]) {
-                control.control(state, all, moments, &bounds());
+                control.control(state, step + 1, all, moments, &bounds());
             }
         }
     };

@@ -13,9 +13,12 @@ use crate::fit::precision::Real;
 /// Smallest and largest standard deviation, as fractions of the scene's extent.
 const SCALES: [f64; 2] = [1e-4, 0.1];
 
-/// Smallest and largest window width in intervals. A width below 0.5 would not reach the instant halfway
-/// between two photographs.
-const WIDTHS: [f64; 2] = [0.5, 3.0];
+/// Smallest window width in intervals: a narrower one would not show at the instant halfway between two photographs.
+const WIDTH_MIN: f64 = 0.5;
+
+/// Largest window width in clips: the opacity of a wider one would change by less than 1/510 over the clip, which no
+/// picture shows.
+const WIDTH_MAX: f64 = 16.0;
 
 /// Intervals by which a window centre may precede the first frame or follow the last.
 const TAU_MARGIN: f64 = 0.5;
@@ -40,13 +43,13 @@ pub(in crate::fit) struct Bounds {
 }
 
 impl Bounds {
-    /// Scales from 0.0001 to 0.1 of `extent`, windows from 0.5 to 3 intervals wide, centred at most
+    /// Scales from 0.0001 to 0.1 of `extent`, windows from 0.5 intervals to 16 clips wide, centred at most
     /// half an interval outside the clip.
     pub(in crate::fit) fn new(extent: f64, timeline: Timeline) -> Bounds {
         Bounds {
             extent,
             log_scales: SCALES.map(|part| libm::log(part * extent)),
-            log_widths: WIDTHS.map(libm::log),
+            log_widths: [WIDTH_MIN, WIDTH_MAX * timeline.intervals].map(libm::log),
             tau: [-TAU_MARGIN, timeline.intervals + TAU_MARGIN],
         }
     }
@@ -140,6 +143,6 @@ mod tests {
         parameters.tau.push(f64::NAN);
         let bounds = Bounds::new(10.0, Timeline::even(9)).around(&parameters);
         assert_eq!((bounds.log_scales, bounds.tau), ([-50.0, 50.0 + SCALE_MARGIN], [-4.0, 8.5]));
-        assert_eq!(bounds.log_widths, [-2.0, libm::log(3.0)]);
+        assert_eq!(bounds.log_widths, [-2.0, libm::log(16.0 * 8.0)]);
     }
 }

@@ -113,7 +113,13 @@ impl Fit {
 
     /// Applies capacity control.
     pub(super) fn control(&mut self) -> DensityChange {
-        self.control.control(&mut self.density, &mut self.parameters, &mut self.moments, &self.bounds)
+        self.control.control(
+            &mut self.density,
+            self.steps_done as usize,
+            &mut self.parameters,
+            &mut self.moments,
+            &self.bounds,
+        )
     }
 
     /// The fitted field.

@@ -3,7 +3,7 @@
 use super::render::render;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
 use crate::fit::loss::loss;
-use crate::fit::optimizer::adam;
+use crate::fit::optimizer::{adam, add_size_penalty};
 use crate::fit::views::{FrameView, RenderedImage, TrainingView};
 
 /// The cores of the machine. Results are the same bit by bit for any number of them.
@@ -36,8 +36,9 @@ impl Backend for Cpu {
         let TrainingState { parameters, moments, screen_gradients } = self.loaded();
         let forward = render(parameters, &view.view());
         let loss = loss(&forward.image.pixels, &view.photograph, config.lpips);
-        let Gradient { rows, values, screen, non_finite } =
+        let Gradient { rows, mut values, screen, non_finite } =
             forward.backward(parameters, &view.view(), &loss.gradient, config.detach_tau);
+        add_size_penalty(&mut values, parameters, &rows, config.size_penalty);
         let skipped = adam(parameters, moments, &rows, &values, &config.rates, &config.bounds);
         screen_gradients.accumulate(&rows, &screen);
         Ok(StepReport { loss: loss.value, drawn: rows.len(), non_finite: non_finite + skipped })

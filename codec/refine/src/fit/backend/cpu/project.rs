@@ -14,6 +14,10 @@ use crate::fit::views::FrameView;
 /// Distance in front of the camera below which Gaussians are culled, in units of the capture.
 pub(in crate::fit) const NEAR: f64 = 0.01;
 
+/// Squared time from the centre of a window, in widths, beyond which no Gaussian is visible: `e^(-x/2)` is below
+/// [`ALPHA_MIN`].
+const FADED: f64 = 11.1;
+
 /// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
 /// Mahalanobis distance is `q = inverse_variance[0] (d.x - shear d.y)^2 + inverse_variance[1] d.y^2`.
 #[derive(Clone, Copy, Debug)]
@@ -133,6 +137,10 @@ impl<T: Real> Projection<T> {
             None => (T::zero(), one),
         };
         let since_in_widths = since / width;
+        // Most Gaussians of a long clip end here: the fading alone makes them invisible.
+        if since_in_widths * since_in_widths > T::from_f64(FADED) {
+            return None;
+        }
         let fading = (-T::from_f64(0.5) * since_in_widths * since_in_widths).exp();
         let logit = parameters.logits[row];
         let opacity = fading / (one + (-logit).exp());
