@@ -17,7 +17,7 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, describe, held_frames, load_lpips};
+use super::capture::{FitSource, FrameSelection, HeldFrames, describe, load_lpips};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -133,9 +133,13 @@ impl Evaluation<'_> {
     // Long: one optional comparison after the other, each a few lines.
     fn evaluate(self) -> anyhow::Result<Evaluated> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
-        let capture_files = args.selection.open(capture)?;
-        let subject = Subject::load(path, &capture_files)?;
-        let (holdout, note) = held_frames(path, args.holdout, holdout_record(&subject));
+        let subject = Subject::load(path, &args.selection.open(capture)?)?;
+        let source = match &subject {
+            Subject::Drawn(input) => FitSource::of(path, input),
+            Subject::Pictures(_) => FitSource::of_pictures(path),
+        };
+        let capture_files = args.selection.open_for(capture, &source)?;
+        let (holdout, note) = source.held_frames(args.holdout);
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
@@ -184,6 +188,7 @@ impl Evaluation<'_> {
         let mut json = json!({
             "subject": path, "capture": capture, "held_cameras": held,
             "holdout": holdout.name(),
+            "frames": [capture_files.selected_frames().start, capture_files.selected_frames().end],
             "splits": by_split(&means)?,
         });
         let mut table = table(&means);
@@ -217,17 +222,6 @@ impl Evaluation<'_> {
             }
         }
         Ok(Evaluated { about, means, table, json })
-    }
-}
-
-/// The holdout that a subject records.
-fn holdout_record(subject: &Subject) -> HoldoutRecord {
-    match subject {
-        Subject::Drawn(input) => {
-            let source = if matches!(**input, Input::Package(_)) { "a package" } else { "this field" };
-            HoldoutRecord { recorded: input.holdout(), source }
-        }
-        Subject::Pictures(_) => HoldoutRecord { recorded: None, source: "a folder of pictures" },
     }
 }
 

@@ -21,7 +21,7 @@ use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
 use super::capture::{
-    FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
+    FitSource, FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
 };
 use super::takes::{self, TakeCommand, TakeOptions};
 
@@ -209,7 +209,10 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
-    let mut capture_files = args.selection.open(args.capture())?;
+    let mut capture_files = match &args.from {
+        None => args.selection.open(args.capture())?,
+        Some(from) => open_for_start(args, from)?,
+    };
     if let Some(fps) = args.fps {
         capture_files.state_fps(fps)?;
     }
@@ -228,6 +231,18 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
     Ok(FitResult { plan, fitted, splits })
+}
+
+/// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
+fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
+    let input = Input::load(from)?;
+    let source = FitSource::of(from, &input);
+    let capture_files = match input.is_static() {
+        true => args.selection.open(args.capture())?,
+        false => args.selection.open_for(args.capture(), &source)?,
+    };
+    source.note_static(&capture_files);
+    Ok(capture_files)
 }
 
 /// The results of a finished fit.
@@ -251,7 +266,8 @@ fn fit_and_write(
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files);
     // The checkpoint goes only when the field is safe.
-    output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
+    let record = capture_files.fit_record(plan.holdout);
+    output::write_durable(out, &fitted_field_file(&fitted.field, &info, &record))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
 }
@@ -286,12 +302,7 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
     let gaussians = args.gaussians.map_or(default.gaussians, |n| n as usize);
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
-        (_, Some(path)) => {
-            let input = Input::load(path)?;
-            let frames = input.frames();
-            fit::check_frames(path, &input.into_field().0, frames, capture_files)?;
-            FitStart::Field(path.to_string_lossy().into_owned(), checksum(path)?)
-        }
+        (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), checksum(path)?),
         _ => match args.anchor {
             Anchor::Sweep => FitStart::Sweep,
             Anchor::Hull => FitStart::Hull,
