@@ -183,6 +183,13 @@ impl Evaluation<'_> {
             );
         }
         let means = means(&judged);
+        let exact: usize = means.iter().filter(|row| row.exact < row.images).map(|row| row.exact).sum();
+        if exact > 0 {
+            eprintln!(
+                "note: {} equal to their photographs, such as empty ones; the means of PSNR leave them out",
+                if exact == 1 { "1 image is".to_owned() } else { format!("{exact} images are") }
+            );
+        }
         let held = capture_files.capture.cameras.iter().filter(|camera| camera.held);
         let held: Vec<&str> = held.map(|camera| camera.name.as_str()).collect();
         let mut json = json!({
