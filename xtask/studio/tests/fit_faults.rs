@@ -18,7 +18,7 @@ const FRAMES: usize = 5;
 
 /// Steps that include some changes of density.
 const FIT: [&str; 10] =
-    ["fit", "stage", "-o", "field.ply", "--steps", "800", "--gaussians", "400", "--sh-degree", "1"];
+    ["fit", "stage", "-o", "field.ply", "--steps", "400", "--gaussians", "400", "--sh-degree", "1"];
 
 /// Fits the stage, checks the field, and returns the evaluation.
 #[track_caller]
