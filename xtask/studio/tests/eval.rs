@@ -135,8 +135,7 @@ fn write_transforms_at(folder: &Path, times: [f64; FRAMES]) {
         // OpenGL looks backwards with y up.
         let row = |r: usize| json!([m[0][r], -m[1][r], -m[2][r], p[r]]);
         let pose = json!([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]);
-        for frame in 0..FRAMES {
-            let time = times[frame];
+        for (frame, time) in times.iter().enumerate() {
             let path = format!("./images/c{c}/{frame:02}");
             frames.push(json!({"file_path": path, "time": time, "transform_matrix": pose}));
         }

@@ -69,7 +69,7 @@ impl CaptureFiles {
     /// capture count, selected or not, so that it is the same for any selection.
     fn timing(&self) -> u32 {
         // Equal times can differ in their last bits; no fraction i / n, n up to 100,000, is at the border of two steps.
-        let step = |t: f64| (t * 1e6 + 0.318).floor() as i64;
+        let step = |t: f64| (t * 1e6 + 0.3).floor() as i64;
         let duration_s = self.capture.duration_s();
         let mut crc = flate2::Crc::new();
         for frame in 0..self.capture.frames() {
