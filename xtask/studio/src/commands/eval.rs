@@ -17,8 +17,9 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FitSource, FrameSelection, HeldFrames, describe, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, describe, load_lpips};
 use super::fit::name_of;
+use super::fit_source::FitSource;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
@@ -139,7 +140,7 @@ impl Evaluation<'_> {
             Subject::Pictures(_) => FitSource::of_pictures(path),
         };
         let capture_files = args.selection.open_for(capture, &source)?;
-        let (holdout, note) = source.held_frames(args.holdout);
+        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),

@@ -21,8 +21,9 @@ use refine::fit::{Backend, Cpu, DensityRule};
 use serde_json::{Value, json};
 
 use super::capture::{
-    FitSource, FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
+    FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
 };
+use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.

@@ -23,7 +23,8 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FitSource, FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
+use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
+use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -349,7 +350,7 @@ impl Captured {
         let source = FitSource::of_scene(args.scene(), scene);
         let capture_files = args.selection.open_for(&self.folder, &source)?;
         source.note_static(&capture_files);
-        let (holdout, note) = source.held_frames(args.holdout);
+        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
         let views = load_training_views(&capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
