@@ -61,6 +61,9 @@ pub enum DepthSource {
     Given(Alignment),
 }
 
+/// Most frames of a clip that [`Mirror::Auto`] mirrors: the paper's short clip has nine.
+const SHORT: usize = 9;
+
 /// When to mirror the back side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mirror {
@@ -71,4 +74,16 @@ pub enum Mirror {
     On,
     /// Never.
     Off,
+}
+
+impl Mirror {
+    /// Whether a clip of this many frames may be mirrored; `has_views` says whether [`AnchorSettings::views`]
+    /// names cameras.
+    pub fn is_possible(self, frames: usize, has_views: bool) -> bool {
+        match self {
+            Mirror::Auto => frames <= SHORT && has_views,
+            Mirror::On => true,
+            Mirror::Off => false,
+        }
+    }
 }

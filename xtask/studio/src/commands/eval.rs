@@ -17,7 +17,7 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, describe, held_frames, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, LpipsOption, describe, held_frames};
 use super::fit::name_of;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
@@ -41,9 +41,8 @@ pub struct Args {
     /// two fitted frames around; SUBJECT is a field or package
     #[arg(long)]
     baselines: bool,
-    /// Weights of LPIPS (AlexNet or VGG16) as safetensors; without them it is not measured
-    #[arg(long, value_name = "FILE")]
-    lpips_weights: Option<PathBuf>,
+    #[command(flatten)]
+    lpips: LpipsOption,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -62,7 +61,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "{subjects} SUBJECTs and {captures} --capture: name one --capture for each SUBJECT"
         )));
     }
-    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let lpips = args.lpips.load()?;
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
         let scene = Evaluation { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
         let evaluated = scene.evaluate()?;

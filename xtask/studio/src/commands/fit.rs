@@ -8,20 +8,20 @@ use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
 use crate::input::Input;
-use crate::messages::{count, unreadable};
+use crate::messages::count;
 use crate::progress::counting;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
-use clap::ValueEnum;
+use clap::{Args as _, FromArgMatches, ValueEnum};
 use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
-use refine::fit::{Backend, Cpu, DensityRule};
+use refine::fit::{Backend, Cpu, DensityRule, Lpips};
 use serde_json::{Value, json};
 
 use super::capture::{
-    FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
+    FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
 use super::takes::{self, TakeCommand, TakeOptions};
 
@@ -38,9 +38,6 @@ pub struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
-    /// Number of steps; 5600 per training frame, at most 96000, by default
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    steps: Option<u64>,
     #[command(flatten)]
     selection: FrameSelection,
     /// Frames that are held out from fitting; the field file records them, and `eval` measures them separately
@@ -49,14 +46,6 @@ pub struct Args {
     /// Source of the first Gaussians
     #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
     anchor: Anchor,
-    /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
-    /// default
-    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
-    anchor_cameras: Vec<String>,
-    /// Whether the anchor's visible side is mirrored to its hidden side: auto mirrors in clips of at most
-    /// nine frames whose cameras are all on one side
-    #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
-    mirror: MirrorWhen,
     /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
     /// of a unit, PFM or NPY
     #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
@@ -66,25 +55,45 @@ pub struct Args {
     depth_scale: DepthScale,
     /// Fitted field or package to start from instead of an anchor
     #[arg(long, value_name = "FIELD",
-          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "list"])]
+          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "sh_degree", "list"])]
     from: Option<PathBuf>,
+    /// Prune without the lower limit of --gaussians
+    #[arg(long)]
+    no_floor: bool,
+    #[command(flatten)]
+    options: FitOptions,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The options of a fit to any capture, which `report --fit` shares.
+#[derive(clap::Args, Clone, Debug)]
+pub(super) struct FitOptions {
+    /// Number of steps; 5600 per training frame, at most 96000, by default
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    steps: Option<u64>,
+    /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
+    /// default
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    anchor_cameras: Vec<String>,
+    /// Whether the anchor's visible side is mirrored to its hidden side: auto mirrors in clips of at most
+    /// nine frames whose cameras are all on one side
+    #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
+    mirror: MirrorWhen,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
     /// per training frame, at most 200000, and fewer for photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,
-    /// Prune without that lower limit
-    #[arg(long)]
-    no_floor: bool,
     /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
     /// Degree of view-dependent colour; with --from, the degree of FIELD
-    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE, conflicts_with = "from",
+    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE,
           value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// LPIPS weights (AlexNet or VGG16) as safetensors; without them the loss has no LPIPS term
-    #[arg(long, value_name = "FILE")]
-    lpips_weights: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) lpips: LpipsOption,
     /// Back end that renders and computes gradients
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
@@ -98,9 +107,6 @@ pub struct Args {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -173,8 +179,8 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let job = TakeCommand {
         command: "fit",
         ending: "ply",
-        options: format!("{:?}", args.options()),
-        inputs: args.lpips_weights.iter().map(PathBuf::as_path).collect(),
+        options: format!("{:?}", args.for_any_capture()),
+        inputs: args.options.lpips.lpips_weights.iter().map(PathBuf::as_path).collect(),
         forget: fit::remove_checkpoint,
         json: args.json,
     };
@@ -189,17 +195,76 @@ impl Args {
     }
 
     /// The options that affect the result, for any capture.
-    fn options(&self) -> Args {
+    fn for_any_capture(&self) -> Args {
         Args {
             capture: None,
             out: None,
             many: TakeOptions::default(),
-            // `TakeCommand::inputs` holds it, as its contents count.
-            lpips_weights: None,
-            checkpoint_every: 0.0,
+            options: FitOptions {
+                // `TakeCommand::inputs` holds them, as their contents count.
+                lpips: LpipsOption::default(),
+                checkpoint_every: 0.0,
+                ..self.options.clone()
+            },
             json: false,
             ..self.clone()
         }
+    }
+}
+
+impl FitOptions {
+    /// Whether no option is given, or only defaults.
+    pub(super) fn is_default(&self) -> bool {
+        let none = FitOptions::augment_args(clap::Command::new("fit")).get_matches_from([""; 0]);
+        FitOptions::from_arg_matches(&none).is_ok_and(|default| format!("{default:?}") == format!("{self:?}"))
+    }
+
+    /// Checks the frame rate, and states it to a capture that does not.
+    pub(super) fn state_fps(&self, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
+        self.fps.map_or(Ok(()), |fps| capture_files.state_fps(fps))
+    }
+
+    /// The plan of these options, with the default anchor and the floor.
+    pub(super) fn plan(&self, capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
+        let default = FitPlan::default_for(capture_files, holdout)?;
+        let gaussians = self.gaussians.map_or(default.gaussians, |n| n as usize);
+        Ok(FitPlan {
+            lpips: self.lpips.record()?,
+            steps: self.steps.unwrap_or(default.steps),
+            anchor_cameras: self.anchor_cameras.clone(),
+            mirror: match self.mirror {
+                MirrorWhen::Auto => Mirror::Auto,
+                MirrorWhen::On => Mirror::On,
+                MirrorWhen::Off => Mirror::Off,
+            },
+            gaussians,
+            floor: gaussians,
+            rule: match self.rule {
+                Rule::Floor => DensityRule::Floor,
+                Rule::Relocate => DensityRule::Relocate,
+            },
+            sh_degree: self.sh_degree,
+            seed: self.seed,
+            ..default
+        })
+    }
+
+    /// Opens the back end.
+    pub(super) fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
+        match self.backend {
+            Engine::Cpu => Ok(Box::new(Cpu::default())),
+            Engine::Gpu => open_gpu(),
+        }
+    }
+
+    /// What a fit runs with.
+    pub(super) fn runtime<'a>(
+        &self,
+        backend: &'a mut dyn Backend,
+        lpips: Option<&'a Lpips<f32>>,
+    ) -> FitRuntime<'a> {
+        let checkpoint_every = Duration::try_from_secs_f64(self.checkpoint_every).unwrap_or(Duration::MAX);
+        FitRuntime { backend, lpips, checkpoint_every }
     }
 }
 
@@ -210,35 +275,30 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
     let mut capture_files = args.selection.open(args.capture())?;
-    if let Some(fps) = args.fps {
-        capture_files.state_fps(fps)?;
-    }
+    args.options.state_fps(&mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
-    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let lpips = args.options.lpips.load()?;
     let plan = plan(args, &capture_files)?;
     fit::check_checkpoint(&plan, out)?;
     let views = load_training_views(&capture_files, holdout)?;
-    let mut backend = open_backend(args.backend)?;
-    let runtime = FitRuntime {
-        backend: &mut *backend,
-        lpips: lpips.as_ref(),
-        checkpoint_every: Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX),
-    };
+    let mut backend = args.options.open_backend()?;
+    let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
     Ok(FitResult { plan, fitted, splits })
 }
 
 /// The results of a finished fit.
-struct FitResult {
-    plan: FitPlan,
-    fitted: Fitted,
-    splits: String,
+pub(super) struct FitResult {
+    pub(super) plan: FitPlan,
+    pub(super) fitted: Fitted,
+    /// Numbers of cameras, frames and photographs of each split, in a line.
+    pub(super) splits: String,
 }
 
 /// Fits a field with a progress bar and writes it to `out`.
-fn fit_and_write(
+pub(super) fn fit_and_write(
     out: &Path,
     plan: &FitPlan,
     capture_files: &CaptureFiles,
@@ -254,14 +314,6 @@ fn fit_and_write(
     output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
-}
-
-/// Opens the back end.
-fn open_backend(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
-    match engine {
-        Engine::Cpu => Ok(Box::new(Cpu::default())),
-        Engine::Gpu => open_gpu(),
-    }
 }
 
 #[cfg(feature = "gpu")]
@@ -282,15 +334,14 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
 }
 
 fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
-    let default = FitPlan::default_for(capture_files, args.holdout.into())?;
-    let gaussians = args.gaussians.map_or(default.gaussians, |n| n as usize);
+    let plan = args.options.plan(capture_files, args.holdout.into())?;
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
         (_, Some(path)) => {
             let input = Input::load(path)?;
             let frames = input.frames();
             fit::check_frames(path, &input.into_field().0, frames, capture_files)?;
-            FitStart::Field(path.to_string_lossy().into_owned(), checksum(path)?)
+            FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?)
         }
         _ => match args.anchor {
             Anchor::Sweep => FitStart::Sweep,
@@ -298,35 +349,8 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
             Anchor::None => FitStart::Scatter,
         },
     };
-    let lpips = match &args.lpips_weights {
-        Some(weights) => Some(format!("{}, {:08x}", weights.display(), checksum(weights)?)),
-        None => None,
-    };
-    Ok(FitPlan {
-        lpips,
-        steps: args.steps.unwrap_or(default.steps),
-        start,
-        anchor_cameras: args.anchor_cameras.clone(),
-        mirror: match args.mirror {
-            MirrorWhen::Auto => Mirror::Auto,
-            MirrorWhen::On => Mirror::On,
-            MirrorWhen::Off => Mirror::Off,
-        },
-        gaussians,
-        floor: if args.no_floor { 0 } else { gaussians },
-        rule: match args.rule {
-            Rule::Floor => DensityRule::Floor,
-            Rule::Relocate => DensityRule::Relocate,
-        },
-        sh_degree: args.sh_degree,
-        seed: args.seed,
-        ..default
-    })
-}
-
-fn checksum(path: &Path) -> Result<u32, Fault> {
-    let bytes = std::fs::read(path);
-    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| unreadable(path, &error))
+    let floor = if args.no_floor { 0 } else { plan.floor };
+    Ok(FitPlan { start, floor, ..plan })
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {
@@ -340,7 +364,7 @@ impl FitResult {
         self.fitted.entries.last().context("a fit has at least one step")
     }
 
-    fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
+    pub(super) fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
         let FitResult { plan, fitted, splits } = self;
         let last = self.last()?;
         Ok(json!({

@@ -1,8 +1,9 @@
 //! Mean measures of each split, and their tables.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use refine::capture::Split;
+use refine::capture::{Capture, PhotoId, Split};
 use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
@@ -106,10 +107,40 @@ pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
     text
 }
 
+/// Parses the text of [`csv`] for the same capture.
+///
+/// # Errors
+/// The problem, with its line number.
+pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>, String> {
+    let Capture { photos, cameras, .. } = &capture_files.capture;
+    let name = |photo_id: &PhotoId| {
+        format!("{},{},{}", capture_files.name(*photo_id), cameras[photo_id.camera].name, photo_id.frame)
+    };
+    let named: BTreeMap<String, PhotoId> =
+        photos.iter().map(|photo_id| (name(photo_id), *photo_id)).collect();
+    let parse_line = |line: &str| {
+        // From the end, as names may hold commas.
+        let mut cells = line.rsplitn(6, ',');
+        let mut cell = || cells.next();
+        let optional = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        let lpips = optional(cell()?)?;
+        let ssim = cell()?.parse().ok()?;
+        let psnr_full = cell()?.parse().ok()?;
+        let psnr_fg = optional(cell()?)?;
+        let split = cell()?;
+        let split = Split::ALL.into_iter().find(|known| known.name() == split)?;
+        let photo_id = *named.get(cell()?)?;
+        Some(Judged { photo_id, split, measures: ImageMetrics { psnr_fg, psnr_full, ssim, lpips } })
+    };
+    let lines = (1..).zip(text.lines()).skip(1);
+    lines
+        .map(|(number, line)| parse_line(line).ok_or(format!("line {number} is not one of `eval`")))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use refine::capture::PhotoId;
 
     fn judged(psnr_fg: &[Option<f64>]) -> Vec<Judged> {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {

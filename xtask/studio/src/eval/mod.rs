@@ -28,10 +28,11 @@ use crate::input::Input;
 
 pub use baselines::{Baseline, judge_baselines};
 pub use free::free_views;
-pub use means::{SplitMeasures, baseline_rows, csv, means, table};
+pub use means::{SplitMeasures, baseline_rows, csv, means, parse_csv, table};
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
 pub use quarter::{Interval, fastest_interval, quarter_frames};
 pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};
+pub(crate) use sheet::Crop;
 pub use strips::{Strip, Strips};
 
 /// What is compared with photographs.
@@ -105,7 +106,10 @@ pub struct Comparison<'a> {
 }
 
 /// The split of each photograph of `capture_files`.
-fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
+///
+/// # Errors
+/// [`Fault::Data`] if no photograph is left for fitting.
+pub(crate) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
     Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 

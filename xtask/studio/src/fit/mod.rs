@@ -29,7 +29,7 @@ use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use crate::up_axis::up_of;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
-pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc};
+pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
 pub use training_views::TrainingViews;
 use training_views::mean_psnr;

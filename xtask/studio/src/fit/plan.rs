@@ -1,5 +1,8 @@
 //! [`FitPlan`]: the settings that determine the result of a fit, and their defaults.
 
+use std::fs;
+use std::path::Path;
+
 use clap::ValueEnum;
 use program::Fault;
 use refine::anchor::Mirror;
@@ -9,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::training_views::train_frames;
 use crate::capture::CaptureFiles;
+use crate::messages::unreadable;
 
 /// Default degree of view-dependent colour.
 pub const SH_DEGREE: u8 = 3;
@@ -126,6 +130,14 @@ pub fn crc(bytes: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(bytes);
     crc.sum()
+}
+
+/// CRC-32 of a file.
+///
+/// # Errors
+/// [`Fault::Data`] if it cannot be read.
+pub fn file_crc(path: &Path) -> Result<u32, Fault> {
+    fs::read(path).map(|bytes| crc(&bytes)).map_err(|error| unreadable(path, &error))
 }
 
 /// A text that differs between selections of captures.
