@@ -25,7 +25,7 @@ fn report(folder: &Path) -> Value {
 
 /// Pictures of the held camera, each brighter than its photograph by 8 of 255.
 fn write_brighter(folder: &Path) {
-    let (from, to) = (folder.join("stage/images/03"), folder.join("other/images/03"));
+    let (from, to) = (folder.join("stage/images/03"), folder.join("other/03"));
     fs::create_dir_all(&to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let entry = entry.unwrap();

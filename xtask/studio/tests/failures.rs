@@ -148,6 +148,18 @@ const FAILURES: &[Failure] = &[
         "the other options of fits need --fit",
         "add it, or leave them out",
     ),
+    (
+        "report stage --fit --compare a=bare",
+        DATA,
+        "--compare: bare holds no picture of a photograph",
+        "such as bare/00/",
+    ),
+    (
+        "report stage --fit --size 24x24 --compare a=stage/images",
+        DATA,
+        "but its camera has 24x24",
+        "scale it",
+    ),
     ("report stage --fit --compare a=nope", DATA, "nope: there is no such file or folder", "check the path"),
     (
         "report stage --fit --compare a=stage --compare a=stage",

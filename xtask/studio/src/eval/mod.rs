@@ -67,6 +67,17 @@ impl Subject {
         }
     }
 
+    /// Checks before any work that its first picture can be compared. What is drawn always can.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if the picture cannot be read or has another size than its photograph.
+    pub fn check(&self, capture_files: &CaptureFiles) -> Result<(), Fault> {
+        let Subject::Pictures(_) = self else { return Ok(()) };
+        let first =
+            capture_files.capture.photos.iter().find(|photo_id| self.shows(capture_files, **photo_id));
+        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id).map(drop))
+    }
+
     /// Its picture of a photograph's view, if any.
     fn picture(&self, capture_files: &CaptureFiles, photo_id: PhotoId) -> Result<Option<Image>, Fault> {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;

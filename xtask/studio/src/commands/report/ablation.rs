@@ -37,6 +37,9 @@ use crate::report::rd;
 use crate::scene::Scene;
 use crate::takes::{OutputState, Record, key};
 
+/// Name of the field in the folder of a fit.
+const FIELD: &str = "field.ply";
+
 /// Commands in the records.
 const FIT: &str = "report: fit";
 const EVAL: &str = "report: eval";
@@ -76,7 +79,7 @@ pub(super) fn measure(args: &Args) -> anyhow::Result<Ablation> {
             bail!(Fault::Usage(format!("--compare: two methods are called {}; rename one", method.name)));
         }
     }
-    let others = args.compare.iter().map(|method| Subject::load(&method.subject, &capture_files));
+    let others = args.compare.iter().map(|method| load_other(&method.subject, &capture_files));
     let others = others.collect::<anyhow::Result<Vec<_>>>()?;
     note_assumed_fps(&capture_files, "--fps states another number");
     output::make_folder(&args.out)?;
@@ -106,13 +109,14 @@ pub(super) fn measure(args: &Args) -> anyhow::Result<Ablation> {
     bench.ablation.size = [width, height];
     bench.ablation.lpips = bench.lpips.as_ref().map(|lpips| lpips.network().to_string());
     bench.photographs()?;
-    let budgets = rd::budgets(full.plan.gaussians, &args.budgets());
+    let budgets = args.package_budgets(full.plan.gaussians);
     for (i, variant) in VARIANTS.iter().enumerate() {
         let Some(plan) = (variant.plan)(&full) else {
             bench.leave_out(variant.name, variant.absent);
             continue;
         };
-        match bench.variant(variant, &plan, &budgets) {
+        let budgets = if i == 0 { &budgets[..] } else { &budgets[..budgets.len().min(1)] };
+        match bench.variant(variant, &plan, budgets) {
             // What a part is needed for shows in the fit without it: it may have nothing left to draw.
             Err(error) if i > 0 && is_of_data(&error) => bench.leave_out(variant.name, &format!("{error:#}")),
             result => result?,
@@ -133,6 +137,37 @@ pub(super) fn measure(args: &Args) -> anyhow::Result<Ablation> {
         });
     }
     Ok(bench.ablation)
+}
+
+/// Loads another method's pictures, field or package, before any fit.
+fn load_other(path: &Path, capture_files: &CaptureFiles) -> anyhow::Result<Subject> {
+    let subject = Subject::load(path, capture_files).map_err(|error| match path.is_dir() && is_of_data(&error) {
+        true => {
+            let example = capture_files.capture.photos.first().map_or("", |first| capture_files.name(*first));
+            let path = path.display();
+            anyhow::Error::from(Fault::Data(format!(
+                "--compare: {path} holds no picture of a photograph; name the pictures as the photographs, such as \
+                 {path}/{example}.png"
+            )))
+        }
+        false => error,
+    })?;
+    subject.check(capture_files)?;
+    Ok(subject)
+}
+
+impl Args {
+    /// Budgets of packages of fits with this many Gaussians, the largest first.
+    fn package_budgets(&self, gaussians: usize) -> Vec<usize> {
+        let mut budgets = self.budgets();
+        if budgets.is_empty() {
+            return rd::budgets(gaussians, &[]);
+        }
+        budgets.sort_unstable();
+        budgets.dedup();
+        budgets.reverse();
+        budgets
+    }
 }
 
 fn is_of_data(error: &anyhow::Error) -> bool {
@@ -254,15 +289,19 @@ impl Bench<'_> {
     fn variant(&mut self, variant: &Variant, plan: &FitPlan, budgets: &[usize]) -> anyhow::Result<()> {
         let folder = variant.folder();
         output::make_folder(&self.args.out.join(&folder))?;
-        let field = self.path(&folder, "field.ply");
+        let field = self.path(&folder, FIELD);
         let report = self.fit(plan, &field)?;
         let subject = Subject::load(&field, &self.capture_files)?;
         let judged = self.judge(&subject, &field, variant.name, &folder, "eval")?;
         let table = log::table_path(&field);
         let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
+        let mut about = variant.about.to_owned();
+        if !self.ablation.methods.is_empty() && self.is_full(&field)? {
+            about += "; the field is that of the full fit, so the part had no effect";
+        }
         self.ablation.methods.push(Method {
             name: variant.name.into(),
-            about: variant.about.into(),
+            about,
             fit: Some(FieldFigures::deserialize(report)?),
             fragments_per_lit_pixel: judged.fragments_per_lit_pixel,
             splits: judged.splits,
@@ -280,6 +319,12 @@ impl Bench<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Whether a field has the same bytes as that of the full fit.
+    fn is_full(&self, field: &Path) -> Result<bool, Fault> {
+        let read = |path: &Path| fs::read(path).map_err(|error| unreadable(path, &error));
+        Ok(read(&self.path(&VARIANTS[0].folder(), FIELD))? == read(field)?)
     }
 
     /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.

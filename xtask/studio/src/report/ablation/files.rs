@@ -5,9 +5,10 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
-use super::result::{Ablation, PicturedView};
+use super::result::{Ablation, Method, PackageFigures, PicturedView, of};
 use super::table;
 use crate::eval::SplitMeasures;
+use crate::fit::log::LogEntry;
 use crate::report::ReportFile;
 use crate::report::html::{self, escape};
 use crate::report::plot::{LineChart, PlotLine, svg};
@@ -18,13 +19,13 @@ const COLUMNS: &str = "PSNR is over the subject, SSIM and LPIPS over the whole p
      of held cameras; interp_a: held frames of held cameras. Every other frame is held out. Fragments per lit pixel are \
      counted 512 pixels wide, in the views below.";
 
-const PACKAGES: &str = "Packages of each fit as `package --budget` makes them. Mbps: size over the duration of the clip; \
+const PACKAGES: &str = "Packages of the full fit at each budget, and of the others at the largest, as `package --budget` makes them. Mbps: size over the duration of the clip; \
      Topo: fraction of the persistent features of the fit's density that the package preserves; PSNR: after decoding.";
 
 impl Ablation {
     /// The text for a terminal.
     pub fn text(&self) -> String {
-        let mut text = table::methods(self).markdown();
+        let mut text = format!("{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
         let packages = table::packages(self);
         if !packages.is_empty() {
             text += "\n";
@@ -63,8 +64,7 @@ impl Ablation {
     fn markdown(&self) -> String {
         let mut text =
             format!("# {}: ablation of the fit\n\n{}\n\n{COLUMNS}\n\n", self.capture, self.setup());
-        text += &table::methods(self).markdown();
-        text += "\n";
+        let _ = writeln!(text, "{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
         for method in &self.methods {
             let _ = writeln!(text, "- {}: {}", method.name, method.about);
         }
@@ -93,6 +93,7 @@ impl Ablation {
         let mut text = html::start(&format!("{}: ablation of the fit", escape(&self.capture)));
         let _ = write!(text, "<p>{}</p>\n<p>{}</p>\n", escape(&self.setup()), html::prose(COLUMNS));
         text += &table::methods(self).html();
+        text += &table::similarity(self).html();
         text += "<ul>\n";
         for method in &self.methods {
             let _ = writeln!(text, "<li><b>{}</b>: {}</li>", escape(&method.name), escape(&method.about));
@@ -134,8 +135,8 @@ impl Ablation {
 
     /// A plot of the PSNR of a few held photographs over the steps of each fit.
     fn fits_over_steps(&self) -> anyhow::Result<String> {
-        let line = |method: &super::Method| {
-            let point = |entry: &crate::fit::log::LogEntry| Some((entry.step as f64, entry.held_psnr_db?));
+        let line = |method: &Method| {
+            let point = |entry: &LogEntry| Some((entry.step as f64, entry.held_psnr_db?));
             PlotLine { name: method.name.clone(), points: method.entries.iter().filter_map(point).collect() }
         };
         let lines: Vec<PlotLine> =
@@ -151,17 +152,19 @@ impl Ablation {
     /// Plots of PSNR and topology of the packages over their bit rate.
     fn packages_over_rate(&self) -> anyhow::Result<String> {
         let Some(split) = self.splits().first().copied() else { return Ok(String::new()) };
-        let fits = || self.methods.iter().filter(|method| method.fit.is_some());
-        let chart = |title: String, value: &dyn Fn(&super::PackageFigures) -> Option<f64>| {
-            let line = |method: &super::Method| {
+        let chart = |title: String, value: &dyn Fn(&PackageFigures) -> Option<f64>| {
+            let line = |method: &Method| {
                 let own = self.packages.iter().filter(|package| package.method == method.name);
                 let points = own.filter_map(|package| Some((package.mbps, value(package)?)));
                 PlotLine { name: method.name.clone(), points: points.collect() }
             };
-            LineChart { title, lines: fits().map(line).collect() }
+            LineChart {
+                title,
+                lines: self.methods.iter().filter(|method| method.fit.is_some()).map(line).collect(),
+            }
         };
         let psnr = chart(format!("{} PSNR after decoding (dB)", split.name()), &|package| {
-            super::result::of(&package.splits, split)?.psnr_fg
+            of(&package.splits, split)?.psnr_fg
         });
         let topology = chart("Topo".into(), &|package| Some(package.topology));
         match psnr.lines.iter().any(|line| line.points.len() >= 2) {

@@ -2,7 +2,7 @@
 
 use refine::capture::Split;
 
-use super::result::{Ablation, of};
+use super::result::{Ablation, Method, PackageFigures, of};
 use crate::eval::SplitMeasures;
 use crate::report::html;
 
@@ -47,32 +47,41 @@ impl Columns {
     }
 }
 
-/// The fits and other methods.
+/// PSNR and cost of the fits and other methods.
 pub(super) fn methods(ablation: &Ablation) -> Table {
-    let rows = ablation.methods.iter().map(|method| &method.splits[..]);
-    let columns = Columns::new(&ablation.splits(), &[PSNR, SSIM, LPIPS], rows);
+    let columns = Columns::new(&ablation.splits(), &[PSNR], splits_of(ablation));
     let mut head = vec!["method".to_owned()];
     head.extend(columns.head());
-    head.extend(["Gaussians", "minutes", "ms a step", "fragments per lit pixel"].map(String::from));
-    let on_device = ablation
-        .methods
-        .iter()
-        .any(|method| method.fit.as_ref().is_some_and(|fit| fit.peak_device_bytes.is_some()));
+    head.extend(["Gaussians", "seconds", "ms a step", "fragments per lit pixel"].map(String::from));
+    let memory = |method: &Method| method.fit.as_ref().and_then(|fit| fit.peak_device_bytes);
+    let on_device = ablation.methods.iter().any(|method| memory(method).is_some());
     head.extend(on_device.then(|| "peak device MB".to_owned()));
-    let row = |method: &super::Method| {
+    let row = |method: &Method| {
         let fit = method.fit.as_ref();
         let mut row = vec![method.name.clone()];
         row.extend(columns.cells(&method.splits));
         row.push(fit.map_or_else(|| "-".into(), |fit| html::grouped(fit.gaussians as f64)));
-        row.push(html::decimals(fit.map(|fit| fit.seconds / 60.0), 1));
+        row.push(html::decimals(fit.map(|fit| fit.seconds), 1));
         row.push(html::decimals(fit.map(|fit| fit.ms_per_step), 1));
         row.push(html::decimals(method.fragments_per_lit_pixel, 1));
-        let memory =
-            || html::decimals(fit.and_then(|fit| fit.peak_device_bytes).map(|bytes| bytes as f64 * 1e-6), 0);
-        row.extend(on_device.then(memory));
+        let megabytes = || html::decimals(memory(method).map(|bytes| bytes as f64 * 1e-6), 0);
+        row.extend(on_device.then(megabytes));
         row
     };
     Table { head, rows: ablation.methods.iter().map(row).collect() }
+}
+
+/// SSIM and LPIPS of the fits and other methods.
+pub(super) fn similarity(ablation: &Ablation) -> Table {
+    let columns = Columns::new(&ablation.splits(), &[SSIM, LPIPS], splits_of(ablation));
+    let head = ["method".to_owned()].into_iter().chain(columns.head()).collect();
+    let row =
+        |method: &Method| [method.name.clone()].into_iter().chain(columns.cells(&method.splits)).collect();
+    Table { head, rows: ablation.methods.iter().map(row).collect() }
+}
+
+fn splits_of(ablation: &Ablation) -> impl Iterator<Item = &[SplitMeasures]> + Clone {
+    ablation.methods.iter().map(|method| &method.splits[..])
 }
 
 /// The packages of the fits.
@@ -81,7 +90,7 @@ pub(super) fn packages(ablation: &Ablation) -> Table {
     let columns = Columns::new(&ablation.splits(), &[PSNR], rows);
     let mut head = ["fit", "budget", "Gaussians", "bytes", "Mbps", "Topo"].map(String::from).to_vec();
     head.extend(columns.head());
-    let row = |package: &super::PackageFigures| {
+    let row = |package: &PackageFigures| {
         let mut row = vec![
             package.method.clone(),
             html::grouped(package.budget as f64),
