@@ -47,7 +47,7 @@ fn results(folder: &Path) -> BTreeMap<PathBuf, SystemTime> {
         };
         if path.is_dir() {
             found.extend(results(&path));
-        } else if is_result(&path) && !path.ends_with("fit.csv") {
+        } else if is_result(&path) && !path.to_string_lossy().ends_with("fit.csv") {
             found.insert(path.clone(), path.metadata().unwrap().modified().unwrap());
         }
     }

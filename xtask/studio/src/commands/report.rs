@@ -18,6 +18,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use self::ablation::{Comparison, Request, comparison};
 use super::capture::PartSelection;
 use super::fit::FitOptions;
 use super::package::budget;
@@ -75,23 +76,6 @@ pub struct Args {
     part: PartSelection,
     #[command(flatten, next_help_heading = "Of the fits of --fit")]
     options: FitOptions,
-}
-
-/// Another method of the ablation.
-#[derive(Clone, Debug)]
-struct Comparison {
-    name: String,
-    /// What `eval` takes.
-    subject: PathBuf,
-}
-
-fn comparison(text: &str) -> Result<Comparison, String> {
-    let parts = text.split_once('=').filter(|(name, subject)| !name.is_empty() && !subject.is_empty());
-    let (name, subject) = parts.ok_or("NAME=FOLDER, such as RetimeGS=renders/")?;
-    match name.contains(['/', '\\']) || name.starts_with('.') {
-        true => Err("the name becomes a folder's: leave slashes and a first dot out".into()),
-        false => Ok(Comparison { name: name.into(), subject: subject.into() }),
-    }
 }
 
 /// What the report is made of.
@@ -204,7 +188,19 @@ impl Report {
     }
 
     fn add_ablation(&mut self, args: &Args) -> anyhow::Result<()> {
-        let measured = ablation::measure(args)?;
+        let [capture] = args.fields.as_slice() else {
+            bail!(Fault::Usage("--fit is of one capture: name one".into()));
+        };
+        let request = Request {
+            capture,
+            size: args.size.map(|[width, height]| (width, height)),
+            part: &args.part,
+            options: &args.options,
+            budgets: args.budgets(),
+            others: &args.compare,
+            out: &args.out,
+        };
+        let measured = ablation::measure(&request)?;
         self.text += &measured.text();
         self.files.extend(measured.files()?);
         self.json.insert("ablation".into(), serde_json::to_value(measured)?);

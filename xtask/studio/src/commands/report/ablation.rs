@@ -1,115 +1,98 @@
-//! Fits and measures the ablation of a capture. Each result has a record beside it in the folder of the report, so that
-//! a second run makes only what is missing.
+//! The ablation of a capture: opens the capture and what it is compared with, and goes through the variants.
+//!
+//! Each result has a record beside it in the folder of the report, so that a second run makes only what is missing:
 //!
 //! ```text
 //! DIR/FIT/field.ply, field.fit.csv   DIR/FIT/eval.csv, pictures   DIR/FIT/BUDGET.aarc, BUDGET.csv
 //! DIR/compared-NAME/eval.csv, pictures                             DIR/photographs
 //! ```
 
-use std::fs;
+mod bench;
+
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use codec::Camera;
 use program::{Fault, output};
-use refine::capture::{Holdout, PhotoId, Split};
-use refine::fit::Lpips;
-use refine::image::Image;
-use refine::reference::{Radius, coverage, render};
-use serde::Deserialize;
-use serde_json::{Value, json};
 
-use super::super::capture::{describe, load_training_views, note_assumed_fps};
-use super::super::fit::{FitResult, fit_and_write, name_of};
-use super::Args;
+use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, pictured};
 use crate::capture::CaptureFiles;
-use crate::eval::{self, Crop, SplitMeasures, Subject, judge, parse_csv};
-use crate::fit::{self, FitPlan, TrainingViews, log};
+use crate::commands::capture::{PartSelection, describe, note_assumed_fps};
+use crate::commands::fit::{FitOptions, name_of};
+use crate::eval::Subject;
+use crate::fit::FitPlan;
 use crate::machine::machine;
-use crate::messages::unreadable;
-use crate::package::{PackageSettings, package_with};
-use crate::progress::{StagedProgress, counting};
-use crate::report::ablation::{
-    Ablation, FieldFigures, FullFit, LeftOut, Method, PackageFigures, Picture, PicturedView, VARIANTS,
-    Variant,
-};
+use crate::report::ablation::{Ablation, FullFit, VARIANTS};
 use crate::report::rd;
-use crate::scene::Scene;
-use crate::takes::{OutputState, Record, key};
+use crate::takes::key;
 
-/// Name of the field in the folder of a fit.
-const FIELD: &str = "field.ply";
+/// What to fit and measure, and where.
+pub(super) struct Request<'a> {
+    pub(super) capture: &'a Path,
+    /// Size to shrink the photographs to.
+    pub(super) size: Option<(u32, u32)>,
+    pub(super) part: &'a PartSelection,
+    pub(super) options: &'a FitOptions,
+    /// Budgets of packages; if empty, those of `--rd` for a field of as many Gaussians as the fit is asked for.
+    pub(super) budgets: Vec<usize>,
+    pub(super) others: &'a [Comparison],
+    /// The folder of the report.
+    pub(super) out: &'a Path,
+}
 
-/// Commands in the records.
-const FIT: &str = "report: fit";
-const EVAL: &str = "report: eval";
-const PACKAGE: &str = "report: package";
+/// Another method.
+#[derive(Clone, Debug)]
+pub(super) struct Comparison {
+    name: String,
+    /// What `eval` takes.
+    subject: PathBuf,
+}
 
-/// Held frames: every table of the paper holds every other one.
-const HOLDOUT: Holdout = Holdout::Odd;
+/// Parses `NAME=FOLDER`.
+pub(super) fn comparison(text: &str) -> Result<Comparison, String> {
+    let parts = text.split_once('=').filter(|(name, subject)| !name.is_empty() && !subject.is_empty());
+    let (name, subject) = parts.ok_or("NAME=FOLDER, such as RetimeGS=renders/")?;
+    match name.contains(['/', '\\']) || name.starts_with('.') {
+        true => Err("the name becomes a folder's: leave slashes and a first dot out".into()),
+        false => Ok(Comparison { name: name.into(), subject: subject.into() }),
+    }
+}
 
-/// Splits that the page shows pictures of, and the number of photographs of each.
-const PICTURED: [Split; 3] = [Split::InterpA, Split::InterpB, Split::Recon];
-const PICTURED_OF_SPLIT: usize = 2;
-
-/// Width in pixels of the images in which fragments are counted.
-const COUNTED_WIDTH: u32 = 512;
-
-/// Alpha from which a pixel is lit.
-const LIT: f64 = 1.0 / 255.0;
-
-/// Fits and measures what `args.out` lacks, and collects all of it.
-pub(super) fn measure(args: &Args) -> anyhow::Result<Ablation> {
-    let [capture] = args.fields.as_slice() else {
-        bail!(Fault::Usage("--fit is of one capture: name one".into()));
-    };
-    let mut capture_files = args.part.open(capture, args.size.map(|[width, height]| (width, height)))?;
-    args.options.state_fps(&mut capture_files)?;
-    let photographs = describe(&capture_files, HOLDOUT)?;
-    let lpips = args.options.lpips.load()?;
-    let plan = args.options.plan(&capture_files, HOLDOUT)?;
-    let frames = capture_files.capture.frames();
-    let full = FullFit {
-        mirrors: plan.mirror.is_possible(frames, !plan.anchor_cameras.is_empty()),
-        lpips: plan.lpips.clone(),
-        plan: FitPlan { lpips: None, ..plan },
-    };
-    for (i, method) in args.compare.iter().enumerate() {
-        if args.compare[..i].iter().any(|other| other.name == method.name) {
+/// Fits and measures what the folder of the report lacks, and collects all of it.
+pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
+    let Request { capture, size, part, options, others, out, .. } = *request;
+    let mut capture_files = part.open(capture, size)?;
+    options.state_fps(&mut capture_files)?;
+    for (i, method) in others.iter().enumerate() {
+        if others[..i].iter().any(|other| other.name == method.name) {
             bail!(Fault::Usage(format!("--compare: two methods are called {}; rename one", method.name)));
         }
     }
-    let others = args.compare.iter().map(|method| load_other(&method.subject, &capture_files));
-    let others = others.collect::<anyhow::Result<Vec<_>>>()?;
+    let subjects = others.iter().map(|method| load_other(&method.subject, &capture_files));
+    let subjects = subjects.collect::<anyhow::Result<Vec<_>>>()?;
+    let lpips = options.lpips.load()?;
+    let plan = options.plan(&capture_files, HOLDOUT)?;
+    let full = FullFit {
+        mirrors: plan.mirror.is_possible(capture_files.capture.frames(), !plan.anchor_cameras.is_empty()),
+        lpips: plan.lpips.clone(),
+        plan: FitPlan { lpips: None, ..plan },
+    };
     note_assumed_fps(&capture_files, "--fps states another number");
-    output::make_folder(&args.out)?;
-
+    output::make_folder(out)?;
+    let mut ablation = about(capture, &capture_files, &full.plan)?;
+    ablation.lpips = lpips.as_ref().map(|lpips| lpips.network().to_string());
     let mut bench = Bench {
-        args,
+        out,
+        options,
         photographs_key: key(EVAL, &full.plan.capture, &[capture])?,
         pictured: pictured(&capture_files)?,
         capture_files,
         lpips,
         views: None,
-        ablation: Ablation {
-            capture: name_of(capture),
-            machine: machine(),
-            photographs,
-            size: [0; 2],
-            steps: full.plan.steps,
-            gaussians: full.plan.gaussians,
-            lpips: None,
-            methods: Vec::new(),
-            packages: Vec::new(),
-            left_out: Vec::new(),
-            views: Vec::new(),
-        },
+        ablation,
     };
-    let Camera { width, height, .. } = bench.capture_files.capture.cameras[0].camera;
-    bench.ablation.size = [width, height];
-    bench.ablation.lpips = bench.lpips.as_ref().map(|lpips| lpips.network().to_string());
     bench.photographs()?;
-    let budgets = args.package_budgets(full.plan.gaussians);
+    let budgets = package_budgets(&request.budgets, full.plan.gaussians);
     for (i, variant) in VARIANTS.iter().enumerate() {
         let Some(plan) = (variant.plan)(&full) else {
             bench.leave_out(variant.name, variant.absent);
@@ -122,21 +105,28 @@ pub(super) fn measure(args: &Args) -> anyhow::Result<Ablation> {
             result => result?,
         }
     }
-    for (method, subject) in args.compare.iter().zip(&others) {
-        let folder = format!("compared-{}", method.name);
-        let judged = bench.judge(subject, &method.subject, &method.name, &folder, "eval")?;
-        let about =
-            format!("{}, {} of {} photographs", method.subject.display(), judged.images(), bench.images());
-        bench.ablation.methods.push(Method {
-            name: method.name.clone(),
-            about,
-            fit: None,
-            fragments_per_lit_pixel: judged.fragments_per_lit_pixel,
-            splits: judged.splits,
-            entries: Vec::new(),
-        });
+    for (method, subject) in others.iter().zip(&subjects) {
+        bench.other(&method.name, &method.subject, subject)?;
     }
     Ok(bench.ablation)
+}
+
+/// An ablation without results.
+fn about(capture: &Path, capture_files: &CaptureFiles, plan: &FitPlan) -> Result<Ablation, Fault> {
+    let Camera { width, height, .. } = capture_files.capture.cameras[0].camera;
+    Ok(Ablation {
+        capture: name_of(capture),
+        machine: machine(),
+        photographs: describe(capture_files, HOLDOUT)?,
+        size: [width, height],
+        steps: plan.steps,
+        gaussians: plan.gaussians,
+        lpips: None,
+        methods: Vec::new(),
+        packages: Vec::new(),
+        left_out: Vec::new(),
+        views: Vec::new(),
+    })
 }
 
 /// Loads another method's pictures, field or package, before any fit.
@@ -156,324 +146,14 @@ fn load_other(path: &Path, capture_files: &CaptureFiles) -> anyhow::Result<Subje
     Ok(subject)
 }
 
-impl Args {
-    /// Budgets of packages of fits with this many Gaussians, the largest first.
-    fn package_budgets(&self, gaussians: usize) -> Vec<usize> {
-        let mut budgets = self.budgets();
-        if budgets.is_empty() {
-            return rd::budgets(gaussians, &[]);
-        }
-        budgets.sort_unstable();
-        budgets.dedup();
-        budgets.reverse();
-        budgets
+/// Budgets of packages of fits with this many Gaussians, the largest first.
+fn package_budgets(requested: &[usize], gaussians: usize) -> Vec<usize> {
+    if requested.is_empty() {
+        return rd::budgets(gaussians, &[]);
     }
-}
-
-fn is_of_data(error: &anyhow::Error) -> bool {
-    matches!(error.downcast_ref(), Some(Fault::Data(_)))
-}
-
-/// A held photograph that the page shows.
-struct PicturedPhoto {
-    photo_id: PhotoId,
-    split: Split,
-    /// Name of the PNGs of it.
-    file: String,
-    crop: Crop,
-}
-
-/// Selects the photographs that the page shows, evenly from the held splits.
-fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto>, Fault> {
-    let splits = eval::splits(capture_files, HOLDOUT)?;
-    let mut pictured = Vec::new();
-    for split in PICTURED {
-        let of: Vec<PhotoId> =
-            splits.iter().filter(|(_, of)| *of == split).map(|(photo_id, _)| *photo_id).collect();
-        let count = of.len().min(PICTURED_OF_SPLIT);
-        for i in 0..count {
-            let photo_id = of[(2 * i + 1) * of.len() / (2 * count)];
-            let name = capture_files.name(photo_id).replace(['/', '\\', ' '], "_");
-            let crop = Crop::around(&[&capture_files.photo(photo_id)?]);
-            pictured.push(PicturedPhoto {
-                photo_id,
-                split,
-                file: format!("{}-{name}.png", split.name()),
-                crop,
-            });
-        }
-    }
-    Ok(pictured)
-}
-
-/// What the measurements share.
-struct Bench<'a> {
-    args: &'a Args,
-    capture_files: CaptureFiles,
-    /// Hash of the photographs, and of the part that is read.
-    photographs_key: String,
-    lpips: Option<Lpips<f32>>,
-    pictured: Vec<PicturedPhoto>,
-    /// The decoded photographs, once a fit needs them.
-    views: Option<TrainingViews>,
-    ablation: Ablation,
-}
-
-/// Measures of a subject.
-struct JudgedSubject {
-    splits: Vec<SplitMeasures>,
-    fragments_per_lit_pixel: Option<f64>,
-}
-
-impl JudgedSubject {
-    fn images(&self) -> usize {
-        self.splits.iter().map(|row| row.images).sum()
-    }
-}
-
-/// What a record of [`PACKAGE`] holds, under the keys of the JSON of `package`.
-#[derive(Deserialize)]
-struct PackageRecord {
-    gaussians_out: usize,
-    bytes: usize,
-    duration_s: f64,
-    topology: TopologyRecord,
-}
-
-#[derive(Deserialize)]
-struct TopologyRecord {
-    recall: f64,
-}
-
-impl Bench<'_> {
-    fn leave_out(&mut self, name: &str, why: &str) {
-        self.ablation.left_out.push(LeftOut { name: name.into(), why: why.into() });
-    }
-
-    fn images(&self) -> usize {
-        self.capture_files.capture.photos.len()
-    }
-
-    /// Path of a file, within the folder of the report.
-    fn path(&self, folder: &str, file: &str) -> PathBuf {
-        self.args.out.join(folder).join(file)
-    }
-
-    /// Writes the held photographs that the page shows.
-    fn photographs(&mut self) -> anyhow::Result<()> {
-        output::make_folder(&self.args.out.join("photographs"))?;
-        for photo in &self.pictured {
-            let image = photo.crop.of(&self.capture_files.photo(photo.photo_id)?.image);
-            write_picture(&self.path("photographs", &photo.file), &image)?;
-            let name = format!("{}, {}", self.capture_files.name(photo.photo_id), photo.split.name());
-            self.ablation.views.push(PicturedView { name, pictures: Vec::new() });
-        }
-        self.show("photograph", "photographs")
-    }
-
-    /// Shows the pictures of a folder beside the photographs.
-    fn show(&mut self, of: &str, folder: &str) -> anyhow::Result<()> {
-        for (i, photo) in self.pictured.iter().enumerate() {
-            let path = self.path(folder, &photo.file);
-            // A folder of pictures may lack some.
-            if path.is_file() {
-                let png = fs::read(&path).map_err(|error| unreadable(&path, &error))?;
-                let path = format!("{}/{}", folder.replace(' ', "%20"), photo.file);
-                self.ablation.views[i].pictures.push(Picture { of: of.into(), path, png });
-            }
-        }
-        Ok(())
-    }
-
-    /// Fits, measures and packages a variant.
-    fn variant(&mut self, variant: &Variant, plan: &FitPlan, budgets: &[usize]) -> anyhow::Result<()> {
-        let folder = variant.folder();
-        output::make_folder(&self.args.out.join(&folder))?;
-        let field = self.path(&folder, FIELD);
-        let report = self.fit(plan, &field)?;
-        let subject = Subject::load(&field, &self.capture_files)?;
-        let judged = self.judge(&subject, &field, variant.name, &folder, "eval")?;
-        let table = log::table_path(&field);
-        let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
-        let mut about = variant.about.to_owned();
-        if !self.ablation.methods.is_empty() && self.is_full(&field)? {
-            about += "; the field is that of the full fit, so the part had no effect";
-        }
-        self.ablation.methods.push(Method {
-            name: variant.name.into(),
-            about,
-            fit: Some(FieldFigures::deserialize(report)?),
-            fragments_per_lit_pixel: judged.fragments_per_lit_pixel,
-            splits: judged.splits,
-            entries: log::parse(&entries).map_err(|what| {
-                Fault::Data(format!("{}: {what}; remove the folder {folder}", table.display()))
-            })?,
-        });
-        for &budget in budgets {
-            let package = self.path(&folder, &format!("{budget}.aarc"));
-            match self.package(variant, &field, &package, budget) {
-                Err(error) if is_of_data(&error) => {
-                    self.leave_out(&format!("package of {budget}, {}", variant.name), &format!("{error:#}"));
-                }
-                figures => self.ablation.packages.push(figures?),
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether a field has the same bytes as that of the full fit.
-    fn is_full(&self, field: &Path) -> Result<bool, Fault> {
-        let read = |path: &Path| fs::read(path).map_err(|error| unreadable(path, &error));
-        Ok(read(&self.path(&VARIANTS[0].folder(), FIELD))? == read(field)?)
-    }
-
-    /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.
-    fn fit(&mut self, plan: &FitPlan, field: &Path) -> anyhow::Result<Value> {
-        let key = key(FIT, &format!("{plan:?} {}", self.photographs_key), &[])?;
-        if let Some(report) = Record::report(field, FIT, &key)? {
-            return Ok(report);
-        }
-        if Record::state(field, FIT, &key)? == OutputState::Stale {
-            fit::remove_checkpoint(field)?;
-        }
-        Record::begin(field, FIT, &key)?;
-        if self.views.is_none() {
-            self.views = Some(load_training_views(&self.capture_files, HOLDOUT)?);
-        }
-        let views = self.views.as_ref().context("photographs")?;
-        let options = &self.args.options;
-        let mut backend = options.open_backend()?;
-        let lpips = self.lpips.as_ref().filter(|_| plan.lpips.is_some());
-        let runtime = options.runtime(&mut *backend, lpips);
-        let fitted = fit_and_write(field, plan, &self.capture_files, views, runtime)?;
-        let splits = self.ablation.photographs.clone();
-        let report = FitResult { plan: plan.clone(), fitted, splits }.to_json(field)?;
-        Record::complete(field, FIT, &key, report.clone())?;
-        Ok(report)
-    }
-
-    /// Packages a field, unless that is done, and measures the decoded package.
-    fn package(
-        &mut self,
-        variant: &Variant,
-        field: &Path,
-        package: &Path,
-        budget: usize,
-    ) -> anyhow::Result<PackageFigures> {
-        let key = key(PACKAGE, &budget.to_string(), &[field])?;
-        let report = match Record::report(package, PACKAGE, &key)? {
-            Some(report) => report,
-            None => {
-                Record::begin(package, PACKAGE, &key)?;
-                let settings = PackageSettings { budget: Some(budget), ..PackageSettings::default() };
-                let progress = StagedProgress::visible();
-                progress.set_prefix(format!("{}, {budget}: ", variant.name));
-                let made = package_with(&Scene::load(field)?, &settings, None, &progress)?;
-                output::write(package, &made.bytes)?;
-                let report = serde_json::to_value(made.report)?;
-                Record::complete(package, PACKAGE, &key, report.clone())?;
-                report
-            }
-        };
-        let PackageRecord { gaussians_out, bytes, duration_s, topology } =
-            PackageRecord::deserialize(report)?;
-        let subject = Subject::load(package, &self.capture_files)?;
-        let judged = self.judge(&subject, package, variant.name, &variant.folder(), &budget.to_string())?;
-        Ok(PackageFigures {
-            method: variant.name.into(),
-            budget,
-            gaussians: gaussians_out,
-            bytes,
-            mbps: bytes as f64 * 8e-6 / duration_s,
-            topology: topology.recall,
-            splits: judged.splits,
-        })
-    }
-
-    /// Compares the pictures of `subject`, which is at `path`, with the photographs, unless that is done. Writes
-    /// the measures to `FILE.csv` in a folder of the report; of `eval` also pictures, which the page then shows.
-    fn judge(
-        &mut self,
-        subject: &Subject,
-        path: &Path,
-        name: &str,
-        folder: &str,
-        file: &str,
-    ) -> anyhow::Result<JudgedSubject> {
-        output::make_folder(&self.args.out.join(folder))?;
-        let csv = self.path(folder, &format!("{file}.csv"));
-        let is_shown = file == "eval";
-        let options = format!("{} {:?}", self.photographs_key, self.args.options.lpips.record()?);
-        let key = key(EVAL, &options, &[path])?;
-        let report = match Record::report(&csv, EVAL, &key)? {
-            Some(report) => report,
-            None => {
-                Record::begin(&csv, EVAL, &key)?;
-                let report = self.compare(subject, name, folder, &csv, is_shown)?;
-                Record::complete(&csv, EVAL, &key, report.clone())?;
-                report
-            }
-        };
-        if is_shown {
-            self.show(name, folder)?;
-        }
-        // Measures come from the file, so that a second run shows the same ones.
-        let text = fs::read_to_string(&csv).map_err(|error| unreadable(&csv, &error))?;
-        let judged = parse_csv(&text, &self.capture_files)
-            .map_err(|what| Fault::Data(format!("{}: {what}; remove it to measure again", csv.display())))?;
-        let fragments_per_lit_pixel = report["fragments_per_lit_pixel"].as_f64();
-        Ok(JudgedSubject { splits: eval::means(&judged), fragments_per_lit_pixel })
-    }
-
-    /// Writes measures to `csv`, and pictures beside it if `is_shown`; returns the other figures.
-    fn compare(
-        &self,
-        subject: &Subject,
-        name: &str,
-        folder: &str,
-        csv: &Path,
-        is_shown: bool,
-    ) -> anyhow::Result<Value> {
-        let progress = counting(self.images() as u64, "photographs");
-        progress.set_message(name.to_owned());
-        let mut written = Ok(());
-        let judged = judge(subject, &self.capture_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
-            progress.inc(1);
-            let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
-            let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.judged.photo_id);
-            if let Some(photo) = shown {
-                let picture = photo.crop.of(comparison.picture);
-                written = write_picture(&self.path(folder, &photo.file), &picture);
-            }
-        })?;
-        progress.finish_and_clear();
-        written?;
-        output::write(csv, eval::csv(&judged, &self.capture_files).as_bytes())?;
-        let fragments = match subject {
-            Subject::Drawn(input) if is_shown => self.fragments_per_lit_pixel(input),
-            _ => None,
-        };
-        Ok(json!({"fragments_per_lit_pixel": fragments}))
-    }
-
-    /// Fragments per lit pixel in the views that the page shows; `None` if no pixel is lit.
-    fn fragments_per_lit_pixel(&self, input: &crate::input::Input) -> Option<f64> {
-        let (scene, capture) = (input.to_reference(), &self.capture_files.capture);
-        let (mut fragments, mut lit) = (0, 0);
-        for photo in &self.pictured {
-            let camera = &capture.cameras[photo.photo_id.camera].camera;
-            let height =
-                (f64::from(camera.height) * f64::from(COUNTED_WIDTH) / f64::from(camera.width)).round();
-            let camera = camera.resized(COUNTED_WIDTH, (height as u32).max(1));
-            let t = capture.clip_time(photo.photo_id);
-            fragments += coverage(&scene, &camera, t, Radius::Exact).fragments;
-            let image = render(&scene, &camera, t, refine::reference::Order::Depth);
-            lit += image.pixels.iter().filter(|pixel| pixel[3] >= LIT).count();
-        }
-        (lit > 0).then(|| fragments as f64 / lit as f64)
-    }
-}
-
-fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
-    output::write_png(path, &image.to_rgb8(), (image.width, image.height))
+    let mut budgets = requested.to_vec();
+    budgets.sort_unstable();
+    budgets.dedup();
+    budgets.reverse();
+    budgets
 }
