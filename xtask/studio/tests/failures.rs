@@ -140,6 +140,7 @@ const FAILURES: &[Failure] = &[
     ("report field.ply --rd -o no/report", USAGE, "cannot write no/report", "make it first"),
     ("report field.ply clip.aarc", USAGE, "a page is of one clip or field", "name one, or choose --rd"),
     ("report field.ply --fit", DATA, "field.ply: a file", "a capture is a folder, so name that"),
+    ("report stage --fit -o stage/report", USAGE, "would lie within stage", "name another --out"),
     ("report stage field.ply --fit", USAGE, "--fit is of one capture", "name one"),
     ("report stage --fit -o no/report", USAGE, "cannot write no/report", "make it first"),
     (

@@ -43,12 +43,12 @@ pub struct Args {
     /// Gaussians
     #[arg(long, requires = "fields", group = "budgeted")]
     rd: bool,
-    /// Instead, the ablation of CAPTURE's fit: fits without one part each, held every other frame, on all splits,
-    /// and their packages. What is in the folder of the report already is not made again
+    /// Instead, the ablation of CAPTURE's fit: fits without one part each, which hold out every other frame, their
+    /// measures on all splits, and their packages. What the folder of the report holds already is not made again
     #[arg(long, requires = "fields", group = "budgeted", conflicts_with = "stability")]
     fit: bool,
-    /// With --fit, another method: FOLDER holds its pictures, named as the photographs are, or is anything that
-    /// `eval` compares; repeatable
+    /// With --fit, another method: a folder of its pictures, named as the photographs are, a field or a package;
+    /// repeatable
     #[arg(long, value_name = "NAME=FOLDER", requires = "fit", value_parser = comparison)]
     compare: Vec<Comparison>,
     /// Instead, stability: how far the GPU's pictures of stiff and extreme fields, and of these, are

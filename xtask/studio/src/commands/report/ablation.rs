@@ -19,6 +19,7 @@ use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, pictured};
 use crate::capture::CaptureFiles;
 use crate::commands::capture::{PartSelection, describe, note_assumed_fps};
 use crate::commands::fit::{FitOptions, name_of};
+use crate::commands::takes::check_apart;
 use crate::eval::Subject;
 use crate::fit::FitPlan;
 use crate::machine::machine;
@@ -62,6 +63,13 @@ pub(super) fn comparison(text: &str) -> Result<Comparison, String> {
 pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let Request { capture, size, part, options, others, out, .. } = *request;
     let mut capture_files = part.open(capture, size)?;
+    check_apart(
+        capture,
+        &match out.is_dir() {
+            true => out.join("fit.html"),
+            false => std::path::absolute(out).unwrap_or_else(|_| out.to_owned()),
+        },
+    )?;
     options.state_fps(&mut capture_files)?;
     for (i, method) in others.iter().enumerate() {
         if others[..i].iter().any(|other| other.name == method.name) {
