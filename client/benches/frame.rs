@@ -44,13 +44,8 @@ fn clip() -> Clip {
     }
     field.temporal = Some(temporal);
     let front = Viewpoint { name: "front".into(), position: [0.0, 0.0, 2.5], target: [0.0; 3], fov_y: 0.9 };
-    let info = ClipInfo {
-        duration_s: 2.0,
-        fps: 30.0,
-        up: [0.0, 1.0, 0.0],
-        metres_per_unit: 1.0,
-        viewpoints: vec![front],
-    };
+    let info =
+        ClipInfo { duration_s: 2.0, up: [0.0, 1.0, 0.0], viewpoints: vec![front], ..ClipInfo::default() };
     let source = Source { info: &info, field: &field, plate: None };
     let bytes = codec::encode(&source, &EncodeOptions::default()).expect("a valid field");
     codec::decode(&bytes, &Limits::default()).expect("what was encoded")

@@ -19,6 +19,19 @@ pub struct ClipInfo {
     pub viewpoints: Vec<Viewpoint>,
 }
 
+impl Default for ClipInfo {
+    /// One second at 30 frames per second, y down as in OpenCV, one metre per unit of length, no viewpoints.
+    fn default() -> ClipInfo {
+        ClipInfo {
+            duration_s: 1.0,
+            fps: 30.0,
+            up: [0.0, -1.0, 0.0],
+            metres_per_unit: 1.0,
+            viewpoints: Vec::new(),
+        }
+    }
+}
+
 impl ClipInfo {
     /// Checks the ranges that the format requires, for reading and writing alike.
     ///

@@ -2,7 +2,7 @@
 
 // By row.
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
-// By pair, the row of its splat.
+// The row of each pair's splat.
 @group(0) @binding(26) var<storage, read> pair_rows: array<u32>;
 // The pairs, tile by tile, front to back.
 @group(0) @binding(27) var<storage, read> tile_pairs: array<u32>;

@@ -10,6 +10,7 @@ pub mod gpu;
 pub mod headset;
 pub mod image;
 pub mod lossy;
+pub mod outcome;
 pub mod programs;
 pub mod remote;
 pub mod server;

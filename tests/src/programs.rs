@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use xtask::workspace;
 
+use crate::outcome::Outcome;
+
 /// Longest run of a program.
 const PATIENCE: Duration = Duration::from_secs(300);
 
@@ -73,28 +75,6 @@ impl Folder {
         let mut command = Command::new(program);
         command.current_dir(&self.0).args(line.split_whitespace());
         command
-    }
-}
-
-/// Result of a program.
-#[derive(Debug)]
-pub struct Outcome {
-    /// Exit code; `None` after a signal.
-    pub code: Option<i32>,
-    /// Standard output.
-    pub stdout: String,
-    /// Standard error.
-    pub stderr: String,
-}
-
-impl Outcome {
-    /// Returns the outcome of a program that succeeded.
-    ///
-    /// # Panics
-    /// If it failed, with its output.
-    pub fn success(self) -> Outcome {
-        assert_eq!(self.code, Some(0), "{}{}", self.stdout, self.stderr);
-        self
     }
 }
 

@@ -51,11 +51,11 @@ const HEAP_GROWTH_BYTES: u64 = 64 << 10;
 pub struct Sample {
     /// Since the beginning.
     pub seconds: f64,
-    /// Of the process, as the system counts them; 0 where it does not.
+    /// Bytes of the process in memory, 0 if the system does not count them.
     pub resident_bytes: u64,
     /// Allocated by the program itself, but for these samples.
     pub heap_bytes: u64,
-    /// Of the graphics device, where it counts them.
+    /// Bytes on the graphics device, if it counts them.
     pub gpu_bytes: u64,
 }
 

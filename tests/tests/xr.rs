@@ -13,7 +13,8 @@ use aarc_tests::gpu::{self, Passes, device, draw};
 use aarc_tests::headset::{Headset, MISSING};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::lossy::lossy;
-use aarc_tests::programs::{Outcome, client, example, run};
+use aarc_tests::outcome::{DATA, DEVICE, NETWORK, Outcome};
+use aarc_tests::programs::{client, example, run};
 use aarc_tests::remote::Remote;
 use aarc_tests::scene::{decoded, lasting, packaged};
 use aarc_tests::server::Server;
@@ -26,10 +27,6 @@ use program::Fault;
 use refine::image::Image;
 use serde_json::Value;
 use xtask::workspace;
-
-const DATA: i32 = 3;
-const NETWORK: i32 = 4;
-const DEVICE: i32 = 5;
 
 /// The runtime's own Vulkan driver may round blending differently.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 100, psnr: 45.0 };

@@ -59,7 +59,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
         return open.and_then(|mut file| file.write_all(bytes)).map_err(|error| failed(path, error));
     }
     let (mut file, target) = temporary(path)?;
-    file.write_all(bytes).map_err(|error| failed(path, error))?;
+    // The file itself: errors of `NamedTempFile` name the temporary file.
+    file.as_file_mut().write_all(bytes).map_err(|error| failed(path, error))?;
     file.persist(target).map_err(|error| failed(path, error.error))?;
     Ok(())
 }
@@ -80,7 +81,10 @@ fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()
     }
     let (mut file, target) = temporary(path)?;
     let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
-    file.write_all(bytes).and_then(|()| sync(file.as_file())).map_err(|error| failed(path, error))?;
+    file.as_file_mut()
+        .write_all(bytes)
+        .and_then(|()| sync(file.as_file()))
+        .map_err(|error| failed(path, error))?;
     file.persist(target).map_err(|error| failed(path, error.error))?;
     // Other systems cannot open a folder, and write names through.
     #[cfg(unix)]

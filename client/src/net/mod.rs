@@ -8,8 +8,8 @@
 //!                                                              cache: files of earlier runs, on disk
 //! ```
 //!
-//! A `watch` ends a fetch that nobody waits for, and a request whose bytes come too slowly; `wire` asks it below
-//! HTTP and TLS. `addresses` keeps what a server on the internet leads to off private networks.
+//! A `watch` ends a cancelled fetch, and a request whose bytes come too slowly; `wire` asks it below HTTP and
+//! TLS. `addresses` keeps what a server on the internet leads to off private networks.
 //!
 //! A cached clip plays at once while the server is asked for a newer version. [`codec::Limits`] bounds
 //! memory: a longer file is not fetched, and while the rest arrives, at most the bytes being decoded exist

@@ -180,13 +180,7 @@ impl RoundTripInput {
 pub fn check_round_trip(bytes: &[u8]) {
     let RoundTripInput { field, layers, plate } = RoundTripInput::from_bytes(bytes);
     let plate = plate.then(|| Field { temporal: None, ..field.clone() });
-    let info = ClipInfo {
-        duration_s: 1.0,
-        fps: 30.0,
-        up: [0.0, 1.0, 0.0],
-        metres_per_unit: 1.0,
-        viewpoints: Vec::new(),
-    };
+    let info = ClipInfo::default();
     let source = Source { info: &info, field: &field, plate: plate.as_ref() };
     for coder in Coder::ALL {
         let mut options = EncodeOptions { coder, ..EncodeOptions::default() };

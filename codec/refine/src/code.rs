@@ -211,13 +211,7 @@ mod tests {
     #[test]
     fn a_later_target_gets_the_same_package_with_fewer_trials() {
         let field = cloud(1, 60);
-        let info = ClipInfo {
-            duration_s: 1.0,
-            fps: 30.0,
-            up: [0.0, 1.0, 0.0],
-            metres_per_unit: 1.0,
-            viewpoints: Vec::new(),
-        };
+        let info = ClipInfo::default();
         let source = Source { info: &info, field: &field, plate: None };
         let cameras = dome(&field, &[0.5], info.up, 0.0, (32, 24));
         let views = posed_views(&cameras, &[0.5]);

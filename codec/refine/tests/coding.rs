@@ -39,13 +39,7 @@ fn enlarged(camera: &Camera) -> Camera {
 
 /// The field, coded with the precision of one with `filter`, and the bytes that takes.
 fn coded(field: &Field, filter: PixelFilter, precision: &Precision) -> (Field, usize) {
-    let info = ClipInfo {
-        duration_s: 1.0,
-        fps: 30.0,
-        up: [0.0, 1.0, 0.0],
-        metres_per_unit: 1.0,
-        viewpoints: Vec::new(),
-    };
+    let info = ClipInfo::default();
     let field = Field { filter, ..field.clone() };
     let options =
         EncodeOptions { coder: Coder::Context, precision: precision.clone(), ..EncodeOptions::default() };

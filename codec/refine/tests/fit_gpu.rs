@@ -13,7 +13,7 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use refine::fit::{
     Backend, Cpu, DensityRule, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters,
-    Photograph, Real, RenderedImage, Run, StepReport, Timeline, TrainingView, cpu,
+    Photograph, Real, RenderedImage, Run, StepReport, Timeline, TrainingView, WeightTensor, cpu,
 };
 
 fn main() -> ExitCode {
@@ -381,8 +381,7 @@ fn contained(mut gpu: Gpu) -> Result<(), DeviceError> {
 
 /// LPIPS by the AlexNet of the fixtures.
 fn alexnet() -> Lpips<f32> {
-    let file = fixtures::safetensors_file(&fixtures::alexnet());
-    Lpips::from_safetensors(&file).expect("all tensors are there")
+    Lpips::new(&fixtures::alexnet()).expect("all tensors are there")
 }
 
 fn perceptual(mut gpu: Gpu) -> Result<(), DeviceError> {

@@ -1,10 +1,10 @@
 //! `delivery CLIP..`: how long clips take to arrive over a network that fails, as a table.
 //!
-//! A server of this process sends each clip at the rate of WiFi and does what it is told: all is well, it
-//! falls silent for two seconds in the middle, it hangs up at every tenth. In a network namespace `tc`
-//! paces what goes over the loopback and `nft` drops one packet in a hundred; where the system has no
-//! namespaces for this user, or no `ip` and `tc`, the server paces, and without `nft` no packet is lost. Loss comes without
-//! delay: a loopback has none, and the kernel's netem, which adds some, is seldom there.
+//! A server of this process sends each clip at the rate of WiFi, in three ways: without a fault, with a silence of two
+//! seconds in the middle, and with a lost connection at every tenth. In a network namespace `tc` paces the loopback
+//! and `nft` drops one packet in a hundred. Without namespaces for this user, or without `ip` and `tc`, the server
+//! paces; without `nft` no packet is lost. Loss comes without delay: a loopback has none, and few systems have the
+//! kernel's netem, which adds some.
 
 use std::env;
 use std::path::Path;

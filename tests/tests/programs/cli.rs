@@ -7,6 +7,7 @@ use std::fs;
 
 use ::studio::cli::Cli;
 use aarc_tests::gpu::{self, Passes};
+use aarc_tests::outcome::{DATA, USAGE};
 use aarc_tests::programs::{client, run, studio};
 use aarc_tests::scene::{Place, camera, packaged};
 use clap::CommandFactory;
@@ -17,9 +18,6 @@ use serde_json::Value;
 use xtask::workspace;
 
 use crate::workshop::{RECIPE, Workshop, bad_files};
-
-const USAGE: i32 = 2;
-const DATA: i32 = 3;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {

@@ -7,17 +7,13 @@ use std::fs::OpenOptions;
 use std::process::{Command, Stdio};
 
 use aarc_tests::gpu::{self, Passes};
+use aarc_tests::outcome::{DATA, DEVICE, Failure, NETWORK, Outcome, USAGE, check_failures};
 use aarc_tests::programs::{client, run};
 use aarc_tests::server::{Answer, Request, Server};
 use client::gpu::Gpu;
 use libtest_mimic::{Failed, Trial};
 
 use crate::workshop::{Workshop, bad_files};
-
-const USAGE: i32 = 2;
-const DATA: i32 = 3;
-const NETWORK: i32 = 4;
-const DEVICE: i32 = 5;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -28,10 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Arguments, exit code, what is wrong and where, and the next step. SERVER is the URL of a server, IMAGE stands for
-/// `--headless --out a.png`.
-type Failure = (&'static str, i32, &'static str, &'static str);
-
+/// SERVER is the URL of a server, IMAGE stands for `--headless --out a.png`.
 const FAILURES: &[Failure] = &[
     // The command line.
     ("clip.aarc --headless", USAGE, "required arguments were not provided: --out <PATH>", "--help"),
@@ -145,7 +138,7 @@ const FAILURES: &[Failure] = &[
     ("list.json IMAGE", DEVICE, "no graphics device was found", "install a Vulkan driver"),
     ("clip.aarc", DEVICE, "no display to open a window on", "give --headless --out PATH"),
     ("list.json", DEVICE, "no display to open a window on", "give --headless --out PATH"),
-    // By the loader or, if that is there, the runtime.
+    // The loader is missing or, where there is one, the runtime.
     ("clip.aarc --xr", DEVICE, "no OpenXR ", "it"),
 ];
 
@@ -210,26 +203,14 @@ fn player(workshop: &Workshop, line: &str) -> Command {
 fn every_failure() -> Result<(), String> {
     let workshop = workshop();
     let server = server(&workshop)?;
-    let mut wrong = Vec::new();
-    for &(line, code, what, step) in FAILURES {
+    check_failures(FAILURES, &workshop.path(""), |line| {
         let line = line.replace("SERVER/", &server.url("")).replace("IMAGE", "--headless --out a.png");
-        let outcome = run(&mut player(&workshop, &line));
-        if let Err(why) = workshop.refused(&outcome, code, what, step) {
-            wrong.push(format!("aarc {line}\n  {code}: {what} .. {step}\n  {why}"));
-        }
-    }
+        run(&mut player(&workshop, &line))
+    })?;
     let mut full = player(&workshop, "--generate man");
     let device = OpenOptions::new().write(true).open("/dev/full").map_err(|error| error.to_string())?;
     let output = full.stdout(device).stderr(Stdio::piped()).output().map_err(|error| error.to_string())?;
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    if output.status.code() != Some(USAGE) || !stderr.starts_with("error: cannot write to standard output") {
-        wrong.push(format!("a full standard output: {output:?}"));
-    }
-    if wrong.is_empty() {
-        Ok(())
-    } else {
-        Err(format!("{} of {}:\n{}", wrong.len(), FAILURES.len(), wrong.join("\n")))
-    }
+    Outcome::from(output).refuses(USAGE, "cannot write to standard output", "")
 }
 
 fn large_image(_: &Gpu) -> Result<(), String> {

@@ -9,13 +9,11 @@ use std::sync::Arc;
 use aarc_tests::display::{Display, Screenshot};
 use aarc_tests::gpu::{Passes, device};
 use aarc_tests::lossy::lossy;
-use aarc_tests::programs::{Folder, Outcome, client, run, studio};
+use aarc_tests::outcome::{DEVICE, Outcome, USAGE};
+use aarc_tests::programs::{Folder, client, run, studio};
 use aarc_tests::scene::{Motion, Recipe, lasting, packaged};
 use aarc_tests::server::Server;
 use libtest_mimic::{Completion, Failed, Trial};
-
-const USAGE: i32 = 2;
-const DEVICE: i32 = 5;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -29,7 +27,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// A test that needs a graphics device and whatever else `needs` checks.
+/// A test that needs a graphics device, and what `needs` checks.
 fn ignorable(
     name: &str,
     needs: Option<fn() -> Result<(), String>>,
@@ -103,16 +101,6 @@ fn package() -> Vec<u8> {
     packaged(&RECIPE.field(), None, &[500])
 }
 
-/// Checks that a program ended with `code` and one line that contains all `words`.
-fn sentence(outcome: &Outcome, code: i32, words: &[&str]) -> Result<Completion, String> {
-    let lines = outcome.stderr.trim_end().lines().count();
-    let says = words.iter().all(|word| outcome.stderr.contains(word));
-    if outcome.code == Some(code) && lines == 1 && says {
-        return Ok(Completion::Completed);
-    }
-    Err(format!("exit code {code} and a line with {words:?} expected: {outcome:#?}"))
-}
-
 const HEADLESS: &str = "--headless --time 0.3 --size 96x64";
 
 fn full_cache(folder: &Folder) -> Result<Completion, String> {
@@ -142,7 +130,7 @@ fn full_output(folder: &Folder) -> Result<Completion, String> {
         // Progress is no error.
         let errors = outcome.stderr.lines().filter(|line| line.starts_with("error:"));
         let stderr: String = errors.map(|line| format!("{line}\n")).collect();
-        sentence(&Outcome { stderr, ..outcome }, USAGE, &["disk/", "No space left"])?;
+        Outcome { stderr, stdout: String::new(), ..outcome }.refuses(USAGE, "disk/", "No space left")?;
     }
     Ok(Completion::Completed)
 }
@@ -152,7 +140,7 @@ fn little_memory(folder: &Folder) -> Result<Completion, String> {
     for when in ["memory:1", "memory:2", "memory:3"] {
         let mut command = folder.command(client(), "clip.aarc --headless --size 8000x6000 --out frame.png");
         lossy(&mut command, &folder.path(""), when);
-        sentence(&run(&mut command), DEVICE, &["enough memory"]).map_err(|what| format!("{when}: {what}"))?;
+        run(&mut command).refuses(DEVICE, "enough memory", "").map_err(|what| format!("{when}: {what}"))?;
         if folder.path("frame.png").exists() {
             return Err("an image without memory".into());
         }
@@ -166,8 +154,7 @@ fn lost_headless(folder: &Folder) -> Result<Completion, String> {
         let line = format!("clip.aarc --headless --frames 0..{frames} --size 96x64 --out out");
         let mut command = folder.command(client(), &line);
         lossy(&mut command, &folder.path(""), when);
-        sentence(&run(&mut command), DEVICE, &["stopped working"])
-            .map_err(|what| format!("{when}: {what}"))?;
+        run(&mut command).refuses(DEVICE, "stopped working", "").map_err(|what| format!("{when}: {what}"))?;
     }
     // The layer itself is harmless: lost after the last frame, nothing fails.
     let mut command = folder.command(client(), &format!("clip.aarc {HEADLESS} --out late.png"));
@@ -237,7 +224,8 @@ fn lost_window(folder: &Folder) -> Result<Completion, String> {
     };
     // Every device is lost.
     for when in ["submit:1", "submit:20", "wait:20"] {
-        sentence(&run(&mut player(when)), DEVICE, &["stopped working"])
+        run(&mut player(when))
+            .refuses(DEVICE, "stopped working", "")
             .map_err(|what| format!("{when}: {what}"))?;
     }
     // The first device is lost after 240 submissions or waits: the clip continues on another.

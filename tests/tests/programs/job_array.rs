@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use ::studio::export::field_file;
-use aarc_tests::programs::{Outcome, run, studio};
+use aarc_tests::outcome::Outcome;
+use aarc_tests::programs::{run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
 use libtest_mimic::{Completion, Failed, Trial};

@@ -8,7 +8,8 @@ use std::sync::{Arc, Mutex};
 
 use aarc_tests::display::{self, Display, Screenshot};
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::programs::{Folder, Outcome, client, run};
+use aarc_tests::outcome::{DATA, NETWORK, Outcome};
+use aarc_tests::programs::{Folder, client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Server, Stream};
 use client::gpu::Gpu;
@@ -17,9 +18,6 @@ use libtest_mimic::{Failed, Trial};
 use rustls::pki_types::PrivateKeyDer;
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 use serde_json::Value;
-
-const DATA: i32 = 3;
-const NETWORK: i32 = 4;
 
 const ETAG: &str = "\"one\"";
 
@@ -141,14 +139,11 @@ fn secure(_: &Gpu) -> Result<(), String> {
 /// Checks that the player ends with this code and one error line that contains `sentence`, and writes
 /// no image.
 fn refused(folder: &Folder, command: &mut Command, code: i32, sentence: &str) -> Result<(), String> {
-    let outcome: Outcome = run(command);
-    let lines: Vec<&str> = outcome.stderr.lines().collect();
-    let [line] = lines[..] else { return Err(format!("{outcome:?}")) };
-    let is_expected = line.starts_with("error: http") && line.contains(sentence);
-    if outcome.code != Some(code) || !is_expected || folder.path("b.png").exists() {
-        return Err(format!("{outcome:?}"));
+    run(command).refuses(code, "error: http", sentence)?;
+    match folder.path("b.png").exists() {
+        true => Err("an image was written".into()),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 fn faults() -> Result<(), String> {

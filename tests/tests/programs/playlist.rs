@@ -8,14 +8,12 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::display::{self, Display, Screenshot};
 use aarc_tests::gpu::{self, Passes};
-use aarc_tests::programs::{Folder, Outcome, client, run};
+use aarc_tests::outcome::{DATA, Outcome, USAGE};
+use aarc_tests::programs::{Folder, client, run};
 use aarc_tests::scene::{Motion, Recipe, ball, lasting, packaged};
 use aarc_tests::server::Server;
 use client::gpu::Gpu;
 use libtest_mimic::Trial;
-
-const USAGE: i32 = 2;
-const DATA: i32 = 3;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -163,12 +161,11 @@ fn faults(_: &Gpu) -> Result<(), String> {
     let refused = |text: &str, line: &str, code: i32, sentence: &str| {
         folder.write("list.json", text.as_bytes());
         let outcome = play(&folder, "list.json", &format!("{line} --out b.png"));
-        let lines: Vec<&str> = outcome.stderr.lines().collect();
-        let is_expected = lines.len() == 1 && lines[0].starts_with("error: ") && lines[0].contains(sentence);
-        if outcome.code != Some(code) || !is_expected || folder.path("b.png").exists() {
-            return Err(format!("{text}: {outcome:?}"));
+        outcome.refuses(code, sentence, "").map_err(|why| format!("{text}: {why}"))?;
+        match folder.path("b.png").exists() {
+            true => Err(format!("{text}: an image was written")),
+            false => Ok(()),
         }
-        Ok(())
     };
     refused("{}", "", DATA, "list.json: no playlist")?;
     refused(&list(&[]), "", DATA, "has no clip")?;

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use aarc_tests::programs::{Folder, Outcome, run};
+use aarc_tests::outcome::{Outcome, contents};
+use aarc_tests::programs::{Folder, run};
 use aarc_tests::scene::{Motion, Recipe, info, packaged};
 use codec::Field;
 use image::RgbImage;
@@ -52,18 +53,7 @@ impl Workshop {
 
     /// Every path in the folder with its file's bytes; empty for folders.
     pub(crate) fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        let mut found = BTreeMap::new();
-        let mut folders = vec![self.path("")];
-        while let Some(folder) = folders.pop() {
-            for entry in fs::read_dir(&folder).expect("a folder of this test") {
-                let path = entry.expect("a folder of this test").path();
-                let bytes =
-                    if path.is_dir() { Vec::new() } else { fs::read(&path).expect("a file of this test") };
-                folders.extend(Some(path.clone()).filter(|path| path.is_dir()));
-                found.insert(path, bytes);
-            }
-        }
-        found
+        contents(&self.path(""))
     }
 
     /// Records the contents that refused commands must not change. Call it after the last write.
@@ -81,24 +71,13 @@ impl Workshop {
     }
 
     /// Checks that a command failed with this code and one line on stderr that says `what` and then the next
-    /// `step`, and changed no file. Lines about another try of a download may come before.
+    /// `step`, and changed no file.
     pub(crate) fn refused(&self, outcome: &Outcome, code: i32, what: &str, step: &str) -> Result<(), String> {
-        let complain = |why: &str| Err(format!("{why}\n{outcome:#?}"));
-        if outcome.code != Some(code) {
-            return complain(&format!("exit code {code} was expected"));
+        outcome.refuses(code, what, step)?;
+        match self.contents() == self.before {
+            true => Ok(()),
+            false => Err(format!("it changed something: now there are {:?}", self.contents().into_keys())),
         }
-        let lines: Vec<&str> =
-            outcome.stderr.lines().filter(|line| !line.contains(", trying again (")).collect();
-        let [line] = lines[..] else { return complain("one line was expected") };
-        let says = line.find(what).is_some_and(|at| line[at..].contains(step));
-        if !line.starts_with("error: ") || !says {
-            return complain(&format!("it does not say {what:?} and then {step:?}"));
-        }
-        if self.contents() != self.before {
-            let names: Vec<_> = self.contents().into_keys().collect();
-            return complain(&format!("it changed something: now there are {names:?}"));
-        }
-        Ok(())
     }
 }
 

@@ -249,7 +249,7 @@ fn radial(gpu: &Gpu) -> Result<(), String> {
             (&RenderScene::from(&clip), Order::Radial),
         )?;
     }
-    // From inside, with a wide angle, the two orders give different images.
+    // A wide view from inside differs between the two orders.
     let near = camera(Place::Near, SIZE.0, SIZE.1);
     let [depth, radial] =
         [Order::Depth, Order::Radial].map(|order| render(&RenderScene::from(&clip), &near, 0.5, order));

@@ -65,7 +65,7 @@ fn assert_none(rule: &str, offences: &[String]) {
 fn only_their_folders_name_the_graphics_and_headset_interfaces() {
     let mut offences = Vec::new();
     for (path, text) in files(&["rs"]) {
-        // Of the peers, the one that is a library of it is handed a device.
+        // One peer is a wgpu library and takes a device.
         let graphics =
             ["client/src/gpu/", "codec/refine/src/fit/backend/gpu/", "tests/peers/src/native/viewer.rs"];
         let homes: [(&str, &[&str]); 2] = [("wgpu", &graphics), ("openxr", &["client/src/xr/"])];

@@ -101,7 +101,7 @@ pub(crate) fn avoided<'a>(path: &str, tokens: &[Token<'a>]) -> Vec<(usize, &'a s
     found
 }
 
-/// A name in snake case, whatever its case was.
+/// A name of any case in snake case.
 pub(crate) fn snake(name: &str) -> String {
     let letters: Vec<char> = name.chars().collect();
     let mut snake = String::with_capacity(name.len() + 4);

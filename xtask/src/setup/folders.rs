@@ -1,4 +1,4 @@
-//! The folders that the set-up makes: their packages, what is kept of them, and how large they are.
+//! The folders that the set-up makes: their packages, the files kept of each, and their sizes.
 
 use xtask::workspace;
 

@@ -5,9 +5,9 @@ use std::io::Read;
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
-use refine::capture::Holdout;
 use refine::reference;
 
+use crate::import::FitRecord;
 use crate::messages::{bad_package, decimal, unreadable};
 use crate::scene::{Scene, frames_of};
 use program::Fault;
@@ -63,11 +63,19 @@ impl Input {
         }
     }
 
-    /// The frames that were held out from fitting, if a field file records it.
-    pub fn holdout(&self) -> Option<Holdout> {
+    /// The photographs that it was fitted to, as far as a field file records them.
+    pub fn fit_record(&self) -> FitRecord {
         match self {
-            Input::Package(_) => None,
-            Input::Scene(scene) => scene.subject.hints.holdout,
+            Input::Package(_) => FitRecord::default(),
+            Input::Scene(scene) => scene.subject.hints.fit.clone(),
+        }
+    }
+
+    /// Whether all but the background shows the same at all times.
+    pub fn is_static(&self) -> bool {
+        match self {
+            Input::Package(clip) => clip.dynamic_field.is_empty(),
+            Input::Scene(scene) => scene.subject.field.temporal.is_none(),
         }
     }
 
@@ -189,13 +197,7 @@ mod tests {
 
     #[test]
     fn times_run_from_the_start_to_half_a_frame_after_the_end() {
-        let info = ClipInfo {
-            duration_s: 2.0,
-            fps: 25.0,
-            up: [0.0, 1.0, 0.0],
-            metres_per_unit: 1.0,
-            viewpoints: Vec::new(),
-        };
+        let info = ClipInfo { duration_s: 2.0, fps: 25.0, ..ClipInfo::default() };
         assert_eq!(clip_time("--at", 0.5, &info).unwrap(), 0.25);
         assert_eq!(clip_time("--at", 2.019, &info).unwrap(), 1.0);
         for seconds in [-0.01, 2.03, f64::NAN, f64::INFINITY] {

@@ -11,6 +11,7 @@ pub mod export;
 pub mod fit;
 pub mod import;
 pub mod input;
+pub mod lpips_weights;
 pub mod machine;
 mod messages;
 pub mod package;

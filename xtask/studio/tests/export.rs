@@ -5,8 +5,8 @@ mod support;
 use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
-use studio::import::{Hints, import};
-use support::{assert_close, assert_same_rotations, field, import_bytes, info};
+use studio::import::{FitRecord, Hints, import};
+use support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
 
 #[test]
 fn field_file_is_lossless() {
@@ -31,13 +31,33 @@ fn field_file_is_lossless() {
 }
 
 #[test]
-fn a_fitted_field_file_records_its_holdout() {
-    for holdout in [Holdout::Odd, Holdout::None] {
-        let bytes = fitted_field_file(&field(3, 0, None, false), &info(), holdout);
-        assert_eq!(import_bytes("field.ply", &bytes).expect("our own file").hints.holdout, Some(holdout));
+fn a_fitted_field_file_records_its_photographs() {
+    let whole = FitRecord {
+        holdout: Some(Holdout::Odd),
+        frames: Some(8..17),
+        seconds: Some([8.0 / 30.0, 16.0 / 30.0]),
+        timing: Some(0x00c0_ffee),
+    };
+    let others = [
+        FitRecord { seconds: None, ..whole.clone() },
+        FitRecord { holdout: Some(Holdout::None), ..FitRecord::default() },
+        FitRecord::default(),
+    ];
+    for record in [&[whole][..], &others].concat() {
+        let bytes = fitted_field_file(&field(3, 0, None, false), &info(), &record);
+        assert_eq!(import_bytes("field.ply", &bytes).expect("our own file").hints.fit, record);
     }
-    let unrecorded = import_bytes("field.ply", &field_file(&field(3, 0, None, false), &info()));
-    assert_eq!(unrecorded.expect("our own file").hints.holdout, None);
+    let bytes = field_file(&field(3, 0, None, false), &info());
+    let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
+    for wrong in
+        ["holdout some", "frames 8", "frames 9..9", "seconds 1", "seconds nan 2", "seconds 2 1", "timing xy"]
+    {
+        let comment = format!("comment aarc {wrong}\n");
+        let bytes = [&bytes[..end], comment.as_bytes(), &bytes[end..]].concat();
+        let (key, value) = wrong.split_once(' ').unwrap();
+        let error = import_error("field.ply", &bytes);
+        assert!(error.contains(&format!("comment aarc {key}: cannot use `{value}`")), "{error}");
+    }
 }
 
 #[test]
@@ -50,7 +70,7 @@ fn other_formats_keep_the_metadata_that_they_can_hold() {
         duration_s: Some(duration_s),
         fps: Some(fps),
         viewpoints,
-        holdout: None,
+        fit: FitRecord::default(),
     };
     assert_eq!(hints("a.splatv", &splatv(&field(3, 0, Some(3), true), &info())), whole);
     assert_eq!(hints("a.ply", &static_ply(&field(3, 1, None, false), Some(&info()))), whole);

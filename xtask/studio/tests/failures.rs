@@ -6,24 +6,19 @@ mod support;
 mod tool;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::ops::Range;
+use std::path::PathBuf;
 
 use codec::{Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, splatv, static_ply};
-use studio::import::import;
+use studio::import::{FitRecord, import};
 use support::{field, info};
 use tempfile::TempDir;
-use tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
-
-const CHECK: i32 = 1;
-const USAGE: i32 = 2;
-const DATA: i32 = 3;
 #[cfg(any(feature = "gpu", feature = "onnx"))]
-const DEVICE: i32 = 5;
-
-/// Arguments, exit code, what is wrong and where, and the next step.
-type Failure = (&'static str, i32, &'static str, &'static str);
+use tool::outcome::DEVICE;
+use tool::outcome::{CHECK, DATA, Failure, USAGE, check_failures};
+use tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 
 const FAILURES: &[Failure] = &[
     // Fitting.
@@ -53,6 +48,25 @@ const FAILURES: &[Failure] = &[
     ("fit stage --depths bare", DATA, "no anchor: no depth map", "name them as the photographs"),
     ("fit stage --from nope.ply", DATA, "nope.ply: there is no such file", "check the path"),
     ("fit stage --from field.ply", USAGE, "field.ply is of 50 frames", "select its frames with --frames"),
+    (
+        "fit stage --from late.ply",
+        USAGE,
+        "late.ply was fitted to frames 8..17, and stage has 0..5",
+        "with all its frames",
+    ),
+    (
+        "fit stage --from early.ply --frames 1..3",
+        USAGE,
+        "--frames 1..3: early.ply was fitted to frames 1..4",
+        "leave --frames out",
+    ),
+    ("fit stage --from slow.ply", USAGE, "slow.ply was fitted to 1 to 9 s", "correct the capture's fps"),
+    (
+        "fit stage --from other.ply",
+        USAGE,
+        "other.ply was fitted to photographs at other times",
+        "time_offset_s",
+    ),
     ("fit stage -o begun.ply", DATA, "begun.checkpoint: no checkpoint of this version", "remove it to start"),
     (
         "fit stage --frames 0..1 --held-cameras 00,01,02,04,05,06,07",
@@ -60,7 +74,12 @@ const FAILURES: &[Failure] = &[
         "all photographs are held out",
         "hold out fewer",
     ),
-    ("fit stage --lpips-weights camera.json", DATA, "camera.json", "name weights of AlexNet or VGG16"),
+    (
+        "fit stage --lpips-weights camera.json",
+        DATA,
+        "camera.json: damaged or no PyTorch weights",
+        "name torchvision's vgg16-397923af.pth",
+    ),
     ("fit --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
     ("fit --list empty.txt -o bare", DATA, "empty.txt: names no take", "write the path of one in each line"),
     // Scenes and their packages.
@@ -96,6 +115,12 @@ const FAILURES: &[Failure] = &[
         "name their folder with --capture",
     ),
     ("package field.ply --refine 9 --capture stage", USAGE, "field.ply is of 50 frames", "--frames"),
+    (
+        "package late.ply --refine 9 --capture stage",
+        USAGE,
+        "late.ply was fitted to frames 8..17",
+        "with all its frames",
+    ),
     ("package field.ply --size 24x24", USAGE, "select photographs", "add --refine, or leave them out"),
     ("package stage --refine 9 --capture stage", USAGE, "stage is a capture itself", "leave --capture out"),
     ("package --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
@@ -124,6 +149,14 @@ const FAILURES: &[Failure] = &[
     ("export clip.aarc --ply -o bare", USAGE, "cannot write bare", "name a file"),
     // Evaluation and reports.
     ("eval field.ply --capture nope", DATA, "nope: there is no such file or folder", "check the path"),
+    ("eval clip.aarc --capture stage", USAGE, "clip.aarc is of 50 frames", "select its frames with --frames"),
+    ("eval late.ply --capture stage", USAGE, "late.ply was fitted to frames 8..17", "with all its frames"),
+    (
+        "eval early.ply --capture stage --frames 0..5",
+        USAGE,
+        "early.ply was fitted to frames 1..4",
+        "leave --frames out",
+    ),
     ("eval nope.ply --capture stage", DATA, "nope.ply: there is no such file", "check the path"),
     (
         "eval field.ply clip.aarc --capture stage",
@@ -134,6 +167,35 @@ const FAILURES: &[Failure] = &[
     ("report nope.ply --rd", DATA, "nope.ply: there is no such file", "check the path"),
     ("report field.ply --rd -o no/report", USAGE, "cannot write no/report", "make it first"),
     ("report field.ply clip.aarc", USAGE, "a page is of one clip or field", "name one, or choose --rd"),
+    ("report field.ply --fit", DATA, "field.ply: a file", "a capture is a folder, so name that"),
+    ("report stage --fit -o stage/report", USAGE, "would lie within stage", "name another --out"),
+    ("report stage field.ply --fit", USAGE, "--fit is of one capture", "name one"),
+    ("report stage --fit -o no/report", USAGE, "cannot write no/report", "make it first"),
+    (
+        "report field.ply --steps 9",
+        USAGE,
+        "the other options of fits need --fit",
+        "add it, or leave them out",
+    ),
+    (
+        "report stage --fit --compare a=bare",
+        DATA,
+        "--compare: bare holds no picture of a photograph",
+        "such as bare/00/",
+    ),
+    (
+        "report stage --fit --size 24x24 --compare a=stage/images",
+        DATA,
+        "but its camera has 24x24",
+        "scale it",
+    ),
+    ("report stage --fit --compare a=nope", DATA, "nope: there is no such file or folder", "check the path"),
+    (
+        "report stage --fit --compare a=stage --compare a=stage",
+        USAGE,
+        "--compare: two methods are called a",
+        "rename one",
+    ),
     ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
     ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
     ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
@@ -160,6 +222,14 @@ fn workshop() -> TempDir {
     let write = |name: &str, bytes: &[u8]| fs::write(path(name), bytes).unwrap();
     let dynamic = field_file(&field(40, 0, Some(1), false), &info());
     write("field.ply", &dynamic);
+    let fitted_to = |frames: Range<usize>, seconds, timing| {
+        let record = FitRecord { frames: Some(frames), seconds, timing, ..FitRecord::default() };
+        fitted_field_file(&field(40, 0, Some(1), false), &info(), &record)
+    };
+    write("late.ply", &fitted_to(8..17, None, None));
+    write("early.ply", &fitted_to(1..4, None, None));
+    write("slow.ply", &fitted_to(0..5, Some([1.0, 9.0]), None));
+    write("other.ply", &fitted_to(0..5, None, Some(0)));
     let package = ["package", "field.ply", "-o", "clip.aarc", "--coder", "fixed"];
     assert_eq!(aarc_studio(folder.path(), &package).code, Some(0));
     let clip = fs::read(path("clip.aarc")).unwrap();
@@ -216,47 +286,21 @@ fn with_size(bytes: &[u8], size: u64) -> Vec<u8> {
     [&bytes[..4], &(header.len() as u32).to_le_bytes(), &header, &bytes[payload..]].concat()
 }
 
-/// Names of everything in the folder.
-fn names(folder: &Path) -> Vec<PathBuf> {
-    let mut names: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    names.sort();
-    names
-}
-
 #[test]
 fn every_failure_says_what_where_and_what_to_do() {
     let folder = workshop();
-    let before = names(folder.path());
-    let mut wrong = Vec::new();
-    for &(line, code, what, step) in FAILURES {
+    let run = |line: &str| {
         let args: Vec<&str> = line.split_whitespace().collect();
-        let outcome = aarc_studio_with(folder.path(), &args, &NO_DEVICE);
-        let errors: Vec<&str> = outcome.stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
-        let is_right = match errors[..] {
-            [error] => {
-                error.starts_with("error: ")
-                    && error.find(what).is_some_and(|at| error[at..].contains(step))
-                    && !error.contains(".writing-")
-            }
-            _ => false,
-        };
-        if outcome.code != Some(code) || !is_right || !outcome.stdout.is_empty() {
-            wrong.push(format!(
-                "{line}\n  {code}: {what} .. {step}\n  {:?}: {}",
-                outcome.code, outcome.stderr
-            ));
-        }
-        if names(folder.path()) != before {
-            wrong.push(format!("{line}\n  leaves something behind"));
-        }
-    }
-    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), FAILURES.len(), wrong.join("\n"));
+        aarc_studio_with(folder.path(), &args, &NO_DEVICE)
+    };
+    check_failures(FAILURES, folder.path(), run).unwrap_or_else(|wrong| panic!("{wrong}"));
 }
 
 #[test]
 fn exports_say_in_one_line_what_they_lose() {
     let folder = tempfile::tempdir().unwrap();
-    let bytes = fitted_field_file(&field(40, 1, Some(2), true), &info(), Holdout::Odd);
+    let record = FitRecord { holdout: Some(Holdout::Odd), frames: Some(2..9), ..FitRecord::default() };
+    let bytes = fitted_field_file(&field(40, 1, Some(2), true), &info(), &record);
     fs::write(folder.path().join("field.ply"), bytes).unwrap();
     let mut args = vec!["export", "field.ply"];
     let mut export = |more: &[&'static str]| {
@@ -275,7 +319,7 @@ fn exports_say_in_one_line_what_they_lose() {
     assert_eq!(export(&["--ply", "-o", "whole.ply"]), "");
     let mip = Field { filter: PixelFilter::Mip, ..field(40, 0, Some(2), true) };
     let hints = import(&folder.path().join("whole.ply")).unwrap().hints;
-    fs::write(folder.path().join("field.ply"), fitted_field_file(&mip, &info(), Holdout::Odd)).unwrap();
+    fs::write(folder.path().join("field.ply"), fitted_field_file(&mip, &info(), &record)).unwrap();
     assert_eq!(export(&["--splatv", "-o", "b.splatv"]), "note: b.splatv does not hold the mip filter\n");
     let lost = "note: b.ply does not hold the mip filter for other tools\n";
     assert_eq!(export(&["--ply", "--at", "0.5", "-o", "b.ply"]), lost);
@@ -283,5 +327,5 @@ fn exports_say_in_one_line_what_they_lose() {
     let lost =
         "note: b.spz does not hold the up axis, metres per unit, viewpoints, duration and frame rate\n";
     assert_eq!(export(&["--spz", "--at", "0.5", "-o", "b.spz"]), lost);
-    assert_eq!((hints.holdout, hints.viewpoints), (Some(Holdout::Odd), info().viewpoints));
+    assert_eq!((hints.fit, hints.viewpoints), (record, info().viewpoints));
 }

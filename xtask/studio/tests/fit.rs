@@ -9,9 +9,11 @@ use std::thread;
 use std::time::Duration;
 
 use codec::PixelFilter;
+use refine::capture::Holdout;
 use serde_json::Value;
 use small_stage::{fit, kill_when, measured, stage, stage_of};
-use studio::import::import;
+use studio::fit::crc;
+use studio::import::{FitRecord, import};
 use tempfile::tempdir;
 use tool::aarc_studio;
 
@@ -109,7 +111,7 @@ fn a_fit_starts_from_a_field() {
 
     let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
     let error = aarc_studio(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
-    assert!(error.contains("first.ply is of 5 frames") && error.contains("the capture of 3"), "{error}");
+    assert!(error.contains("--frames 0..3: first.ply was fitted to frames 0..5"), "{error}");
     // A new field has the mip filter; one that a fit starts from keeps its own.
     let filter = |name: &str| import(&folder.join(name)).unwrap().field.filter;
     assert_eq!([filter("first.ply"), filter("field.ply")], [PixelFilter::Mip; 2]);
@@ -147,6 +149,79 @@ fn a_field_records_its_holdout() {
             "{json}"
         );
     }
+}
+
+/// A field of some frames is evaluated, refined and fitted further at these, and a capture that has changed is refused.
+#[test]
+fn a_field_keeps_to_its_own_frames() {
+    let folder = stage();
+    let folder = folder.path();
+    let few = ["--steps", "20", "--gaussians", "300"];
+    fit(folder, &[&few[..], &["--frames", "1..4"]].concat());
+    let record = |name: &str| import(&folder.join(name)).unwrap().hints.fit;
+    let FitRecord { frames, seconds, timing, .. } = record("field.ply");
+    assert_eq!((frames, seconds), (Some(1..4), Some([1.0 / 30.0, 3.0 / 30.0])));
+    assert_eq!(timing, Some(crc(b"0\n500000\n1000000\n")), "as xtask/FIELD.md specifies it");
+
+    let eval = |field: &str, more: &[&str]| {
+        aarc_studio(folder, &[&["eval", field, "--capture", "stage", "--json"], more].concat())
+    };
+    let note = "field.ply was fitted to frames 1..4, so only these are used";
+    let own = eval("field.ply", &[]);
+    assert_eq!(own.stderr, format!("note: {note}\n"));
+    let own = own.json();
+    assert_eq!((&own["frames"], &own["holdout"]), (&serde_json::json!([1, 4]), &"odd".into()));
+    assert_eq!(
+        (&own["splits"]["train"]["images"], &own["splits"]["interp_b"]["images"]),
+        (&14.into(), &7.into())
+    );
+    let named = eval("field.ply", &["--frames", "1..4"]);
+    assert_eq!(named.stderr, "");
+    assert_eq!(named.json(), own);
+    // A file of an earlier program, without the record.
+    let bytes = fs::read(folder.join("field.ply")).unwrap();
+    let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    let is_old = |line: &&str| {
+        !["frames", "seconds", "timing"].iter().any(|key| line.contains(&format!("aarc {key} ")))
+    };
+    let header: String = header.split_inclusive('\n').filter(is_old).collect();
+    fs::write(folder.join("old.ply"), [header.as_bytes(), &bytes[end..]].concat()).unwrap();
+    assert_eq!(record("old.ply"), FitRecord { holdout: Some(Holdout::Odd), ..FitRecord::default() });
+    assert!(
+        eval("old.ply", &[])
+            .error(2)
+            .contains("old.ply is of 3 frames (duration_s times fps), the capture of 5")
+    );
+    assert_eq!(eval("old.ply", &["--frames", "1..4"]).json()["splits"], own["splits"]);
+
+    let from =
+        ["fit", "stage", "-o", "further.ply", "--steps", "1", "--from", "field.ply", "--holdout", "odd"];
+    let outcome = aarc_studio(folder, &from);
+    assert!(outcome.code == Some(0) && outcome.stderr.contains(note), "{}", outcome.stderr);
+    assert_eq!(record("further.ply"), record("field.ply"));
+    let refine = ["package", "field.ply", "-o", "a.aarc", "--refine", "1", "--capture", "stage", "--json"];
+    let outcome = aarc_studio(folder, &refine);
+    assert!(outcome.stderr.contains(note), "{}", outcome.stderr);
+    assert_eq!(outcome.json()["refined"]["photographs"], 14);
+
+    let manifest = folder.join("stage/capture.json");
+    let stated = fs::read_to_string(&manifest).unwrap();
+    let other = |from: &str, to: &str| {
+        assert!(stated.contains(from), "{stated}");
+        fs::write(&manifest, stated.replacen(from, to, 1)).unwrap();
+        eval("field.ply", &[]).error(2)
+    };
+    let error = other("\"fps\": 30", "\"fps\": 60");
+    assert!(
+        error.contains("was fitted to 0.033 to 0.1 s, and frames 1..4 of stage are at 0.017 to 0.05 s"),
+        "{error}"
+    );
+    let error = other("\"id\": \"00\"", "\"time_offset_s\": 0.01, \"id\": \"00\"");
+    assert!(error.contains("was fitted to photographs at other times than stage states"), "{error}");
+    // Without a frame rate the seconds are unknown.
+    fs::write(&manifest, stated.replace("\"fps\": 30,", "")).unwrap();
+    assert_eq!(eval("field.ply", &[]).json(), own);
 }
 
 #[test]
@@ -220,7 +295,7 @@ fn a_pruned_field_is_refined() {
     assert!(error(2, "stage", &refine).contains("stage is a capture itself"));
     assert!(error(2, "field.ply", &["--size", "24x24"]).contains("needs for --refine only"));
     let other = [&refine[..], &["--frames", "0..3"]].concat();
-    assert!(error(2, "field.ply", &other).contains("field.ply is of 5 frames"));
+    assert!(error(2, "field.ply", &other).contains("--frames 0..3: field.ply was fitted to frames 0..5"));
     fs::create_dir(folder.join("scene")).unwrap();
     fs::copy(folder.join("field.ply"), folder.join("scene/field.ply")).unwrap();
     assert!(error(3, "scene", &["--refine", "9"]).contains("scene: no capture"));

@@ -158,26 +158,6 @@ fn cameras_of_splatv_count_if_they_see_the_field() {
 }
 
 #[test]
-fn many_properties_are_no_more_work_each_than_few() {
-    let inria: String = INRIA.split(' ').map(|name| format!("property float {name}\n")).collect();
-    // The quickest of some imports of a header with so many properties.
-    let seconds = |count: usize| {
-        let many: String = (0..count).map(|k| format!("property char f_rest_{k}\n")).collect();
-        let text = format!("ply\nformat ascii 1.0\nelement vertex 0\n{many}{inria}end_header\n");
-        let import = || {
-            let start = std::time::Instant::now();
-            let message = import_error("a.ply", text.as_bytes());
-            assert!(message.contains(&format!("{count} properties f_rest_*")), "{message}");
-            start.elapsed().as_secs_f64()
-        };
-        (0..5).map(|_| import()).fold(f64::INFINITY, f64::min)
-    };
-    let (few, many) = (seconds(4_750), seconds(38_000));
-    println!("{few:.4} s for 4,750 properties, {many:.4} s for 38,000");
-    assert!(many < 24.0 * few, "eight times the properties take {:.0} times as long", many / few);
-}
-
-#[test]
 fn guitar_is_complete() {
     let Some(path) = data("guitar/guitar.compressed.ply") else { return };
     let imported = import(&path).expect("a real field");

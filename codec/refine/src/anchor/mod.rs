@@ -48,9 +48,6 @@ use mirror::Plane;
 use motion::{FrameRows, start_motion};
 use sources::FrameSurfaces;
 
-/// Most frames of a clip that [`Mirror::Auto`] mirrors: the paper's short clip has nine.
-const SHORT: usize = 9;
-
 /// Anchors the frames that a field is to be fitted to, in the order of time. `timeline` counts all
 /// frames of the clip; a clip of one frame gets Gaussians without temporal columns.
 ///
@@ -104,11 +101,8 @@ fn anchor_frame(
     scale: &mut Option<f64>,
 ) -> Result<Parameters<f32>, AnchorError> {
     let front = sources::front(settings, frame);
-    let mirrors = match settings.mirror {
-        Mirror::Off => false,
-        Mirror::Auto => timeline.frames <= SHORT && settings.views.is_some() && front.is_some(),
-        Mirror::On => true,
-    };
+    let mirrors = settings.mirror.is_possible(timeline.frames, settings.views.is_some())
+        && (front.is_some() || settings.mirror == Mirror::On);
     let per_ray = ground::PER_RAY * if mirrors { 2 } else { 1 };
     let rays = gaussians_per_frame / per_ray as f64;
     let FrameSurfaces { surfaces, step, hull_center } = sources::surfaces(settings, frame, rays, scale)?;

@@ -1,6 +1,6 @@
 //! [`scatter`]: random Gaussians instead of an anchor, the baseline that anchors are compared with.
 
-use codec::{Camera, PixelFilter};
+use codec::Camera;
 
 use super::pinhole::{Pinhole, nearest_to_axes};
 use super::{AnchorError, AnchorSettings};
@@ -17,7 +17,7 @@ const FILLING: f64 = 0.5;
 
 /// Gray Gaussians at random positions around the point that `cameras` look at, and at random times of
 /// the clip. The result depends on `seed` only. From `settings` it takes the number of Gaussians, their
-/// temporal width, and the columns.
+/// temporal width, the filter and the columns.
 ///
 /// # Errors
 /// [`AnchorError::NoCenter`] if the cameras do not look at one point.
@@ -37,7 +37,7 @@ pub fn scatter(
     let timed = timeline.frames > 1;
     let columns = Parameters {
         sh_degree: settings.sh_degree,
-        filter: PixelFilter::Mip,
+        filter: settings.filter,
         motion_order: if timed { settings.motion_order } else { 0 },
         // Only its emptiness matters: it tells `zeros` whether to make temporal columns.
         tau: vec![0.0; usize::from(timed)],

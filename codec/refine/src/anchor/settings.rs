@@ -1,5 +1,6 @@
 //! [`AnchorSettings`] and the choices in it.
 
+use codec::PixelFilter;
 use serde::{Deserialize, Serialize};
 
 use super::align::Alignment;
@@ -28,6 +29,8 @@ pub struct AnchorSettings {
     /// The paper's is 1.5 frames of the capture, of which it holds out every other one: 0.75 intervals. Halfway
     /// between two photographs, a Gaussian of either still has 0.80 of its opacity.
     pub width: f64,
+    /// The filter that the Gaussians are drawn with.
+    pub filter: PixelFilter,
     /// Degree of the spherical harmonics, 0 to 3; all coefficients above degree 0 start at 0.
     pub sh_degree: u8,
     /// Highest power of time in the trajectories, 0 to 3.
@@ -46,6 +49,7 @@ impl Default for AnchorSettings {
             hull: HullSettings::default(),
             sweep: SweepSettings::default(),
             width: 0.75,
+            filter: PixelFilter::Mip,
             sh_degree: 3,
             motion_order: 3,
             motion_start: true,
@@ -64,6 +68,9 @@ pub enum DepthSource {
     Given(Alignment),
 }
 
+/// Most frames of a clip that [`Mirror::Auto`] mirrors: the paper's short clip has nine.
+const SHORT: usize = 9;
+
 /// When to mirror the back side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mirror {
@@ -74,4 +81,16 @@ pub enum Mirror {
     On,
     /// Never.
     Off,
+}
+
+impl Mirror {
+    /// Whether a clip of this many frames may be mirrored; `has_views` says whether [`AnchorSettings::views`]
+    /// names cameras.
+    pub fn is_possible(self, frames: usize, has_views: bool) -> bool {
+        match self {
+            Mirror::Auto => frames <= SHORT && has_views,
+            Mirror::On => true,
+            Mirror::Off => false,
+        }
+    }
 }

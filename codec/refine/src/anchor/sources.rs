@@ -47,7 +47,7 @@ pub(super) fn surfaces<'a>(
             Some(Hull::carve(silhouettes.collect(), settings.hull)?)
         }
     };
-    // With given depths, the number of pixels is known only once they are aligned.
+    // The number of pixels with given depths is known after their alignment.
     let mut step = match settings.source {
         DepthSource::Hull | DepthSource::HullAndSweep => {
             let subject = |view: &AnchorView| {

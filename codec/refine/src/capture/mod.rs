@@ -188,11 +188,28 @@ fn sample(image: &Image, [x, y]: [f64; 2]) -> Option<[f64; 4]> {
 }
 
 #[cfg(test)]
+pub(crate) mod fixtures {
+    use super::*;
+
+    /// A camera in the origin without a lens, in time with its frames.
+    pub(crate) fn calibrated() -> CalibratedCamera {
+        CalibratedCamera {
+            name: String::new(),
+            camera: Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 32, 24),
+            lens: Lens::default(),
+            time_offset_s: 0.0,
+            held: false,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
+    use super::fixtures::calibrated;
     use super::*;
 
     fn camera() -> Camera {
-        Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 32, 24)
+        calibrated().camera
     }
 
     /// Pixels that encode their coordinates.
@@ -251,14 +268,9 @@ mod tests {
 
     #[test]
     fn a_photograph_is_later_than_its_frame_by_the_offset_of_its_camera() {
-        let calibrated = |time_offset_s: f64| CalibratedCamera {
-            name: String::new(),
-            camera: camera(),
-            lens: Lens::default(),
-            time_offset_s,
-            held: false,
-        };
-        let cameras = [0.0, 0.02, -0.01].map(calibrated).to_vec();
+        let cameras =
+            [0.0, 0.02, -0.01].map(|time_offset_s| CalibratedCamera { time_offset_s, ..calibrated() });
+        let cameras = cameras.to_vec();
         let capture = Capture { cameras, frame_times_s: even_times_s(5, 25.0), photos: Vec::new() };
         let time = |camera: usize, frame: usize| capture.clip_time(PhotoId { frame, camera });
         assert_eq!((capture.frames(), capture.duration_s()), (5, 0.16));

@@ -110,18 +110,11 @@ impl std::error::Error for SplitError {}
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::{CalibratedCamera, Lens, even_times_s};
-    use codec::Camera;
+    use crate::capture::fixtures::calibrated;
+    use crate::capture::{CalibratedCamera, even_times_s};
 
     fn capture(held: &[bool]) -> Capture {
-        let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8);
-        let cameras = held.iter().enumerate().map(|(i, &held)| CalibratedCamera {
-            name: i.to_string(),
-            camera: camera.clone(),
-            lens: Lens::default(),
-            time_offset_s: 0.0,
-            held,
-        });
+        let cameras = held.iter().map(|&held| CalibratedCamera { held, ..calibrated() });
         let photos = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| PhotoId { camera, frame }));
         let photos = photos.collect();
         Capture { cameras: cameras.collect(), frame_times_s: even_times_s(3, 30.0), photos }

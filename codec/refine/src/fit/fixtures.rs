@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 
 use codec::{Camera, Field, Temporal, sh_coefficients};
-use safetensors::Dtype;
-use safetensors::tensor::{TensorView, serialize};
 
-use super::{Parameters, Real, Timeline};
+use super::{Parameters, Real, Timeline, WeightTensor};
 
 pub(crate) const TIMELINE: Timeline = Timeline::even(9);
 
@@ -81,38 +79,27 @@ pub(crate) fn with_extreme_numbers(plain: &Parameters<f32>) -> impl Iterator<Ite
 /// Frames at which nothing is visible, or that are not finite.
 pub(crate) const EXTREME_FRAMES: [f64; 3] = [f64::NAN, f64::INFINITY, -1e300];
 
-/// Shapes and bytes of tensors by name.
-pub(crate) type Tensors = BTreeMap<String, (Vec<usize>, Vec<u8>)>;
-
-pub(crate) fn bytes(values: impl Iterator<Item = f64>) -> Vec<u8> {
-    values.flat_map(|x| (x as f32).to_le_bytes()).collect()
-}
-
 /// Pseudo-random weights of a layer, in `[-scale / 2, scale / 2]`.
 pub(crate) fn layer_weights(count: usize, layer: usize, scale: f64) -> impl Iterator<Item = f64> {
     (0..count).map(move |i| (((i * 7919 + layer * 104_729) % 1009) as f64 / 1009.0 - 0.5) * scale)
 }
 
 /// AlexNet for LPIPS, with weights from a formula.
-pub(crate) fn alexnet() -> Tensors {
+pub(crate) fn alexnet() -> BTreeMap<String, WeightTensor> {
     let layers = [(0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)];
-    let mut tensors = Tensors::new();
+    let mut tensors = BTreeMap::new();
+    let mut add = |name: String, shape: Vec<usize>, values: &mut dyn Iterator<Item = f64>| {
+        tensors.insert(name, WeightTensor { shape, values: values.map(|x| x as f32).collect() });
+    };
     for (i, (number, inputs, outputs, side)) in layers.into_iter().enumerate() {
         let fan_in = inputs * side * side;
-        let values = bytes(layer_weights(outputs * fan_in, number, (24.0 / fan_in as f64).sqrt()));
-        tensors.insert(format!("features.{number}.weight"), (vec![outputs, inputs, side, side], values));
-        let values = bytes(layer_weights(outputs, number + 100, 0.2));
-        tensors.insert(format!("features.{number}.bias"), (vec![outputs], values));
-        let head = bytes((0..outputs).map(|channel| ((channel * 31 + i) % 97) as f64 / 97.0));
-        tensors.insert(format!("lin{i}.model.1.weight"), (vec![1, outputs, 1, 1], head));
+        let scale = (24.0 / fan_in as f64).sqrt();
+        let kernel = &mut layer_weights(outputs * fan_in, number, scale);
+        add(format!("features.{number}.weight"), vec![outputs, inputs, side, side], kernel);
+        let bias = &mut layer_weights(outputs, number + 100, 0.2);
+        add(format!("features.{number}.bias"), vec![outputs], bias);
+        let head = &mut (0..outputs).map(|channel| ((channel * 31 + i) % 97) as f64 / 97.0);
+        add(format!("lin{i}.model.1.weight"), vec![1, outputs, 1, 1], head);
     }
     tensors
-}
-
-/// The bytes of a safetensors file.
-pub(crate) fn safetensors_file(tensors: &Tensors) -> Vec<u8> {
-    let views = tensors.iter().map(|(name, (shape, bytes))| {
-        (name.clone(), TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
-    });
-    serialize(views, None).unwrap()
 }

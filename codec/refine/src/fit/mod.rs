@@ -39,7 +39,7 @@ pub use backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, Traini
 pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
 pub(crate) use loss::ssim_and_gradient;
-pub use loss::{Lpips, LpipsError, LpipsNetwork, subject_psnr};
+pub use loss::{Lpips, LpipsError, LpipsNetwork, WeightTensor, subject_psnr};
 pub use parameters::{Parameters, Timeline};
 pub use precision::Real;
 pub use training::{Fit, FitSettings, Run};

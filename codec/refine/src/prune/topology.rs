@@ -98,7 +98,7 @@ impl Matching {
     pub(crate) fn new(whole: &MergeTree, part: &MergeTree, epsilon: f32, largest: f32) -> Matching {
         let mut features = whole.persistent(epsilon);
         features.sort_by(|&a, &b| whole.by_saddle(a, b));
-        // Of several features in one basin, the most persistent is matched.
+        // A basin with several features matches the most persistent one.
         let mut found = part.persistent(epsilon);
         let persistence = |&maximum: &usize| part.feature(maximum).persistence();
         found.sort_by(|a, b| persistence(b).total_cmp(&persistence(a)).then(a.cmp(b)));

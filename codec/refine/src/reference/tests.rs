@@ -363,13 +363,7 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         &[],
     );
     let clip = Clip {
-        info: ClipInfo {
-            duration_s: 1.0,
-            fps: 30.0,
-            up: [0.0, -1.0, 0.0],
-            metres_per_unit: 1.0,
-            viewpoints: Vec::new(),
-        },
+        info: ClipInfo::default(),
         bounds: [[-1.0; 3], [5.0; 3]],
         static_field: static_part.clone(),
         dynamic_field: dynamic_part.clone(),

@@ -1,6 +1,7 @@
 //! [`CaptureFiles`]: the cameras of a capture and the files of its photographs; [`CaptureBuilder`] collects them.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
@@ -17,6 +18,12 @@ pub struct CaptureFiles {
     pub capture: Capture,
     /// Frames per second that the capture states; `None` if [`DEFAULT_FPS`] are assumed.
     pub stated_fps: Option<f64>,
+    /// Numbers of the selected frames in the capture.
+    pub(super) selected: Range<usize>,
+    /// Time of the first of them in the capture, in seconds.
+    pub(super) start_s: f64,
+    /// Time offsets in seconds of all cameras of the capture that have one, selected or not, by name.
+    pub(super) time_offsets_s: BTreeMap<String, f64>,
     /// The cameras at the resolution of the files.
     pub(super) file_cameras: Vec<Camera>,
     pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
@@ -43,6 +50,11 @@ impl CaptureFiles {
         }
     }
 
+    /// Numbers of the selected frames in the capture.
+    pub fn selected_frames(&self) -> Range<usize> {
+        self.selected.clone()
+    }
+
     /// Frames per second, stated or assumed.
     pub fn fps(&self) -> f64 {
         self.stated_fps.unwrap_or(f64::from(DEFAULT_FPS))
@@ -60,6 +72,7 @@ impl CaptureFiles {
         }
         let factor = self.fps() / fps;
         self.capture.frame_times_s.iter_mut().for_each(|time_s| *time_s *= factor);
+        self.start_s *= factor;
         self.stated_fps = Some(fps);
         Ok(())
     }
@@ -164,8 +177,12 @@ impl CaptureBuilder {
     pub(super) fn build(self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
         let photos = self.files.keys().copied().collect();
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
+        let offsets = self.cameras.iter().map(|camera| (camera.name.clone(), camera.time_offset_s));
+        let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
+        let selected = 0..frame_times_s.len();
         let capture = Capture { cameras: self.cameras, frame_times_s, photos };
-        CaptureFiles { capture, stated_fps, file_cameras, files: self.files }
+        let files = self.files;
+        CaptureFiles { capture, stated_fps, selected, start_s: 0.0, time_offsets_s, file_cameras, files }
     }
 }
 

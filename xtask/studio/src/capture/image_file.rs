@@ -13,8 +13,8 @@ use crate::messages::unreadable;
 /// File extensions of photographs.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
-/// Multiplies a photograph with its mask. If the photograph is black wherever the mask is 0, its colours
-/// are premultiplied already and stay: a second product would darken the rim of the subject.
+/// Multiplies a photograph with its mask. A photograph with a black background is premultiplied already, and its
+/// colours stay: a second product would darken the rim of the subject.
 pub(super) fn apply_mask(image: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
     let mut outside = image.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
     let is_premultiplied = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);

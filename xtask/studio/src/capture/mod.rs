@@ -4,6 +4,7 @@ mod capture_files;
 mod colmap;
 mod depth;
 mod easyvolcap;
+mod fitted;
 mod image_file;
 mod manifest;
 mod part;

@@ -74,6 +74,8 @@ impl CaptureFiles {
             .collect();
         capture.photos = self.files.keys().copied().collect();
         let first_s = capture.frame_times_s[frames.start];
+        self.start_s += first_s;
+        self.selected = self.selected.start + frames.start..self.selected.start + frames.end;
         capture.frame_times_s = capture.frame_times_s[frames].iter().map(|time_s| time_s - first_s).collect();
         // Drops cameras without photographs: in some captures each photograph has a camera of its own.
         let used: Vec<String> = (0..capture.cameras.len())

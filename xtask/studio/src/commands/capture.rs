@@ -1,27 +1,38 @@
 //! Options of the commands that read a capture.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Once;
 
 use crate::capture::CaptureFiles;
-use crate::fit::TrainingViews;
-use crate::messages::{count, unreadable};
+use crate::fit::{TrainingViews, file_crc};
+use crate::lpips_weights::load_lpips;
+use crate::messages::count;
+use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
 use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 
+use super::fit_source::FitSource;
+
 /// The cameras, frames and pixels of a capture that a command reads.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct FrameSelection {
-    /// Frames to read: from A up to, without, B; all by default
-    #[arg(long, value_name = "A..B", value_parser = frames)]
-    frames: Option<Range<usize>>,
+    #[command(flatten)]
+    part: PartSelection,
     /// Size in pixels to shrink the photographs to; their own by default
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
+}
+
+/// The cameras and frames of a capture that a command reads.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct PartSelection {
+    /// Frames to read: from A up to, without, B; by default all, or those that a field records
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    frames: Option<Range<usize>>,
     /// Cameras that are held out from fitting, by name, in addition to those the capture holds out
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     held_cameras: Vec<String>,
@@ -51,14 +62,79 @@ impl From<HeldFrames> for Holdout {
 impl FrameSelection {
     /// Opens a capture and applies the selection.
     pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<CaptureFiles> {
+        self.part.open(folder, self.size)
+    }
+
+    /// Opens the capture that `source` was fitted to, at the frames that it records, and applies the selection.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`]; [`Fault::Usage`] if the capture has no such frames, has them at other times, or if
+    /// the selection contradicts the record.
+    pub(crate) fn open_for(&self, folder: &Path, source: &FitSource) -> anyhow::Result<CaptureFiles> {
+        self.part.open_for(folder, self.size, source)
+    }
+
+    /// Whether it selects the whole capture.
+    pub(crate) fn is_default(&self) -> bool {
+        self.part.is_default() && self.size.is_none()
+    }
+}
+
+impl PartSelection {
+    /// Opens a capture, applies the selection and shrinks the photographs to `size`.
+    pub(crate) fn open(&self, folder: &Path, size: Option<(u32, u32)>) -> anyhow::Result<CaptureFiles> {
+        self.open_with(folder, size, |capture_files| match &self.frames {
+            Some(frames) => capture_files.keep_frames(frames.clone()),
+            None => Ok(()),
+        })
+    }
+
+    fn open_for(
+        &self,
+        folder: &Path,
+        size: Option<(u32, u32)>,
+        source: &FitSource,
+    ) -> anyhow::Result<CaptureFiles> {
+        let FitSource { path, record, .. } = source;
+        let Some(fitted) = &record.frames else {
+            let capture_files = self.open(folder, size)?;
+            source.check_count(&capture_files)?;
+            return Ok(capture_files);
+        };
+        let Range { start, end } = fitted;
+        if let Some(asked) = self.frames.as_ref().filter(|asked| *asked != fitted) {
+            bail!(Fault::Usage(format!(
+                "--frames {}..{}: {} was fitted to frames {start}..{end}; leave --frames out, or fit a field to yours",
+                asked.start,
+                asked.end,
+                path.display()
+            )));
+        }
+        self.open_with(folder, size, |capture_files| {
+            let count = capture_files.capture.frames();
+            capture_files.keep_fitted(record, path, folder)?;
+            if self.frames.is_none() && *fitted != (0..count) {
+                eprintln!(
+                    "note: {} was fitted to frames {start}..{end}, so only these are used",
+                    path.display()
+                );
+            }
+            Ok(())
+        })
+    }
+
+    fn open_with(
+        &self,
+        folder: &Path,
+        size: Option<(u32, u32)>,
+        keep_frames: impl FnOnce(&mut CaptureFiles) -> Result<(), Fault>,
+    ) -> anyhow::Result<CaptureFiles> {
         let mut capture_files = CaptureFiles::open(folder)?;
         if !self.cameras.is_empty() {
             capture_files.keep_cameras(&self.cameras)?;
         }
-        if let Some(frames) = &self.frames {
-            capture_files.keep_frames(frames.clone())?;
-        }
-        if let Some((width, height)) = self.size {
+        keep_frames(&mut capture_files)?;
+        if let Some((width, height)) = size {
             capture_files.shrink(width, height)?;
         }
         for name in &self.held_cameras {
@@ -68,12 +144,9 @@ impl FrameSelection {
         Ok(capture_files)
     }
 
-    /// Whether it selects the whole capture.
+    /// Whether it selects all cameras and frames.
     pub(crate) fn is_default(&self) -> bool {
-        self.frames.is_none()
-            && self.size.is_none()
-            && self.held_cameras.is_empty()
-            && self.cameras.is_empty()
+        self.frames.is_none() && self.held_cameras.is_empty() && self.cameras.is_empty()
     }
 }
 
@@ -107,45 +180,30 @@ pub(crate) fn load_training_views(
     Ok(views)
 }
 
-/// Loads the LPIPS network if its weights are given.
-pub(crate) fn load_lpips(weights: Option<&Path>) -> Result<Option<Lpips<f32>>, Fault> {
-    let Some(path) = weights else { return Ok(None) };
-    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
-    let network = Lpips::from_safetensors(&bytes).map_err(|error| {
-        Fault::Data(format!("{}: {error}; name weights of AlexNet or VGG16 as safetensors", path.display()))
-    })?;
-    Ok(Some(network))
+/// The weights of LPIPS.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct LpipsOption {
+    /// Weights of LPIPS, which is left out without them: torchvision's vgg16-397923af.pth or
+    /// alexnet-owt-7be5be79.pth from download.pytorch.org/models, a comma, and vgg.pth or alex.pth from
+    /// lpips/weights/v0.1 of the lpips package; or safetensors with the same tensors
+    #[arg(long, value_name = "TRUNK,HEADS", value_delimiter = ',')]
+    pub(crate) lpips_weights: Vec<PathBuf>,
 }
 
-/// Where a command looks for the holdout of a fit, for [`held_frames`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct HoldoutRecord {
-    /// The holdout, if one is recorded.
-    pub(crate) recorded: Option<Holdout>,
-    /// What would record it, for the note: "this field", "a package".
-    pub(crate) source: &'static str,
-}
+impl LpipsOption {
+    /// Loads the network if its weights are given.
+    pub(crate) fn load(&self) -> Result<Option<Lpips<f32>>, Fault> {
+        match &self.lpips_weights[..] {
+            [] => Ok(None),
+            files => load_lpips(files).map(Some),
+        }
+    }
 
-/// The frames held out from fitting `path`: those that `--holdout` names, else those that are recorded, else
-/// none. The second value is a note for the user if nothing is recorded, or something else than named.
-pub(crate) fn held_frames(
-    path: &Path,
-    named: Option<HeldFrames>,
-    record: HoldoutRecord,
-) -> (Holdout, Option<String>) {
-    let (path, source) = (path.display(), record.source);
-    match (named.map(Holdout::from), record.recorded) {
-        (Some(named), Some(recorded)) if named != recorded => {
-            (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
-        }
-        (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
-        (None, None) => {
-            let note = format!(
-                "{path}: {source} records no holdout, so no frame counts as held out; --holdout names the frames \
-                 that the fit held out"
-            );
-            (Holdout::None, Some(note))
-        }
+    /// Names and checksums of the files, for the plan of a fit.
+    pub(crate) fn record(&self) -> Result<Option<String>, Fault> {
+        let name = |path: &PathBuf| Ok(format!("{}, {:08x}", path.display(), file_crc(path)?));
+        let names = self.lpips_weights.iter().map(name).collect::<Result<Vec<_>, Fault>>()?;
+        Ok((!names.is_empty()).then(|| names.join(" and ")))
     }
 }
 

@@ -17,8 +17,9 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, HoldoutRecord, describe, held_frames, load_lpips};
+use super::capture::{FrameSelection, HeldFrames, LpipsOption, describe};
 use super::fit::name_of;
+use super::fit_source::FitSource;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
@@ -41,9 +42,8 @@ pub struct Args {
     /// two fitted frames around; SUBJECT is a field or package
     #[arg(long)]
     baselines: bool,
-    /// Weights of LPIPS (AlexNet or VGG16) as safetensors; without them it is not measured
-    #[arg(long, value_name = "FILE")]
-    lpips_weights: Option<PathBuf>,
+    #[command(flatten)]
+    lpips: LpipsOption,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "{subjects} SUBJECTs and {captures} --capture: name one --capture for each SUBJECT"
         )));
     }
-    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let lpips = args.lpips.load()?;
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
         let scene = Evaluation { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
         let evaluated = scene.evaluate()?;
@@ -133,9 +133,13 @@ impl Evaluation<'_> {
     // Long: one optional comparison after the other, each a few lines.
     fn evaluate(self) -> anyhow::Result<Evaluated> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
-        let capture_files = args.selection.open(capture)?;
-        let subject = Subject::load(path, &capture_files)?;
-        let (holdout, note) = held_frames(path, args.holdout, holdout_record(&subject));
+        let subject = Subject::load(path, &args.selection.open(capture)?)?;
+        let source = match &subject {
+            Subject::Drawn(input) => FitSource::of(path, input),
+            Subject::Pictures(_) => FitSource::of_pictures(path),
+        };
+        let capture_files = args.selection.open_for(capture, &source)?;
+        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),
@@ -179,11 +183,19 @@ impl Evaluation<'_> {
             );
         }
         let means = means(&judged);
+        let exact: usize = means.iter().filter(|row| row.exact < row.images).map(|row| row.exact).sum();
+        if exact > 0 {
+            eprintln!(
+                "note: {} equal to their photographs, such as empty ones; the means of PSNR leave them out",
+                if exact == 1 { "1 image is".to_owned() } else { format!("{exact} images are") }
+            );
+        }
         let held = capture_files.capture.cameras.iter().filter(|camera| camera.held);
         let held: Vec<&str> = held.map(|camera| camera.name.as_str()).collect();
         let mut json = json!({
             "subject": path, "capture": capture, "held_cameras": held,
             "holdout": holdout.name(),
+            "frames": [capture_files.selected_frames().start, capture_files.selected_frames().end],
             "splits": by_split(&means)?,
         });
         let mut table = table(&means);
@@ -217,17 +229,6 @@ impl Evaluation<'_> {
             }
         }
         Ok(Evaluated { about, means, table, json })
-    }
-}
-
-/// The holdout that a subject records.
-fn holdout_record(subject: &Subject) -> HoldoutRecord {
-    match subject {
-        Subject::Drawn(input) => {
-            let source = if matches!(**input, Input::Package(_)) { "a package" } else { "this field" };
-            HoldoutRecord { recorded: input.holdout(), source }
-        }
-        Subject::Pictures(_) => HoldoutRecord { recorded: None, source: "a folder of pictures" },
     }
 }
 

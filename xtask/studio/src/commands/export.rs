@@ -35,7 +35,7 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     output::check(&args.out)?;
     let input = Input::load(&args.input)?;
-    let (has_plate, holdout) = (input.has_plate(), input.holdout());
+    let (has_plate, record) = (input.has_plate(), input.fit_record());
     let (field, info) = input.into_field();
     let t = args.at.map(|seconds| clip_time("--at", seconds, &info)).transpose()?;
     if args.spz && t.is_none() && field.temporal.is_some() {
@@ -57,10 +57,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         export::spz(&field, info.up)
     } else if t.is_some() {
         export::static_ply(&field, Some(&info))
-    } else if let Some(holdout) = holdout {
-        export::fitted_field_file(&field, &info, holdout)
     } else {
-        export::field_file(&field, &info)
+        export::fitted_field_file(&field, &info, &record)
     };
     output::write(&args.out, &bytes)?;
     let lost = args.lost(&field, &info, has_plate);

@@ -5,24 +5,28 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::capture::CaptureFiles;
+use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
 use crate::input::Input;
-use crate::messages::{count, unreadable};
+use crate::messages::count;
 use crate::progress::counting;
 use crate::takes::{List, Take};
 use anyhow::{Context, bail};
-use clap::ValueEnum;
+use clap::{Args as _, FromArgMatches, ValueEnum};
+use codec::PixelFilter;
 use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
-use refine::fit::{Backend, Cpu, DensityRule};
+use refine::fit::{Backend, Cpu, DensityRule, Lpips};
+use refine::reference::RenderScene;
 use serde_json::{Value, json};
 
 use super::capture::{
-    FrameSelection, HeldFrames, describe, load_lpips, load_training_views, note_assumed_fps,
+    FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
+use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Fit a field to the photographs of a capture.
@@ -38,9 +42,6 @@ pub struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
-    /// Number of steps; 5600 per training frame, at most 96000, by default
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    steps: Option<u64>,
     #[command(flatten)]
     selection: FrameSelection,
     /// Frames that are held out from fitting; the field file records them, and `eval` measures them separately
@@ -49,6 +50,34 @@ pub struct Args {
     /// Source of the first Gaussians
     #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
     anchor: Anchor,
+    /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
+    /// of a unit, PFM or NPY
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
+    depths: Option<PathBuf>,
+    /// How depth maps are scaled to the units of the cameras
+    #[arg(long, value_enum, default_value_t = DepthScale::Auto, requires = "depths")]
+    depth_scale: DepthScale,
+    /// Fitted field or package to start from instead of an anchor
+    #[arg(long, value_name = "FIELD",
+          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "no_motion_start", "filter",
+                                "sh_degree", "list"])]
+    from: Option<PathBuf>,
+    /// Prune without the lower limit of --gaussians
+    #[arg(long)]
+    no_floor: bool,
+    #[command(flatten)]
+    options: FitOptions,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The options of a fit to any capture, which `report --fit` shares.
+#[derive(clap::Args, Clone, Debug)]
+pub(super) struct FitOptions {
+    /// Number of steps; 5600 per training frame, at most 96000, by default
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    steps: Option<u64>,
     /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
     /// default
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
@@ -60,34 +89,22 @@ pub struct Args {
     /// Start all Gaussians of the anchor at rest, instead of along the motion of the surface between frames
     #[arg(long)]
     no_motion_start: bool,
-    /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
-    /// of a unit, PFM or NPY
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
-    depths: Option<PathBuf>,
-    /// How depth maps are scaled to the units of the cameras
-    #[arg(long, value_enum, default_value_t = DepthScale::Auto, requires = "depths")]
-    depth_scale: DepthScale,
-    /// Fitted field or package to start from instead of an anchor
-    #[arg(long, value_name = "FIELD",
-          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "no_motion_start", "list"])]
-    from: Option<PathBuf>,
+    /// Low-pass filter of the field
+    #[arg(long, value_enum, default_value_t = Filter::Mip)]
+    filter: Filter,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
     /// per training frame, at most 200000, and fewer for photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,
-    /// Prune without that lower limit
-    #[arg(long)]
-    no_floor: bool,
     /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
     /// Degree of view-dependent colour; with --from, the degree of FIELD
-    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE, conflicts_with = "from",
+    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE,
           value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// LPIPS weights (AlexNet or VGG16) as safetensors; without them the loss has no LPIPS term
-    #[arg(long, value_name = "FILE")]
-    lpips_weights: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) lpips: LpipsOption,
     /// Back end that renders and computes gradients
     #[arg(long, value_enum, default_value_t = Engine::Cpu)]
     backend: Engine,
@@ -101,9 +118,6 @@ pub struct Args {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -121,6 +135,14 @@ enum MirrorWhen {
     Auto,
     On,
     Off,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Filter {
+    /// That of Mip-Splatting: right at any resolution
+    Mip,
+    /// That of 3D Gaussian Splatting, for programs that have no other: right at about the resolution of the photographs
+    Blur,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -178,8 +200,8 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let job = TakeCommand {
         command: "fit",
         ending: "ply",
-        options: format!("{:?}", args.options()),
-        inputs: args.lpips_weights.iter().map(PathBuf::as_path).collect(),
+        options: format!("{:?}", args.for_any_capture()),
+        inputs: args.options.lpips.lpips_weights.iter().map(PathBuf::as_path).collect(),
         forget: fit::remove_checkpoint,
         json: args.json,
     };
@@ -194,17 +216,82 @@ impl Args {
     }
 
     /// The options that affect the result, for any capture.
-    fn options(&self) -> Args {
+    fn for_any_capture(&self) -> Args {
         Args {
             capture: None,
             out: None,
             many: TakeOptions::default(),
-            // `TakeCommand::inputs` holds it, as its contents count.
-            lpips_weights: None,
-            checkpoint_every: 0.0,
+            options: FitOptions {
+                // `TakeCommand::inputs` holds them, as their contents count.
+                lpips: LpipsOption::default(),
+                checkpoint_every: 0.0,
+                ..self.options.clone()
+            },
             json: false,
             ..self.clone()
         }
+    }
+}
+
+impl FitOptions {
+    /// Whether no option is given, or only defaults.
+    pub(super) fn is_default(&self) -> bool {
+        let none = FitOptions::augment_args(clap::Command::new("fit")).get_matches_from([""; 0]);
+        FitOptions::from_arg_matches(&none).is_ok_and(|default| format!("{default:?}") == format!("{self:?}"))
+    }
+
+    /// Checks the frame rate, and states it to a capture that does not.
+    pub(super) fn state_fps(&self, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
+        self.fps.map_or(Ok(()), |fps| capture_files.state_fps(fps))
+    }
+
+    /// The plan of these options, with the default anchor and the floor.
+    pub(super) fn plan(&self, capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
+        let default = FitPlan::default_for(capture_files, holdout)?;
+        let gaussians = self.gaussians.map_or(default.gaussians, |n| n as usize);
+        Ok(FitPlan {
+            lpips: self.lpips.record()?,
+            steps: self.steps.unwrap_or(default.steps),
+            anchor_cameras: self.anchor_cameras.clone(),
+            mirror: match self.mirror {
+                MirrorWhen::Auto => Mirror::Auto,
+                MirrorWhen::On => Mirror::On,
+                MirrorWhen::Off => Mirror::Off,
+            },
+            motion_start: !self.no_motion_start,
+            filter: match self.filter {
+                Filter::Mip => PixelFilter::Mip,
+                Filter::Blur => PixelFilter::Blur,
+            },
+            gaussians,
+            floor: gaussians,
+            rule: match self.rule {
+                Rule::Floor => DensityRule::Floor,
+                Rule::Paper => DensityRule::Paper,
+                Rule::Relocate => DensityRule::Relocate,
+            },
+            sh_degree: self.sh_degree,
+            seed: self.seed,
+            ..default
+        })
+    }
+
+    /// Opens the back end.
+    pub(super) fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
+        match self.backend {
+            Engine::Cpu => Ok(Box::new(Cpu::default())),
+            Engine::Gpu => open_gpu(),
+        }
+    }
+
+    /// What a fit runs with.
+    pub(super) fn runtime<'a>(
+        &self,
+        backend: &'a mut dyn Backend,
+        lpips: Option<&'a Lpips<f32>>,
+    ) -> FitRuntime<'a> {
+        let checkpoint_every = Duration::try_from_secs_f64(self.checkpoint_every).unwrap_or(Duration::MAX);
+        FitRuntime { backend, lpips, checkpoint_every }
     }
 }
 
@@ -214,36 +301,51 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
-    let mut capture_files = args.selection.open(args.capture())?;
-    if let Some(fps) = args.fps {
-        capture_files.state_fps(fps)?;
-    }
+    let mut capture_files = match &args.from {
+        None => args.selection.open(args.capture())?,
+        Some(from) => open_for_start(args, from)?,
+    };
+    args.options.state_fps(&mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
-    let lpips = load_lpips(args.lpips_weights.as_deref())?;
+    let lpips = args.options.lpips.load()?;
     let plan = plan(args, &capture_files)?;
     fit::check_checkpoint(&plan, out)?;
     let views = load_training_views(&capture_files, holdout)?;
-    let mut backend = open_backend(args.backend)?;
-    let runtime = FitRuntime {
-        backend: &mut *backend,
-        lpips: lpips.as_ref(),
-        checkpoint_every: Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX),
-    };
+    let mut backend = args.options.open_backend()?;
+    let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
-    Ok(FitResult { plan, fitted, splits })
+    Ok(FitResult::new(plan, fitted, splits, &capture_files, &views))
+}
+
+/// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
+fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
+    let input = Input::load(from)?;
+    let source = FitSource::of(from, &input);
+    let capture_files = match input.is_static() {
+        true => args.selection.open(args.capture())?,
+        false => args.selection.open_for(args.capture(), &source)?,
+    };
+    source.note_static(&capture_files);
+    Ok(capture_files)
 }
 
 /// The results of a finished fit.
-struct FitResult {
-    plan: FitPlan,
-    fitted: Fitted,
-    splits: String,
+pub(super) struct FitResult {
+    pub(super) plan: FitPlan,
+    pub(super) fitted: Fitted,
+    /// Numbers of cameras, frames and photographs of each split, in a line.
+    pub(super) splits: String,
+    /// What the field costs a player; `None` if it shows nothing.
+    pub(super) fragments_per_lit_pixel: Option<f64>,
 }
 
+/// About as many photographs, evenly, tell what a field costs a player.
+const COUNTED_VIEWS: usize = 8;
+
 /// Fits a field with a progress bar and writes it to `out`.
-fn fit_and_write(
+pub(super) fn fit_and_write(
     out: &Path,
     plan: &FitPlan,
     capture_files: &CaptureFiles,
@@ -256,17 +358,10 @@ fn fit_and_write(
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files);
     // The checkpoint goes only when the field is safe.
-    output::write_durable(out, &fitted_field_file(&fitted.field, &info, plan.holdout))?;
+    let record = capture_files.fit_record(plan.holdout);
+    output::write_durable(out, &fitted_field_file(&fitted.field, &info, &record))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
-}
-
-/// Opens the back end.
-fn open_backend(engine: Engine) -> Result<Box<dyn Backend>, Fault> {
-    match engine {
-        Engine::Cpu => Ok(Box::new(Cpu::default())),
-        Engine::Gpu => open_gpu(),
-    }
 }
 
 #[cfg(feature = "gpu")]
@@ -287,53 +382,18 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
 }
 
 fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
-    let default = FitPlan::default_for(capture_files, args.holdout.into())?;
-    let gaussians = args.gaussians.map_or(default.gaussians, |n| n as usize);
+    let plan = args.options.plan(capture_files, args.holdout.into())?;
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
-        (_, Some(path)) => {
-            let input = Input::load(path)?;
-            let frames = input.frames();
-            fit::check_frames(path, &input.into_field().0, frames, capture_files)?;
-            FitStart::Field(path.to_string_lossy().into_owned(), checksum(path)?)
-        }
+        (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),
         _ => match args.anchor {
             Anchor::Sweep => FitStart::Sweep,
             Anchor::Hull => FitStart::Hull,
             Anchor::None => FitStart::Scatter,
         },
     };
-    let lpips = match &args.lpips_weights {
-        Some(weights) => Some(format!("{}, {:08x}", weights.display(), checksum(weights)?)),
-        None => None,
-    };
-    Ok(FitPlan {
-        lpips,
-        steps: args.steps.unwrap_or(default.steps),
-        start,
-        anchor_cameras: args.anchor_cameras.clone(),
-        mirror: match args.mirror {
-            MirrorWhen::Auto => Mirror::Auto,
-            MirrorWhen::On => Mirror::On,
-            MirrorWhen::Off => Mirror::Off,
-        },
-        motion_start: !args.no_motion_start,
-        gaussians,
-        floor: if args.no_floor { 0 } else { gaussians },
-        rule: match args.rule {
-            Rule::Floor => DensityRule::Floor,
-            Rule::Paper => DensityRule::Paper,
-            Rule::Relocate => DensityRule::Relocate,
-        },
-        sh_degree: args.sh_degree,
-        seed: args.seed,
-        ..default
-    })
-}
-
-fn checksum(path: &Path) -> Result<u32, Fault> {
-    let bytes = std::fs::read(path);
-    bytes.map(|bytes| fit::crc(&bytes)).map_err(|error| unreadable(path, &error))
+    let floor = if args.no_floor { 0 } else { plan.floor };
+    Ok(FitPlan { start, floor, ..plan })
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {
@@ -343,18 +403,33 @@ fn show(bar: &ProgressBar, progress: &FitProgress) {
 }
 
 impl FitResult {
+    pub(super) fn new(
+        plan: FitPlan,
+        fitted: Fitted,
+        splits: String,
+        capture_files: &CaptureFiles,
+        views: &TrainingViews,
+    ) -> FitResult {
+        let step = (views.train.len() / COUNTED_VIEWS).max(1);
+        let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
+        let scene = RenderScene::from(&fitted.field);
+        let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, capture_files, counted);
+        FitResult { plan, fitted, splits, fragments_per_lit_pixel }
+    }
+
     fn last(&self) -> anyhow::Result<&log::LogEntry> {
         self.fitted.entries.last().context("a fit has at least one step")
     }
 
-    fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let FitResult { plan, fitted, splits } = self;
+    pub(super) fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
+        let FitResult { plan, fitted, splits, fragments_per_lit_pixel } = self;
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "resumed_at": fitted.resumed_at,
             "gaussians_at_start": fitted.initial_count, "gaussians": fitted.field.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
+            "fragments_per_lit_pixel": fragments_per_lit_pixel,
             "lpips": plan.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
         }))
@@ -366,7 +441,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         println!("{:#}", result.to_json(out)?);
         return Ok(());
     }
-    let FitResult { plan, fitted, splits } = result;
+    let FitResult { plan, fitted, splits, fragments_per_lit_pixel } = result;
     let (last, ms_per_step) = (result.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &plan.lpips {
@@ -374,6 +449,9 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.initial_count, fitted.field.len());
+    if let Some(fragments) = fragments_per_lit_pixel {
+        println!("fragments        {fragments:.1} per lit pixel, in pictures 512 pixels wide");
+    }
     if let Some(psnr) = last.held_psnr_db {
         println!(
             "held             {psnr:.2} dB, the subject in a few held-out photographs; `eval` measures all"

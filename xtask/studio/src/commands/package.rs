@@ -23,9 +23,8 @@ use refine::capture::Holdout;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{
-    FrameSelection, HeldFrames, HoldoutRecord, held_frames, load_training_views, note_assumed_fps,
-};
+use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
+use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -275,6 +274,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
 
 /// The capture that a field is fitted to or refined on.
 struct Captured {
+    folder: PathBuf,
     capture_files: CaptureFiles,
     /// Whether the scene has no field, so that one is fitted first.
     is_scene: bool,
@@ -314,7 +314,7 @@ impl Captured {
             }
             fit::check_checkpoint(&FitPlan::default_for(&capture_files, args.holdout_of_fit())?, &field)?;
         }
-        Ok(Some(Captured { capture_files, is_scene }))
+        Ok(Some(Captured { folder: folder.to_owned(), capture_files, is_scene }))
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.
@@ -347,10 +347,11 @@ impl Captured {
 
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
-        fit::check_frames(args.scene(), &scene.subject.field, scene.frames(), &self.capture_files)?;
-        let record = HoldoutRecord { recorded: scene.subject.hints.holdout, source: "this field" };
-        let (holdout, note) = held_frames(args.scene(), args.holdout, record);
-        let views = load_training_views(&self.capture_files, holdout)?;
+        let source = FitSource::of_scene(args.scene(), scene);
+        let capture_files = args.selection.open_for(&self.folder, &source)?;
+        source.note_static(&capture_files);
+        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
+        let views = load_training_views(&capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(
                 "--refine: the photographs show the background, which plate.ply draws, too; give them masks"

@@ -1,6 +1,7 @@
 //! `aarc-studio report`: measures cost and error of playing, packaging and fitting a clip, rate and
-//! distortion of packages, and the stability of the renderer.
+//! distortion of packages, the stability of the renderer, and the ablation of a capture's fit.
 
+mod ablation;
 #[cfg(feature = "measure")]
 mod page;
 #[cfg(feature = "measure")]
@@ -17,6 +18,9 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use self::ablation::{Comparison, Request, comparison};
+use super::capture::PartSelection;
+use super::fit::FitOptions;
 use super::package::budget;
 use super::render::size;
 
@@ -31,27 +35,36 @@ const PIXELS_MAX: u64 = 1 << 19;
 /// Measure a clip, and write a page of error against run time and of what it does without.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A package, a fitted field file or a folder holding one; several with --rd or --stability
-    #[arg(value_name = "CLIP|FIELD", required_unless_present = "stability")]
+    /// A package, a fitted field file or a folder holding one; several with --rd or --stability; with --fit the
+    /// folder of a capture
+    #[arg(value_name = "CLIP|FIELD|CAPTURE", required_unless_present = "stability")]
     fields: Vec<PathBuf>,
     /// Instead, rate and distortion: what each budget costs and keeps, by several ways to choose the
     /// Gaussians
-    #[arg(long, requires = "fields")]
+    #[arg(long, requires = "fields", group = "budgeted")]
     rd: bool,
+    /// Instead, the ablation of CAPTURE's fit: fits without one part each, which hold out every other frame, their
+    /// measures on all splits, and their packages. What the folder of the report holds already is not made again
+    #[arg(long, requires = "fields", group = "budgeted", conflicts_with = "stability")]
+    fit: bool,
+    /// With --fit, another method: a folder of its pictures, named as the photographs are, a field or a package;
+    /// repeatable
+    #[arg(long, value_name = "NAME=FOLDER", requires = "fit", value_parser = comparison)]
+    compare: Vec<Comparison>,
     /// Instead, stability: how far the GPU's pictures of stiff and extreme fields, and of these, are
     /// from the reference's
     #[arg(long)]
     stability: bool,
-    /// With --rd, the numbers of Gaussians to keep [default: 80000, 40000, 20000, 10000 and 5000 below the size of
-    /// the field; a half, a quarter and an eighth of a field of at most 10000]
-    #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "rd", value_parser = budget)]
+    /// With --rd and --fit, the numbers of Gaussians to keep [default: 80000, 40000, 20000, 10000 and 5000 below the
+    /// size of the field; a half, a quarter and an eighth of a field of at most 10000]
+    #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
     /// Size of the pictures that are measured [default: 512x384; with --rd 320x240, and 640x480 for the rate of
-    /// the coder]
+    /// the coder]; with --fit, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
     /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
-    #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability"])]
+    #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability", "fit"])]
     fit_log: Vec<PathBuf>,
     /// Folder for the files of the report
     #[arg(short, long, value_name = "DIR", default_value = "report")]
@@ -59,6 +72,10 @@ pub struct Args {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten, next_help_heading = "Of the fits of --fit")]
+    part: PartSelection,
+    #[command(flatten, next_help_heading = "Of the fits of --fit")]
+    options: FitOptions,
 }
 
 /// What the report is made of.
@@ -87,7 +104,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = page_of {
         report.add_page(path, args)?;
     }
-    if page_of.is_none() {
+    if args.fit {
+        report.add_ablation(args)?;
+    } else if page_of.is_none() {
         let subjects =
             args.fields.iter().map(|path| ReportSubject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
@@ -115,9 +134,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// The clip or field of the page; `None` with `--rd` or `--stability`.
+    /// The clip or field of the page; `None` with `--rd`, `--stability` or `--fit`.
     fn page_of(&self) -> Result<Option<&Path>, Fault> {
-        if self.rd || self.stability {
+        if !(self.fit || self.options.is_default() && self.part.is_default()) {
+            let what = "--frames, --cameras, --steps and the other options of fits need --fit; add it, or leave them out";
+            return Err(Fault::Usage(what.into()));
+        }
+        if self.rd || self.stability || self.fit {
             return Ok(None);
         }
         let [path] = self.fields.as_slice() else {
@@ -129,7 +152,7 @@ impl Args {
 
     fn check_size(&self) -> Result<(), Fault> {
         match self.size {
-            Some([width, height]) if u64::from(width) * u64::from(height) > PIXELS_MAX => {
+            Some([width, height]) if !self.fit && u64::from(width) * u64::from(height) > PIXELS_MAX => {
                 let what = format!("--size {width}x{height}: choose at most {PIXELS_MAX} pixels");
                 Err(Fault::Usage(what))
             }
@@ -137,9 +160,13 @@ impl Args {
         }
     }
 
+    fn budgets(&self) -> Vec<usize> {
+        self.budgets.iter().map(|budget| budget.get()).collect()
+    }
+
     /// What `--rd` measures; refuses budgets that no field is larger than.
     fn rd_settings(&self, subjects: &[ReportSubject]) -> Result<RdSettings, Fault> {
-        let budgets: Vec<usize> = self.budgets.iter().map(|budget| budget.get()).collect();
+        let budgets = self.budgets();
         let largest = subjects.iter().map(|subject| subject.field.len()).max().unwrap_or(0);
         match budgets.iter().find(|&&budget| budget >= largest) {
             Some(budget) => Err(Fault::Usage(format!(
@@ -157,6 +184,26 @@ impl Report {
         self.text += &findings.table();
         self.files.extend(findings.files()?);
         self.json.extend(findings.to_json()?);
+        Ok(())
+    }
+
+    fn add_ablation(&mut self, args: &Args) -> anyhow::Result<()> {
+        let [capture] = args.fields.as_slice() else {
+            bail!(Fault::Usage("--fit is of one capture: name one".into()));
+        };
+        let request = Request {
+            capture,
+            size: args.size.map(|[width, height]| (width, height)),
+            part: &args.part,
+            options: &args.options,
+            budgets: args.budgets(),
+            others: &args.compare,
+            out: &args.out,
+        };
+        let measured = ablation::measure(&request)?;
+        self.text += &measured.text();
+        self.files.extend(measured.files()?);
+        self.json.insert("ablation".into(), serde_json::to_value(measured)?);
         Ok(())
     }
 

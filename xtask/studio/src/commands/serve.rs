@@ -229,7 +229,7 @@ fn answer(request: &Request, folder: &Path) -> Reply {
     Reply { status, headers, body: (request.method == "GET").then_some((file, part)) }
 }
 
-/// Whether the value of `Host` is an address or `localhost`, with a port or without: nobody can give those
+/// Whether the value of `Host` is an address or `localhost`, with a port or without: no DNS entry can give these
 /// names to another server.
 fn is_own_host(host: &str) -> bool {
     let name = match host.rsplit_once(':') {

@@ -156,7 +156,7 @@ fn run_take(
 }
 
 /// Checks that an output is not inside its take: writing it would change the take.
-fn check_apart(scene: &Path, out: &Path) -> Result<(), Fault> {
+pub(super) fn check_apart(scene: &Path, out: &Path) -> Result<(), Fault> {
     let within = || {
         let folder = std::fs::canonicalize(out.parent()?).ok()?;
         Some(folder.starts_with(std::fs::canonicalize(scene).ok()?))

@@ -1,8 +1,9 @@
 //! Mean measures of each split, and their tables.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use refine::capture::Split;
+use refine::capture::{Capture, PhotoId, Split};
 use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
@@ -14,11 +15,11 @@ use crate::capture::CaptureFiles;
 pub struct SplitMeasures {
     /// Name of the split.
     pub split: &'static str,
-    /// PSNR in dB over the subject, mean over the images that show it.
+    /// PSNR in dB over the subject, mean over the images that show it and differ there; infinite if none differs.
     pub psnr_fg: Option<f64>,
-    /// Standard deviation of `psnr_fg`.
+    /// Standard deviation of `psnr_fg`; `None` if that is.
     pub psnr_fg_deviation: Option<f64>,
-    /// PSNR in dB over whole images, mean.
+    /// PSNR in dB over whole images, mean over those that differ from their photographs; infinite if none does.
     pub psnr_full: f64,
     /// SSIM of whole images, mean.
     pub ssim: f64,
@@ -28,6 +29,8 @@ pub struct SplitMeasures {
     pub images: usize,
     /// Number of images that show no subject; `psnr_fg` excludes them.
     pub without_subject: usize,
+    /// Number of images equal to their photographs; `psnr_full` excludes them.
+    pub exact: usize,
 }
 
 /// Means of each split that has images.
@@ -38,20 +41,33 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
         let known = !subject.is_empty();
-        let center = mean(&subject);
-        let squares: Vec<f64> = subject.iter().map(|x| (x - center).powi(2)).collect();
+        let center = mean_psnr(&subject);
+        let squares: Vec<f64> = differing(&subject).map(|x| (x - center).powi(2)).collect();
+        let full: Vec<f64> = measures.iter().map(|m| m.psnr_full).collect();
         (!measures.is_empty()).then(|| SplitMeasures {
             split: split.name(),
             psnr_fg: known.then_some(center),
-            psnr_fg_deviation: known.then(|| mean(&squares).sqrt()),
-            psnr_full: mean(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
+            psnr_fg_deviation: (!squares.is_empty()).then(|| mean(&squares).sqrt()),
+            psnr_full: mean_psnr(&full),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
             lpips: (!lpips.is_empty()).then(|| mean(&lpips)),
             images: measures.len(),
             without_subject: measures.len() - subject.len(),
+            exact: full.len() - differing(&full).count(),
         })
     };
     Split::ALL.into_iter().filter_map(of).collect()
+}
+
+/// The PSNR of images that differ from their photographs: that of equal images, such as two black ones, is infinite.
+fn differing(psnr: &[f64]) -> impl Iterator<Item = f64> {
+    psnr.iter().copied().filter(|psnr| *psnr != f64::INFINITY)
+}
+
+/// Mean PSNR of the images that differ from their photographs; infinite if none does.
+pub(super) fn mean_psnr(psnr: &[f64]) -> f64 {
+    let differing: Vec<f64> = differing(psnr).collect();
+    if differing.is_empty() { f64::INFINITY } else { mean(&differing) }
 }
 
 pub(super) fn mean(numbers: &[f64]) -> f64 {
@@ -80,9 +96,8 @@ pub fn baseline_rows(baseline: Baseline, means: &[SplitMeasures]) -> String {
 
 fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
     let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
-        (Some(psnr), Some(deviation)) if psnr.is_finite() => format!("{psnr:.2} ± {deviation:.2}"),
-        // An exact picture makes the mean infinite and the deviation undefined.
-        (Some(psnr), _) => format!("{psnr:.2}"),
+        (Some(psnr), Some(deviation)) => format!("{psnr:.2} ± {deviation:.2}"),
+        (Some(psnr), None) => format!("{psnr:.2}"),
         (None, _) => "–".into(),
     };
     let SplitMeasures { images, psnr_full, ssim, .. } = row;
@@ -106,10 +121,40 @@ pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
     text
 }
 
+/// Parses the text of [`csv`] for the same capture.
+///
+/// # Errors
+/// The problem, with its line number.
+pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>, String> {
+    let Capture { photos, cameras, .. } = &capture_files.capture;
+    let name = |photo_id: &PhotoId| {
+        format!("{},{},{}", capture_files.name(*photo_id), cameras[photo_id.camera].name, photo_id.frame)
+    };
+    let named: BTreeMap<String, PhotoId> =
+        photos.iter().map(|photo_id| (name(photo_id), *photo_id)).collect();
+    let parse_line = |line: &str| {
+        // From the end, as names may hold commas.
+        let mut cells = line.rsplitn(6, ',');
+        let mut cell = || cells.next();
+        let optional = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        let lpips = optional(cell()?)?;
+        let ssim = cell()?.parse().ok()?;
+        let psnr_full = cell()?.parse().ok()?;
+        let psnr_fg = optional(cell()?)?;
+        let split = cell()?;
+        let split = Split::ALL.into_iter().find(|known| known.name() == split)?;
+        let photo_id = *named.get(cell()?)?;
+        Some(Judged { photo_id, split, measures: ImageMetrics { psnr_fg, psnr_full, ssim, lpips } })
+    };
+    let lines = (1..).zip(text.lines()).skip(1);
+    lines
+        .map(|(number, line)| parse_line(line).ok_or(format!("line {number} is not one of `eval`")))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use refine::capture::PhotoId;
 
     fn judged(psnr_fg: &[Option<f64>]) -> Vec<Judged> {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
@@ -135,7 +180,18 @@ mod tests {
     #[test]
     fn exact_pictures_and_empty_ones_have_no_deviation() {
         let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)));
-        assert!(text(&[Some(f64::INFINITY), Some(20.0)]).contains("| 2 | inf | 30.00 |"));
+        assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | 30.00 |"));
         assert!(text(&[None]).contains("| 1 | – | 30.00 |"));
+    }
+
+    #[test]
+    fn exact_pictures_leave_the_means_of_the_others() {
+        let mut judged = judged(&[Some(f64::INFINITY), Some(20.0), Some(24.0), None]);
+        judged[3].measures.psnr_full = f64::INFINITY;
+        let rows = means(&judged);
+        assert_eq!((rows[0].psnr_fg, rows[0].psnr_fg_deviation), (Some(22.0), Some(2.0)));
+        assert_eq!((rows[0].psnr_full, rows[0].exact, rows[0].without_subject), (30.0, 1, 1));
+        judged[1].measures.psnr_fg = Some(f64::NAN);
+        assert!(means(&judged)[0].psnr_fg.unwrap().is_nan(), "a defect is not hidden");
     }
 }

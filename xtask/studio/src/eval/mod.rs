@@ -1,10 +1,11 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
 //! Measures: means of each split (`means`), baselines for held frames (`baselines`), means over scenes
-//! (`scenes`), prefixes of a package (`prefixes`). Pictures, as in the paper's appendices: beside the
+//! (`scenes`), prefixes of a package (`prefixes`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
 //! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
 
 mod baselines;
+mod fragments;
 mod free;
 mod means;
 mod prefixes;
@@ -27,11 +28,13 @@ use crate::capture::{CaptureFiles, find_image, read_picture};
 use crate::input::Input;
 
 pub use baselines::{Baseline, judge_baselines};
+pub use fragments::fragments_per_lit_pixel;
 pub use free::free_views;
-pub use means::{SplitMeasures, baseline_rows, csv, means, table};
+pub use means::{SplitMeasures, baseline_rows, csv, means, parse_csv, table};
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
 pub use quarter::{Interval, fastest_interval, quarter_frames};
 pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};
+pub(crate) use sheet::Crop;
 pub use strips::{Strip, Strips};
 
 /// What is compared with photographs.
@@ -64,6 +67,17 @@ impl Subject {
             Subject::Drawn(_) => true,
             Subject::Pictures(folder) => find_image(&folder.join(capture_files.name(photo_id))).is_some(),
         }
+    }
+
+    /// Checks before any work that its first picture can be compared. What is drawn always can.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if the picture cannot be read or has another size than its photograph.
+    pub fn check(&self, capture_files: &CaptureFiles) -> Result<(), Fault> {
+        let Subject::Pictures(_) = self else { return Ok(()) };
+        let first =
+            capture_files.capture.photos.iter().find(|photo_id| self.shows(capture_files, **photo_id));
+        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id).map(drop))
     }
 
     /// Its picture of a photograph's view, if any.
@@ -105,7 +119,10 @@ pub struct Comparison<'a> {
 }
 
 /// The split of each photograph of `capture_files`.
-fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
+///
+/// # Errors
+/// [`Fault::Data`] if no photograph is left for fitting.
+pub(crate) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
     Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 

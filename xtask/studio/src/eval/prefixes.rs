@@ -11,7 +11,7 @@ use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order, RenderScene};
 use serde::Serialize;
 
-use super::means::mean;
+use super::means::{mean, mean_psnr};
 use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::CaptureFiles;
@@ -109,8 +109,8 @@ pub fn eval_prefixes(
         PrefixEvalStep {
             gaussians: clip.layers[layer].total(),
             bytes: prefix_bytes(&contents, layer),
-            psnr_fg: (!subject.is_empty()).then(|| mean(&subject)),
-            psnr_full: mean(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
+            psnr_fg: (!subject.is_empty()).then(|| mean_psnr(&subject)),
+            psnr_full: mean_psnr(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
         }
     };

@@ -102,6 +102,7 @@ mod tests {
             lpips: None,
             images: 10,
             without_subject: 0,
+            exact: 0,
         }
     }
 

@@ -8,7 +8,7 @@ const MARGIN: f64 = 0.1;
 
 /// A crop: half-open ranges of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Crop {
+pub(crate) struct Crop {
     pub(super) x: [u32; 2],
     pub(super) y: [u32; 2],
 }
@@ -19,7 +19,7 @@ impl Crop {
     ///
     /// # Panics
     /// If `photos` is empty.
-    pub(super) fn around(photos: &[&Photo]) -> Crop {
+    pub(crate) fn around(photos: &[&Photo]) -> Crop {
         let (width, height) = (photos[0].image.width, photos[0].image.height);
         let mut found: Option<[[u32; 2]; 2]> = None;
         for photo in photos {
@@ -37,7 +37,7 @@ impl Crop {
     }
 
     /// This part of `image`.
-    pub(super) fn of(self, image: &Image) -> Image {
+    pub(crate) fn of(self, image: &Image) -> Image {
         let mut part = Image::new(self.x[1] - self.x[0], self.y[1] - self.y[0]);
         for (row, y) in part.pixels.chunks_mut(part.width as usize).zip(self.y[0]..) {
             let start = (y * image.width + self.x[0]) as usize;

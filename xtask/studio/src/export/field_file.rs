@@ -1,26 +1,22 @@
 //! This project's own field file, as `xtask/FIELD.md` specifies it and [`crate::import`] reads it.
 
 use codec::{ClipInfo, Field};
-use refine::capture::Holdout;
 
 use super::ply::{binary_ply, filter_comment, metadata, push_static, static_names};
+use crate::import::FitRecord;
 use crate::import::field_file::{MARK, VERSION};
 
 /// A field and the metadata of its clip, without loss.
 pub fn field_file(field: &Field, info: &ClipInfo) -> Vec<u8> {
-    with_holdout(field, info, None)
+    fitted_field_file(field, info, &FitRecord::default())
 }
 
-/// A fitted field, as [`field_file`] writes it, with a record of the frames held out from fitting.
-pub fn fitted_field_file(field: &Field, info: &ClipInfo, holdout: Holdout) -> Vec<u8> {
-    with_holdout(field, info, Some(holdout))
-}
-
-fn with_holdout(field: &Field, info: &ClipInfo, holdout: Option<Holdout>) -> Vec<u8> {
+/// A fitted field, as [`field_file`] writes it, with a record of the photographs that it was fitted to.
+pub fn fitted_field_file(field: &Field, info: &ClipInfo, record: &FitRecord) -> Vec<u8> {
     let mut comments = vec![format!("{MARK} field {VERSION}")];
     comments.extend(metadata(info));
     comments.extend(filter_comment(field.filter));
-    comments.extend(holdout.map(|holdout| format!("{MARK} holdout {}", holdout.name())));
+    comments.extend(record.comments().map(|(key, value)| format!("{MARK} {key} {value}")));
     let mut names = static_names(field.sh_degree);
     names.push("aarc_opacity".into());
     if let Some(temporal) = &field.temporal {

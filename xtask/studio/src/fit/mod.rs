@@ -24,12 +24,11 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
-use crate::messages::count;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use crate::up_axis::up_of;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
-pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc};
+pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
 pub use training_views::TrainingViews;
 use training_views::mean_psnr;
@@ -221,35 +220,6 @@ fn preview(run: &mut Run, views: &TrainingViews, pictures: &[RenderedImage<f32>]
 /// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
 pub fn check_checkpoint(plan: &FitPlan, out: &Path) -> Result<(), Fault> {
     Checkpoint::load(&checkpoint::path_for(out), plan).map(drop)
-}
-
-/// Checks that a field and a capture have the same number of frames: otherwise the field's windows and
-/// trajectories would stand for other times. `name` is the path of the field, for messages; `frames` is
-/// the number of frames that its file states. A static field fits any capture; a note on stderr says that
-/// it stays static.
-///
-/// # Errors
-/// [`Fault::Usage`] with both numbers of frames.
-pub fn check_frames(
-    name: &Path,
-    field: &Field,
-    frames: Option<usize>,
-    capture_files: &CaptureFiles,
-) -> Result<(), Fault> {
-    let (name, capture_frames) = (name.display(), capture_files.capture.frames());
-    match frames {
-        _ if field.temporal.is_none() => {
-            if capture_frames > 1 {
-                eprintln!("note: {name} does not move, so the fit keeps it static");
-            }
-            Ok(())
-        }
-        Some(frames) if frames != capture_frames => Err(Fault::Usage(format!(
-            "{name} is of {} (duration_s times fps), the capture of {capture_frames}; select its frames with --frames",
-            count(frames, "frame")
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// Removes the checkpoint of the finished field at `out`, if there is one.

@@ -1,6 +1,10 @@
 //! [`FitPlan`]: the settings that determine the result of a fit, and their defaults.
 
+use std::fs;
+use std::path::Path;
+
 use clap::ValueEnum;
+use codec::PixelFilter;
 use program::Fault;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
@@ -9,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::training_views::train_frames;
 use crate::capture::CaptureFiles;
+use crate::messages::unreadable;
 
 /// Default degree of view-dependent colour.
 pub const SH_DEGREE: u8 = 3;
@@ -33,6 +38,8 @@ pub struct FitPlan {
     pub floor: usize,
     /// How Gaussians are added and removed.
     pub rule: DensityRule,
+    /// The filter of the field.
+    pub filter: PixelFilter,
     /// Degree of the spherical harmonics.
     pub sh_degree: u8,
     /// Seed of the random numbers.
@@ -91,6 +98,7 @@ impl FitPlan {
             gaussians,
             floor: gaussians,
             rule: DensityRule::Floor,
+            filter: PixelFilter::Mip,
             sh_degree: SH_DEGREE,
             seed: 0,
             holdout,
@@ -129,6 +137,14 @@ pub fn crc(bytes: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(bytes);
     crc.sum()
+}
+
+/// CRC-32 of a file.
+///
+/// # Errors
+/// [`Fault::Data`] if it cannot be read.
+pub fn file_crc(path: &Path) -> Result<u32, Fault> {
+    fs::read(path).map(|bytes| crc(&bytes)).map_err(|error| unreadable(path, &error))
 }
 
 /// A text that differs between selections of captures.

@@ -54,6 +54,7 @@ pub(super) fn start(
         gaussians: plan.gaussians,
         mirror: plan.mirror,
         motion_start: plan.motion_start,
+        filter: plan.filter,
         sh_degree: plan.sh_degree,
         ..AnchorSettings::default()
     };

@@ -1,4 +1,4 @@
-//! [`ImportLimits`]: a bound on the memory of an import, whatever the file announces.
+//! [`ImportLimits`]: a bound on the memory of an import, for any header.
 
 use std::fs::File;
 use std::io::Read;

@@ -3,7 +3,6 @@
 //! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
 
 use codec::{MOTION_ORDER_MAX, PixelFilter, Viewpoint};
-use refine::capture::Holdout;
 
 use super::budget::ImportBudget;
 use super::imported::{Hints, Imported, Repairs, TRUNCATED};
@@ -86,10 +85,9 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
             "fps" => hints.fps = Some(positive()?),
             "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
             "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
-            "holdout" => hints.holdout = Some(Holdout::named(value).ok_or_else(wrong)?),
             "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
             // Later versions may add keys.
-            _ => {}
+            _ => hints.fit.take(key, value).map_err(|()| wrong())?,
         }
     }
     Ok(hints)

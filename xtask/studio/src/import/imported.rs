@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use codec::{Field, SH_C0, Viewpoint};
-use refine::capture::Holdout;
+
+use super::fit_record::FitRecord;
 
 /// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
 pub(super) const TRUNCATED: &str = "truncated payload";
@@ -53,8 +54,8 @@ pub struct Hints {
     pub fps: Option<f32>,
     /// Suggested viewpoints, the initial one first.
     pub viewpoints: Vec<Viewpoint>,
-    /// Frames that were held out from fitting.
-    pub holdout: Option<Holdout>,
+    /// Photographs that the field was fitted to.
+    pub fit: FitRecord,
 }
 
 /// Rows repaired or dropped on import, counted by reason.

@@ -7,6 +7,7 @@ mod budget;
 mod clean;
 mod compressed_ply;
 pub(crate) mod field_file;
+mod fit_record;
 mod imported;
 mod inria;
 mod ply;
@@ -29,6 +30,7 @@ use crate::messages::unreadable;
 
 pub use budget::ImportLimits;
 pub use field_file::VERSION as FIELD_FILE_VERSION;
+pub use fit_record::FitRecord;
 pub use imported::{Hints, Imported, Repairs};
 
 /// The formats that [`import`] reads, for messages.

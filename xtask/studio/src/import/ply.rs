@@ -4,6 +4,7 @@
 //! that follow it before anything is allocated. Rows beyond the end of the file are reported as missing,
 //! not as an error, so that the complete rows of a truncated file can be used.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::budget::ImportBudget;
@@ -23,7 +24,7 @@ pub(crate) struct Table<'a> {
     name: &'a str,
     columns: Vec<Column<'a>>,
     /// Positions of the columns by name, of the first where several have one name.
-    positions: BTreeMap<&'a str, usize>,
+    positions: BTreeMap<Name<'a>, usize>,
     /// Rows that the header announces.
     announced: usize,
     /// Complete rows in the file.
@@ -32,11 +33,37 @@ pub(crate) struct Table<'a> {
 }
 
 struct Column<'a> {
-    name: &'a str,
+    name: Name<'a>,
     kind: Kind,
     /// First byte within a binary row.
     offset: usize,
 }
+
+/// Name of a property. Unit tests count its comparisons, and so bound the work of finding properties.
+#[derive(Clone, Copy)]
+struct Name<'a>(&'a str);
+
+impl Ord for Name<'_> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        #[cfg(test)]
+        tests::COMPARISONS.set(tests::COMPARISONS.get() + 1);
+        self.0.cmp(other.0)
+    }
+}
+
+impl PartialOrd for Name<'_> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Name<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Name<'_> {}
 
 /// The values of a table.
 enum Cells<'a> {
@@ -187,8 +214,8 @@ impl<'a> Table<'a> {
             return Err(format!("PLY header: cannot read `{line}`"));
         };
         let offset = self.columns.last().map_or(0, |column| column.offset + column.kind.size());
-        self.positions.entry(name).or_insert(self.columns.len());
-        self.columns.push(Column { name, kind, offset });
+        self.positions.entry(Name(name)).or_insert(self.columns.len());
+        self.columns.push(Column { name: Name(name), kind, offset });
         Ok(())
     }
 
@@ -218,7 +245,10 @@ impl<'a> Table<'a> {
             for column in &self.columns {
                 let value =
                     words.next().and_then(|word| parse_number(word, column.kind)).ok_or_else(|| {
-                        format!("PLY element {}, row {}: no number for {}", self.name, self.rows, column.name)
+                        format!(
+                            "PLY element {}, row {}: no number for {}",
+                            self.name, self.rows, column.name.0
+                        )
                     })?;
                 values.push(value);
             }
@@ -235,7 +265,7 @@ impl<'a> Table<'a> {
 
     /// Whether there is a property of this name.
     pub(crate) fn has(&self, name: &str) -> bool {
-        self.positions.contains_key(name)
+        self.positions.contains_key(&Name(name))
     }
 
     /// Number of the properties `prefix0`, `prefix1`, ... up to the first gap.
@@ -248,7 +278,7 @@ impl<'a> Table<'a> {
     /// # Errors
     /// One sentence that names all properties that are missing.
     pub(crate) fn find<S: AsRef<str>, const N: usize>(&self, names: [S; N]) -> Result<[usize; N], String> {
-        let found = names.each_ref().map(|name| self.positions.get(name.as_ref()).copied());
+        let found = names.each_ref().map(|name| self.positions.get(&Name(name.as_ref())).copied());
         let missing: Vec<&str> = names
             .iter()
             .zip(&found)
@@ -286,4 +316,36 @@ impl<'a> Table<'a> {
 fn parse_number(word: &[u8], kind: Kind) -> Option<f64> {
     let word = std::str::from_utf8(word).ok()?;
     if kind == Kind::F32 { word.parse::<f32>().ok().map(f64::from) } else { word.parse().ok() }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::import::budget::ImportLimits;
+    use crate::import::inria;
+
+    thread_local! {
+        /// Comparisons of names on this thread.
+        pub(super) static COMPARISONS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    #[test]
+    fn many_properties_are_no_more_work_each_than_few() {
+        let comparisons = |count: usize| {
+            COMPARISONS.set(0);
+            let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+            let numbered: String = (0..count).map(|k| format!("property char f_rest_{k}\n")).collect();
+            let named: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+            let text = format!("ply\nformat ascii 1.0\nelement vertex 0\n{numbered}{named}end_header\n");
+            let mut budget = ImportBudget::new(ImportLimits::default());
+            let ply = Ply::parse(text.as_bytes(), &mut budget).unwrap();
+            let message = inria::read(ply.table("vertex").unwrap(), &mut budget).unwrap_err();
+            assert!(message.contains(&format!("{count} properties f_rest_*")), "{message}");
+            COMPARISONS.get()
+        };
+        let (few, many) = (comparisons(4_750), comparisons(38_000));
+        assert!(0 < few && many < 16 * few, "eight times the properties take {many} comparisons, not {few}");
+    }
 }

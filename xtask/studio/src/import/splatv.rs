@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::ImportBudget;
 use super::field_file::NAME_MAX;
+use super::fit_record::FitRecord;
 use super::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
 use super::probe::Probe;
 use crate::up_axis::up_of;
@@ -119,7 +120,7 @@ impl From<ClipRecord> for Hints {
             duration_s: Some(record.duration_s),
             fps: Some(record.fps),
             viewpoints: record.viewpoints.into_iter().map(viewpoint).collect(),
-            holdout: None,
+            fit: FitRecord::default(),
         }
     }
 }

@@ -197,8 +197,7 @@ mod tests {
             Viewpoint { name: i.to_string(), position, target: [0.0; 3], fov_y: 0.8 }
         };
         let viewpoints = (0..count).map(viewpoint).collect();
-        let info =
-            ClipInfo { duration_s: 1.0, fps: 30.0, up: [0.0, 1.0, 0.0], metres_per_unit: 1.0, viewpoints };
+        let info = ClipInfo { up: [0.0, 1.0, 0.0], viewpoints, ..ClipInfo::default() };
         Scene::made("ring", field, info)
     }
 

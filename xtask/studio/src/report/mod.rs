@@ -1,10 +1,12 @@
-//! Reports as a page, text, tables for programs, and plots: size and quality of packages at every budget;
-//! with the feature `measure` also the cost and quality of playing, packaging and fitting a clip, and the
+//! Reports as a page, text, tables for programs, and plots: size and quality of packages at every budget, the
+//! ablation of fits; with the feature `measure` also the cost and quality of playing, packaging and fitting a clip, and the
 //! stability of the renderer.
 
+pub mod ablation;
 mod file;
 #[cfg(feature = "measure")]
 pub mod fitting;
+mod html;
 #[cfg(feature = "measure")]
 pub mod packaging;
 #[cfg(feature = "measure")]

@@ -23,12 +23,14 @@ pub(crate) struct PlotLine {
 const CHART_PX: (u32, u32) = (560, 420);
 
 /// Colours that people with a colour deficiency can tell apart (Okabe and Ito 2008).
-const COLORS: [RGBColor; 5] = [
+const COLORS: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
     RGBColor(86, 180, 233),
     RGBColor(204, 121, 167),
     RGBColor(0, 0, 0),
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
 ];
 
 /// The logarithmic axis labels these digits times powers of ten.

@@ -65,7 +65,7 @@ pub fn measure(
 
 /// The budgets below the size of a field, the largest first: those `requested`, or else the ends of layers. Fewer
 /// than two of these make no curve: a half, a quarter and an eighth of the field take their place.
-fn budgets(len: usize, requested: &[usize]) -> Vec<usize> {
+pub(crate) fn budgets(len: usize, requested: &[usize]) -> Vec<usize> {
     let below = |budgets: &[usize]| {
         let mut below: Vec<usize> = budgets.iter().copied().filter(|&budget| budget < len).collect();
         below.sort_unstable();

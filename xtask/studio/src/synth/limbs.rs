@@ -67,13 +67,8 @@ pub fn figure() -> (Field, ClipInfo) {
     }
     let viewpoint =
         Viewpoint { name: "front".into(), position: [0.0, 0.5, 5.0], target: [0.0; 3], fov_y: 0.8 };
-    let info = ClipInfo {
-        duration_s: 1.0,
-        fps: 30.0,
-        up: [0.0, 1.0, 0.0],
-        metres_per_unit: 0.5,
-        viewpoints: vec![viewpoint],
-    };
+    let viewpoints = vec![viewpoint];
+    let info = ClipInfo { up: [0.0, 1.0, 0.0], metres_per_unit: 0.5, viewpoints, ..ClipInfo::default() };
     (figure, info)
 }
 

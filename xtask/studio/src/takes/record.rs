@@ -67,6 +67,17 @@ impl Record {
         })
     }
 
+    /// The report on the output `out`, `None` unless it is [`OutputState::Done`].
+    ///
+    /// # Errors
+    /// Those of [`Record::state`].
+    pub fn report(out: &Path, command: &str, key: &str) -> Result<Option<Value>, Fault> {
+        match Record::state(out, command, key)? {
+            OutputState::Done => Ok(read(&record_path(out))?.map(|record| record.report)),
+            _ => Ok(None),
+        }
+    }
+
     /// Records that work on `out` begins.
     ///
     /// # Errors
@@ -134,6 +145,8 @@ mod tests {
             (standing("package", "k"), standing("package", "l")),
             (OutputState::Done, OutputState::Stale)
         );
+        let report = |key: &str| Record::report(&out, "package", key).unwrap();
+        assert_eq!((report("k"), report("l")), (Some(serde_json::json!({"bytes": 5})), None));
         fs::write(&out, "who1e").unwrap();
         assert_eq!(standing("package", "k"), OutputState::Begun, "damaged");
         fs::remove_file(&out).unwrap();

@@ -6,12 +6,11 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// What came of running the tool.
-pub(crate) struct Outcome {
-    pub(crate) code: Option<i32>,
-    pub(crate) stdout: String,
-    pub(crate) stderr: String,
-}
+#[path = "../../../../tests/src/outcome.rs"]
+#[allow(unreachable_pub, reason = "it is a module of the library of tests, too")]
+pub(crate) mod outcome;
+
+pub(crate) use outcome::Outcome;
 
 /// Environment of a machine without a graphics device and ONNX Runtime: the loaders find no driver and no library.
 pub(crate) const NO_DEVICE: [(&str, &str); 3] = [
@@ -29,26 +28,20 @@ pub(crate) fn aarc_studio(folder: &Path, args: &[&str]) -> Outcome {
 pub(crate) fn aarc_studio_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Outcome {
     let mut command = Command::new(env!("CARGO_BIN_EXE_aarc-studio"));
     command.current_dir(folder).args(args).envs(variables.iter().copied());
-    let output = command.output().expect("the tool starts");
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
-    Outcome { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    command.output().expect("the tool starts").into()
 }
 
 impl Outcome {
     /// What a successful run printed on standard output, as JSON.
     #[track_caller]
     pub(crate) fn json(self) -> Value {
-        assert_eq!(self.code, Some(0), "{}", self.stderr);
-        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
+        let stdout = self.success().stdout;
+        serde_json::from_str(&stdout).unwrap_or_else(|error| panic!("{error}: {stdout}"))
     }
 
-    /// The error of a run that failed with this exit code: one line on standard error, after any notes.
+    /// The [`Outcome::refusal`] with this exit code.
     #[track_caller]
     pub(crate) fn error(self, code: i32) -> String {
-        assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
-        let lines: Vec<&str> = self.stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
-        let [error] = lines[..] else { panic!("{}", self.stderr) };
-        assert!(error.starts_with("error: ") && self.stdout.is_empty(), "{}{}", self.stdout, self.stderr);
-        error.to_owned()
+        self.refusal(code).unwrap_or_else(|wrong| panic!("{wrong}")).to_owned()
     }
 }

@@ -5,7 +5,7 @@ mod objective;
 mod psnr;
 mod ssim;
 
-pub use lpips::{Lpips, LpipsError, LpipsNetwork};
+pub use lpips::{Lpips, LpipsError, LpipsNetwork, WeightTensor};
 pub(super) use objective::loss;
 #[cfg(feature = "gpu")]
 pub(super) use objective::{LAMBDA, lpips_loss};

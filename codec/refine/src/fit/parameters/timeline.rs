@@ -50,20 +50,13 @@ fn gaps(mut times_s: Vec<f64>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use codec::Camera;
-
     use super::*;
-    use crate::capture::{CalibratedCamera, Lens, even_times_s};
+    use crate::capture::fixtures::calibrated;
+    use crate::capture::{CalibratedCamera, even_times_s};
 
     /// Cameras with these offsets in seconds, in 9 frames at 10 per second.
     fn capture(offsets_s: &[f64]) -> Capture {
-        let camera = |time_offset_s: &f64| CalibratedCamera {
-            name: String::new(),
-            camera: Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8),
-            lens: Lens::default(),
-            time_offset_s: *time_offset_s,
-            held: false,
-        };
+        let camera = |&time_offset_s: &f64| CalibratedCamera { time_offset_s, ..calibrated() };
         let cameras = offsets_s.iter().map(camera).collect();
         Capture { cameras, frame_times_s: even_times_s(9, 10.0), photos: Vec::new() }
     }

@@ -4,7 +4,6 @@ mod findings;
 mod front;
 mod rows;
 mod tables;
-mod text;
 
 use std::fmt::Write;
 
@@ -13,12 +12,12 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
+use super::html::{escape, grouped, prose, start};
 use super::plot::{self as lines, LineChart, PlotLine};
 use crate::fit::log::LogEntry;
 use crate::messages::decimal;
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
-use text::{escape, grouped, prose};
 
 /// Parameters that other players have, with the reason why this one lacks them.
 const NO_PARAMETERS: [(&str, &str); 6] = [
@@ -100,13 +99,7 @@ impl Findings {
 
     fn html(&self) -> anyhow::Result<String> {
         let name = escape(&self.name);
-        let mut text = format!(
-            "<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n\
-             <meta name=viewport content=\"width=device-width, initial-scale=1\">\n\
-             <title>{name}: error against run time</title>\n<style>\n{}</style></head><body>\n\
-             <h1>{name}: error against run time</h1>\n",
-            include_str!("style.css")
-        );
+        let mut text = start(&format!("{name}: error against run time"));
         self.introduce(&mut text);
         text += "<h2>Playing</h2>\n";
         for parameter in &self.playing.parameters {

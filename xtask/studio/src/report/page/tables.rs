@@ -1,10 +1,8 @@
 //! The tables of a page.
 
-use std::fmt::Write;
-
-use super::text::{decimals, escape, grouped};
 use crate::messages::decimal;
 use crate::report::fitting::FitLog;
+use crate::report::html::{decimals, escape, grouped, row, table};
 use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
 
@@ -174,16 +172,4 @@ fn spread(Quartiles { low, median, high }: Quartiles) -> String {
         true => format!("{median:.2}"),
         false => format!("{median:.2} <small>{low:.2} to {high:.2}</small>"),
     }
-}
-
-fn row(cell: &str, cells: &[String], attributes: &str) -> String {
-    let mut text = format!("<tr{attributes}>");
-    for content in cells {
-        let _ = write!(text, "<{cell}>{content}</{cell}>");
-    }
-    text + "</tr>\n"
-}
-
-fn table(rows: &str) -> String {
-    format!("<div class=wide><table>\n{rows}</table></div>\n")
 }

@@ -5,8 +5,6 @@ use std::fmt;
 /// Why LPIPS cannot be computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LpipsError {
-    /// The bytes are not a safetensors file.
-    File(String),
     /// A tensor is missing.
     Missing(String),
     /// The shape of the first tensor is that of neither network.
@@ -19,13 +17,6 @@ pub enum LpipsError {
         expected: Vec<usize>,
         /// Shape in the file.
         found: Vec<usize>,
-    },
-    /// The numbers of a tensor are not 32-bit floats.
-    Type {
-        /// Name of the tensor.
-        tensor: String,
-        /// Type of its numbers.
-        found: String,
     },
     /// A number of a tensor is not finite.
     NotFinite(String),
@@ -41,13 +32,7 @@ pub enum LpipsError {
 impl fmt::Display for LpipsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            LpipsError::File(why) => write!(f, "the LPIPS weights are not a safetensors file: {why}"),
-            LpipsError::Missing(tensor) => {
-                write!(
-                    f,
-                    "the LPIPS weights lack the tensor {tensor}; it is named as in torchvision and lpips"
-                )
-            }
+            LpipsError::Missing(tensor) => write!(f, "the LPIPS weights lack the tensor {tensor}"),
             LpipsError::Network(found) => write!(
                 f,
                 "the LPIPS weights have a tensor features.0.weight of shape {found:?}: \
@@ -57,12 +42,6 @@ impl fmt::Display for LpipsError {
                 write!(
                     f,
                     "the tensor {tensor} of the LPIPS weights has shape {found:?} instead of {expected:?}"
-                )
-            }
-            LpipsError::Type { tensor, found } => {
-                write!(
-                    f,
-                    "the tensor {tensor} of the LPIPS weights holds {found}; convert it to 32-bit floats"
                 )
             }
             LpipsError::NotFinite(tensor) => {

@@ -1,4 +1,4 @@
-//! Learned perceptual image patch similarity (LPIPS), its gradient, and the files of its weights.
+//! Learned perceptual image patch similarity (LPIPS), its gradient, and its weights.
 
 mod convolution;
 mod error;
@@ -9,4 +9,4 @@ mod tests;
 
 pub use error::LpipsError;
 pub use model::Lpips;
-pub use network::LpipsNetwork;
+pub use network::{LpipsNetwork, WeightTensor};

@@ -3,15 +3,16 @@
 //!
 //! Both images pass through a trained network. At five of its layers, the features of each pixel are
 //! normalised; their squared differences are weighted by channel, averaged over the pixels, and summed
-//! over the layers. The user provides the weights in one safetensors file of 32-bit floats:
-//! `features.N.weight` and `features.N.bias` of torchvision, and `lin0.model.1.weight` to
-//! `lin4.model.1.weight` of the `lpips` package, version 0.1.
+//! over the layers. The user provides the weights: `features.N.weight` and `features.N.bias` of
+//! torchvision, and `lin0.model.1.weight` to `lin4.model.1.weight` of the `lpips` package, version 0.1.
+
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
 use super::LpipsError;
 use super::convolution::{FeatureMap, max_pool, windows};
-use super::network::{self, Block, LpipsNetwork};
+use super::network::{self, Block, LpipsNetwork, WeightTensor};
 use crate::fit::precision::Real;
 
 /// Normalisation of the input: channels in `[-1, 1]`, minus `SHIFT`, divided by `SCALE`.
@@ -38,12 +39,13 @@ struct Activations<T> {
 }
 
 impl<T: Real> Lpips<T> {
-    /// Reads the weights of AlexNet or VGG16 from a safetensors file.
+    /// AlexNet or VGG16 with these weights, by the names that torchvision and the `lpips` package give them.
+    /// Other tensors are ignored.
     ///
     /// # Errors
-    /// If a tensor is missing or malformed.
-    pub fn from_safetensors(bytes: &[u8]) -> Result<Lpips<T>, LpipsError> {
-        let (network, blocks) = network::read(bytes)?;
+    /// If a tensor is missing, has another shape, or holds a number that is not finite.
+    pub fn new(weights: &BTreeMap<String, WeightTensor>) -> Result<Lpips<T>, LpipsError> {
+        let (network, blocks) = network::build(weights)?;
         Ok(Lpips { network, blocks })
     }
 

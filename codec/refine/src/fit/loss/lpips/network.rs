@@ -1,8 +1,7 @@
-//! The networks of LPIPS: their layers, and the files of their weights.
+//! The networks of LPIPS: their layers and weights.
 
+use std::collections::BTreeMap;
 use std::fmt;
-
-use safetensors::{Dtype, SafeTensors};
 
 use super::LpipsError;
 use super::convolution::Convolution;
@@ -24,6 +23,15 @@ impl fmt::Display for LpipsNetwork {
             LpipsNetwork::Vgg16 => "VGG16",
         })
     }
+}
+
+/// Weights of a layer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightTensor {
+    /// Lengths of the axes, the slowest first.
+    pub shape: Vec<usize>,
+    /// Numbers, as many as the product of the lengths, the last axis innermost.
+    pub values: Vec<f32>,
 }
 
 /// The layers up to the next features.
@@ -61,44 +69,45 @@ const VGG16: Blocks = &[
 const SMALL: [usize; 3] = [3, 1, 1];
 const HALVE: Option<[usize; 2]> = Some([2, 2]);
 
-/// Reads the network in a file, which the shape of its first tensor identifies.
-pub(super) fn read<T: Real>(bytes: &[u8]) -> Result<(LpipsNetwork, Vec<Block<T>>), LpipsError> {
-    let file = SafeTensors::deserialize(bytes).map_err(|error| LpipsError::File(error.to_string()))?;
+/// Builds the network that the shape of the first tensor identifies.
+pub(super) fn build<T: Real>(
+    weights: &BTreeMap<String, WeightTensor>,
+) -> Result<(LpipsNetwork, Vec<Block<T>>), LpipsError> {
     let first = "features.0.weight";
-    let first = file.tensor(first).map_err(|_| LpipsError::Missing(first.into()))?;
-    let (network, blocks) = match first.shape() {
+    let first = weights.get(first).ok_or_else(|| LpipsError::Missing(first.into()))?;
+    let (network, blocks) = match first.shape[..] {
         [_, _, 11, 11] => (LpipsNetwork::Alex, ALEX),
         [_, _, 3, 3] => (LpipsNetwork::Vgg16, VGG16),
-        shape => return Err(LpipsError::Network(shape.to_vec())),
+        _ => return Err(LpipsError::Network(first.shape.clone())),
     };
-    let read_block = |(i, (pool, layers)): (usize, &(Option<[usize; 2]>, &[Layer]))| {
-        let read_layer = |&Layer(number, [inputs, outputs], [side, stride, padding]): &Layer| {
-            let weights =
-                tensor(&file, &format!("features.{number}.weight"), &[outputs, inputs, side, side])?;
-            let bias = tensor(&file, &format!("features.{number}.bias"), &[outputs])?;
-            Ok(Convolution::new(&weights, bias, side, stride, padding))
+    let build_block = |(i, (pool, layers)): (usize, &(Option<[usize; 2]>, &[Layer]))| {
+        let build_layer = |&Layer(number, [inputs, outputs], [side, stride, padding]): &Layer| {
+            let kernel =
+                tensor(weights, &format!("features.{number}.weight"), &[outputs, inputs, side, side])?;
+            let bias = tensor(weights, &format!("features.{number}.bias"), &[outputs])?;
+            Ok(Convolution::new(&kernel, bias, side, stride, padding))
         };
-        let convolutions = layers.iter().map(read_layer).collect::<Result<Vec<_>, LpipsError>>()?;
+        let convolutions = layers.iter().map(build_layer).collect::<Result<Vec<_>, LpipsError>>()?;
         let channels = convolutions.last().map_or(0, Convolution::outputs);
-        let head = tensor(&file, &format!("lin{i}.model.1.weight"), &[1, channels, 1, 1])?;
+        let head = tensor(weights, &format!("lin{i}.model.1.weight"), &[1, channels, 1, 1])?;
         Ok(Block { pool: *pool, convolutions, head })
     };
-    Ok((network, blocks.iter().enumerate().map(read_block).collect::<Result<_, LpipsError>>()?))
+    Ok((network, blocks.iter().enumerate().map(build_block).collect::<Result<_, LpipsError>>()?))
 }
 
-/// The numbers of a tensor, after checks of its type and shape.
-fn tensor<T: Real>(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<T>, LpipsError> {
-    let found = file.tensor(name).map_err(|_| LpipsError::Missing(name.into()))?;
-    if found.dtype() != Dtype::F32 {
-        return Err(LpipsError::Type { tensor: name.into(), found: format!("{:?}", found.dtype()) });
-    }
-    if found.shape() != shape {
-        let (expected, found) = (shape.to_vec(), found.shape().to_vec());
+/// The numbers of a tensor, after checks of its shape and of its numbers.
+fn tensor<T: Real>(
+    weights: &BTreeMap<String, WeightTensor>,
+    name: &str,
+    shape: &[usize],
+) -> Result<Vec<T>, LpipsError> {
+    let found = weights.get(name).ok_or_else(|| LpipsError::Missing(name.into()))?;
+    if found.shape != shape || found.values.len() != shape.iter().product() {
+        let (expected, found) = (shape.to_vec(), found.shape.clone());
         return Err(LpipsError::Shape { tensor: name.into(), expected, found });
     }
-    let values = found.data().as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-    if values.clone().any(|value| !value.is_finite()) {
+    if found.values.iter().any(|value| !value.is_finite()) {
         return Err(LpipsError::NotFinite(name.into()));
     }
-    Ok(values.map(|value| T::from_f64(f64::from(value))).collect())
+    Ok(found.values.iter().map(|value| T::from_f64(f64::from(*value))).collect())
 }

@@ -1,15 +1,12 @@
 //! Tests of LPIPS. The trained weights cannot be distributed; other weights of the same shapes test the
 //! arithmetic.
 
-use std::path::Path;
-
-use safetensors::Dtype;
-use safetensors::tensor::{TensorView, serialize};
+use std::collections::BTreeMap;
 
 use super::convolution::Convolution;
 use super::model::Lpips;
-use super::network::{Block, LpipsNetwork};
-use crate::fit::fixtures::{Tensors, alexnet, layer_weights as weights, safetensors_file};
+use super::network::{Block, LpipsNetwork, WeightTensor};
+use crate::fit::fixtures::{alexnet, layer_weights as weights};
 use crate::fit::loss::loss;
 use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
@@ -29,7 +26,7 @@ const DISTANCE_BY_NUMPY: f64 = 1.995_343_607_914_339_2;
 
 #[test]
 fn the_distance_matches_an_independent_program() {
-    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&alexnet())).unwrap();
+    let lpips = Lpips::<f32>::new(&alexnet()).unwrap();
     assert_eq!((lpips.network(), lpips.network().to_string()), (LpipsNetwork::Alex, "AlexNet".into()));
     let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
     let distance = lpips.distance(&a, &b, 72);
@@ -130,17 +127,17 @@ fn black_images_and_dead_features_give_finite_results() {
 
 #[test]
 fn images_too_small_are_refused() {
-    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&alexnet())).unwrap();
+    let lpips = Lpips::<f32>::new(&alexnet()).unwrap();
     assert_eq!(lpips.check_size(31, 31), Ok(()));
     let error = lpips.check_size(64, 20).unwrap_err();
     assert_eq!(error.to_string(), "LPIPS needs images of at least 31x31 pixels, not 64x20");
     assert!(lpips.check_size(0, 0).is_err());
 }
 
-fn refusal(change: impl FnOnce(&mut Tensors)) -> String {
+fn refusal(change: impl FnOnce(&mut BTreeMap<String, WeightTensor>)) -> String {
     let mut tensors = alexnet();
     change(&mut tensors);
-    match Lpips::<f32>::from_safetensors(&safetensors_file(&tensors)) {
+    match Lpips::<f32>::new(&tensors) {
         Ok(_) => panic!("accepted"),
         Err(error) => error.to_string(),
     }
@@ -148,57 +145,24 @@ fn refusal(change: impl FnOnce(&mut Tensors)) -> String {
 
 #[test]
 fn errors_name_the_malformed_tensor() {
-    let missing = refusal(|tensors| drop(tensors.remove("features.8.bias")));
-    assert!(missing.contains("lack the tensor features.8.bias"), "{missing}");
-    let missing = refusal(|tensors| drop(tensors.remove("features.0.weight")));
-    assert!(missing.contains("lack the tensor features.0.weight"), "{missing}");
-    let shape = refusal(|tensors| tensors.get_mut("lin2.model.1.weight").unwrap().0 = vec![384]);
+    for name in ["features.8.bias", "features.0.weight", "lin4.model.1.weight"] {
+        let missing = refusal(|tensors| drop(tensors.remove(name)));
+        assert_eq!(missing, format!("the LPIPS weights lack the tensor {name}"));
+    }
+    let shape = refusal(|tensors| tensors.get_mut("lin2.model.1.weight").unwrap().shape = vec![384]);
     assert!(shape.contains("lin2.model.1.weight") && shape.contains("[1, 384, 1, 1]"), "{shape}");
+    let short = refusal(|tensors| tensors.get_mut("features.3.bias").unwrap().values.truncate(7));
+    assert!(short.contains("features.3.bias"), "{short}");
+    let zeros =
+        |shape: [usize; 4]| WeightTensor { shape: shape.to_vec(), values: vec![0.0; shape.iter().product()] };
     let network = refusal(|tensors| {
-        tensors.insert("features.0.weight".into(), (vec![64, 3, 7, 7], vec![0; 4 * 64 * 3 * 49]));
+        tensors.insert("features.0.weight".into(), zeros([64, 3, 7, 7]));
     });
     assert!(network.contains("[64, 3, 7, 7]") && network.contains("AlexNet"), "{network}");
     let vgg = refusal(|tensors| {
-        tensors.insert("features.0.weight".into(), (vec![64, 3, 3, 3], vec![0; 4 * 64 * 27]));
+        tensors.insert("features.0.weight".into(), zeros([64, 3, 3, 3]));
     });
     assert!(vgg.contains("features.2.weight"), "{vgg}");
-    let infinite = refusal(|tensors| {
-        tensors.get_mut("features.3.bias").unwrap().1[..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
-    });
-    assert!(infinite.contains("features.3.bias"), "{infinite}");
-    for bytes in [&b""[..], b"not a file of tensors", &safetensors_file(&alexnet())[..1000]] {
-        let error = Lpips::<f32>::from_safetensors(bytes).err().unwrap().to_string();
-        assert!(error.contains("not a safetensors file"), "{error}");
-    }
-    let (shape, half) = (vec![64, 3, 11, 11], vec![0; 2 * 64 * 363]);
-    let view = TensorView::new(Dtype::F16, shape, &half).unwrap();
-    let bytes = serialize([("features.0.weight", view)], None).unwrap();
-    let error = Lpips::<f32>::from_safetensors(&bytes).err().unwrap().to_string();
-    assert!(error.contains("features.0.weight") && error.contains("F16"), "{error}");
-}
-
-/// The published heads are pickled; their numbers are at the end of the file, each tensor after its
-/// length.
-#[test]
-fn the_published_heads_have_the_expected_shapes() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/lpips/weights/v0.1/alex.pth");
-    let Ok(pickled) = std::fs::read(&path) else {
-        eprintln!("skipped: {} is not there", path.display());
-        return;
-    };
-    let mut tensors = alexnet();
-    let mut rest = &pickled[..];
-    for (head, channels) in [(4, 256), (0, 64), (3, 256), (2, 384), (1, 192)] {
-        let (before, values) = rest.split_at(rest.len() - 4 * channels);
-        let (before, count) = before.split_last_chunk().unwrap();
-        assert_eq!(u64::from_le_bytes(*count), channels as u64);
-        let values: Vec<u8> = values.to_vec();
-        let all = values.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-        assert!(all.clone().all(|weight| weight >= 0.0) && all.clone().any(|weight| weight > 0.1));
-        tensors.get_mut(&format!("lin{head}.model.1.weight")).unwrap().1 = values;
-        rest = before;
-    }
-    let lpips = Lpips::<f32>::from_safetensors(&safetensors_file(&tensors)).unwrap();
-    let (a, b) = (pattern([72, 60], [7, 13, 29, 64]), pattern([72, 60], [5, 11, 17, 32]));
-    assert!(lpips.distance(&a, &b, 72) > 0.0);
+    let infinite = refusal(|tensors| tensors.get_mut("features.3.bias").unwrap().values[0] = f32::INFINITY);
+    assert!(infinite.contains("features.3.bias") && infinite.contains("not finite"), "{infinite}");
 }

@@ -1,12 +1,14 @@
-//! Formats numbers and text as HTML.
+//! HTML: numbers, text and tables.
+
+use std::fmt::Write;
 
 /// Escapes text for HTML.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// Escapes text for HTML; text between backticks becomes code.
-pub(super) fn prose(text: &str) -> String {
+pub(crate) fn prose(text: &str) -> String {
     let mut marks = ["<code>", "</code>"].into_iter().cycle();
     let mut parts = text.split('`');
     let first = escape(parts.next().unwrap_or_default());
@@ -14,7 +16,7 @@ pub(super) fn prose(text: &str) -> String {
 }
 
 /// Rounds to a whole number, with commas between groups of three digits.
-pub(super) fn grouped(x: f64) -> String {
+pub(crate) fn grouped(x: f64) -> String {
     let digits = format!("{:.0}", x.abs());
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -27,8 +29,32 @@ pub(super) fn grouped(x: f64) -> String {
 }
 
 /// A number with this many decimals, or a dash for `None`.
-pub(super) fn decimals(x: Option<f64>, decimals: usize) -> String {
+pub(crate) fn decimals(x: Option<f64>, decimals: usize) -> String {
     x.map_or_else(|| "-".into(), |x| format!("{x:.decimals$}"))
+}
+
+/// The start of a page up to the end of its first heading. `title` is HTML.
+pub(crate) fn start(title: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n\
+         <meta name=viewport content=\"width=device-width, initial-scale=1\">\n\
+         <title>{title}</title>\n<style>\n{}</style></head><body>\n<h1>{title}</h1>\n",
+        include_str!("style.css")
+    )
+}
+
+/// A row of a table; `cell` is `td` or `th`, `attributes` begin with a space.
+pub(crate) fn row(cell: &str, cells: &[String], attributes: &str) -> String {
+    let mut text = format!("<tr{attributes}>");
+    for content in cells {
+        let _ = write!(text, "<{cell}>{content}</{cell}>");
+    }
+    text + "</tr>\n"
+}
+
+/// A table of these rows.
+pub(crate) fn table(rows: &str) -> String {
+    format!("<div class=wide><table>\n{rows}</table></div>\n")
 }
 
 #[cfg(test)]

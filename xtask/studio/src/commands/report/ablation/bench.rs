@@ -1,0 +1,355 @@
+//! [`Bench`]: makes and measures the parts of an ablation that the folder of the report lacks.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use program::{Fault, output};
+use refine::capture::{Holdout, PhotoId, Split};
+use refine::fit::Lpips;
+use refine::image::Image;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::capture::CaptureFiles;
+use crate::commands::capture::load_training_views;
+use crate::commands::fit::{FitOptions, FitResult, fit_and_write};
+use crate::eval::{self, Crop, SplitMeasures, Subject, fragments_per_lit_pixel, judge, parse_csv};
+use crate::fit::{self, FitPlan, TrainingViews, log};
+use crate::messages::unreadable;
+use crate::package::{PackageSettings, package_with};
+use crate::progress::{StagedProgress, counting};
+use crate::report::ablation::{
+    Ablation, FieldFigures, LeftOut, Method, PackageFigures, Picture, PicturedView, VARIANTS, Variant,
+};
+use crate::scene::Scene;
+use crate::takes::{OutputState, Record, key};
+
+/// Name of the field in the folder of a fit.
+const FIELD: &str = "field.ply";
+
+/// Commands in the records.
+const FIT: &str = "report: fit";
+pub(super) const EVAL: &str = "report: eval";
+const PACKAGE: &str = "report: package";
+
+/// Held frames: every table of the paper holds every other one.
+pub(super) const HOLDOUT: Holdout = Holdout::Odd;
+
+/// Splits that the page shows pictures of, and the number of photographs of each.
+const PICTURED: [Split; 3] = [Split::InterpA, Split::InterpB, Split::Recon];
+const PICTURED_OF_SPLIT: usize = 2;
+
+/// Whether an error is of the data.
+pub(super) fn is_of_data(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(Fault::Data(_)))
+}
+
+/// A held photograph that the page shows.
+pub(super) struct PicturedPhoto {
+    photo_id: PhotoId,
+    split: Split,
+    /// Name of the PNGs of it.
+    file: String,
+    crop: Crop,
+}
+
+/// Selects the photographs that the page shows, evenly from the held splits.
+pub(super) fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto>, Fault> {
+    let splits = eval::splits(capture_files, HOLDOUT)?;
+    let mut pictured = Vec::new();
+    for split in PICTURED {
+        let of: Vec<PhotoId> =
+            splits.iter().filter(|(_, of)| *of == split).map(|(photo_id, _)| *photo_id).collect();
+        let count = of.len().min(PICTURED_OF_SPLIT);
+        for i in 0..count {
+            let photo_id = of[(2 * i + 1) * of.len() / (2 * count)];
+            let name = capture_files.name(photo_id).replace(['/', '\\', ' '], "_");
+            let crop = Crop::around(&[&capture_files.photo(photo_id)?]);
+            pictured.push(PicturedPhoto {
+                photo_id,
+                split,
+                file: format!("{}-{name}.png", split.name()),
+                crop,
+            });
+        }
+    }
+    Ok(pictured)
+}
+
+/// What the measurements share.
+pub(super) struct Bench<'a> {
+    /// The folder of the report.
+    pub(super) out: &'a Path,
+    pub(super) options: &'a FitOptions,
+    pub(super) capture_files: CaptureFiles,
+    /// Hash of the photographs, and of the part that is read.
+    pub(super) photographs_key: String,
+    pub(super) lpips: Option<Lpips<f32>>,
+    /// The photographs that the page shows.
+    pub(super) pictured: Vec<PicturedPhoto>,
+    /// The decoded photographs, once a fit needs them.
+    pub(super) views: Option<TrainingViews>,
+    pub(super) ablation: Ablation,
+}
+
+/// Measures of a subject.
+struct JudgedSubject {
+    splits: Vec<SplitMeasures>,
+    fragments_per_lit_pixel: Option<f64>,
+}
+
+/// What a record of [`PACKAGE`] holds, under the keys of the JSON of `package`.
+#[derive(Deserialize)]
+struct PackageRecord {
+    gaussians_out: usize,
+    bytes: usize,
+    duration_s: f64,
+    topology: TopologyRecord,
+}
+
+#[derive(Deserialize)]
+struct TopologyRecord {
+    recall: f64,
+}
+
+impl Bench<'_> {
+    /// Lists a row that the tables lack.
+    pub(super) fn leave_out(&mut self, name: &str, why: &str) {
+        self.ablation.left_out.push(LeftOut { name: name.into(), why: why.into() });
+    }
+
+    fn images(&self) -> usize {
+        self.capture_files.capture.photos.len()
+    }
+
+    /// Path of a file, within the folder of the report.
+    fn path(&self, folder: &str, file: &str) -> PathBuf {
+        self.out.join(folder).join(file)
+    }
+
+    /// Writes the held photographs that the page shows.
+    pub(super) fn photographs(&mut self) -> anyhow::Result<()> {
+        output::make_folder(&self.out.join("photographs"))?;
+        for photo in &self.pictured {
+            let image = photo.crop.of(&self.capture_files.photo(photo.photo_id)?.image);
+            write_picture(&self.path("photographs", &photo.file), &image)?;
+            let name = format!("{}, {}", self.capture_files.name(photo.photo_id), photo.split.name());
+            self.ablation.views.push(PicturedView { name, pictures: Vec::new() });
+        }
+        self.show("photograph", "photographs")
+    }
+
+    /// Shows the pictures of a folder beside the photographs.
+    fn show(&mut self, of: &str, folder: &str) -> anyhow::Result<()> {
+        for (i, photo) in self.pictured.iter().enumerate() {
+            let path = self.path(folder, &photo.file);
+            // A folder of pictures may lack some.
+            if path.is_file() {
+                let png = fs::read(&path).map_err(|error| unreadable(&path, &error))?;
+                let path = format!("{}/{}", folder.replace(' ', "%20"), photo.file);
+                self.ablation.views[i].pictures.push(Picture { of: of.into(), path, png });
+            }
+        }
+        Ok(())
+    }
+
+    /// Fits, measures and packages a variant.
+    pub(super) fn variant(
+        &mut self,
+        variant: &Variant,
+        plan: &FitPlan,
+        budgets: &[usize],
+    ) -> anyhow::Result<()> {
+        let folder = variant.folder();
+        output::make_folder(&self.out.join(&folder))?;
+        let field = self.path(&folder, FIELD);
+        let report = self.fit(plan, &field)?;
+        let subject = Subject::load(&field, &self.capture_files)?;
+        let judged = self.judge(&subject, &field, variant.name, &folder, "eval")?;
+        let table = log::table_path(&field);
+        let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
+        let mut about = variant.about.to_owned();
+        if !self.ablation.methods.is_empty() && self.is_full(&field)? {
+            about += "; the field is that of the full fit, so the part had no effect";
+        }
+        self.ablation.methods.push(Method {
+            name: variant.name.into(),
+            about,
+            fit: Some(FieldFigures::deserialize(report)?),
+            fragments_per_lit_pixel: judged.fragments_per_lit_pixel,
+            splits: judged.splits,
+            entries: log::parse(&entries).map_err(|what| {
+                Fault::Data(format!("{}: {what}; remove the folder {folder}", table.display()))
+            })?,
+        });
+        for &budget in budgets {
+            let package = self.path(&folder, &format!("{budget}.aarc"));
+            match self.package(variant, &field, &package, budget) {
+                Err(error) if is_of_data(&error) => {
+                    self.leave_out(&format!("package of {budget}, {}", variant.name), &format!("{error:#}"));
+                }
+                figures => self.ablation.packages.push(figures?),
+            }
+        }
+        Ok(())
+    }
+
+    /// Measures another method, whose `subject` is at `path`.
+    pub(super) fn other(&mut self, name: &str, path: &Path, subject: &Subject) -> anyhow::Result<()> {
+        let judged = self.judge(subject, path, name, &format!("compared-{name}"), "eval")?;
+        let images: usize = judged.splits.iter().map(|row| row.images).sum();
+        self.ablation.methods.push(Method {
+            name: name.into(),
+            about: format!("{}, {images} of {} photographs", path.display(), self.images()),
+            fit: None,
+            fragments_per_lit_pixel: judged.fragments_per_lit_pixel,
+            splits: judged.splits,
+            entries: Vec::new(),
+        });
+        Ok(())
+    }
+
+    /// Whether a field has the same bytes as that of the full fit.
+    fn is_full(&self, field: &Path) -> Result<bool, Fault> {
+        let read = |path: &Path| fs::read(path).map_err(|error| unreadable(path, &error));
+        Ok(read(&self.path(&VARIANTS[0].folder(), FIELD))? == read(field)?)
+    }
+
+    /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.
+    fn fit(&mut self, plan: &FitPlan, field: &Path) -> anyhow::Result<Value> {
+        let key = key(FIT, &format!("{plan:?} {}", self.photographs_key), &[])?;
+        if let Some(report) = Record::report(field, FIT, &key)? {
+            return Ok(report);
+        }
+        if Record::state(field, FIT, &key)? == OutputState::Stale {
+            fit::remove_checkpoint(field)?;
+        }
+        Record::begin(field, FIT, &key)?;
+        if self.views.is_none() {
+            self.views = Some(load_training_views(&self.capture_files, HOLDOUT)?);
+        }
+        let views = self.views.as_ref().context("photographs")?;
+        let options = self.options;
+        let mut backend = options.open_backend()?;
+        let lpips = self.lpips.as_ref().filter(|_| plan.lpips.is_some());
+        let runtime = options.runtime(&mut *backend, lpips);
+        let fitted = fit_and_write(field, plan, &self.capture_files, views, runtime)?;
+        let splits = self.ablation.photographs.clone();
+        let result = FitResult::new(plan.clone(), fitted, splits, &self.capture_files, views);
+        let report = result.to_json(field)?;
+        Record::complete(field, FIT, &key, report.clone())?;
+        Ok(report)
+    }
+
+    /// Packages a field, unless that is done, and measures the decoded package.
+    fn package(
+        &mut self,
+        variant: &Variant,
+        field: &Path,
+        package: &Path,
+        budget: usize,
+    ) -> anyhow::Result<PackageFigures> {
+        let key = key(PACKAGE, &budget.to_string(), &[field])?;
+        let report = match Record::report(package, PACKAGE, &key)? {
+            Some(report) => report,
+            None => {
+                Record::begin(package, PACKAGE, &key)?;
+                let settings = PackageSettings { budget: Some(budget), ..PackageSettings::default() };
+                let progress = StagedProgress::visible();
+                progress.set_prefix(format!("{}, {budget}: ", variant.name));
+                let made = package_with(&Scene::load(field)?, &settings, None, &progress)?;
+                output::write(package, &made.bytes)?;
+                let report = serde_json::to_value(made.report)?;
+                Record::complete(package, PACKAGE, &key, report.clone())?;
+                report
+            }
+        };
+        let PackageRecord { gaussians_out, bytes, duration_s, topology } =
+            PackageRecord::deserialize(report)?;
+        let subject = Subject::load(package, &self.capture_files)?;
+        let judged = self.judge(&subject, package, variant.name, &variant.folder(), &budget.to_string())?;
+        Ok(PackageFigures {
+            method: variant.name.into(),
+            budget,
+            gaussians: gaussians_out,
+            bytes,
+            mbps: bytes as f64 * 8e-6 / duration_s,
+            topology: topology.recall,
+            splits: judged.splits,
+        })
+    }
+
+    /// Compares the pictures of `subject`, which is at `path`, with the photographs, unless that is done. Writes
+    /// the measures to `FILE.csv` in a folder of the report; of `eval` also pictures, which the page then shows.
+    fn judge(
+        &mut self,
+        subject: &Subject,
+        path: &Path,
+        name: &str,
+        folder: &str,
+        file: &str,
+    ) -> anyhow::Result<JudgedSubject> {
+        output::make_folder(&self.out.join(folder))?;
+        let csv = self.path(folder, &format!("{file}.csv"));
+        let is_shown = file == "eval";
+        let options = format!("{} {:?}", self.photographs_key, self.options.lpips.record()?);
+        let key = key(EVAL, &options, &[path])?;
+        let report = match Record::report(&csv, EVAL, &key)? {
+            Some(report) => report,
+            None => {
+                Record::begin(&csv, EVAL, &key)?;
+                let report = self.compare(subject, name, folder, &csv, is_shown)?;
+                Record::complete(&csv, EVAL, &key, report.clone())?;
+                report
+            }
+        };
+        if is_shown {
+            self.show(name, folder)?;
+        }
+        // Measures come from the file, so that a second run shows the same ones.
+        let text = fs::read_to_string(&csv).map_err(|error| unreadable(&csv, &error))?;
+        let judged = parse_csv(&text, &self.capture_files)
+            .map_err(|what| Fault::Data(format!("{}: {what}; remove it to measure again", csv.display())))?;
+        let fragments_per_lit_pixel = report["fragments_per_lit_pixel"].as_f64();
+        Ok(JudgedSubject { splits: eval::means(&judged), fragments_per_lit_pixel })
+    }
+
+    /// Writes measures to `csv`, and pictures beside it if `is_shown`; returns the other figures.
+    fn compare(
+        &self,
+        subject: &Subject,
+        name: &str,
+        folder: &str,
+        csv: &Path,
+        is_shown: bool,
+    ) -> anyhow::Result<Value> {
+        let progress = counting(self.images() as u64, "photographs");
+        progress.set_message(name.to_owned());
+        let mut written = Ok(());
+        let judged = judge(subject, &self.capture_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
+            progress.inc(1);
+            let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
+            let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.judged.photo_id);
+            if let Some(photo) = shown {
+                let picture = photo.crop.of(comparison.picture);
+                written = write_picture(&self.path(folder, &photo.file), &picture);
+            }
+        })?;
+        progress.finish_and_clear();
+        written?;
+        output::write(csv, eval::csv(&judged, &self.capture_files).as_bytes())?;
+        let fragments = match subject {
+            Subject::Drawn(input) if is_shown => {
+                let photos = self.pictured.iter().map(|photo| &photo.photo_id);
+                fragments_per_lit_pixel(&input.to_reference(), &self.capture_files, photos)
+            }
+            _ => None,
+        };
+        Ok(json!({"fragments_per_lit_pixel": fragments}))
+    }
+}
+
+fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
+    output::write_png(path, &image.to_rgb8(), (image.width, image.height))
+}

@@ -1,0 +1,63 @@
+//! [`FitRecord`]: the photographs that a field was fitted to, as a field file records them.
+
+use std::ops::Range;
+
+use refine::capture::Holdout;
+
+/// The photographs that a field was fitted to; `None` where its file does not record it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitRecord {
+    /// Held-out frames.
+    pub holdout: Option<Holdout>,
+    /// Frames of the capture that the clip shows, counted from 0, held-out ones included.
+    pub frames: Option<Range<usize>>,
+    /// Times of the first and the last of these frames in the capture, in seconds; `None` too if the frame rate was
+    /// assumed.
+    pub seconds: Option<[f64; 2]>,
+    /// Checksum of the times of the photographs in the clip, as [`crate::capture::CaptureFiles::fit_record`]
+    /// computes it.
+    pub timing: Option<u32>,
+}
+
+impl FitRecord {
+    /// Keys and values of the comments of a field file.
+    pub(crate) fn comments(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let FitRecord { holdout, frames, seconds, timing } = self;
+        [
+            holdout.map(|holdout| ("holdout", holdout.name().to_owned())),
+            frames.as_ref().map(|Range { start, end }| ("frames", format!("{start}..{end}"))),
+            seconds.map(|[first, last]| ("seconds", format!("{first} {last}"))),
+            timing.map(|timing| ("timing", format!("{timing:08x}"))),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// Takes the value of a comment with one of these keys; ignores other keys.
+    ///
+    /// # Errors
+    /// If the value cannot be used.
+    pub(super) fn take(&mut self, key: &str, value: &str) -> Result<(), ()> {
+        match key {
+            "holdout" => self.holdout = Some(Holdout::named(value).ok_or(())?),
+            "frames" => self.frames = Some(frames(value).ok_or(())?),
+            "seconds" => self.seconds = Some(seconds(value).ok_or(())?),
+            "timing" => self.timing = Some(u32::from_str_radix(value, 16).map_err(drop)?),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// A range A..B that is not empty.
+fn frames(value: &str) -> Option<Range<usize>> {
+    let (start, end) = value.split_once("..")?;
+    Some(start.parse().ok()?..end.parse().ok()?).filter(|frames: &Range<usize>| !frames.is_empty())
+}
+
+/// Two finite numbers in ascending order.
+fn seconds(value: &str) -> Option<[f64; 2]> {
+    let (first, last) = value.split_once(' ')?;
+    let (first, last): (f64, f64) = (first.parse().ok()?, last.parse().ok()?);
+    (first <= last && (last - first).is_finite()).then_some([first, last])
+}

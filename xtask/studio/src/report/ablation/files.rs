@@ -1,0 +1,232 @@
+//! Writes an ablation as a page, as Markdown and as CSV.
+
+use std::fmt::Write;
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+
+use super::result::{Ablation, Method, PackageFigures, PicturedView, of};
+use super::table;
+use crate::eval::SplitMeasures;
+use crate::fit::log::LogEntry;
+use crate::report::ReportFile;
+use crate::report::html::{self, escape};
+use crate::report::plot::{LineChart, PlotLine, svg};
+
+/// What the columns mean, in Markdown without markup.
+const COLUMNS: &str = "PSNR is over the subject, SSIM and LPIPS over the whole picture; each is the mean over the \
+     photographs of a split. train: photographs fitted to; interp_b: held frames of fitted cameras; recon: fitted frames \
+     of held cameras; interp_a: held frames of held cameras. Every other frame is held out. Fragments per lit pixel are \
+     counted 512 pixels wide, in the views below.";
+
+const PACKAGES: &str = "Packages of the full fit at each budget, and of the others at the largest, as `package --budget` makes them. Mbps: size over the duration of the clip; \
+     Topo: fraction of the persistent features of the fit's density that the package preserves; PSNR: after decoding.";
+
+impl Ablation {
+    /// The text for a terminal.
+    pub fn text(&self) -> String {
+        let mut text = format!("{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
+        let packages = table::packages(self);
+        if !packages.is_empty() {
+            text += "\n";
+            text += &packages.markdown();
+        }
+        for left_out in &self.left_out {
+            let _ = writeln!(text, "\n{} is left out: {}", left_out.name, left_out.why);
+        }
+        text
+    }
+
+    /// The files of the report: page, Markdown and CSV. Markdown shows the pictures in the report's folder.
+    ///
+    /// # Errors
+    /// If a plot cannot be drawn.
+    pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
+        Ok(vec![
+            ReportFile { name: "fit.html".into(), text: self.html()? },
+            ReportFile { name: "fit.md".into(), text: self.markdown() },
+            ReportFile { name: "fit.csv".into(), text: self.csv() },
+        ])
+    }
+
+    fn setup(&self) -> String {
+        let [width, height] = self.size;
+        let lpips = self.lpips.as_ref().map_or(String::new(), |network| format!(" LPIPS by {network}."));
+        format!(
+            "{}. {width}x{height} pixels, {} steps, {} Gaussians asked for.{lpips} Machine: {}.",
+            self.photographs,
+            html::grouped(self.steps as f64),
+            html::grouped(self.gaussians as f64),
+            self.machine
+        )
+    }
+
+    fn markdown(&self) -> String {
+        let mut text =
+            format!("# {}: ablation of the fit\n\n{}\n\n{COLUMNS}\n\n", self.capture, self.setup());
+        let _ = writeln!(text, "{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
+        for method in &self.methods {
+            let _ = writeln!(text, "- {}: {}", method.name, method.about);
+        }
+        for left_out in &self.left_out {
+            let _ = writeln!(text, "- {} is left out: {}", left_out.name, left_out.why);
+        }
+        let packages = table::packages(self);
+        if !packages.is_empty() {
+            let _ = write!(text, "\n## Packages\n\n{PACKAGES}\n\n{}", packages.markdown());
+        }
+        if !self.views.is_empty() {
+            text += "\n## Pictures\n";
+        }
+        for PicturedView { name, pictures } in &self.views {
+            let names: Vec<&str> = pictures.iter().map(|picture| picture.of.as_str()).collect();
+            let images: Vec<String> =
+                pictures.iter().map(|picture| format!("![{}]({})", picture.of, picture.path)).collect();
+            let rule = "---|".repeat(names.len());
+            let _ =
+                write!(text, "\n{name}\n\n| {} |\n|{rule}\n| {} |\n", names.join(" | "), images.join(" | "));
+        }
+        text
+    }
+
+    fn html(&self) -> anyhow::Result<String> {
+        let mut text = html::start(&format!("{}: ablation of the fit", escape(&self.capture)));
+        let _ = write!(text, "<p>{}</p>\n<p>{}</p>\n", escape(&self.setup()), html::prose(COLUMNS));
+        text += &table::methods(self).html();
+        text += &table::similarity(self).html();
+        text += "<ul>\n";
+        for method in &self.methods {
+            let _ = writeln!(text, "<li><b>{}</b>: {}</li>", escape(&method.name), escape(&method.about));
+        }
+        for left_out in &self.left_out {
+            let _ = writeln!(
+                text,
+                "<li><b>{}</b> is left out: {}</li>",
+                escape(&left_out.name),
+                escape(&left_out.why)
+            );
+        }
+        text += "</ul>\n";
+        text += &self.fits_over_steps()?;
+        let packages = table::packages(self);
+        if !packages.is_empty() {
+            let _ = write!(text, "<h2>Packages</h2>\n<p>{}</p>\n", html::prose(PACKAGES));
+            text += &self.packages_over_rate()?;
+            text += &packages.html();
+        }
+        if !self.views.is_empty() {
+            text += "<h2>Pictures</h2>\n<p>Held photographs and the pictures of each method, cropped to the subject.</p>\n";
+        }
+        for PicturedView { name, pictures } in &self.views {
+            let _ = writeln!(text, "<h3>{}</h3>\n<div class=side-by-side>", escape(name));
+            for picture in pictures {
+                let _ = writeln!(
+                    text,
+                    "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption></figure>",
+                    escape(&picture.of),
+                    BASE64_STANDARD.encode(&picture.png)
+                );
+            }
+            text += "</div>\n";
+        }
+        text += "</body></html>\n";
+        Ok(text)
+    }
+
+    /// A plot of the PSNR of a few held photographs over the steps of each fit.
+    fn fits_over_steps(&self) -> anyhow::Result<String> {
+        let line = |method: &Method| {
+            let point = |entry: &LogEntry| Some((entry.step as f64, entry.held_psnr_db?));
+            PlotLine { name: method.name.clone(), points: method.entries.iter().filter_map(point).collect() }
+        };
+        let lines: Vec<PlotLine> =
+            self.methods.iter().map(line).filter(|line| line.points.len() >= 2).collect();
+        match lines.is_empty() {
+            true => Ok(String::new()),
+            false => {
+                svg("steps", &[LineChart { title: "PSNR of a few held photographs (dB)".into(), lines }])
+            }
+        }
+    }
+
+    /// Plots of PSNR and topology of the packages over their bit rate.
+    fn packages_over_rate(&self) -> anyhow::Result<String> {
+        let Some(split) = self.splits().first().copied() else { return Ok(String::new()) };
+        let chart = |title: String, value: &dyn Fn(&PackageFigures) -> Option<f64>| {
+            let line = |method: &Method| {
+                let own = self.packages.iter().filter(|package| package.method == method.name);
+                let points = own.filter_map(|package| Some((package.mbps, value(package)?)));
+                PlotLine { name: method.name.clone(), points: points.collect() }
+            };
+            LineChart {
+                title,
+                lines: self.methods.iter().filter(|method| method.fit.is_some()).map(line).collect(),
+            }
+        };
+        let psnr = chart(format!("{} PSNR after decoding (dB)", split.name()), &|package| {
+            of(&package.splits, split)?.psnr_fg
+        });
+        let topology = chart("Topo".into(), &|package| Some(package.topology));
+        match psnr.lines.iter().any(|line| line.points.len() >= 2) {
+            true => svg("Mbps", &[psnr, topology]),
+            false => Ok(String::new()),
+        }
+    }
+
+    /// A line for each split of each method and package.
+    fn csv(&self) -> String {
+        let mut text = String::from(
+            "method,budget,split,images,psnr_fg,psnr_fg_deviation,psnr_full,ssim,lpips,gaussians,seconds,ms_per_step,\
+             fragments_per_lit_pixel,bytes,mbps,topology\n",
+        );
+        for method in &self.methods {
+            let fit = method.fit.as_ref();
+            let costs = [
+                fit.map(|fit| fit.gaussians as f64),
+                fit.map(|fit| fit.seconds),
+                fit.map(|fit| fit.ms_per_step),
+                method.fragments_per_lit_pixel,
+                None,
+                None,
+                None,
+            ];
+            write_csv(&mut text, &method.name, None, &method.splits, costs);
+        }
+        for package in &self.packages {
+            let costs = [
+                Some(package.gaussians as f64),
+                None,
+                None,
+                None,
+                Some(package.bytes as f64),
+                Some(package.mbps),
+                Some(package.topology),
+            ];
+            write_csv(&mut text, &package.method, Some(package.budget), &package.splits, costs);
+        }
+        text
+    }
+}
+
+fn write_csv(
+    text: &mut String,
+    name: &str,
+    budget: Option<usize>,
+    splits: &[SplitMeasures],
+    costs: [Option<f64>; 7],
+) {
+    let number = |x: Option<f64>| x.map_or(String::new(), |x| format!("{}", (x * 1e6).round() / 1e6));
+    let costs: Vec<String> = costs.into_iter().map(number).collect();
+    for row in splits {
+        let budget = budget.map_or(String::new(), |budget| budget.to_string());
+        let SplitMeasures { split, psnr_fg, psnr_fg_deviation, psnr_full, ssim, lpips, images, .. } = row;
+        let measures = [*psnr_fg, *psnr_fg_deviation, Some(*psnr_full), Some(*ssim), *lpips].map(number);
+        let _ = writeln!(
+            text,
+            "\"{}\",{budget},{split},{images},{},{}",
+            name.replace('"', "'"),
+            measures.join(","),
+            costs.join(",")
+        );
+    }
+}

@@ -1,0 +1,131 @@
+//! The tables of an ablation: once as cells, written as Markdown and as HTML.
+
+use refine::capture::Split;
+
+use super::result::{Ablation, Method, PackageFigures, of};
+use crate::eval::SplitMeasures;
+use crate::report::html;
+
+/// A table of text; the first column is aligned to the left, the others to the right.
+pub(super) struct Table {
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+/// A measure of a split: heading, decimals, value.
+type Measure = (&'static str, usize, fn(&SplitMeasures) -> Option<f64>);
+
+const PSNR: Measure = ("PSNR, dB", 2, |row| row.psnr_fg);
+const SSIM: Measure = ("SSIM", 4, |row| Some(row.ssim));
+const LPIPS: Measure = ("LPIPS", 4, |row| row.lpips);
+
+/// Headings of the columns of a measure that any row has, and its cells in a row.
+struct Columns(Vec<(Split, Measure)>);
+
+impl Columns {
+    fn new<'a>(
+        splits: &[Split],
+        measures: &[Measure],
+        rows: impl Iterator<Item = &'a [SplitMeasures]> + Clone,
+    ) -> Columns {
+        let all = measures.iter().flat_map(|measure| splits.iter().map(move |split| (*split, *measure)));
+        let is_known = |(split, measure): &(Split, Measure)| {
+            rows.clone().any(|row| of(row, *split).is_some_and(|row| measure.2(row).is_some()))
+        };
+        Columns(all.filter(is_known).collect())
+    }
+
+    fn head(&self) -> impl Iterator<Item = String> {
+        self.0.iter().map(|(split, (name, ..))| format!("{} {name}", split.name()))
+    }
+
+    fn cells(&self, splits: &[SplitMeasures]) -> impl Iterator<Item = String> {
+        let cell = |(split, (_, decimals, value)): &(Split, Measure)| {
+            html::decimals(of(splits, *split).and_then(value), *decimals)
+        };
+        self.0.iter().map(cell)
+    }
+}
+
+/// PSNR and cost of the fits and other methods.
+pub(super) fn methods(ablation: &Ablation) -> Table {
+    let columns = Columns::new(&ablation.splits(), &[PSNR], splits_of(ablation));
+    let mut head = vec!["method".to_owned()];
+    head.extend(columns.head());
+    head.extend(["Gaussians", "seconds", "ms a step", "fragments per lit pixel"].map(String::from));
+    let memory = |method: &Method| method.fit.as_ref().and_then(|fit| fit.peak_device_bytes);
+    let on_device = ablation.methods.iter().any(|method| memory(method).is_some());
+    head.extend(on_device.then(|| "peak device MB".to_owned()));
+    let row = |method: &Method| {
+        let fit = method.fit.as_ref();
+        let mut row = vec![method.name.clone()];
+        row.extend(columns.cells(&method.splits));
+        row.push(fit.map_or_else(|| "-".into(), |fit| html::grouped(fit.gaussians as f64)));
+        row.push(html::decimals(fit.map(|fit| fit.seconds), 1));
+        row.push(html::decimals(fit.map(|fit| fit.ms_per_step), 1));
+        row.push(html::decimals(method.fragments_per_lit_pixel, 1));
+        let megabytes = || html::decimals(memory(method).map(|bytes| bytes as f64 * 1e-6), 0);
+        row.extend(on_device.then(megabytes));
+        row
+    };
+    Table { head, rows: ablation.methods.iter().map(row).collect() }
+}
+
+/// SSIM and LPIPS of the fits and other methods.
+pub(super) fn similarity(ablation: &Ablation) -> Table {
+    let columns = Columns::new(&ablation.splits(), &[SSIM, LPIPS], splits_of(ablation));
+    let head = ["method".to_owned()].into_iter().chain(columns.head()).collect();
+    let row =
+        |method: &Method| [method.name.clone()].into_iter().chain(columns.cells(&method.splits)).collect();
+    Table { head, rows: ablation.methods.iter().map(row).collect() }
+}
+
+fn splits_of(ablation: &Ablation) -> impl Iterator<Item = &[SplitMeasures]> + Clone {
+    ablation.methods.iter().map(|method| &method.splits[..])
+}
+
+/// The packages of the fits.
+pub(super) fn packages(ablation: &Ablation) -> Table {
+    let rows = ablation.packages.iter().map(|package| &package.splits[..]);
+    let columns = Columns::new(&ablation.splits(), &[PSNR], rows);
+    let mut head = ["fit", "budget", "Gaussians", "bytes", "Mbps", "Topo"].map(String::from).to_vec();
+    head.extend(columns.head());
+    let row = |package: &PackageFigures| {
+        let mut row = vec![
+            package.method.clone(),
+            html::grouped(package.budget as f64),
+            html::grouped(package.gaussians as f64),
+            html::grouped(package.bytes as f64),
+            format!("{:.2}", package.mbps),
+            format!("{:.3}", package.topology),
+        ];
+        row.extend(columns.cells(&package.splits));
+        row
+    };
+    Table { head, rows: ablation.packages.iter().map(row).collect() }
+}
+
+impl Table {
+    pub(super) fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    pub(super) fn markdown(&self) -> String {
+        let line = |cells: &[String]| {
+            let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let rule = format!("|---|{}\n", "--:|".repeat(self.head.len() - 1));
+        line(&self.head) + &rule + &self.rows.iter().map(|row| line(row)).collect::<String>()
+    }
+
+    pub(super) fn html(&self) -> String {
+        let line = |cell: &str, cells: &[String]| {
+            let cells: Vec<String> = cells.iter().map(|cell| html::escape(cell)).collect();
+            html::row(cell, &cells, "")
+        };
+        html::table(
+            &(line("th", &self.head) + &self.rows.iter().map(|row| line("td", row)).collect::<String>()),
+        )
+    }
+}

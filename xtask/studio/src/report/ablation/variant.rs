@@ -1,0 +1,119 @@
+//! [`VARIANTS`]: the fits of the ablation, a row each.
+
+use crate::fit::{FitPlan, FitStart};
+use codec::PixelFilter;
+use refine::anchor::Mirror;
+use refine::fit::DensityRule;
+
+/// The fit that the variants are compared with.
+#[derive(Clone, Debug)]
+pub struct FullFit {
+    /// Its plan, without an LPIPS term.
+    pub plan: FitPlan,
+    /// [`FitPlan::lpips`] of the weights, if they are given.
+    pub lpips: Option<String>,
+    /// Whether its anchor may be mirrored.
+    pub mirrors: bool,
+}
+
+/// A fit of the ablation.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant {
+    /// Its name in tables, and of its folder, with hyphens for spaces.
+    pub name: &'static str,
+    /// What it changes.
+    pub about: &'static str,
+    /// Its plan; `None` if it would be the full fit.
+    pub plan: fn(&FullFit) -> Option<FitPlan>,
+    /// Why it has no plan.
+    pub absent: &'static str,
+}
+
+/// The fits of the ablation, the full one first.
+pub const VARIANTS: &[Variant] = &[
+    Variant {
+        name: "full",
+        about: "the options of this report",
+        plan: |full| Some(full.plan.clone()),
+        absent: "",
+    },
+    Variant {
+        name: "no anchor",
+        about: "Gaussians start at random positions",
+        plan: |full| Some(FitPlan { start: FitStart::Scatter, ..full.plan.clone() }),
+        absent: "",
+    },
+    Variant {
+        name: "no motion start",
+        about: "Gaussians start at rest",
+        plan: |full| full.plan.motion_start.then(|| FitPlan { motion_start: false, ..full.plan.clone() }),
+        absent: "--no-motion-start leaves it out of the full fit",
+    },
+    Variant {
+        name: "blur",
+        about: "--filter blur: that of 3D Gaussian Splatting",
+        plan: |full| {
+            let filter = PixelFilter::Blur;
+            (full.plan.filter != filter).then(|| FitPlan { filter, ..full.plan.clone() })
+        },
+        absent: "the full fit has it, by --filter blur",
+    },
+    Variant {
+        name: "paper's rule",
+        about: "--rule paper: opacities are reset every 3000 steps",
+        plan: |full| Some(FitPlan { rule: DensityRule::Paper, ..full.plan.clone() }),
+        absent: "",
+    },
+    Variant {
+        name: "paper's rule, no floor",
+        about: "the same, and pruning has no lower limit",
+        plan: |full| Some(FitPlan { rule: DensityRule::Paper, floor: 0, ..full.plan.clone() }),
+        absent: "",
+    },
+    Variant {
+        name: "paper's rule, no floor, no anchor",
+        about: "the same from random positions",
+        plan: |full| {
+            let start = FitStart::Scatter;
+            Some(FitPlan { rule: DensityRule::Paper, start, floor: 0, ..full.plan.clone() })
+        },
+        absent: "",
+    },
+    Variant {
+        name: "no mirror",
+        about: "the anchor's hidden side stays empty",
+        plan: |full| full.mirrors.then(|| FitPlan { mirror: Mirror::Off, ..full.plan.clone() }),
+        absent: "the full fit mirrors nothing; it does in clips of at most nine frames with --anchor-cameras on one \
+                 side, or with --mirror on",
+    },
+    Variant {
+        name: "with LPIPS",
+        about: "the loss has its LPIPS term",
+        plan: |full| full.lpips.clone().map(|lpips| FitPlan { lpips: Some(lpips), ..full.plan.clone() }),
+        absent: "LPIPS takes --lpips-weights",
+    },
+];
+
+impl Variant {
+    /// Name of its folder.
+    pub fn folder(&self) -> String {
+        self.name.replace(", ", "-").replace('\'', "").replace(' ', "-")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn folders_have_names_of_their_own() {
+        let folders: BTreeSet<String> =
+            VARIANTS.iter().map(|variant| variant.folder().to_lowercase()).collect();
+        assert_eq!(folders.len(), VARIANTS.len());
+        assert!(folders.contains("papers-rule-no-floor-no-anchor"), "{folders:?}");
+        let is_plain = |folder: &String| folder.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+        assert!(folders.iter().all(is_plain), "{folders:?}");
+    }
+}
