@@ -234,6 +234,41 @@ mod tests {
         assert!(body < 0.04 && bar < 0.1, "{body} {bar}");
     }
 
+    /// A capture may be in millimetres or in kilometres, and anywhere.
+    #[test]
+    fn the_unit_and_the_origin_do_not_matter() {
+        let [source, target] = [(0.0, 1), (0.4, 2)].map(|(angle, seed)| figure(80, angle, seed));
+        let expected = register(&source, &target);
+        for scale in [1e-6, 1e6] {
+            let place = |point: &DVec3| scale * (*point + DVec3::new(30.0, -20.0, 10.0));
+            let placed = |points: &SurfacePoints| SurfacePoints {
+                positions: points.positions.iter().map(place).collect(),
+                ..points.clone()
+            };
+            let motions = register(&placed(&source), &placed(&target));
+            for ((point, motion), expected) in source.positions.iter().zip(&motions).zip(&expected) {
+                let difference = motion.apply(place(point)) - place(&expected.apply(*point));
+                assert!(difference.length() < 1e-6 * scale, "{scale:e}: {difference}");
+            }
+        }
+    }
+
+    /// The rotation about a line of points is not determined; they still follow it.
+    #[test]
+    fn points_on_a_line_follow_it() {
+        let line = |angle: f64| {
+            let direction = DQuat::from_rotation_z(angle) * DVec3::X;
+            let positions: Vec<DVec3> = (0..60).map(|i| f64::from(i) / 59.0 * direction).collect();
+            let colors = (0..60).map(|i| DVec3::splat(f64::from(i) / 59.0)).collect();
+            SurfacePoints { positions, colors }
+        };
+        let (source, target) = (line(0.0), line(0.6));
+        for (i, motion) in register(&source, &target).iter().enumerate() {
+            let away = motion.apply(source.positions[i]).distance(target.positions[i]);
+            assert!(motion.rotation.is_finite() && away < 0.05, "{i}: {away}");
+        }
+    }
+
     #[test]
     fn points_of_no_extent_do_not_move() {
         let points = figure(40, 0.0, 1);

@@ -154,7 +154,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Fits, measures and packages a variant.
+    /// Fits, measures and packages a variant. A field that is that of the full fit has its packages, too.
     pub(super) fn variant(
         &mut self,
         variant: &Variant,
@@ -170,7 +170,8 @@ impl Bench<'_> {
         let table = log::table_path(&field);
         let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
         let mut about = variant.about.to_owned();
-        if !self.ablation.methods.is_empty() && self.is_full(&field)? {
+        let is_full_again = !self.ablation.methods.is_empty() && self.is_full(&field)?;
+        if is_full_again {
             about += "; the field is that of the full fit, so the part had no effect";
         }
         self.ablation.methods.push(Method {
@@ -183,6 +184,9 @@ impl Bench<'_> {
                 Fault::Data(format!("{}: {what}; remove the folder {folder}", table.display()))
             })?,
         });
+        if is_full_again {
+            return Ok(());
+        }
         for &budget in budgets {
             let package = self.path(&folder, &format!("{budget}.aarc"));
             match self.package(variant, &field, &package, budget) {
