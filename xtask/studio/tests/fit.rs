@@ -87,8 +87,8 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x03 and then nonsense"[..], "the checkpoint is damaged"),
-        (b"aarcfit\x02 of an earlier program", "no checkpoint of this version; remove it"),
+        (&b"aarcfit\x04 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x03 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();
         let error = aarc_studio(folder, &args).error(3);
@@ -103,9 +103,8 @@ fn a_fit_starts_from_a_field() {
     fit(folder, &["--steps", "100", "--gaussians", "600"]);
     let before = measured(folder, "train");
     fs::rename(folder.join("field.ply"), folder.join("first.ply")).unwrap();
-    let more =
-        ["fit", "stage", "-o", "field.ply", "--steps", "200", "--gaussians", "600", "--from", "first.ply"];
-    assert_eq!(aarc_studio(folder, &more).code, Some(0));
+    let more = "fit stage -o field.ply --steps 200 --gaussians 600 --holdout odd --from first.ply";
+    assert_eq!(aarc_studio(folder, &more.split(' ').collect::<Vec<_>>()).code, Some(0));
     let after = measured(folder, "train");
     assert!(after > before + 0.5, "{before} before, {after} after");
 
