@@ -452,15 +452,15 @@ mod tests {
         }
     }
 
-    /// A heap of 200 faint balls, and one of 20 opaque balls of the same density that ranks last.
+    /// 200 faint balls in one place, and 20 opaque ones, which rank last, in another.
     #[test]
     fn a_deleted_feature_takes_no_more_than_it_needs() {
         let mut field = balls(&[[0.0; 3]; 200], 0.1, 0.04);
-        append(&mut field, &balls(&[[2.0, 0.0, 0.0]; 20], 0.1, 0.4));
+        append(&mut field, &balls(&[[2.0, 0.0, 0.0]; 20], 0.1, 0.35));
         let order: Vec<usize> = (0..field.len()).collect();
         let retained = floor_of(&field, 0.1, Measure::Recall).enforce(&order, 200, || ());
         assert_eq!((retained.pruned.recall(), retained.topology.recall()), (0.5, 1.0));
-        // One and a half thresholds: 1.2 of the density 8.
+        // One and a half thresholds are 1.2: 15 % of the largest density, 8.
         assert_eq!(retained.restored, 4);
     }
 
