@@ -186,7 +186,14 @@ mod tests {
     use codec::Clip;
 
     use super::*;
+    use crate::clips::state::Transition;
     use crate::clips::{Entry, SourceOptions};
+
+    const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
+
+    fn options() -> LoadOptions {
+        LoadOptions { source: SourceOptions::default(), min_layers: 1, is_complete: false }
+    }
 
     /// Panics for every clip.
     #[derive(Clone)]
@@ -202,9 +209,8 @@ mod tests {
 
     #[test]
     fn a_panic_of_the_loader_is_a_failure_with_the_exit_code_of_a_defect() {
-        let options = LoadOptions { source: SourceOptions::default(), min_layers: 1, is_complete: false };
         let (wake, woken) = channel();
-        let mut clips = ClipController::new(options, true, move || {
+        let mut clips = ClipController::new(options(), true, move || {
             let _ = wake.send(());
         })
         .unwrap();
@@ -218,5 +224,51 @@ mod tests {
         };
         assert_eq!(fault.exit_code(), 1, "{fault}");
         assert!(!clips.is_loading(), "a display that waits on would load for ever");
+    }
+
+    /// Shows every clip.
+    #[derive(Clone)]
+    struct Display;
+
+    impl ClipTarget for Display {
+        type Ready = ();
+
+        fn prepare(&self, _: &Entry, _: Box<Clip>) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_next_clip_follows_at_the_end_unless_paused_and_after_a_skip() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.aarc", "b.aarc"] {
+            std::fs::write(folder.path().join(name), DEMO).unwrap();
+        }
+        let list = folder.path().join("list.json");
+        std::fs::write(&list, r#"{"version": 1, "clips": ["a.aarc", "b.aarc"]}"#).unwrap();
+        let list = list.to_str().unwrap();
+        let mut clips = ClipController::new(options(), true, || ()).unwrap();
+        clips.set_target(Display);
+        clips.open(Some(list.into()));
+        assert_eq!(clips.named(), Some(list));
+        let mut player = Player::new(1.0, 10.0);
+        player.set_has_next(true);
+        let followed = |change| match change {
+            Some(Change::Show { entry, transition: Transition::Follow, .. }) => Some(entry.number),
+            None => None,
+            Some(change) => panic!("{change:?}"),
+        };
+        while clips.wait().is_some() {}
+        assert_eq!(followed(clips.advance(&mut player)), None, "in the middle of the clip");
+        player.advance(2.0);
+        player.set_playing(false);
+        assert_eq!(followed(clips.advance(&mut player)), None, "paused at the end");
+        player.set_playing(true);
+        assert_eq!(followed(clips.advance(&mut player)), Some(1));
+        player.continue_with(1.0, 10.0);
+        while clips.wait().is_some() {}
+        assert_eq!(followed(clips.advance(&mut player)), None, "in the middle of the second clip");
+        assert!(clips.skip().is_none(), "the next clip is shown with the next frame");
+        assert_eq!(followed(clips.advance(&mut player)), Some(0));
     }
 }

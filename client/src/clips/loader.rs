@@ -204,7 +204,10 @@ mod tests {
     use std::cell::RefCell;
     use std::path::PathBuf;
 
+    use codec::Limits;
+
     use super::*;
+    use crate::clips::decode;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -225,6 +228,11 @@ mod tests {
         }
     }
 
+    fn request(selection: Selection, min_layers: usize, is_blocking: bool) -> LoadRequest {
+        let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
+        LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) }
+    }
+
     /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,
     /// and the fault.
     fn events(
@@ -233,10 +241,8 @@ mod tests {
         is_blocking: bool,
         too_large: Option<usize>,
     ) -> String {
-        let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
-        let request = LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) };
         let text = RefCell::new(String::new());
-        let _ = load(request, &Target { too_large }, &|event| {
+        let _ = load(request(selection, min_layers, is_blocking), &Target { too_large }, &|event| {
             text.borrow_mut().push_str(&match event {
                 LoadEvent::Clip(Version { entry, is_first, .. }) => {
                     format!("{}{}", entry.number, if is_first { "!" } else { "" })
@@ -280,9 +286,11 @@ mod tests {
     fn a_clip_with_too_few_layers_fails() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
+        let layers = decode(DEMO, &Limits::default()).unwrap().layers.len();
         for is_blocking in [true, false] {
-            let selection = Selection::FirstOf(entries(folder.path(), &["a.aarc"]));
-            let events = events(selection, 99, is_blocking, None);
+            let selection = || Selection::FirstOf(entries(folder.path(), &["a.aarc"]));
+            assert_eq!(events(selection(), layers, is_blocking, None), "0!.");
+            let events = events(selection(), 99, is_blocking, None);
             assert!(events.starts_with(" --layer 99: a.aarc has "), "{events}");
         }
     }
@@ -294,6 +302,28 @@ mod tests {
         let all = entries(folder.path(), &["a.aarc", "a.aarc"]);
         assert_eq!(events(Selection::FirstOf(all.clone()), 1, false, Some(0)), "x1!.");
         assert_eq!(events(Selection::FirstOf(all[..1].to_vec()), 1, false, Some(0)), " too large");
+    }
+
+    #[test]
+    fn a_file_is_followed_by_the_next_one_in_its_folder_and_a_url_by_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a.aarc", "b.aarc"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+        for path in [&a, &b] {
+            std::fs::write(path, "").unwrap();
+        }
+        let next = |name: &str| {
+            let next = RefCell::new(None);
+            let selection = Selection::Named(Some(name.into()));
+            let _ = load(request(selection, 1, true), &Target { too_large: None }, &|event| {
+                if let LoadEvent::NextInFolder(name) = event {
+                    *next.borrow_mut() = Some(name);
+                }
+                // Before the clip is opened.
+                ControlFlow::Break(())
+            });
+            next.into_inner().expect("it is the first event")
+        };
+        assert_eq!((next(&a), next("http://host/a.aarc")), (Some(b), None));
     }
 
     #[test]

@@ -177,6 +177,10 @@ fn is_public_v6(address: Ipv6Addr) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::net::SocketAddr;
+
+    use ureq::Proxy;
+
     use super::*;
 
     #[test]
@@ -276,5 +280,30 @@ mod tests {
         assert!(addresses.admit_unresolved("name") && addresses.latest() == Network::Unknown);
         assert!(addresses.admit_unresolved("1.1.1.1") && !addresses.admit_unresolved("[::1]"));
         assert!(addresses.was_refused() && addresses.latest() == Local);
+    }
+
+    /// Every name has the address 127.0.0.1.
+    #[derive(Debug)]
+    struct Loopback;
+
+    impl Resolver for Loopback {
+        fn resolve(&self, _: &Uri, _: &Config, _: NextTimeout) -> Result<ResolvedSocketAddrs, ureq::Error> {
+            let mut addresses = self.empty();
+            addresses.push(SocketAddr::from((Ipv4Addr::LOCALHOST, 80)));
+            Ok(addresses)
+        }
+    }
+
+    #[test]
+    fn a_proxy_may_have_a_private_address() {
+        let proxy = Proxy::new("http://proxy:3128").unwrap();
+        let config = Config::builder().proxy(Some(proxy.clone())).build();
+        let addresses = Addresses::new(Servers::Public);
+        let guard = AddressGuard { addresses: addresses.clone(), resolver: Loopback };
+        let resolve = |uri: &Uri| guard.resolve(uri, &config, NextTimeout::default());
+        assert_eq!(resolve(proxy.uri()).unwrap().len(), 1);
+        assert!(!addresses.was_refused() && addresses.latest() == Network::Unknown);
+        assert!(matches!(resolve(&Uri::from_static("http://host/")), Err(ureq::Error::HostNotFound)));
+        assert!(addresses.was_refused() && addresses.latest() == Network::Local);
     }
 }

@@ -268,6 +268,20 @@ mod tests {
     }
 
     #[test]
+    fn an_entry_may_be_as_large_as_the_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1000);
+        cache.put("empty", &file("", b"")).unwrap();
+        let overhead = cache.path("empty").metadata().unwrap().len() as usize;
+        for (bytes, is_cached) in [(1000, true), (1001, false)] {
+            let file = file("", &vec![0; bytes - overhead]);
+            cache.remove("u");
+            cache.put("u", &file).unwrap();
+            assert_eq!(cache.get("u"), is_cached.then_some(file), "{bytes} bytes");
+        }
+    }
+
+    #[test]
     fn after_a_clock_was_set_the_entries_read_last_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1000);

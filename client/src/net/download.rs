@@ -128,10 +128,7 @@ impl Download {
 
     /// Waits for the next event of a fetch.
     fn wait(&mut self, fetch: Fetch) -> Flow {
-        let is_ready = |state: &State| {
-            state.outcome.is_some() || self.should_decode(state) || state.progress.trouble != self.trouble
-        };
-        let mut state = fetch.wait(REPORT_INTERVAL, is_ready);
+        let mut state = fetch.wait(REPORT_INTERVAL, |state| self.has_event(state));
         let playable_bytes = state.file.playable_bytes();
         if let Some(outcome) = state.outcome.take() {
             let bytes = state.file.take();
@@ -157,6 +154,11 @@ impl Download {
         self.trouble.clone_from(&progress.trouble);
         self.stage = Stage::Fetching(fetch);
         ControlFlow::Break(Ok(LoadEvent::Progress(progress)))
+    }
+
+    /// Whether there is an event to report at once: the end, layers to decode, or another trouble.
+    fn has_event(&self, state: &State) -> bool {
+        state.outcome.is_some() || self.should_decode(state) || state.progress.trouble != self.trouble
     }
 
     /// Whether to decode the layers received: if the latest clip has fewer, and decoding ends before the
@@ -228,5 +230,81 @@ impl Iterator for Download {
                 return Some(event);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use codec::contents;
+
+    use super::*;
+    use crate::clips::Progress;
+
+    const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
+
+    fn download() -> Download {
+        Download::new("http://host/a.aarc", Options::default())
+    }
+
+    /// Offsets of the ends of the first two layers.
+    fn layer_ends() -> [usize; 2] {
+        let ends = contents(DEMO, &Limits::default()).unwrap().layer_bytes();
+        [ends[0], ends[1]]
+    }
+
+    /// The state of a fetch that has received `bytes` bytes; the rest takes `left_s` seconds.
+    fn received(bytes: usize, left_s: f64) -> State {
+        let mut file = PartialFile::package(Limits::default());
+        file.push(&DEMO[..bytes]).unwrap();
+        let mut state = State::new(file);
+        let (received, rate) = (bytes as u64, 1e6);
+        let total = Some(received + (left_s * rate) as u64);
+        state.progress = Progress { received, total, bytes_per_s: Some(rate), trouble: None };
+        state
+    }
+
+    #[test]
+    fn layers_are_decoded_if_that_ends_before_the_rest_arrives() {
+        let [first, second] = layer_ends();
+        let mut download = download();
+        assert!(!download.should_decode(&received(first - 1, 60.0)), "no layer is complete");
+        assert!(download.should_decode(&received(first, 0.0)), "the first layer");
+        (download.decoded_bytes, download.decoding_s) = (first, 1.0);
+        assert!(!download.should_decode(&received(second - 1, 60.0)), "no further layer");
+        // Decoding time is proportional to bytes.
+        let decoding_s = second as f64 / first as f64;
+        for (left_s, is_decoded) in [(0.9 * decoding_s, false), (1.1 * decoding_s, true)] {
+            assert_eq!(download.should_decode(&received(second, left_s)), is_decoded, "{left_s} s");
+        }
+        download.has_cached = true;
+        assert!(!download.should_decode(&received(second, 60.0)), "the cached version plays");
+    }
+
+    #[test]
+    fn the_end_and_layers_and_trouble_are_reported_at_once() {
+        let [first, second] = layer_ends();
+        let mut download = download();
+        download.decoded_bytes = first;
+        assert!(!download.has_event(&received(first, 60.0)));
+        assert!(download.has_event(&received(second, 60.0)));
+        let mut troubled = received(first, 60.0);
+        troubled.progress.trouble = Some("the connection was lost".into());
+        assert!(download.has_event(&troubled));
+        download.trouble.clone_from(&troubled.progress.trouble);
+        assert!(!download.has_event(&troubled), "it was reported");
+        troubled.outcome = Some(Outcome::Unchanged);
+        assert!(download.has_event(&troubled));
+    }
+
+    #[test]
+    fn layers_that_arrive_with_a_failure_play_before_it_is_reported() {
+        let [first, _] = layer_ends();
+        let mut download = download();
+        let failed = Outcome::Failed { fault: Fault::Network("gone".into()), is_transient: true };
+        let flow = download.on_outcome(failed, DEMO[..first].to_vec(), first);
+        let Flow::Break(Ok(LoadEvent::Clip(clip))) = flow else { panic!("{flow:?}") };
+        assert_eq!(clip.layers.len(), 1);
+        assert!(matches!(download.next(), Some(Err(Fault::Network(why))) if why.contains("gone")));
+        assert!(download.next().is_none());
     }
 }

@@ -49,6 +49,21 @@ pub(super) struct State {
     panic: Option<Box<dyn Any + Send>>,
 }
 
+impl State {
+    /// The state before the first response.
+    pub(super) fn new(file: PartialFile) -> State {
+        State {
+            file,
+            progress: Progress::default(),
+            outcome: None,
+            url: None,
+            is_local: false,
+            meter: Meter::default(),
+            panic: None,
+        }
+    }
+}
+
 #[derive(Debug)]
 struct Shared {
     state: Mutex<State>,
@@ -58,6 +73,15 @@ struct Shared {
 }
 
 impl Shared {
+    fn new(retry: &RetryPolicy, file: PartialFile) -> Shared {
+        Shared {
+            state: Mutex::new(State::new(file)),
+            changed: Condvar::new(),
+            start: Instant::now(),
+            watch: Arc::new(Watch::new(retry)),
+        }
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         // A panic leaves the state consistent: no update takes several statements.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -107,21 +131,7 @@ impl Fetch {
         file: PartialFile,
         work: impl FnOnce(&Shared) -> Option<Outcome> + Send + 'static,
     ) -> Result<Fetch, Fault> {
-        let state = State {
-            file,
-            progress: Progress::default(),
-            outcome: None,
-            url: None,
-            is_local: false,
-            meter: Meter::default(),
-            panic: None,
-        };
-        let shared = Arc::new(Shared {
-            state: Mutex::new(state),
-            changed: Condvar::new(),
-            start: Instant::now(),
-            watch: Arc::new(Watch::new(retry)),
-        });
+        let shared = Arc::new(Shared::new(retry, file));
         let ours = shared.clone();
         let thread = std::thread::Builder::new().name("fetch".into()).spawn(move || {
             let result = panic::catch_unwind(AssertUnwindSafe(|| work(&ours)));
@@ -367,5 +377,21 @@ mod tests {
         let wait = || drop(fetch.wait(Duration::from_secs(60), |state| state.outcome.is_some()));
         let panic = panic::catch_unwind(AssertUnwindSafe(wait)).unwrap_err();
         assert_eq!(panic.downcast_ref(), Some(&"of the test"));
+    }
+
+    #[test]
+    fn a_name_that_does_not_resolve_is_tried_again_if_it_resolved_before() {
+        let retry = RetryPolicy::default();
+        let shared = Shared::new(&retry, PartialFile::package(Limits::default()));
+        for has_responded in [false, true] {
+            let server = Server::new("http://host/", retry, Servers::All, &shared.watch).unwrap();
+            let transfer = Transfer::new(retry, 1000, None);
+            let mut exchange = Exchange { server, transfer, shared: &shared, has_responded };
+            match exchange.on_error(RequestError::UnknownHost("unknown".into())) {
+                AfterRequest::Retry(..) => assert!(has_responded),
+                AfterRequest::End(Outcome::Failed { .. }) => assert!(!has_responded),
+                _ => panic!("neither a retry nor a failure"),
+            }
+        }
     }
 }

@@ -117,6 +117,15 @@ mod tests {
     }
 
     #[test]
+    fn known_statuses_have_names() {
+        let text = |status| Head { status, ..Head::default() }.status_text();
+        for status in [400, 401, 403, 404, 407, 408, 410, 416, 425, 429, 500, 502, 503, 504, 511] {
+            assert!(text(status).starts_with(&format!("{status} ")), "{}", text(status));
+        }
+        assert_eq!((text(404), text(418)), ("404 Not Found".into(), "418".into()));
+    }
+
+    #[test]
     fn headers_are_parsed() {
         let parsed = head(
             200,

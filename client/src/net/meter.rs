@@ -59,4 +59,16 @@ mod tests {
         let again = meter.bytes_per_s(41.0).unwrap();
         assert!((100.0..6000.0).contains(&again) && meter.samples.len() < 9, "{again}, {:?}", meter.samples);
     }
+
+    #[test]
+    fn a_fast_network_leaves_few_samples() {
+        let mut meter = Meter::default();
+        for millisecond in 0..10_000 {
+            meter.count(f64::from(millisecond) * 1e-3, 10);
+        }
+        // Two in 0.1 s, and those around the start of the window.
+        assert!(meter.samples.len() <= 62, "{}", meter.samples.len());
+        let rate = meter.bytes_per_s(10.0).unwrap();
+        assert!((rate - 10_000.0).abs() < 100.0, "{rate}");
+    }
 }

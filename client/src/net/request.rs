@@ -300,4 +300,12 @@ mod tests {
         let down = redirected("https://a/b", "http://a/b?key").map_err(RequestError::text).unwrap_err();
         assert!(down.contains("from https to http") && !down.contains("key"), "{down}");
     }
+
+    /// As the TLS library reports it.
+    #[test]
+    fn a_refused_certificate_is_not_tried_again() {
+        let error = std::io::Error::new(ErrorKind::InvalidData, "invalid peer certificate: Expired");
+        let error = request_error(Error::Io(error));
+        assert!(matches!(&error, RequestError::Untrusted(why) if why.contains("SSL_CERT_FILE")), "{error:?}");
+    }
 }

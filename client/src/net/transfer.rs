@@ -346,8 +346,18 @@ mod tests {
         assert!(is_over(transfer.on_break("gone")), "a trickle is no progress");
         transfer.count(1).unwrap();
         assert_eq!(wait(transfer.on_break("x")), 250);
-        transfer.requests = REQUESTS_MAX;
-        assert!(is_over(transfer.on_break("gone")));
+    }
+
+    #[test]
+    fn a_server_that_sends_little_per_request_is_given_up() {
+        let mut transfer = transfer();
+        let mut is_retried = || {
+            transfer.next_request();
+            transfer.count(PROGRESS_BYTES).unwrap();
+            matches!(transfer.on_break("x"), Action::Retry(..))
+        };
+        assert!((1..REQUESTS_MAX).all(|_| is_retried()));
+        assert!(!is_retried());
     }
 
     #[test]
@@ -365,8 +375,8 @@ mod tests {
             assert!(matches!(on_response(status, None), Action::Retry(..)), "{status}");
         }
         assert!(matches!(on_response(511, None), Action::GiveUp(why) if why.contains("log in")));
-        let Action::Retry(wait, _) = on_response(503, Some(20)) else { panic!("a wait of 20 s is allowed") };
-        assert_eq!(wait.as_secs(), 20);
+        let Action::Retry(wait, _) = on_response(503, Some(30)) else { panic!("a wait of 30 s is allowed") };
+        assert_eq!(wait.as_secs(), 30);
         let Action::GiveUp(why) = on_response(503, Some(31)) else { panic!("a wait of 31 s is too long") };
         assert!(why.contains("31 s"), "{why}");
     }

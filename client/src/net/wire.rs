@@ -93,17 +93,91 @@ impl<In: Transport> Connector<In> for Secure {
         details: &ConnectionDetails<'_>,
         chained: Option<In>,
     ) -> Result<Option<Self::Out>, Error> {
-        self.0.connect(details, chained).map_err(|error| match error {
-            // What comes back is no TLS, or nothing.
-            Error::Io(error)
-                if error.kind() == ErrorKind::UnexpectedEof
-                    || error.to_string().contains("InvalidContentType") =>
-            {
-                Error::Tls(NO_TLS)
+        self.0.connect(details, chained).map_err(handshake_error)
+    }
+}
+
+/// The error of a TLS handshake, with its likely reason.
+fn handshake_error(error: Error) -> Error {
+    match error {
+        // What comes back is no TLS, or nothing.
+        Error::Io(error)
+            if error.kind() == ErrorKind::UnexpectedEof
+                || error.to_string().contains("InvalidContentType") =>
+        {
+            Error::Tls(NO_TLS)
+        }
+        // So does a server that speaks no TLS, and a network that is bad.
+        Error::Io(error) if error.kind() == ErrorKind::ConnectionReset => Error::Tls(HANDSHAKE_RESET),
+        error => error,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use ureq::Timeout;
+
+    use super::*;
+    use crate::net::retry::RetryPolicy;
+
+    /// A connection on which nothing arrives within the first `timeouts` waits.
+    #[derive(Debug)]
+    struct Silent {
+        timeouts: usize,
+    }
+
+    impl Transport for Silent {
+        fn buffers(&mut self) -> &mut dyn Buffers {
+            unreachable!("no bytes pass")
+        }
+
+        fn transmit_output(&mut self, _: usize, _: NextTimeout) -> Result<(), Error> {
+            unreachable!("no bytes pass")
+        }
+
+        fn await_input(&mut self, timeout: NextTimeout) -> Result<bool, Error> {
+            match self.timeouts.checked_sub(1) {
+                Some(timeouts) => {
+                    self.timeouts = timeouts;
+                    Err(Error::Timeout(timeout.reason))
+                }
+                None => Ok(true),
             }
-            // So does a server that speaks no TLS, and a network that is bad.
-            Error::Io(error) if error.kind() == ErrorKind::ConnectionReset => Error::Tls(HANDSHAKE_RESET),
-            error => error,
-        })
+        }
+
+        fn is_open(&mut self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn bytes_are_awaited_until_the_timeout_or_the_end_of_the_fetch() {
+        let retry = RetryPolicy { grace: Duration::from_secs(3600), ..RetryPolicy::default() };
+        let watch = Arc::new(Watch::new(&retry));
+        let await_input = |timeouts, after| {
+            let timeout = NextTimeout {
+                after: time::Duration::Exact(after),
+                reason: Timeout::RecvBody,
+                ..NextTimeout::default()
+            };
+            Wired { inner: Silent { timeouts }, watch: watch.clone() }.await_input(timeout)
+        };
+        let long = Duration::from_secs(3600);
+        assert!(matches!(await_input(3, long), Ok(true)), "the watch was looked at in between");
+        assert!(matches!(await_input(1, LOOK_INTERVAL / 2), Err(Error::Timeout(Timeout::RecvBody))));
+        watch.cancel();
+        assert!(matches!(await_input(3, long), Err(Error::Io(_))));
+    }
+
+    #[test]
+    fn a_refused_certificate_is_not_the_absence_of_tls() {
+        let error = |kind, text: &str| handshake_error(Error::Io(io::Error::new(kind, text)));
+        for (kind, text) in [(ErrorKind::UnexpectedEof, ""), (ErrorKind::InvalidData, "InvalidContentType")] {
+            assert!(matches!(error(kind, text), Error::Tls(NO_TLS)), "{kind}");
+        }
+        assert!(matches!(error(ErrorKind::ConnectionReset, ""), Error::Tls(HANDSHAKE_RESET)));
+        assert!(matches!(error(ErrorKind::InvalidData, "invalid peer certificate"), Error::Io(_)));
     }
 }

@@ -452,6 +452,38 @@ mod tests {
         }
     }
 
+    /// 200 faint balls in one place, and 20 opaque ones, which rank last, in another.
+    #[test]
+    fn a_deleted_feature_takes_no_more_than_it_needs() {
+        let mut field = balls(&[[0.0; 3]; 200], 0.1, 0.04);
+        append(&mut field, &balls(&[[2.0, 0.0, 0.0]; 20], 0.1, 0.35));
+        let order: Vec<usize> = (0..field.len()).collect();
+        let retained = floor_of(&field, 0.1, Measure::Recall).enforce(&order, 200, || ());
+        assert_eq!((retained.pruned.recall(), retained.topology.recall()), (0.5, 1.0));
+        // One and a half thresholds are 1.2: 15 % of the largest density, 8.
+        assert_eq!(retained.restored, 4);
+    }
+
+    #[test]
+    fn a_severed_piece_is_joined_half_a_threshold_below_its_height() {
+        let line: Vec<[f32; 3]> = (0..41).map(|i| [0.05 * i as f32, 0.0, 0.0]).collect();
+        let floor = floor_of(&balls(&line, 0.1, 0.5), 0.2, Measure::Strict);
+        let mut retained = vec![true; line.len()];
+        retained[15..26].fill(false);
+        let state = floor.compare(&retained);
+        let (part, matching) = &state[0];
+        let [piece] = matching.split[..] else { panic!("{:?}", matching.topology) };
+        let [nx, ny, _] = floor.grid.size;
+        let demands = floor.demands(&floor.instants[0].tree, part, matching);
+        let level = |demand: &Demand| {
+            let [x, y, z] = demand.voxel;
+            part.value(x + nx * (y + ny * z)) + demand.missing
+        };
+        let highest = demands.iter().flatten().map(level).fold(0.0, f32::max);
+        let expected = part.feature(piece).birth - 0.5 * floor.epsilon();
+        assert!((highest - expected).abs() < 1e-4 * expected, "{highest} for {expected}");
+    }
+
     #[test]
     fn the_floor_keeps_a_ranking_that_loses_nothing() {
         let field = limb();
