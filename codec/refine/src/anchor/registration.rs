@@ -192,7 +192,7 @@ mod tests {
         let turn = DQuat::from_rotation_z(angle);
         let mut points = SurfacePoints::default();
         for i in 0..count {
-            let is_body = i % 4 != 0;
+            let is_body = !i.is_multiple_of(4);
             points.positions.push(match is_body {
                 true => on_box(DVec3::new(0.3, 0.6, 0.2)),
                 false => {
@@ -222,7 +222,7 @@ mod tests {
         let target = moved(&figure(310, angle, 2), by);
         let motions = register(&source, &target);
         let errors = |bar: bool| {
-            let is_part = move |i: &usize| (i % 4 == 0) == bar;
+            let is_part = move |i: &usize| i.is_multiple_of(4) == bar;
             let error = |i: usize| motions[i].apply(source.positions[i]).distance(expected.positions[i]);
             let errors: Vec<f64> = (0..300).filter(is_part).map(error).collect();
             errors.iter().sum::<f64>() / errors.len() as f64
