@@ -206,4 +206,108 @@ mod tests {
         assert!((arm(&cameras[3]).angle_between(arm(&cameras[0])) - 0.2).abs() < 1e-6);
         assert!((arm(&cameras[1]) - arm(&cameras[2])).length() > 1.0);
     }
+
+    /// Points on a sphere, evenly.
+    fn sphere(count: usize, radius: f64) -> Vec<[f32; 3]> {
+        let point = |i: usize| {
+            let height = 1.0 - (2 * i + 1) as f64 / count as f64;
+            let (sin, cos) = libm::sincos(2.399_963 * i as f64);
+            let level = (1.0 - height * height).sqrt();
+            [level * cos, height, level * sin].map(|x| (radius * x) as f32)
+        };
+        (0..count).map(point).collect()
+    }
+
+    fn gaze(camera: &Camera) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| camera.camera_from_world[2][axis]))
+    }
+
+    #[test]
+    fn instants_are_centres_of_intervals() {
+        let mut field = balls(&[[0.0; 3]], 0.1, 0.9);
+        assert_eq!(instants(&field, 4), [0.0]);
+        field.temporal = Some(codec::Temporal { tau: vec![0.5], s: vec![1.0], ..Default::default() });
+        assert_eq!(instants(&field, 4), [0.125, 0.375, 0.625, 0.875]);
+    }
+
+    #[test]
+    fn the_dome_has_two_even_rings() {
+        let field = balls(&sphere(300, 2.0), 0.1, 0.9);
+        let directions = |turn: f64| -> Vec<DVec3> {
+            let cameras = dome(&field, &[0.0], [0.0, 1.0, 0.0], turn, (8, 8));
+            cameras.iter().map(|camera| -gaze(camera)).collect()
+        };
+        let (rings, turned) = (directions(0.0), directions(0.5));
+        for (ring, elevation, count) in [(0..5, 10.0_f64, 5), (5..8, 45.0, 3)] {
+            let step = std::f64::consts::TAU / f64::from(count);
+            let level = |direction: DVec3| (direction - direction.y * DVec3::Y).normalize();
+            for i in ring.clone() {
+                let next = if i + 1 == ring.end { ring.start } else { i + 1 };
+                assert!((rings[i].y - elevation.to_radians().sin()).abs() < 1e-6, "{}", rings[i]);
+                let [to_next, to_turned] =
+                    [rings[next], turned[i]].map(|other| level(rings[i]).angle_between(level(other)));
+                assert!((to_next - step).abs() < 1e-6 && (to_turned - 0.5 * step).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_aside_go_to_all_four_sides() {
+        let viewpoint =
+            Viewpoint { name: "v".into(), position: [0.0, 0.0, 5.0], target: [0.0; 3], fov_y: 0.8 };
+        let cameras = steps_aside(&viewpoint, [0.0, 1.0, 0.0], 0.2, (64, 48));
+        let step = 5.0 * 0.2_f64.sin();
+        let mut sides: Vec<[i32; 2]> = cameras[1..]
+            .iter()
+            .map(|camera| [0, 1].map(|axis| (camera.position()[axis] / step).round() as i32))
+            .collect();
+        sides.sort_unstable();
+        assert_eq!(sides, [[-1, 0], [0, -1], [0, 1], [1, 0]]);
+    }
+
+    /// A room, one that is open to a side, and a body whose inside the centre is.
+    #[test]
+    fn cameras_inside_look_around_in_a_room_only() {
+        let up = [0.0, 1.0, 0.0];
+        let cameras = |centers: &[[f32; 3]]| inside(&balls(centers, 0.15, 0.9), &[0.0], up, 0.0, (64, 48));
+        let walls = sphere(4000, 3.0);
+        let room = cameras(&walls);
+        assert_eq!(room.len(), 4);
+        for (i, camera) in room.iter().enumerate() {
+            assert!(DVec3::from_array(camera.position()).length() < 0.2, "{:?}", camera.position());
+            let next = gaze(&room[(i + 1) % 4]);
+            assert!(gaze(camera).dot(next).abs() < 1e-6 && gaze(camera).y.abs() < 1e-6);
+        }
+        let turned = inside(&balls(&walls, 0.15, 0.9), &[0.0], up, 0.5, (64, 48));
+        let angle = gaze(&turned[0]).angle_between(gaze(&room[0]));
+        assert!((angle - std::f64::consts::FRAC_PI_4).abs() < 1e-6, "{angle}");
+        // The extents of the room stay: only what the camera sees goes.
+        let side = gaze(&room[0]);
+        let is_left = |point: &&[f32; 3]| {
+            DVec3::from_array(point.map(f64::from)).normalize().dot(side) < 0.55 || point[1].abs() > 2.6
+        };
+        let open: Vec<[f32; 3]> = walls.iter().filter(is_left).copied().collect();
+        assert!(open.len() < walls.len() - 500);
+        assert_eq!(cameras(&open).len(), 4, "open to one side");
+        let body: Vec<[f32; 3]> = (1..=10).flat_map(|i| sphere(60 * i, 0.3 * i as f64)).collect();
+        assert!(cameras(&body).is_empty());
+        assert!(cameras(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_view_counts_if_it_shows_enough() {
+        let field = balls(&sphere(400, 2.0), 0.1, 0.9);
+        let view = |field: &Field, target: [f64; 3]| {
+            let camera = Camera::look_at([0.0, 0.0, 8.0], target, [0.0, 1.0, 0.0], 0.8, 320, 240);
+            is_informative(field, &PosedView { camera, t: 0.0 })
+        };
+        assert!(view(&field, [0.0; 3]));
+        assert!(!view(&field, [0.0, 0.0, 20.0]), "it looks away");
+        let mut before_the_lens = field.clone();
+        before_the_lens.centers[0] = [0.0, 0.0, 7.0];
+        before_the_lens.log_scales[0] = [-0.7; 3];
+        assert!(!view(&before_the_lens, [0.0; 3]), "the inside of one Gaussian");
+        let few = balls(&sphere(3, 1.0), 0.3, 0.9);
+        assert!(view(&few, [0.0; 3]), "a field of few Gaussians, all of them");
+    }
 }
