@@ -232,10 +232,18 @@ mod tests {
 
     #[test]
     fn the_dome_has_two_even_rings() {
-        let field = balls(&sphere(300, 2.0), 0.1, 0.9);
+        let center = DVec3::new(5.0, 0.0, -3.0);
+        let place = |[x, y, z]: [f32; 3]| [x + 5.0, y, z - 3.0];
+        let field = balls(&sphere(300, 2.0).into_iter().map(place).collect::<Vec<_>>(), 0.1, 0.9);
         let directions = |turn: f64| -> Vec<DVec3> {
             let cameras = dome(&field, &[0.0], [0.0, 1.0, 0.0], turn, (8, 8));
-            cameras.iter().map(|camera| -gaze(camera)).collect()
+            let direction = |camera: &Camera| {
+                let away = DVec3::from_array(camera.position()) - center;
+                // The corners of the box are 3.5 from the centre.
+                assert!((7.0..9.0).contains(&away.length()), "{away}");
+                -gaze(camera)
+            };
+            cameras.iter().map(direction).collect()
         };
         let (rings, turned) = (directions(0.0), directions(0.5));
         for (ring, elevation, count) in [(0..5, 10.0_f64, 5), (5..8, 45.0, 3)] {

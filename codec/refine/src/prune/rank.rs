@@ -147,6 +147,7 @@ mod tests {
     fn mass_is_opacity_times_mean_scale() {
         assert_close(&Ranking::Mass.scores(&two(), &[]), &[1.0, (-1f64).exp()]);
         assert_close(&Ranking::Opacity.scores(&two(), &[]), &[0.5, 1.0]);
+        assert!(![Ranking::Mass, Ranking::Opacity].iter().any(|ranking| ranking.looks_at_pictures()));
     }
 
     #[test]

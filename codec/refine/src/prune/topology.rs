@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn a_deleted_hand_lowers_recall() {
         let t = compare(&BODY, &[0.0, 8.0, 10.0, 8.0, 2.0, 0.5, 0.5, 0.5, 0.0]);
-        assert_eq!((t.recall(), t.precision()), (0.5, 1.0));
+        assert_eq!((t.recall(), t.precision(), t.f1()), (0.5, 1.0, 2.0 / 3.0));
         assert_eq!(t.preserved(Measure::Strict), 0.5);
     }
 
