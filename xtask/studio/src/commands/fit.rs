@@ -316,7 +316,11 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
-    Ok(FitResult::new(plan, fitted, splits, &capture_files, &views))
+    let step = (views.train.len() / COUNTED_VIEWS).max(1);
+    let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
+    let scene = RenderScene::from(&fitted.field);
+    let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
+    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel })
 }
 
 /// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
@@ -337,7 +341,7 @@ pub(super) struct FitResult {
     pub(super) fitted: Fitted,
     /// Numbers of cameras, frames and photographs of each split, in a line.
     pub(super) splits: String,
-    /// What the field costs a player; `None` if it shows nothing.
+    /// What the field costs a player; `None` if it shows nothing, or was not counted.
     pub(super) fragments_per_lit_pixel: Option<f64>,
 }
 
@@ -403,20 +407,6 @@ fn show(bar: &ProgressBar, progress: &FitProgress) {
 }
 
 impl FitResult {
-    pub(super) fn new(
-        plan: FitPlan,
-        fitted: Fitted,
-        splits: String,
-        capture_files: &CaptureFiles,
-        views: &TrainingViews,
-    ) -> FitResult {
-        let step = (views.train.len() / COUNTED_VIEWS).max(1);
-        let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
-        let scene = RenderScene::from(&fitted.field);
-        let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, capture_files, counted);
-        FitResult { plan, fitted, splits, fragments_per_lit_pixel }
-    }
-
     fn last(&self) -> anyhow::Result<&log::LogEntry> {
         self.fitted.entries.last().context("a fit has at least one step")
     }

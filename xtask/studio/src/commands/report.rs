@@ -55,8 +55,8 @@ pub struct Args {
     /// from the reference's
     #[arg(long)]
     stability: bool,
-    /// With --rd and --fit, the numbers of Gaussians to keep [default: 80000, 40000, 20000, 10000 and 5000 below the
-    /// size of the field; a half, a quarter and an eighth of a field of at most 10000]
+    /// Numbers of Gaussians to keep, for --rd and --fit [default: a half, a quarter and an eighth of a field of at most
+    /// 10000 Gaussians; of a larger one those of 80000, 40000, 20000, 10000 and 5000 that are below its number]
     #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
     /// Size of the pictures that are measured [default: 512x384; with --rd 320x240, and 640x480 for the rate of

@@ -1,4 +1,5 @@
-//! [`fragments_per_lit_pixel`]: what a field costs a player, whatever the size of its photographs.
+//! [`fragments_per_lit_pixel`]: what a field costs a player. It is counted in pictures of one width, so that it does not
+//! depend on the size of the photographs.
 
 use refine::capture::PhotoId;
 use refine::reference::{Order, Radius, RenderScene, coverage, render};

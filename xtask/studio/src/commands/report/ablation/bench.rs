@@ -240,7 +240,8 @@ impl Bench<'_> {
         let runtime = options.runtime(&mut *backend, lpips);
         let fitted = fit_and_write(field, plan, &self.capture_files, views, runtime)?;
         let splits = self.ablation.photographs.clone();
-        let result = FitResult::new(plan.clone(), fitted, splits, &self.capture_files, views);
+        // Fragments are counted with the other measures, in the views that the page shows.
+        let result = FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None };
         let report = result.to_json(field)?;
         Record::complete(field, FIT, &key, report.clone())?;
         Ok(report)
