@@ -21,6 +21,9 @@ struct ViewUniform {
     // Range of x/z and y/z within which a footprint is computed.
     slope_min: vec2<f32>,
     slope_max: vec2<f32>,
+    // Variance of the field's blur in px^2 of this view, at most FILTER: less in a view that is coarser than the
+    // display.
+    blur: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -78,7 +78,7 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     if !(sigma.x < 4.0 * SIGMA_MAX && sigma.y > 0.0) {
         return nothing;
     }
-    let opacity = filtered_opacity(g.opacity, area, sigma);
+    let opacity = filtered_opacity(g.opacity, area, xx + yy - 2.0 * FILTER, sigma, views[eye].blur);
     if !(opacity >= ALPHA_MIN) {
         return nothing;
     }

@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -76,8 +76,9 @@ fn frame(c: &mut Criterion) {
         let views = [View::from_camera(&camera)];
         let image =
             Offscreen::new(&gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
-        let mut renderer = Renderer::new(&gpu, on_gpu.clone(), ChannelDepth::Eight.format(), 1)
-            .expect("memory for the renderer");
+        let mut renderer =
+            Renderer::new(&gpu, on_gpu.clone(), FrameLayout::plain(ChannelDepth::Eight.format(), 1))
+                .expect("memory for the renderer");
         let mut render = || {
             let rendered = image.render(&gpu, &mut renderer, 0.5, &views, &RenderSettings::default());
             rendered.expect("a working device")

@@ -11,6 +11,9 @@ use program::generate::Generated;
 
 use crate::clips::{Servers, SourceOptions};
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
+use crate::lens::Lens;
+#[cfg(not(target_os = "android"))]
+use crate::lens::Standpoint;
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -101,8 +104,30 @@ pub struct Args {
     #[arg(long, requires = "headless")]
     pub stereo: bool,
 
+    /// Render both eyes as this headset shows them: with its angles, in images of the size that it recommends
+    /// unless --size says otherwise.
+    #[arg(long, value_enum, value_name = "HEADSET", requires = "headless", conflicts_with_all = ["camera", "stereo"])]
+    pub lens: Option<Lens>,
+
+    /// With --lens: stand 0.7 m in front of the clip's centre [default: at --view].
+    #[arg(long, requires = "lens", group = "standpoint")]
+    pub near: bool,
+
+    /// With --lens: stand 2 m in front of the clip's centre.
+    #[arg(long, requires = "lens", group = "standpoint")]
+    pub standing: bool,
+
+    /// With --lens: stand in the clip's centre and look level in the direction of its first viewpoint.
+    #[arg(long, requires = "lens", group = "standpoint")]
+    pub inside: bool,
+
+    /// Draw only the middle of an image at full resolution, F of its sides, 0.1 to 0.9, and everything else at F of the
+    /// resolution; 0 draws everything at full resolution.
+    #[arg(long, value_name = "F", value_parser = inset, default_value = "0", requires = "headless")]
+    pub inset: f32,
+
     /// Viewpoint of the clip, by name or by number from 0 [default: the first].
-    #[arg(long, value_name = "NAME|INDEX", conflicts_with = "camera")]
+    #[arg(long, value_name = "NAME|INDEX", conflicts_with_all = ["camera", "standpoint"])]
     pub view: Option<String>,
 
     /// Camera file with OpenCV axes: {"width", "height", "K": 3x3, "world_to_camera": 4x4} [default: the
@@ -164,6 +189,17 @@ impl Args {
         SourceOptions { cache_dir, servers, ..SourceOptions::default() }
     }
 
+    /// Where the wearer of --lens stands; `None` at the viewpoint.
+    #[cfg(not(target_os = "android"))]
+    pub(crate) fn standpoint(&self) -> Option<Standpoint> {
+        let standpoints = [
+            (self.near, Standpoint::Near),
+            (self.standing, Standpoint::Standing),
+            (self.inside, Standpoint::Inside),
+        ];
+        standpoints.into_iter().find_map(|(is_chosen, standpoint)| is_chosen.then_some(standpoint))
+    }
+
     /// The renderer's settings.
     pub fn settings(&self) -> RenderSettings {
         // Turning the head must not change the order.
@@ -172,8 +208,16 @@ impl Args {
             sort: self.sort.unwrap_or(default_sort),
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
+            inset: (self.inset > 0.0).then_some(self.inset),
             ..RenderSettings::default()
         }
+    }
+}
+
+fn inset(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(side) if side == 0.0 || (0.1..=0.9).contains(&side) => Ok(side),
+        _ => Err("not 0, nor a number from 0.1 to 0.9".into()),
     }
 }
 

@@ -17,7 +17,9 @@ use crate::clips::{
     Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, redacted,
     too_few_layers,
 };
-use crate::gpu::{DEVICE_REPLACED, FrameCounts, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
+use crate::gpu::{
+    DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer,
+};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
 use crate::view::View;
@@ -104,11 +106,17 @@ struct DeviceState {
 
 impl DeviceState {
     fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
-        let image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
+        let mut image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
+        let inset = args.settings().inset;
+        if let Some(side) = inset {
+            image = image.foveated(gpu, side)?;
+        }
         let start = Instant::now();
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
-        let renderer = Renderer::new(gpu, on_gpu, args.target.format(), views.len())?;
+        let layout =
+            FrameLayout { format: args.target.format(), eyes: views.len(), foveated: inset.is_some() };
+        let renderer = Renderer::new(gpu, on_gpu, layout)?;
         Ok(DeviceState { image, renderer, upload_ms })
     }
 }
@@ -150,10 +158,9 @@ impl<'a> ClipRenderer<'a> {
             let start = Instant::now();
             let counts = this.render(time_s)?;
             let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
-            let t = clip_time(&this.clip, time_s);
             let DeviceState { image, renderer, .. } = &mut this.state;
             let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
-            let coverage = renderer.count(&this.device.gpu, t, &this.views, &this.settings)?;
+            let coverage = renderer.count(&this.device.gpu)?;
             let stats = FrameStats {
                 time: time_s,
                 alive: counts.alive,
@@ -192,7 +199,7 @@ impl<'a> ClipRenderer<'a> {
             width: views[0].size.x,
             height: views[0].size.y,
             eyes: views.len(),
-            passes: views.len() / renderer.eyes_per_pass() as usize,
+            passes: renderer.passes(),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             gpu_bytes: renderer.clip().bytes(),
             pipelines: renderer.pipelines(),
@@ -454,23 +461,30 @@ fn clip_time(clip: &Clip, time: f64) -> f64 {
 
 /// The views of the eyes.
 fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
-    let camera: Camera = match (&args.camera, &args.view) {
-        (Some(path), _) => {
-            let camera = read_camera(path)?;
-            args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y))
+    if let Some(path) = &args.camera {
+        let camera = read_camera(path)?;
+        let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
+        return Ok(eyes(args, clip, camera));
+    }
+    let viewpoints = viewpoint::viewpoints(clip);
+    let chosen = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
+    let viewpoint = &viewpoints[chosen];
+    Ok(match args.lens {
+        Some(lens) => {
+            lens.views(clip, viewpoint, args.standpoint(), args.size.unwrap_or(lens.size())).to_vec()
         }
-        (None, name) => {
-            let viewpoints = viewpoint::viewpoints(clip);
-            let chosen = name.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
-            viewpoint::camera(clip, &viewpoints[chosen], args.size.unwrap_or(DEFAULT_SIZE))
-        }
-    };
-    let eyes = if args.stereo {
-        camera.stereo_pair(Camera::EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit)).to_vec()
+        None => eyes(args, clip, viewpoint::camera(clip, viewpoint, args.size.unwrap_or(DEFAULT_SIZE))),
+    })
+}
+
+/// The view of `camera`, or with --stereo those of two eyes.
+fn eyes(args: &Args, clip: &Clip, camera: Camera) -> Vec<View> {
+    if args.stereo {
+        let distance = Camera::EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit);
+        camera.stereo_pair(distance).iter().map(View::from_camera).collect()
     } else {
-        vec![camera]
-    };
-    Ok(eyes.iter().map(View::from_camera).collect())
+        vec![View::from_camera(&camera)]
+    }
 }
 
 /// The render settings of `args` for `clip`.

@@ -1,4 +1,4 @@
-//! [`View`]: the pinhole camera of one eye, as the renderer takes it.
+//! [`View`]: the pinhole camera of one eye, as the renderer takes it, and [`Fov`], the angles of its image.
 
 use codec::Camera;
 use glam::{DMat4, DVec3, UVec2, Vec2, vec2};
@@ -15,18 +15,52 @@ pub struct View {
     pub principal: Vec2,
     /// Size of the image in pixels, not empty.
     pub size: UVec2,
+    /// x/z and y/z at the upper left and at the lower right corner of the image, or of the larger one that this one is a
+    /// part of: parts must show the same Gaussians.
+    pub slopes: [Vec2; 2],
+}
+
+/// Four angles from the view axis to the edges of an image, in radians, right and up positive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fov {
+    /// To the left edge; negative if the axis is right of it.
+    pub left: f32,
+    /// To the right edge.
+    pub right: f32,
+    /// To the upper edge.
+    pub up: f32,
+    /// To the lower edge; negative if the axis is above it.
+    pub down: f32,
 }
 
 impl View {
+    /// The view whose image of `size` pixels has its edges at the angles of `fov`. `None` for angles without an
+    /// image: the view axis may lie outside the image, but left must be left of right.
+    pub fn from_angles(view_from_world: DMat4, fov: Fov, size: UVec2) -> Option<View> {
+        let angles = [fov.left, fov.right, fov.up, fov.down];
+        let [left, right, up, down] = angles.map(f32::tan);
+        let focal = size.as_vec2() / vec2(right - left, up - down);
+        let principal = vec2(-left, up) * focal;
+        let is_ahead = angles.iter().all(|angle| angle.abs() < std::f32::consts::FRAC_PI_2);
+        let has_image = is_ahead && focal.is_finite() && focal.min_element() > 0.0;
+        has_image.then(|| View::new(view_from_world, focal, principal, size))
+    }
+
+    /// A view with an image of its own.
+    pub fn new(view_from_world: DMat4, focal: Vec2, principal: Vec2, size: UVec2) -> View {
+        let slopes = [-principal / focal, (size.as_vec2() - principal) / focal];
+        View { view_from_world, focal, principal, size, slopes }
+    }
+
     /// The view of `camera`, which has passed [`Camera::check`].
     pub fn from_camera(camera: &Camera) -> View {
         let k = camera.k.map(|row| row.map(|x| x as f32));
-        View {
-            view_from_world: DMat4::from_cols_array_2d(&camera.camera_from_world).transpose(),
-            focal: vec2(k[0][0], k[1][1]),
-            principal: vec2(k[0][2], k[1][2]),
-            size: UVec2::new(camera.width, camera.height),
-        }
+        View::new(
+            DMat4::from_cols_array_2d(&camera.camera_from_world).transpose(),
+            vec2(k[0][0], k[1][1]),
+            vec2(k[0][2], k[1][2]),
+            UVec2::new(camera.width, camera.height),
+        )
     }
 
     /// Position of the eye in the world.

@@ -11,9 +11,10 @@ pub enum PixelFilter {
     /// covers as much as one of a pixel, so a field is right near the resolution it was fitted at.
     #[default]
     Blur,
-    /// 0.1 px^2 with compensated opacity, the 2D filter of Mip-Splatting (Yu et al. 2024; `antialiased`
-    /// in gsplat and SPZ): opacity is multiplied by the root of the ratio of the covariance's
-    /// determinants without and with the filter, so a Gaussian covers as much at any resolution.
+    /// 0.1 px^2 with compensated opacity, the 2D filter of Mip-Splatting (Yu et al. 2024; `mip` in
+    /// Brush): opacity is multiplied by the root of the ratio of the covariance's determinants
+    /// without and with the filter, so a Gaussian covers as much at any resolution. `antialiased` in
+    /// gsplat and `--antialiasing` in 3D Gaussian Splatting do the same with 0.3 px^2.
     Mip,
 }
 

@@ -36,8 +36,26 @@ pub struct ViewUniform {
     pub slope_min: [f32; 2],
     /// Largest x/z and y/z at which a footprint is computed.
     pub slope_max: [f32; 2],
+    /// Variance of the field's blur in px^2 of this view; ignored for the mip filter.
+    pub blur: f32,
     /// Padding.
-    pub _pad1: [f32; 2],
+    pub _pad1: f32,
+}
+
+/// `Foveation` of foveate.wgsl: how the two images of an eye are composed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Foveation {
+    /// Upper left corner of the inset in the composed image, in pixels.
+    pub offset: [f32; 2],
+    /// Size of both the inset and the wide image in pixels.
+    pub size: [f32; 2],
+    /// Pixels of the wide image per pixel of the composed one.
+    pub wide_from_full: [f32; 2],
+    /// Width in pixels of the edge in which the inset fades into the wide image.
+    pub feather: f32,
+    /// Padding.
+    pub _pad0: f32,
 }
 
 /// `Ranges` of gaussian.wgsl: ranges of the packed numbers of a field.

@@ -12,6 +12,7 @@
 //! | 1 | [`ORDER`] | array of `u32`: rows to draw, back to front | vertex |
 //! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] per dynamic row | vertex |
 //! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] per row | vertex |
+//! | 0 | [`FOVEATION`], [`WIDE`], [`INSET`], [`LINEAR`] | of the stage `foveate`: how and what it composes | fragment |
 //! | 2 | [`COUNTS`] | for [`Purpose::Count`]: array of `u32`, fragments per quad | fragment |
 
 #[cfg(feature = "fit")]
@@ -114,16 +115,44 @@ pub enum Purpose {
     Draw {
         /// Number of eyes.
         views: u32,
+        /// Whether frames may be foveated.
+        foveated: bool,
     },
     /// Counts fragments, one eye per pass.
-    Count,
+    Count {
+        /// Whether frames may be foveated.
+        foveated: bool,
+    },
+}
+
+/// Bindings of the stage `foveate` in group 0: the array of [`layout::Foveation`], one per eye of the pass.
+pub const FOVEATION: u32 = 0;
+/// The coarse image of all of the view.
+pub const WIDE: u32 = 1;
+/// The sharp image of its middle.
+pub const INSET: u32 = 2;
+/// The linear sampler.
+pub const LINEAR: u32 = 3;
+
+/// Composes the WGSL source of the stage `foveate` for passes of `views` eyes; more than one requires multiview.
+pub fn compose_foveate(views: u32) -> String {
+    let (input, eye) = match views {
+        1 => ("", "0u"),
+        _ => (", @builtin(view_index) eye: u32", "eye"),
+    };
+    format!(
+        "const VIEWS: u32 = {views}u;\n{}\n@fragment\n\
+         fn fragment(@builtin(position) position: vec4<f32>{input}) -> @location(0) vec4<f32> {{\n    \
+         return composed(position.xy, {eye});\n}}\n",
+        include_str!("../foveate.wgsl")
+    )
 }
 
 /// Composes the WGSL source for a field with `features`.
 pub fn compose(features: Features, purpose: Purpose) -> String {
-    let views = match purpose {
-        Purpose::Draw { views } => views,
-        Purpose::Count => 1,
+    let (views, foveated) = match purpose {
+        Purpose::Draw { views, foveated } => (views, foveated),
+        Purpose::Count { foveated } => (1, foveated),
     };
     let mut source = format!(
         "const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n\
@@ -156,14 +185,15 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
             include_str!("../color_sh.wgsl"),
         ),
     };
-    source += match features.mip {
-        true => include_str!("../filter_mip.wgsl"),
-        false => include_str!("../filter_blur.wgsl"),
+    source += match (features.mip, foveated) {
+        (true, _) => include_str!("../filter_mip.wgsl"),
+        (false, true) => include_str!("../filter_blur_foveated.wgsl"),
+        (false, false) => include_str!("../filter_blur.wgsl"),
     };
     source += include_str!("../splat.wgsl");
     source += match purpose {
         Purpose::Draw { .. } => include_str!("../draw.wgsl"),
-        Purpose::Count => include_str!("../count.wgsl"),
+        Purpose::Count { .. } => include_str!("../count.wgsl"),
     };
     source += match views {
         1 => include_str!("../eye_single.wgsl"),

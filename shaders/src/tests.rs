@@ -5,7 +5,7 @@ use std::mem::{offset_of, size_of};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::*;
-use crate::layout::{Frame, Gaussian, Ranges, ViewUniform};
+use crate::layout::{Foveation, Frame, Gaussian, Ranges, ViewUniform};
 
 fn all_features() -> Vec<Features> {
     let mut all = Vec::new();
@@ -20,7 +20,14 @@ fn all_features() -> Vec<Features> {
     all
 }
 
-const PURPOSES: [Purpose; 3] = [Purpose::Draw { views: 1 }, Purpose::Draw { views: 2 }, Purpose::Count];
+const PURPOSES: [Purpose; 6] = [
+    Purpose::Draw { views: 1, foveated: false },
+    Purpose::Draw { views: 2, foveated: false },
+    Purpose::Draw { views: 1, foveated: true },
+    Purpose::Draw { views: 2, foveated: true },
+    Purpose::Count { foveated: false },
+    Purpose::Count { foveated: true },
+];
 
 fn parse(features: Features, purpose: Purpose) -> naga::Module {
     let source = compose(features, purpose);
@@ -34,7 +41,7 @@ fn every_composition_is_valid() {
         for purpose in PURPOSES {
             let module = parse(features, purpose);
             let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
-            capabilities.set(Capabilities::MULTIVIEW, purpose == Purpose::Draw { views: 2 });
+            capabilities.set(Capabilities::MULTIVIEW, matches!(purpose, Purpose::Draw { views: 2, .. }));
             Validator::new(ValidationFlags::all(), capabilities)
                 .validate(&module)
                 .unwrap_or_else(|error| panic!("{features:?} {purpose:?}: {error:?}"));
@@ -51,19 +58,26 @@ fn no_root_is_of_a_number_that_may_be_negative() {
     // The variances of a footprint are at least FILTER.
     let roots = ["sqrt(max(0.0, ", "sqrt(vec2<f32>(major, minor))"];
     for features in all_features() {
-        let source = compose(features, PURPOSES[0]);
-        for line in source.lines().filter(|line| line.contains("sqrt(")) {
+        let sources = PURPOSES.map(|purpose| compose(features, purpose));
+        for line in sources.iter().flat_map(|source| source.lines()).filter(|line| line.contains("sqrt(")) {
             assert!(roots.iter().any(|root| line.contains(root)), "{line}");
         }
     }
 }
 
 #[test]
-fn a_shader_compensates_only_for_the_mip_filter() {
+fn a_shader_compensates_only_what_its_frames_need() {
     for features in all_features() {
         for purpose in PURPOSES {
             let source = compose(features, purpose);
-            assert_eq!(source.contains("area / sigma.x"), features.mip, "{features:?} {purpose:?}");
+            let is_foveated =
+                matches!(purpose, Purpose::Draw { foveated: true, .. } | Purpose::Count { foveated: true });
+            assert_eq!(source.contains("area / sigma.x / sigma.y"), features.mip, "{features:?} {purpose:?}");
+            assert_eq!(
+                source.contains("let adapted"),
+                is_foveated && !features.mip,
+                "{features:?} {purpose:?}"
+            );
             let variance = format!("const FILTER: f32 = {:?};", if features.mip { 0.1 } else { 0.3 });
             assert!(source.contains(&variance), "{features:?} {purpose:?}");
         }
@@ -92,7 +106,7 @@ fn a_shader_binds_only_the_features_of_its_field() {
             ];
             expected.extend(features.motion.map(|_| ("motion", 1, MOTION)));
             expected.extend((features.sh_degree > 0).then_some(("sh", 1, SH)));
-            expected.extend((purpose == Purpose::Count).then_some(("counts", 2, COUNTS)));
+            expected.extend(matches!(purpose, Purpose::Count { .. }).then_some(("counts", 2, COUNTS)));
             let mut found = bindings(&parse(features, purpose));
             found.sort();
             let mut expected: Vec<_> = expected
@@ -132,14 +146,32 @@ pub(crate) use assert_layout;
 
 #[test]
 fn structs_match_their_counterparts() {
-    let module = &parse(Features::default(), Purpose::Draw { views: 1 });
+    let module = &parse(Features::default(), PURPOSES[0]);
     assert_layout!(module, Frame { time, time_rest, radius_max });
     assert_layout!(
         module,
-        ViewUniform { view_from_world, eye, focal, principal, size, slope_min, slope_max }
+        ViewUniform { view_from_world, eye, focal, principal, size, slope_min, slope_max, blur }
     );
     assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_dynamic, rate_unit, motion_units });
     assert_layout!(module, Gaussian { center, rotation, rotation_scale, scales, opacity_red, green_blue });
+}
+
+#[test]
+fn the_stage_that_foveates_is_valid_for_one_eye_and_for_two() {
+    for views in [1, 2] {
+        let source = compose_foveate(views);
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
+        let mut capabilities = Capabilities::empty();
+        capabilities.set(Capabilities::MULTIVIEW, views == 2);
+        Validator::new(ValidationFlags::all(), capabilities).validate(&module).expect("valid");
+        let mut found = bindings(&module);
+        found.sort();
+        let expected =
+            [("foveation", 0, FOVEATION), ("inset", 0, INSET), ("linear", 0, LINEAR), ("wide", 0, WIDE)];
+        assert_eq!(found, expected.map(|(name, group, binding)| (name.to_owned(), group, binding)));
+        assert_layout!(&module, Foveation { offset, size, wide_from_full, feather });
+    }
 }
 
 #[test]

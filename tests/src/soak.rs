@@ -13,7 +13,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use client::clips::LoadEvent;
-use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
+use client::gpu::{
+    ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder,
+};
 use client::net::{CACHE_BYTES, Cache, Download, Options, RetryPolicy};
 use client::player::{Player, SPEED_RANGE};
 use client::view::View;
@@ -161,7 +163,7 @@ pub fn soak(
                 shelf.clip(kind)?
             }
         };
-        let mut watched = Watched::new(&gpu, &clip, &mut rng).map_err(text)?;
+        let mut watched = Watched::new(&gpu, &clip, &mut rng, false).map_err(text)?;
         watched.play(&gpu, &mut rng, &mut account).map_err(text)?;
         drop((watched, clip));
         lasting.play(&gpu, &mut rng, &mut account).map_err(text)?;
@@ -195,7 +197,7 @@ fn lasting(
     account: &mut Account,
 ) -> Result<(Watched, BTreeMap<&'static str, usize>), String> {
     let text = |fault: Fault| fault.to_string();
-    let mut lasting = Watched::new(gpu, &shelf.clip(0)?, rng).map_err(text)?;
+    let mut lasting = Watched::new(gpu, &shelf.clip(0)?, rng, true).map_err(text)?;
     lasting.play(gpu, rng, account).map_err(text)?;
     let at_rest = objects(gpu)?;
     Ok((lasting, at_rest))
@@ -252,6 +254,9 @@ impl Shelf {
     }
 }
 
+/// The largest inset of a frame, as a fraction of the image's sides.
+const INSET_MAX: f32 = 0.5;
+
 /// A clip on a device, and how it is watched.
 struct Watched {
     renderer: Renderer,
@@ -260,21 +265,25 @@ struct Watched {
     depth: ChannelDepth,
     size: UVec2,
     image: Offscreen,
+    /// Whether frames may be foveated, with images that are made once, as a headset's are.
+    foveated: bool,
 }
 
 impl Watched {
-    fn new(gpu: &Gpu, clip: &Clip, rng: &mut Rng) -> Result<Watched, Fault> {
+    fn new(gpu: &Gpu, clip: &Clip, rng: &mut Rng, foveated: bool) -> Result<Watched, Fault> {
         let eyes = 1 + usize::from(rng.bool());
         let depth = if rng.bool() { ChannelDepth::Eight } else { ChannelDepth::Sixteen };
         let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
         let size = random_size(rng);
+        let image = Offscreen::new(gpu, size, eyes as u32, depth)?;
         Ok(Watched {
-            renderer: Renderer::new(gpu, on_gpu, depth.format(), eyes)?,
+            renderer: Renderer::new(gpu, on_gpu, FrameLayout { format: depth.format(), eyes, foveated })?,
             player: Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps)),
             eyes,
             depth,
             size,
-            image: Offscreen::new(gpu, size, eyes as u32, depth)?,
+            image: if foveated { image.foveated(gpu, INSET_MAX)? } else { image },
+            foveated,
         })
     }
 
@@ -293,12 +302,13 @@ impl Watched {
                 cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
                 layers: [None, Some(1)][rng.usize(..2)],
                 min_contribution_px: [0.0, 0.5][rng.usize(..2)],
+                inset: [None, Some(0.3), Some(INSET_MAX)][rng.usize(..3)].filter(|_| self.foveated),
             };
             let t = self.player.clip_time();
             self.image.render(gpu, &mut self.renderer, t, &views, &settings)?;
             account.frames += 1;
             if frame % 16 == 15 {
-                self.renderer.count(gpu, t, &views, &settings)?;
+                self.renderer.count(gpu)?;
                 self.image.read(gpu)?;
             }
         }
@@ -317,7 +327,7 @@ impl Watched {
             3 => player.toggle_playing(),
             4 => player.set_speed(SPEED_RANGE.0 + (SPEED_RANGE.1 - SPEED_RANGE.0) * rng.f64()),
             5 => player.set_looping(rng.bool()),
-            6 => {
+            6 if !self.foveated => {
                 self.size = random_size(rng);
                 self.image = Offscreen::new(gpu, self.size, self.eyes as u32, self.depth)?;
                 account.resizes += 1;
@@ -337,18 +347,19 @@ fn lose(gpu: &Gpu, clip: &Clip) -> Result<(), String> {
     let text = |fault: Fault| fault.to_string();
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(text)?);
     let depth = ChannelDepth::Eight;
-    let mut renderer = Renderer::new(gpu, on_gpu.clone(), depth.format(), 1).map_err(text)?;
+    let mut renderer =
+        Renderer::new(gpu, on_gpu.clone(), FrameLayout::plain(depth.format(), 1)).map_err(text)?;
     let image = Offscreen::new(gpu, UVec2::new(64, 48), 1, depth).map_err(text)?;
     let (views, settings) = ([View::from_camera(&camera(Place::Whole, 64, 48))], RenderSettings::default());
     image.render(gpu, &mut renderer, 0.5, &views, &settings).map_err(text)?;
     gpu.lose();
     let outcomes = [
         ("drawing", image.render(gpu, &mut renderer, 0.5, &views, &settings).map(drop)),
-        ("counting", renderer.count(gpu, 0.5, &views, &settings).map(drop)),
+        ("counting", renderer.count(gpu).map(drop)),
         ("reading back", image.read(gpu).map(drop)),
         ("resizing", Offscreen::new(gpu, UVec2::new(32, 32), 1, depth).map(drop)),
         ("uploading", GpuClip::upload(gpu, clip).map(drop)),
-        ("setting up", Renderer::new(gpu, on_gpu, depth.format(), 2).map(drop)),
+        ("setting up", Renderer::new(gpu, on_gpu, FrameLayout::plain(depth.format(), 2)).map(drop)),
     ];
     for (what, outcome) in outcomes {
         match outcome {

@@ -21,6 +21,6 @@ pub struct FrameCounts {
 pub struct Coverage {
     /// Gaussians whose quad contains at least one pixel centre.
     pub drawn: u32,
-    /// Pixel centres inside quads, summed over all Gaussians and eyes.
+    /// Pixel centres inside quads, summed over all Gaussians, eyes, and views of an eye.
     pub fragments: u64,
 }

@@ -1,47 +1,116 @@
 //! [`DrawnSet`]: the pipeline of one Gaussian set and its draw order in the current frame.
 
-use shaders::Features;
+use shaders::{BATCH, Features};
 
 use super::clip::GaussianSet;
 use super::device::Gpu;
+use super::stages::sort::{Item, Sorter};
 use super::stages::splat;
+
+/// The Gaussians of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DrawnPart {
+    /// All that are visible.
+    All,
+    /// Those in the inset of a foveated frame.
+    Inset,
+}
 
 /// A Gaussian set of the clip with everything that drawing it needs.
 pub(super) struct DrawnSet {
     pub(super) features: Features,
     pub(super) layout: wgpu::BindGroupLayout,
     pub(super) pipeline: wgpu::RenderPipeline,
-    /// Rows to draw, back to front.
-    pub(super) order: Vec<u32>,
+    /// Rows to draw, back to front: those of [`DrawnPart::All`], then, from the next batch of quads on, those of
+    /// [`DrawnPart::Inset`].
+    order: Vec<u32>,
+    all: u32,
+    inset: u32,
     pub(super) order_buffer: wgpu::Buffer,
     pub(super) group: wgpu::BindGroup,
 }
 
 impl DrawnSet {
-    /// Builds the pipeline for targets of `format` and passes of `eyes_per_pass` eyes.
+    /// Builds the pipeline for targets of `format` and passes of `eyes_per_pass` eyes, of frames that may be
+    /// `foveated`.
     pub(super) fn new(
         gpu: &Gpu,
         set: &GaussianSet,
         pass_layout: &wgpu::BindGroupLayout,
         format: wgpu::TextureFormat,
         eyes_per_pass: u32,
+        foveated: bool,
     ) -> DrawnSet {
         let features = set.buffers.features;
         let layout = set.buffers.layout(gpu);
         let groups = [Some(pass_layout), Some(&layout)];
+        let rows = set.rows.len();
+        let capacity = if foveated { rows.next_multiple_of(BATCH as usize) + rows } else { rows };
         let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("order"),
-            size: 4 * set.rows.len().max(1) as u64,
+            size: 4 * capacity.max(1) as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         DrawnSet {
             features,
-            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass),
-            order: Vec::with_capacity(set.rows.len()),
+            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass, foveated),
+            order: Vec::with_capacity(capacity),
+            all: 0,
+            inset: 0,
             group: set.buffers.bind(gpu, &layout, &order_buffer),
             order_buffer,
             layout,
         }
+    }
+
+    /// Orders the rows of `items` from the farthest to the nearest; in a `foveated` frame also those of the inset.
+    pub(super) fn sort(&mut self, sorter: &mut Sorter, items: &mut Vec<Item>, foveated: bool) {
+        sorter.sort(items, &mut self.order);
+        (self.all, self.inset) = (self.order.len() as u32, 0);
+        if foveated {
+            let all = self.order.len();
+            self.order.resize(self.first(DrawnPart::Inset), 0);
+            for i in 0..all {
+                let (row, is_in_inset) = Item::split(self.order[i]);
+                self.order[i] = row;
+                if is_in_inset {
+                    self.order.push(row);
+                    self.inset += 1;
+                }
+            }
+        }
+    }
+
+    /// Writes the order for the next submission.
+    pub(super) fn upload(&self, gpu: &Gpu) {
+        gpu.queue.write_buffer(&self.order_buffer, 0, bytemuck::cast_slice(&self.order));
+    }
+
+    /// Number of rows of `part`.
+    pub(super) fn count(&self, part: DrawnPart) -> u32 {
+        match part {
+            DrawnPart::All => self.all,
+            DrawnPart::Inset => self.inset,
+        }
+    }
+
+    /// The batch of quads in the order buffer that `part` starts with.
+    pub(super) fn first_batch(&self, part: DrawnPart) -> u32 {
+        match part {
+            DrawnPart::All => 0,
+            DrawnPart::Inset => self.all.div_ceil(BATCH),
+        }
+    }
+
+    /// The rows of `part` in the order buffer.
+    pub(super) fn first(&self, part: DrawnPart) -> usize {
+        (self.first_batch(part) * BATCH) as usize
+    }
+
+    /// The rows of `part`, back to front.
+    pub(super) fn rows(&self, part: DrawnPart) -> &[u32] {
+        let rows = self.order.get(self.first(part)..).unwrap_or_default();
+        &rows[..self.count(part) as usize]
     }
 }

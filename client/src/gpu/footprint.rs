@@ -17,8 +17,8 @@ const RECORD_BYTES: usize = size_of::<Gaussian>()
         * (Motion { order: MOTION_ORDER_MAX, rotates: true }.words() + sh_words(SH_DEGREE_MAX));
 
 /// Bytes per Gaussian of a clip that can be drawn: its record on the GPU, the columns that culling reads, the
-/// items of the sort and their scratch, and the draw order with its buffer.
-pub const RESIDENT_BYTES: usize = RECORD_BYTES + ROW_BYTES + 2 * size_of::<Item>() + 2 * size_of::<u32>();
+/// items of the sort and their scratch, and the draw orders of a foveated frame with their buffer.
+pub const RESIDENT_BYTES: usize = RECORD_BYTES + ROW_BYTES + 2 * size_of::<Item>() + 4 * size_of::<u32>();
 
 /// Further bytes per Gaussian while a clip is uploaded: its moment and the interval in which it is alive, its
 /// packed record, and the copy of that on the way to the GPU.

@@ -1,12 +1,13 @@
 //! [`Level`]: rendering quality in steps, from exact down to a lower bound.
 //!
-//! A level changes per-frame parameters only; images and pipelines are shared by all levels. Each level
-//! shades about three quarters of the fragments of the level above. The last level bounds the loss: 0.6 of
-//! the image's sides, `sqrt(5)` standard deviations, contributions below one pixel, half of the Gaussians.
+//! A level changes per-frame parameters only; images and pipelines are shared by all levels. The order is that of
+//! error per fragment: first what lies beside the view axis loses resolution, then what is faint is left out, then
+//! everything loses resolution, and only at the end do Gaussians lose their edges.
 
 use clap::ValueEnum;
 use glam::UVec2;
 
+use super::division::part_size;
 use super::settings::{Cutoff, RenderSettings};
 
 /// Rendering quality; the first level is the best.
@@ -15,16 +16,17 @@ pub enum Level {
     /// All pixels and Gaussians, each drawn to where its alpha falls to 1/255.
     #[default]
     Exact,
-    /// Support radius limited to `sqrt(8)` standard deviations.
+    /// An inset of 0.45 of the image's sides: what is beside it has 0.45 of the resolution.
     Fine,
-    /// 0.85 of the image's sides; contributions below a quarter of a pixel are culled.
+    /// An inset of 0.4; support radius limited to `sqrt(8)` standard deviations.
     Good,
-    /// As `Good`, with a support radius of at most `sqrt(5)` standard deviations.
+    /// As `Good`, with 0.85 of the image's sides; contributions below a quarter of a pixel are culled.
     Fair,
-    /// 0.7 of the image's sides; contributions below half a pixel are culled.
+    /// An inset of 0.35 and 0.8 of the image's sides; contributions below half a pixel are culled.
     Light,
-    /// 0.6 of the image's sides; contributions below a pixel are culled. The least important layers are
-    /// dropped if that removes at least a quarter of the Gaussians and leaves at least half.
+    /// As `Light`, with 0.7 of the image's sides and a support radius of at most `sqrt(5)` standard deviations;
+    /// contributions below a pixel are culled. The least important layers are dropped if that removes at least a
+    /// quarter of the Gaussians and leaves at least half.
     Least,
 }
 
@@ -32,6 +34,8 @@ pub enum Level {
 struct Share {
     /// Fraction of the image's sides.
     side: f32,
+    /// See [`RenderSettings::inset`].
+    inset: Option<f32>,
     cutoff: Cutoff,
     /// See [`RenderSettings::min_contribution_px`].
     min_contribution_px: f32,
@@ -43,24 +47,24 @@ struct Share {
 /// more visible than measurable.
 const DROP_MAX: f64 = 0.75;
 
-/// Viewport sides are multiples of this many pixels, the block size of GPUs.
-const BLOCK: u32 = 8;
-
 impl Level {
+    /// The largest inset of a level.
+    pub const INSET_MAX: f32 = 0.45;
+
     /// All levels, from the best down.
     pub const ALL: [Level; 6] =
         [Level::Exact, Level::Fine, Level::Good, Level::Fair, Level::Light, Level::Least];
 
     fn share(self) -> Share {
-        let (side, cutoff, min_contribution_px, gaussians) = match self {
-            Level::Exact => (1.0, Cutoff::Exact, 0.0, 1.0),
-            Level::Fine => (1.0, Cutoff::Sqrt8, 0.0, 1.0),
-            Level::Good => (0.85, Cutoff::Sqrt8, 0.25, 1.0),
-            Level::Fair => (0.85, Cutoff::Sqrt5, 0.25, 1.0),
-            Level::Light => (0.7, Cutoff::Sqrt5, 0.5, 1.0),
-            Level::Least => (0.6, Cutoff::Sqrt5, 1.0, 0.5),
+        let (side, inset, cutoff, min_contribution_px, gaussians) = match self {
+            Level::Exact => (1.0, None, Cutoff::Exact, 0.0, 1.0),
+            Level::Fine => (1.0, Some(Level::INSET_MAX), Cutoff::Exact, 0.0, 1.0),
+            Level::Good => (1.0, Some(0.4), Cutoff::Sqrt8, 0.0, 1.0),
+            Level::Fair => (0.85, Some(0.4), Cutoff::Sqrt8, 0.25, 1.0),
+            Level::Light => (0.8, Some(0.35), Cutoff::Sqrt8, 0.5, 1.0),
+            Level::Least => (0.7, Some(0.35), Cutoff::Sqrt5, 1.0, 0.5),
         };
-        Share { side, cutoff, min_contribution_px, gaussians }
+        Share { side, inset, cutoff, min_contribution_px, gaussians }
     }
 
     /// Name in menus and reports.
@@ -101,6 +105,7 @@ impl Level {
             cutoff,
             layers,
             min_contribution_px: settings.min_contribution_px.max(share.min_contribution_px),
+            inset: settings.inset.into_iter().chain(share.inset).reduce(f32::min),
             ..settings
         }
     }
@@ -111,8 +116,7 @@ impl Level {
         if side == 1.0 {
             return full;
         }
-        let blocks = (full.as_vec2() * side / BLOCK as f32).round().as_uvec2();
-        (blocks * BLOCK).clamp(full.min(UVec2::splat(BLOCK)), full)
+        part_size(full, side)
     }
 }
 
@@ -143,6 +147,7 @@ mod tests {
             let changes = [
                 (above.0.cutoff.radius_max(), below.0.cutoff.radius_max()),
                 (-above.0.min_contribution_px, -below.0.min_contribution_px),
+                (above.0.inset.unwrap_or(1.0), below.0.inset.unwrap_or(1.0)),
                 (above.1.x as f32, below.1.x as f32),
                 (above.1.y as f32, below.1.y as f32),
             ];
@@ -158,7 +163,10 @@ mod tests {
     fn the_last_level_is_the_bound() {
         let least = settings(Level::Least);
         assert_eq!((least.cutoff, least.min_contribution_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
-        assert_eq!(Level::Least.size(UVec2::new(2064, 2208)), UVec2::new(1240, 1328));
+        assert_eq!(
+            (least.inset, Level::Least.size(UVec2::new(2064, 2208))),
+            (Some(0.35), UVec2::new(1448, 1544))
+        );
     }
 
     #[test]
@@ -180,6 +188,7 @@ mod tests {
             cutoff: Cutoff::Sqrt5,
             layers: Some(1),
             min_contribution_px: 3.0,
+            inset: Some(0.2),
             ..RenderSettings::default()
         };
         for level in Level::ALL {
@@ -195,6 +204,6 @@ mod tests {
                 assert!(size.cmple(full).all() && size.min_element() > 0, "{full} {level:?}: {size}");
             }
         }
-        assert_eq!(Level::Light.size(UVec2::new(320, 240)), UVec2::new(224, 168));
+        assert_eq!(Level::Least.size(UVec2::new(320, 240)), UVec2::new(224, 168));
     }
 }

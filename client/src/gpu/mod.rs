@@ -1,14 +1,17 @@
 //! The renderer: the only module that uses the graphics API.
 //!
 //! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds its pipelines.
-//! Per frame, [`Renderer::draw`] runs the stages `alive` and `sort` on the CPU, then `evaluate` and `splat`
-//! on the GPU.
+//! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
+//! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
 mod clip;
 mod counts;
 mod device;
+mod division;
 mod drawn_set;
 mod footprint;
+mod foveation;
+mod frame_views;
 mod layers;
 mod level;
 mod pack;
@@ -32,9 +35,10 @@ pub use counts::{Coverage, FrameCounts};
 pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER};
 pub use footprint::{RESIDENT_BYTES, UPLOAD_BYTES};
+pub use foveation::Foveation;
 pub use level::Level;
 pub use readback::Pixels;
-pub use renderer::Renderer;
+pub use renderer::{FrameLayout, Renderer};
 pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};

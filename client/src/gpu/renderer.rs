@@ -1,17 +1,23 @@
 //! [`Renderer`]: draws frames of a clip into any render target.
+//!
+//! A frame has two steps. [`Renderer::prepare`] finds and sorts the visible Gaussians, for which it needs no target;
+//! [`Renderer::record`] records the passes.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::UVec2;
 use program::Fault;
+use shaders::filter_variance;
 
 use super::clip::GpuClip;
 use super::counts::{Coverage, FrameCounts};
 use super::device::Gpu;
-use super::drawn_set::DrawnSet;
-use super::settings::RenderSettings;
-use super::stages::alive::EYES_MAX;
+use super::division::Division;
+use super::drawn_set::{DrawnPart, DrawnSet};
+use super::foveation::Foveation;
+use super::frame_views::{EYES_MAX, FrameViews};
+use super::settings::{Cutoff, RenderSettings};
 use super::stages::count::Counter;
 use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
@@ -19,11 +25,30 @@ use super::stages::splat::{PassUniforms, multiview_mask};
 use super::timing::GpuTimer;
 use crate::view::View;
 
+/// The frames that a renderer draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameLayout {
+    /// Format of the targets.
+    pub format: wgpu::TextureFormat,
+    /// Number of eyes, 1 or 2.
+    pub eyes: usize,
+    /// Whether frames may be foveated, see [`RenderSettings::inset`].
+    pub foveated: bool,
+}
+
+impl FrameLayout {
+    /// Frames of one eye or two, never foveated.
+    pub fn plain(format: wgpu::TextureFormat, eyes: usize) -> FrameLayout {
+        FrameLayout { format, eyes, foveated: false }
+    }
+}
+
 /// The pipelines of a clip, and the memory of a frame.
 pub struct Renderer {
     clip: Arc<GpuClip>,
-    eyes: usize,
+    layout: FrameLayout,
     eyes_per_pass: u32,
+    /// Uniforms of each pass that shows whole views.
     passes: Vec<PassUniforms>,
     sets: Vec<DrawnSet>,
     quads: Quads,
@@ -31,35 +56,40 @@ pub struct Renderer {
     sorter: Sorter,
     timer: Option<GpuTimer>,
     counter: Option<Counter>,
+    prepared: Option<Prepared>,
+}
+
+/// A frame that was prepared.
+#[derive(Clone, Copy)]
+struct Prepared {
+    views: FrameViews,
+    t: f64,
+    cutoff: Cutoff,
 }
 
 impl Renderer {
-    /// Builds the pipelines and buffers to draw `clip` for `eyes` eyes, 1 or 2, into targets of `format`.
-    /// Both eyes are drawn in one pass if [`Caps::multiview`](super::Caps::multiview) is set.
+    /// Builds the pipelines and buffers to draw frames of `layout` of `clip`. Both eyes are drawn in one pass if
+    /// [`Caps::multiview`](super::Caps::multiview) is set.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
     ///
     /// # Panics
-    /// If `eyes` is neither 1 nor 2.
-    pub fn new(
-        gpu: &Gpu,
-        clip: Arc<GpuClip>,
-        format: wgpu::TextureFormat,
-        eyes: usize,
-    ) -> Result<Renderer, Fault> {
+    /// If the number of eyes is neither 1 nor 2.
+    pub fn new(gpu: &Gpu, clip: Arc<GpuClip>, layout: FrameLayout) -> Result<Renderer, Fault> {
+        let FrameLayout { format, eyes, foveated } = layout;
         assert!((1..=EYES_MAX).contains(&eyes), "one eye or two");
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
         let rows = clip.sets().map(|set| set.rows.len()).max().unwrap_or(0);
         let (sets, passes, timer) = gpu.allocate("the renderer", || {
-            let set = |set| DrawnSet::new(gpu, set, &pass_layout, format, eyes_per_pass);
+            let set = |set| DrawnSet::new(gpu, set, &pass_layout, format, eyes_per_pass, foveated);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
             let passes = (0..eyes).step_by(eyes_per_pass as usize);
             (clip.sets().map(set).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
         })?;
         Ok(Renderer {
-            eyes,
+            layout,
             eyes_per_pass,
             passes,
             sets,
@@ -69,6 +99,7 @@ impl Renderer {
             timer,
             counter: None,
             clip,
+            prepared: None,
         })
     }
 
@@ -82,53 +113,95 @@ impl Renderer {
         self.eyes_per_pass
     }
 
-    /// Number of render pipelines.
+    /// Number of render pipelines of the clip.
     pub fn pipelines(&self) -> usize {
         self.sets.len()
     }
 
-    /// Records a frame at clip time `t`, clamped to 0 to 1, into `encoder`: clears the targets to transparent
-    /// black and draws the clip. `targets` has one target of [`Renderer::eyes_per_pass`] layers per pass.
-    /// All `views` have the same size; the viewport is the upper left corner of the targets.
-    ///
-    /// Submit `encoder` before the next call.
+    /// Finds and sorts the Gaussians to draw at clip time `t`, clamped to 0 to 1, in `views` of the same size, and
+    /// writes them and the views for the next submission. Follow it with [`Renderer::record`], and submit that before
+    /// the next call.
     ///
     /// # Panics
-    /// If the number of views or targets does not match the renderer.
-    pub fn draw(
+    /// If the number of views does not match the renderer, or `settings` have an inset and its frames are never
+    /// foveated.
+    pub fn prepare(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &RenderSettings) -> FrameCounts {
+        assert_eq!(views.len(), self.layout.eyes, "one view per eye");
+        assert!(settings.inset.is_none() || self.layout.foveated, "the renderer foveates");
+        let t = within_clip(t);
+        let views = FrameViews::new(views, settings.inset);
+        let counts = self.sort(gpu, t, &views, settings);
+        for (pass, drawn) in self.passes.iter().zip(views.drawn().chunks(self.eyes_per_pass as usize)) {
+            pass.write(gpu, t, settings.cutoff, drawn, views.blur(), self.clip.origin);
+        }
+        self.prepared = Some(Prepared { views, t, cutoff: settings.cutoff });
+        counts
+    }
+
+    /// Number of render passes of the prepared frame; 0 before the first.
+    pub fn passes(&self) -> usize {
+        let parts = |prepared: Prepared| if prepared.views.divisions().is_some() { 3 } else { 1 };
+        self.passes.len() * self.prepared.map_or(0, parts)
+    }
+
+    /// Records the prepared frame into `encoder`: clears the targets to transparent black and draws the clip. `targets`
+    /// has one target of [`Renderer::eyes_per_pass`] layers per pass; the viewport is the upper left corner of the
+    /// targets. A foveated frame needs the images of `foveation`.
+    ///
+    /// # Panics
+    /// If no frame was prepared, the number of targets does not match the renderer, or a foveated frame lacks images
+    /// of the same eyes and format that are large enough.
+    pub fn record(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        t: f64,
-        views: &[View],
-        settings: &RenderSettings,
         targets: &[wgpu::TextureView],
-    ) -> FrameCounts {
-        assert_eq!(views.len(), self.eyes, "one view per eye");
+        foveation: Option<&Foveation>,
+    ) {
         assert_eq!(targets.len(), self.passes.len(), "one target per pass");
-        let t = within_clip(t);
-        let counts = self.sort(gpu, t, views, settings);
-        for (pass, views) in self.passes.iter().zip(views.chunks(self.eyes_per_pass as usize)) {
-            pass.write(gpu, t, settings.cutoff, views, self.clip.origin);
-        }
+        let prepared = self.prepared.expect("a frame was prepared");
         let slot = self.timer.as_mut().and_then(|timer| {
             timer.latest_ms();
             timer.free_slot()
         });
-        for (i, target) in targets.iter().enumerate() {
-            let timer = self.timer.as_ref().zip(slot);
-            self.record_pass(
-                encoder,
-                i,
-                target,
-                views[0].size,
-                timer.map(|(timer, slot)| timer.writes(slot, i, targets.len())),
-            );
+        let timer = self.timer.as_ref().zip(slot);
+        let writes = |pass, passes| timer.and_then(|(timer, slot)| timer.writes(slot, pass, passes));
+        let full = prepared.views.full()[0].size;
+        match prepared.views.divisions() {
+            None => {
+                for (i, target) in targets.iter().enumerate() {
+                    self.draw(
+                        encoder,
+                        &self.passes[i],
+                        DrawnPart::All,
+                        target,
+                        full,
+                        writes(i, targets.len()),
+                    );
+                }
+            }
+            Some(divisions) => {
+                let foveation = foveation.expect("a foveated frame has images");
+                assert_eq!(foveation.wide.len(), self.passes.len(), "images for as many eyes");
+                let size = divisions[0].inset.size;
+                assert!(size.cmple(foveation.size).all(), "the inset fits its image");
+                self.write_foveation(gpu, foveation, &prepared, divisions);
+                let passes = 3 * targets.len();
+                for (i, target) in targets.iter().enumerate() {
+                    let [wide, inset] = [&foveation.wide[i], &foveation.inset[i]];
+                    self.draw(encoder, &self.passes[i], DrawnPart::All, wide, size, writes(3 * i, passes));
+                    let uniforms = &foveation.inset_passes[i];
+                    self.draw(encoder, uniforms, DrawnPart::Inset, inset, size, writes(3 * i + 1, passes));
+                    let mut pass = self.begin(encoder, "foveate", target, full, writes(3 * i + 2, passes));
+                    pass.set_pipeline(&foveation.pipeline);
+                    pass.set_bind_group(0, &foveation.composing[i].group, &[]);
+                    pass.draw(0..3, 0..1);
+                }
+            }
         }
         if let Some((timer, slot)) = self.timer.as_mut().zip(slot) {
             timer.fetch(encoder, slot);
         }
-        counts
     }
 
     /// GPU time of the latest measured frame in milliseconds; `None` without timestamps or before the first
@@ -137,30 +210,29 @@ impl Renderer {
         self.timer.as_mut().and_then(GpuTimer::latest_ms)
     }
 
-    /// Counts the fragments of the latest frame exactly; the arguments must be those of its
-    /// [`Renderer::draw`]. Draws again and waits for the GPU: for measuring, not for playing.
+    /// Counts the fragments of the prepared frame exactly. Draws again and waits for the GPU: for measuring, not for
+    /// playing.
     ///
     /// # Errors
     /// [`Fault::Device`] if the device was lost or is out of memory.
-    pub fn count(
-        &mut self,
-        gpu: &Gpu,
-        t: f64,
-        views: &[View],
-        settings: &RenderSettings,
-    ) -> Result<Coverage, Fault> {
+    ///
+    /// # Panics
+    /// If no frame was prepared.
+    pub fn count(&mut self, gpu: &Gpu) -> Result<Coverage, Fault> {
         let counter = match self.counter.take() {
             Some(counter) => counter,
-            None => gpu.allocate("counting", || Counter::new(gpu, &self.sets, self.quads.clone()))?,
+            None => gpu.allocate("counting", || {
+                Counter::new(gpu, &self.sets, self.quads.clone(), self.layout.foveated)
+            })?,
         };
-        let coverage =
-            counter.count(gpu, &self.sets, within_clip(t), settings.cutoff, views, self.clip.origin);
+        let Prepared { views, t, cutoff } = self.prepared.expect("a frame was prepared");
+        let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip.origin);
         self.counter = Some(counter);
         coverage
     }
 
     /// Runs the stages `alive` and `sort` for all sets and uploads the sorted rows.
-    fn sort(&mut self, gpu: &Gpu, t: f64, views: &[View], settings: &RenderSettings) -> FrameCounts {
+    fn sort(&mut self, gpu: &Gpu, t: f64, views: &FrameViews, settings: &RenderSettings) -> FrameCounts {
         let mut counts = FrameCounts::default();
         for (set, drawn) in self.clip.sets().zip(&mut self.sets) {
             let start = Instant::now();
@@ -168,26 +240,57 @@ impl Renderer {
             counts.alive += seen.alive;
             counts.culled += seen.culled;
             let alive_end = Instant::now();
-            self.sorter.sort(&mut self.items, &mut drawn.order);
+            drawn.sort(&mut self.sorter, &mut self.items, settings.inset.is_some());
             counts.alive_ms += (alive_end - start).as_secs_f64() * 1e3;
             counts.sort_ms += alive_end.elapsed().as_secs_f64() * 1e3;
-            counts.sorted += drawn.order.len() as u32;
-            gpu.queue.write_buffer(&drawn.order_buffer, 0, bytemuck::cast_slice(&drawn.order));
+            counts.sorted += drawn.count(DrawnPart::All);
+            drawn.upload(gpu);
         }
         counts
     }
 
-    fn record_pass(
+    /// Writes the views of the insets, and how they are composed.
+    fn write_foveation(&self, gpu: &Gpu, foveation: &Foveation, prepared: &Prepared, divisions: &[Division]) {
+        let eyes_per_pass = self.eyes_per_pass as usize;
+        for (pass, divisions) in foveation.inset_passes.iter().zip(divisions.chunks(eyes_per_pass)) {
+            let mut insets = [divisions[0].inset; EYES_MAX];
+            insets.iter_mut().zip(divisions).for_each(|(inset, division)| *inset = division.inset);
+            let (insets, blur) = (&insets[..divisions.len()], filter_variance(false));
+            pass.write(gpu, prepared.t, prepared.cutoff, insets, blur, self.clip.origin);
+        }
+        foveation.write(gpu, divisions);
+    }
+
+    /// Records a pass that draws `part` of the Gaussians in views of `size` pixels.
+    fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        pass: usize,
+        uniforms: &PassUniforms,
+        part: DrawnPart,
         target: &wgpu::TextureView,
         size: UVec2,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
-        let uniforms = &self.passes[pass];
+        let mut pass = self.begin(encoder, "splat", target, size, timestamp_writes);
+        pass.set_bind_group(0, &uniforms.group, &[]);
+        for set in self.sets.iter().filter(|set| set.count(part) > 0) {
+            pass.set_pipeline(&set.pipeline);
+            pass.set_bind_group(1, &set.group, &[]);
+            self.quads.draw(&mut pass, set.first_batch(part), set.count(part));
+        }
+    }
+
+    /// Begins a pass into the upper left `size` pixels of `target`, which it clears.
+    fn begin<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+        label: &'static str,
+        target: &wgpu::TextureView,
+        size: UVec2,
+        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
+    ) -> wgpu::RenderPass<'e> {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("splat"),
+            label: Some(label),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: target,
                 depth_slice: None,
@@ -202,12 +305,7 @@ impl Renderer {
             ..Default::default()
         });
         pass.set_viewport(0.0, 0.0, size.x as f32, size.y as f32, 0.0, 1.0);
-        pass.set_bind_group(0, &uniforms.group, &[]);
-        for set in self.sets.iter().filter(|set| !set.order.is_empty()) {
-            pass.set_pipeline(&set.pipeline);
-            pass.set_bind_group(1, &set.group, &[]);
-            self.quads.draw(&mut pass, set.order.len() as u32);
-        }
+        pass
     }
 }
 

@@ -15,6 +15,10 @@ pub struct RenderSettings {
     /// bound of the sum of alpha over all pixels, computed as at the centre of the image, since perspective
     /// stretches its edges.
     pub min_contribution_px: f32,
+    /// Side of the inset as a fraction of the image's sides, above 0 and below 1: the part around the view axis that
+    /// is drawn at full resolution. All of the image is drawn at that fraction of the resolution, too. `None` draws
+    /// everything at full resolution.
+    pub inset: Option<f32>,
 }
 
 /// Sort key of Gaussians.

@@ -6,6 +6,7 @@ use program::Fault;
 
 use super::counts::FrameCounts;
 use super::device::Gpu;
+use super::foveation::Foveation;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
 use super::renderer::Renderer;
@@ -39,6 +40,7 @@ pub struct Offscreen {
     texture: wgpu::Texture,
     /// Readback buffer for one layer.
     readback: Readback,
+    foveation: Option<Foveation>,
 }
 
 impl Offscreen {
@@ -80,7 +82,19 @@ impl Offscreen {
                 view_formats: &[],
             }),
             readback,
+            foveation: None,
         })
+    }
+
+    /// The image with what foveated frames need, with insets of up to `side_max`, see [`Foveation::new`].
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub fn foveated(mut self, gpu: &Gpu, side_max: f32) -> Result<Offscreen, Fault> {
+        let size = UVec2::new(self.texture.width(), self.texture.height());
+        let eyes = self.layers as usize;
+        self.foveation = Some(Foveation::new(gpu, self.texture.format(), eyes, size, side_max)?);
+        Ok(self)
     }
 
     /// Render targets for a renderer with `eyes_per_pass`, one per pass.
@@ -94,7 +108,7 @@ impl Offscreen {
     /// [`Fault::Device`] if the device was lost.
     ///
     /// # Panics
-    /// As [`Renderer::draw`].
+    /// As [`Renderer::prepare`] and [`Renderer::record`].
     pub fn render(
         &self,
         gpu: &Gpu,
@@ -105,7 +119,8 @@ impl Offscreen {
     ) -> Result<FrameCounts, Fault> {
         let mut encoder = gpu.encoder();
         let targets = self.targets(renderer.eyes_per_pass());
-        let counts = renderer.draw(gpu, &mut encoder, t, views, settings, &targets);
+        let counts = renderer.prepare(gpu, t, views, settings);
+        renderer.record(gpu, &mut encoder, &targets, self.foveation.as_ref());
         gpu.submit(encoder);
         gpu.wait()?;
         Ok(counts)

@@ -82,18 +82,19 @@ impl GpuTimer {
         self.slots.iter().position(|slot| !slot.busy)
     }
 
-    /// Timestamp writes of pass `pass` of `passes` for `slot`.
+    /// Timestamp writes of pass `pass` of `passes` for `slot`; `None` unless it is the first or the last.
     pub(super) fn writes(
         &self,
         slot: usize,
         pass: usize,
         passes: usize,
-    ) -> wgpu::RenderPassTimestampWrites<'_> {
-        wgpu::RenderPassTimestampWrites {
+    ) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        let (is_first, is_last) = (pass == 0, pass + 1 == passes);
+        (is_first || is_last).then(|| wgpu::RenderPassTimestampWrites {
             query_set: &self.slots[slot].queries,
-            beginning_of_pass_write_index: (pass == 0).then_some(0),
-            end_of_pass_write_index: (pass + 1 == passes).then_some(1),
-        }
+            beginning_of_pass_write_index: is_first.then_some(0),
+            end_of_pass_write_index: is_last.then_some(1),
+        })
     }
 
     /// Records the readback of the timestamps of `slot`.

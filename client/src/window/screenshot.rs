@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use program::{Fault, output};
 
-use crate::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use crate::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::view::View;
 
 /// The content of a screenshot.
@@ -33,7 +33,8 @@ impl Screenshot {
         output::check(&path)?;
         let views = [self.view];
         let image = Offscreen::new(gpu, self.view.size, 1, ChannelDepth::Eight)?;
-        let mut renderer = Renderer::new(gpu, self.clip.clone(), ChannelDepth::Eight.format(), 1)?;
+        let mut renderer =
+            Renderer::new(gpu, self.clip.clone(), FrameLayout::plain(ChannelDepth::Eight.format(), 1))?;
         image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
         for pixels in image.read(gpu)? {
             output::write_png(&path, &pixels.to_rgb8(), pixels.size.into())?;

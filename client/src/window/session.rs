@@ -30,7 +30,9 @@ use crate::clips::{
     Arrival, Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, Queue, SourceOptions,
     Transition, title,
 };
-use crate::gpu::{Format, FrameCounts, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame};
+use crate::gpu::{
+    Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
+};
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -122,7 +124,7 @@ impl Playing {
         Ok(Playing {
             title: title(entry.name.as_deref()),
             viewed: ViewedClip::new(clip),
-            renderer: Some(Renderer::new(gpu, on_gpu, format, 1)?),
+            renderer: Some(Renderer::new(gpu, on_gpu, FrameLayout::plain(format, 1))?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             layers_announced: clip.layers_announced,
         })
@@ -393,7 +395,8 @@ impl Session {
             let Screen { gpu, picture, .. } = &self.screen;
             let mut encoder = gpu.encoder();
             let target = std::slice::from_ref(&picture.view);
-            self.counts = renderer.draw(gpu, &mut encoder, *t, &[*view], settings, target);
+            self.counts = renderer.prepare(gpu, *t, &[*view], settings);
+            renderer.record(gpu, &mut encoder, target, None);
             gpu.submit(encoder);
         }
         self.drawn = Some(*state);

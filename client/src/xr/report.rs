@@ -14,7 +14,7 @@ use super::runtime::Runtime;
 use super::show::Show;
 use super::tracking::eye;
 use crate::args::Args;
-use crate::gpu::{FrameCounts, Gpu, Level, Pixels, RenderSettings};
+use crate::gpu::{Coverage, FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::stats::{FrameStats, Summary};
 use crate::view::View;
 
@@ -71,18 +71,14 @@ pub(super) struct Drawn {
     pub(super) size: UVec2,
     pub(super) settings: RenderSettings,
     pub(super) counts: FrameCounts,
-    /// For both eyes; `None` if the GPU has no timestamps.
-    pub(super) gpu_ms: Option<f64>,
 }
 
 /// The images of a frame.
 pub(super) struct EyeImages {
     pub(super) views: [View; 2],
-    /// Normalised clip time.
-    pub(super) t: f64,
     /// Seconds from the start of the clip.
     pub(super) position_s: f64,
-    pub(super) settings: RenderSettings,
+    pub(super) coverage: Coverage,
     /// Image of each eye.
     pub(super) pixels: Vec<Pixels>,
     /// Image of the panel, if it was drawn.
@@ -153,8 +149,8 @@ impl Report {
         self.seen(&work);
     }
 
-    /// Counts a frame with the clip.
-    pub(super) fn on_frame(&mut self, work: Work, drawn: Drawn) {
+    /// Counts a frame with the clip; returns how many times the display repeated the frame before.
+    pub(super) fn on_frame(&mut self, work: Work, drawn: Drawn) -> u64 {
         let missed = self.seen(&work);
         if work.loading {
             self.loading.frames += 1;
@@ -171,7 +167,14 @@ impl Report {
             self.cpu_ms.push(work.cpu_s * 1e3);
             self.alive_ms.push(drawn.counts.alive_ms);
             self.sort_ms.push(drawn.counts.sort_ms);
-            drawn.gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));
+        }
+        missed
+    }
+
+    /// Takes in the GPU's milliseconds for the frame counted last, for both eyes; `None` if it has no timestamps.
+    pub(super) fn on_measured(&mut self, gpu_ms: Option<f64>) {
+        if self.measures && self.drawn_frames > self.skipped {
+            gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));
         }
     }
 
@@ -268,6 +271,7 @@ impl Report {
             frames: self.levels,
             width: size.x,
             height: size.y,
+            inset: settings.inset,
             cutoff_sigma: settings.cutoff.radius_max(),
             min_contribution_px: settings.min_contribution_px,
             layers: settings.layers,
@@ -282,10 +286,9 @@ impl Report {
         let gaussians = show.gaussians();
         let (mut passes, mut gpu_bytes) = (0, 0);
         if let Some(renderer) = show.renderer() {
-            passes = 2 / renderer.eyes_per_pass();
+            passes = renderer.passes();
             gpu_bytes = renderer.clip().bytes();
-            if let Some(EyeImages { views, t, position_s, settings, .. }) = &self.capture {
-                let coverage = renderer.count(gpu, *t, views, settings)?;
+            if let Some(EyeImages { position_s, coverage, .. }) = &self.capture {
                 frames.push(FrameStats {
                     time: *position_s,
                     alive: self.drawn.counts.alive,
@@ -344,6 +347,8 @@ struct QualityStats {
     /// Viewport of an eye in pixels.
     width: u32,
     height: u32,
+    /// Side of the inset as a fraction of the viewport's sides; `null` where all of it has full resolution.
+    inset: Option<f32>,
     /// Largest extent of a Gaussian in standard deviations.
     #[serde(rename = "reach_sigma")]
     cutoff_sigma: f32,
@@ -379,7 +384,7 @@ struct XrStats {
     width: u32,
     height: u32,
     /// Render passes for both eyes.
-    passes: u32,
+    passes: usize,
     /// Number of Gaussians of the clip, plate included.
     gaussians: usize,
     gpu_bytes: u64,

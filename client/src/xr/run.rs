@@ -106,7 +106,12 @@ impl Device {
         loop {
             let frames_before = report.frames();
             let mut session = Session::open(runtime, &self.gpu, &self.handles, args.out.is_some())?;
-            show.prepare(&self.gpu, session.format(), session.has_passthrough());
+            show.prepare(
+                &self.gpu,
+                session.format(),
+                session.has_passthrough(),
+                [session.can_slow(), session.can_foveate()],
+            );
             match self.run_session(system, runtime, &mut session, show, report) {
                 Ok(()) => return Ok(()),
                 Err(Halt::SessionLost) => {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, packaged};
-use client::gpu::{ChannelDepth, Gpu, GpuClip, RESIDENT_BYTES, Renderer, UPLOAD_BYTES};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, RESIDENT_BYTES, Renderer, UPLOAD_BYTES};
 use client::xr::clip_limits;
 use codec::{Clip, Limits};
 use libtest_mimic::Trial;
@@ -34,7 +34,8 @@ fn opened() -> Result<Gpu, String> {
 fn prepare(gpu: &Gpu, clip: &Clip) -> Result<Renderer, String> {
     let fault = |fault: program::Fault| fault.to_string();
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
-    Renderer::new(gpu, on_gpu, ChannelDepth::Eight.format(), 2).map_err(fault)
+    let layout = FrameLayout { format: ChannelDepth::Eight.format(), eyes: 2, foveated: true };
+    Renderer::new(gpu, on_gpu, layout).map_err(fault)
 }
 
 /// Memory of the program and the device in bytes: now, and the most since the heap's peak was reset.

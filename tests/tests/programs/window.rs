@@ -62,9 +62,11 @@ fn plays(display: &Display) -> Result<(), String> {
     display.press(SPACE);
     let paused = unchanging(display, window).ok_or("it does not pause on the space bar")?;
     display.press(RIGHT);
-    let stepped = look("steps to another frame", &|screen| screen.clip_changed(&paused))?;
-    if unchanging(display, window).is_none_or(|screen| screen.clip_changed(&stepped)) {
-        return Err("it moves on after a step".into());
+    look("steps to another frame", &|screen| screen.clip_changed(&paused))?;
+    // The first screenshot may show half of a frame.
+    let stepped = unchanging(display, window).ok_or("it moves on after a step")?;
+    if !stepped.clip_changed(&paused) {
+        return Err("it steps back after a step".into());
     }
     display.press(SPACE);
     look("plays on", &|screen| screen.clip_changed(&stepped))?;

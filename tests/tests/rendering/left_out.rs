@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Renderer};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Renderer};
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, Temporal, sh_coefficients};
 use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
@@ -104,7 +104,8 @@ fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) ->
     let built =
         || gpu.objects().into_iter().find_map(|(kind, count)| (kind == "render pipelines").then_some(count));
     let before = built();
-    let renderer = Renderer::new(gpu, uploaded.clone(), ChannelDepth::Eight.format(), 1).map_err(fault)?;
+    let renderer = Renderer::new(gpu, uploaded.clone(), FrameLayout::plain(ChannelDepth::Eight.format(), 1))
+        .map_err(fault)?;
     let has_pipelines = before.zip(built()).map(|(before, after)| after - before);
     let (has_bytes, says_pipelines) = (uploaded.bytes(), renderer.pipelines());
     if (has_bytes, has_pipelines, says_pipelines) == (bytes as u64, Some(pipelines), pipelines) {

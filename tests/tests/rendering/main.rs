@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use aarc_tests::gpu;
 
 mod equations;
+mod foveation;
 mod golden;
 mod gpu_vs_reference;
 mod left_out;
@@ -15,6 +16,7 @@ mod real_data;
 fn main() -> ExitCode {
     gpu::run([
         ("equations", equations::trials()),
+        ("foveation", foveation::trials()),
         ("golden", golden::trials()),
         ("gpu_vs_reference", gpu_vs_reference::trials()),
         ("left_out", left_out::trials()),

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer};
+use client::gpu::{
+    ChannelDepth, FrameLayout, Gpu, GpuClip, Level, Offscreen, Pixels, RenderSettings, Renderer,
+};
 use client::view::View;
 use codec::{Camera, Clip};
 use glam::UVec2;
@@ -69,10 +71,12 @@ impl<'a> Drawing<'a> {
         depth: ChannelDepth,
     ) -> Result<Drawing<'a>, Fault> {
         let size = UVec2::new(cameras[0].width, cameras[0].height);
+        let layout = FrameLayout { format: depth.format(), eyes: cameras.len(), foveated: true };
         Ok(Drawing {
             gpu,
-            renderer: Renderer::new(gpu, clip, depth.format(), cameras.len())?,
-            target: Offscreen::new(gpu, size, cameras.len() as u32, depth)?,
+            renderer: Renderer::new(gpu, clip, layout)?,
+            target: Offscreen::new(gpu, size, cameras.len() as u32, depth)?
+                .foveated(gpu, Level::INSET_MAX)?,
             views: cameras.iter().map(View::from_camera).collect(),
         })
     }

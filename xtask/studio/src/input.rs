@@ -28,7 +28,7 @@ pub enum Input {
 }
 
 impl Input {
-    /// Reads a package, a fitted field file or a folder holding one; prints repairs on
+    /// Reads a package, a fitted field file or a folder holding one; prints repairs and assumptions on
     /// stderr.
     ///
     /// # Errors
@@ -43,6 +43,9 @@ impl Input {
             if let Some(imported) = imported.filter(|imported| !imported.repairs.is_empty()) {
                 eprintln!("note: {}{part}: {}", path.display(), imported.repairs);
             }
+        }
+        if let Some(assumption) = scene.subject.assumption {
+            eprintln!("note: {}: {assumption}", path.display());
         }
         Ok(Input::Scene(Box::new(scene)))
     }

@@ -164,7 +164,7 @@ impl Scene {
     /// A scene of a field in memory.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
-        let subject = Imported { field, hints, repairs, format: "made up" };
+        let subject = Imported { field, hints, repairs, format: "made up", assumption: None };
         Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new() }
     }
 }

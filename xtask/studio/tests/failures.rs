@@ -324,8 +324,20 @@ fn exports_say_in_one_line_what_they_lose() {
     let lost = "note: b.ply does not hold the mip filter for other tools\n";
     assert_eq!(export(&["--ply", "--at", "0.5", "-o", "b.ply"]), lost);
     assert_eq!(export(&["--ply", "-o", "mip.ply"]), "");
-    let lost =
-        "note: b.spz does not hold the up axis, metres per unit, viewpoints, duration and frame rate\n";
+    let lost = "note: b.spz does not hold the variance of the mip filter, the up axis, metres per unit, viewpoints, \
+                duration and frame rate\n";
     assert_eq!(export(&["--spz", "--at", "0.5", "-o", "b.spz"]), lost);
     assert_eq!((hints.fit, hints.viewpoints), (record, info().viewpoints));
+
+    // SPZ says that opacities are compensated, and not for which variance.
+    let imported = |input: &str| {
+        let args =
+            [&["export", input, "-o", "again.ply", "--ply"][..], &["package", input, "-o", "again.aarc"]];
+        args.map(|args| {
+            let outcome = aarc_studio(folder.path(), args);
+            assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+            outcome.stderr.lines().filter(|line| line.contains("0.1 px^2")).count()
+        })
+    };
+    assert_eq!((imported("a.spz"), imported("b.spz")), ([0, 0], [1, 1]));
 }

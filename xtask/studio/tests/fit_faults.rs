@@ -8,8 +8,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use image::{GrayImage, RgbImage};
-use serde_json::Value;
-use small_stage::stage;
+use serde_json::{Value, json};
+use small_stage::{stage, stage_of};
 use studio::import::import;
 use tool::aarc_studio;
 
@@ -88,7 +88,7 @@ fn one_frame_and_two_cameras() {
     let folder = stage();
     let folder = folder.path();
     let one = fitted(folder, &["--frames", "2..3"]);
-    assert_eq!((&one["frames"], &one["splits"]["train"]["images"]), (&serde_json::json!([2, 3]), &7.into()));
+    assert_eq!((&one["frames"], &one["splits"]["train"]["images"]), (&json!([2, 3]), &7.into()));
     assert!(import(&folder.join("field.ply")).unwrap().field.temporal.is_none(), "one frame does not move");
     let two = fitted(folder, &["--cameras", "00,02"]);
     assert_eq!(two["splits"]["train"]["images"], 2 * FRAMES);
@@ -144,6 +144,52 @@ fn cameras_are_not_synchronous() {
     }
     fs::write(&manifest, json.to_string()).unwrap();
     fitted(folder, &["--holdout", "odd"]);
+}
+
+/// Rewrites the stage in nerfstudio's layout, with these of its frames, each at a time from 0 to 1.
+fn retime(folder: &Path, frames: [(usize, f64); FRAMES]) {
+    // A folder with a manifest is read by it.
+    let (manifest, aside) = (folder.join("stage/capture.json"), folder.join("capture.json"));
+    if manifest.exists() {
+        fs::rename(manifest, &aside).unwrap();
+    }
+    let capture: Value = serde_json::from_slice(&fs::read(&aside).unwrap()).unwrap();
+    let mut listed = Vec::new();
+    for camera in capture["cameras"].as_array().unwrap() {
+        let number = |matrix: &str, row: usize, column: usize| camera[matrix][row][column].as_f64().unwrap();
+        let m = |row, column| number("w2c", row, column);
+        // Camera to world, and OpenGL looks backwards with y up.
+        let row = |r: usize| {
+            let position = -(0..3).map(|i| m(i, r) * m(i, 3)).sum::<f64>();
+            [m(0, r), -m(1, r), -m(2, r), position]
+        };
+        let pose = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
+        for (frame, time) in frames {
+            let path = |kind: &str| format!("{kind}/{}/{frame:06}.png", camera["id"].as_str().unwrap());
+            listed.push(json!({
+                "file_path": path("images"), "mask_path": path("masks"), "time": time, "transform_matrix": pose,
+                "fl_x": number("K", 0, 0), "fl_y": number("K", 1, 1), "cx": number("K", 0, 2), "cy": number("K", 1, 2),
+            }));
+        }
+    }
+    fs::write(folder.join("stage/transforms.json"), json!({"frames": listed}).to_string()).unwrap();
+}
+
+/// The second held frame is a quarter of the way between the two fitted ones. Taken for equally spaced, it would be
+/// halfway.
+#[test]
+fn frames_are_not_equally_spaced() {
+    let folder = stage_of("33");
+    let folder = folder.path();
+    let frames = [10, 11, 12, 13, 16];
+    let held = |times: [f64; FRAMES]| {
+        retime(folder, std::array::from_fn(|i| (frames[i], times[i])));
+        let json = fitted(folder, &["--holdout", "odd"]);
+        json["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
+    };
+    let as_taken = held(frames.map(|frame| (frame - 10) as f64 / 6.0));
+    let even = held([0.0, 0.25, 0.5, 0.75, 1.0]);
+    assert!(as_taken > even + 0.5, "{as_taken} {even} dB");
 }
 
 /// The file of a fit by an earlier program.

@@ -130,6 +130,35 @@ fn a_budget_retains_the_most_mass() {
 }
 
 #[test]
+fn the_layers_have_the_order_with_the_best_prefixes() {
+    let folder = tempdir().unwrap();
+    write_field(&folder.path().join("field.ply"), &rising(7000));
+    let package = |rank: &str| {
+        let args = ["package", "field.ply", "-o", "clip.aarc", "--json", "--no-floor", "--coder", "fixed"];
+        let more = ["--budget", "6000", "--rank", rank];
+        let report = aarc_studio(folder.path(), &[&args[..], &more].concat()).json();
+        let clip = decode(&folder.path().join("clip.aarc"));
+        let mut opacities = clip.static_field.opacities;
+        opacities.sort_by(f32::total_cmp);
+        (report, opacities)
+    };
+    let (auto, opacities) = package("auto");
+    let tried = auto["tried_orders"].as_array().unwrap();
+    assert_eq!(tried.len(), 6, "{auto}");
+    let psnr = |order: &Value| {
+        let [psnr] = &order["prefix_psnr_db"].as_array().unwrap()[..] else { panic!("two layers: {order}") };
+        psnr.as_f64().unwrap()
+    };
+    let chosen = tried.iter().find(|order| order["chosen"] == true).unwrap();
+    assert_eq!(chosen["ranking"], auto["layer_ranking"]);
+    assert!(tried.iter().all(|order| psnr(order) <= psnr(chosen) + 0.1), "{auto}");
+    // The order is not the selection: the same Gaussians, and nothing to try for one ranking.
+    let (own, same) = package(auto["ranking"].as_str().unwrap());
+    assert_eq!(opacities, same);
+    assert_eq!((&own["tried_orders"], &own["layer_ranking"]), (&json!([]), &auto["ranking"]));
+}
+
+#[test]
 fn the_most_faithful_ranking_wins() {
     let folder = tempdir().unwrap();
     let mut original = field(1500, 1, Some(2), false);

@@ -1,14 +1,17 @@
 //! Stage `count`: counts the fragments of every quad, exactly and deterministically.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use program::Fault;
-use shaders::{COUNTS, Purpose};
+use shaders::{COUNTS, Purpose, filter_variance};
 
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
 use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
-use crate::gpu::drawn_set::DrawnSet;
+use crate::gpu::drawn_set::{DrawnPart, DrawnSet};
+use crate::gpu::frame_views::FrameViews;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
@@ -30,7 +33,8 @@ struct CountedSet {
 }
 
 impl Counter {
-    pub(in crate::gpu) fn new(gpu: &Gpu, sets: &[DrawnSet], quads: Quads) -> Counter {
+    /// For `sets` of frames that may be `foveated`.
+    pub(in crate::gpu) fn new(gpu: &Gpu, sets: &[DrawnSet], quads: Quads, foveated: bool) -> Counter {
         let pass_layout = PassUniforms::layout(gpu, 1);
         let counts_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("counts"),
@@ -67,7 +71,7 @@ impl Counter {
                 entries: &[wgpu::BindGroupEntry { binding: COUNTS, resource: counts.as_entire_binding() }],
             });
             CountedSet {
-                pipeline: splat::build(gpu, set.features, Purpose::Count, &groups, target),
+                pipeline: splat::build(gpu, set.features, Purpose::Count { foveated }, &groups, target),
                 counts,
                 readback: buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
                 group,
@@ -87,15 +91,21 @@ impl Counter {
         sets: &[DrawnSet],
         t: f64,
         cutoff: Cutoff,
-        views: &[View],
+        views: &FrameViews,
         origin: DVec3,
     ) -> Result<Coverage, Fault> {
         let mut encoder = gpu.encoder();
         self.sets.iter().for_each(|set| encoder.clear_buffer(&set.counts, 0, None));
         gpu.submit(encoder);
-        for view in views {
-            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), origin);
-            self.count_view(gpu, sets, view)?;
+        let count = |view: &View, part, blur| {
+            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), blur, origin);
+            self.count_view(gpu, sets, part, view)
+        };
+        for view in views.drawn() {
+            count(view, DrawnPart::All, views.blur())?;
+        }
+        for division in views.divisions().unwrap_or_default() {
+            count(&division.inset, DrawnPart::Inset, filter_variance(false))?;
         }
         let mut encoder = gpu.encoder();
         for set in &self.sets {
@@ -111,17 +121,25 @@ impl Counter {
                 Fault::Device(format!("graphics device {}: {error}: start again", gpu.adapter_name))
             })?;
             let counts: &[u32] = bytemuck::cast_slice(&mapped);
-            for &fragments in &counts[..set.order.len()] {
-                coverage.drawn += u32::from(fragments > 0);
-                coverage.fragments += u64::from(fragments);
+            let mut drawn = HashSet::new();
+            for part in [DrawnPart::All, DrawnPart::Inset] {
+                for (&row, &fragments) in
+                    set.rows(part).iter().zip(counts.get(set.first(part)..).unwrap_or_default())
+                {
+                    coverage.fragments += u64::from(fragments);
+                    if fragments > 0 {
+                        drawn.insert(row);
+                    }
+                }
             }
+            coverage.drawn += drawn.len() as u32;
             drop(mapped);
             counted.readback.unmap();
         }
         Ok(coverage)
     }
 
-    fn count_view(&self, gpu: &Gpu, sets: &[DrawnSet], view: &View) -> Result<(), Fault> {
+    fn count_view(&self, gpu: &Gpu, sets: &[DrawnSet], part: DrawnPart, view: &View) -> Result<(), Fault> {
         let texture = gpu.allocate("counting", || {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("count"),
@@ -154,7 +172,7 @@ impl Counter {
             pass.set_pipeline(&counted.pipeline);
             pass.set_bind_group(1, &set.group, &[]);
             pass.set_bind_group(2, &counted.group, &[]);
-            self.quads.draw(&mut pass, set.order.len() as u32);
+            self.quads.draw(&mut pass, set.first_batch(part), set.count(part));
         }
         drop(pass);
         gpu.submit(encoder);

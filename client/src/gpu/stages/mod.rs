@@ -1,9 +1,10 @@
-//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat` and `count` on the GPU, in WGSL
+//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat`, `foveate` and `count` on the GPU, in WGSL
 //! files of the same names.
 
 pub(super) mod alive;
 pub(super) mod count;
 pub(super) mod evaluate;
+pub(super) mod foveate;
 pub(super) mod quads;
 pub(super) mod sort;
 pub(super) mod splat;

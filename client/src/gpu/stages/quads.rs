@@ -24,13 +24,13 @@ impl Quads {
         Ok(Quads { indices })
     }
 
-    /// Draws `count` quads with the present pipeline.
-    pub(in crate::gpu) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, count: u32) {
-        let (batches, rest) = (count / BATCH, count % BATCH);
+    /// Draws `count` quads with the present pipeline, from the batch `first` of the draw order on.
+    pub(in crate::gpu) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, first: u32, count: u32) {
+        let (end, rest) = (first + count / BATCH, count % BATCH);
         let corners = |quads| quads * TRIANGLES.len() as u32;
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
-        pass.draw_indexed(0..corners(BATCH), 0, 0..batches);
-        pass.draw_indexed(0..corners(rest), 0, batches..batches + 1);
+        pass.draw_indexed(0..corners(BATCH), 0, first..end);
+        pass.draw_indexed(0..corners(rest), 0, end..end + 1);
     }
 }
 

@@ -10,7 +10,10 @@ pub const DIGITS: usize = 3;
 
 const BUCKETS: usize = 1 << DIGIT_BITS;
 
-/// A sort key in the upper half and its row in the lower half.
+/// The bit of a row that is in the inset of a foveated frame. Buffers hold fewer rows than that.
+const INSET: u32 = 1 << 31;
+
+/// A sort key in the upper half and its row in the lower half, with the mark of the inset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::gpu) struct Item(u64);
 
@@ -21,6 +24,16 @@ impl Item {
         let bits = depth.to_bits();
         let key = if bits >> 31 == 0 { bits | 1 << 31 } else { !bits };
         Item(u64::from(key) << 32 | u64::from(row))
+    }
+
+    /// Marks the row as being in the inset.
+    pub(in crate::gpu) fn in_inset(self) -> Item {
+        Item(self.0 | u64::from(INSET))
+    }
+
+    /// Splits a row that was sorted into its number and whether it is in the inset.
+    pub(in crate::gpu) fn split(row: u32) -> (u32, bool) {
+        (row & !INSET, row & INSET != 0)
     }
 
     fn row(self) -> u32 {
@@ -45,7 +58,7 @@ impl Sorter {
     }
 
     /// Replaces `order` by the rows of `items` from the farthest to the nearest. Among equal depths, the
-    /// first item counts as nearest. Leaves `items` in unspecified order.
+    /// first item counts as nearest. Rows keep their marks. Leaves `items` in unspecified order.
     pub(in crate::gpu) fn sort(&mut self, items: &mut Vec<Item>, order: &mut Vec<u32>) {
         self.count(items);
         self.scratch.resize(items.len(), Item(0));
@@ -126,6 +139,15 @@ mod tests {
         };
         let depths: Vec<f32> = (0..20_000).map(|_| random()).collect();
         assert_eq!(sorted(&depths), expected(&depths));
+    }
+
+    #[test]
+    fn rows_keep_their_marks() {
+        let mut items = vec![Item::new(1.0, 5).in_inset(), Item::new(2.0, 6), Item::new(-3.0, 7).in_inset()];
+        let mut order = Vec::new();
+        Sorter::new(3).sort(&mut items, &mut order);
+        let rows: Vec<_> = order.into_iter().map(Item::split).collect();
+        assert_eq!(rows, [(6, false), (5, true), (7, true)]);
     }
 
     #[test]

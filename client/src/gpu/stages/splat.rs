@@ -63,20 +63,29 @@ impl PassUniforms {
         PassUniforms { frame, views, group }
     }
 
-    /// Writes the uniforms for the next submission; `origin` is that of the clip.
-    pub(in crate::gpu) fn write(&self, gpu: &Gpu, t: f64, cutoff: Cutoff, views: &[View], origin: DVec3) {
+    /// Writes the uniforms for the next submission. `blur` is the variance of a field's blur in px^2 of the views,
+    /// `origin` that of the clip.
+    pub(in crate::gpu) fn write(
+        &self,
+        gpu: &Gpu,
+        t: f64,
+        cutoff: Cutoff,
+        views: &[View],
+        blur: f32,
+        origin: DVec3,
+    ) {
         let time = t as f32;
         let time_rest = (t - f64::from(time)) as f32;
         let frame = Frame { time, time_rest, radius_max: cutoff.radius_max() };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         for (i, view) in views.iter().enumerate() {
             let offset = (i * size_of::<ViewUniform>()) as u64;
-            gpu.queue.write_buffer(&self.views, offset, bytemuck::bytes_of(&uniform_of(view, origin)));
+            gpu.queue.write_buffer(&self.views, offset, bytemuck::bytes_of(&uniform_of(view, blur, origin)));
         }
     }
 }
 
-fn uniform_of(view: &View, origin: DVec3) -> ViewUniform {
+fn uniform_of(view: &View, blur: f32, origin: DVec3) -> ViewUniform {
     let (slope_min, slope_max) = slope_limits(view);
     let rotation = DMat3::from_mat4(view.view_from_world).as_mat3().to_cols_array_2d();
     ViewUniform {
@@ -87,24 +96,27 @@ fn uniform_of(view: &View, origin: DVec3) -> ViewUniform {
         size: view.size.as_vec2().to_array(),
         slope_min: slope_min.to_array(),
         slope_max: slope_max.to_array(),
+        blur,
         ..Default::default()
     }
 }
 
-/// The pipeline of a set with `features` in passes of `views` eyes, blending premultiplied colours.
+/// The pipeline of a set with `features` in passes of `views` eyes of frames that may be `foveated`, blending
+/// premultiplied colours.
 pub(in crate::gpu) fn pipeline(
     gpu: &Gpu,
     features: Features,
     groups: &[Option<&wgpu::BindGroupLayout>],
     format: wgpu::TextureFormat,
     views: u32,
+    foveated: bool,
 ) -> wgpu::RenderPipeline {
     let target = wgpu::ColorTargetState {
         format,
         blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
         write_mask: wgpu::ColorWrites::ALL,
     };
-    build(gpu, features, Purpose::Draw { views }, groups, target)
+    build(gpu, features, Purpose::Draw { views, foveated }, groups, target)
 }
 
 /// Builds a pipeline of the shader composed for `purpose`.
@@ -143,8 +155,8 @@ pub(in crate::gpu) fn build(
             targets: &[Some(target)],
         }),
         multiview_mask: match purpose {
-            Purpose::Draw { views } => multiview_mask(views),
-            Purpose::Count => None,
+            Purpose::Draw { views, .. } => multiview_mask(views),
+            Purpose::Count { .. } => None,
         },
         cache: None,
     })

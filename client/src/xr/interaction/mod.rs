@@ -27,7 +27,7 @@ pub use command::Command;
 pub use hands::{Button, Hand, Hands, Pose, Side};
 pub use haptics::{Haptics, Pulse};
 pub use inputs::Inputs;
-pub use placement::{Placement, SCALE_RANGE, Similarity, Subject};
+pub use placement::{Placement, SCALE_RANGE, Similarity};
 pub use playback::{BUTTONS, Binding, GESTURES};
 pub use store::PlacementStore;
 
@@ -36,6 +36,7 @@ use playback::Playback;
 use stick::StickSnap;
 
 use crate::player::Player;
+use crate::subject::Subject;
 
 /// State of the hands, and the clip that they move, if there is one.
 #[derive(Clone, Debug, Default)]

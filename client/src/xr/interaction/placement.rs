@@ -1,4 +1,4 @@
-//! [`Placement`]: the place of a clip in the room, and [`Subject`], the clip's own upright frame.
+//! [`Placement`]: the place of a clip in the room.
 //!
 //! The stage is the room: metres, +y up, the floor at 0. Three transforms put a clip into it: [`Subject`] turns
 //! the clip's axes upright, with the side that its first viewpoint sees towards +z and the ground below its
@@ -7,11 +7,10 @@
 
 use std::f64::consts::PI;
 
-use codec::{Clip, Field, Viewpoint};
-use glam::{DMat3, DMat4, DQuat, DVec3, Mat4, dvec3};
+use glam::{DMat4, DQuat, DVec3, Mat4};
 
 use super::hands::Pose;
-use crate::viewpoint;
+use crate::subject::Subject;
 
 /// Smallest and largest size of a clip, as a multiple of life.
 pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
@@ -29,12 +28,6 @@ const IN_FRONT_RADIUS_M: f64 = 2.0;
 
 /// Eye heights of people above the floor in metres, sitting to standing.
 const EYE_HEIGHTS_M: (f64, f64) = (0.8, 2.2);
-
-/// Fraction of the Gaussians beyond each side of the box of a subject: captures have far outliers.
-const STRAY: f64 = 0.01;
-
-/// Least peak opacity of a Gaussian that counts for the box.
-const OPAQUE: f32 = 0.1;
 
 /// Scale, heading and position of a clip. The default is life size at the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,67 +85,7 @@ impl Default for Placement {
     }
 }
 
-/// The upright frame of a clip, and its size.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Subject {
-    upright_from_clip: DQuat,
-    /// At least the smallest positive normal number.
-    metres_per_unit: f64,
-    /// The ground below the center, in units of the clip.
-    ground: DVec3,
-    /// Level distance from the center to the sides, in metres.
-    radius_m: f64,
-    /// First viewpoint relative to the ground below the center, upright, in metres.
-    eye_m: DVec3,
-}
-
 impl Subject {
-    /// The subject of a clip.
-    pub fn of(clip: &Clip) -> Subject {
-        let centers = visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field));
-        let info = &clip.info;
-        Subject::from_parts(centers, info.up, info.metres_per_unit, &viewpoint::viewpoints(clip)[0])
-    }
-
-    fn from_parts(
-        centers: impl Iterator<Item = DVec3>,
-        up: [f32; 3],
-        metres_per_unit: f32,
-        viewpoint: &Viewpoint,
-    ) -> Subject {
-        let up = DVec3::from(up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);
-        let eye = DVec3::from(viewpoint.position.map(f64::from));
-        let target = DVec3::from(viewpoint.target.map(f64::from));
-        // Towards the viewpoint, level.
-        let front = (eye - target).reject_from_normalized(up);
-        let front = front.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
-        let upright_from_clip =
-            DQuat::from_mat3(&DMat3::from_cols(up.cross(front), up, front)).inverse().normalize();
-
-        let centers: Vec<DVec3> = centers.map(|center| upright_from_clip * center).collect();
-        let upright_target = upright_from_clip * target;
-        let side = |axis: usize| {
-            let mut along: Vec<f64> = centers.iter().map(|center| center[axis]).collect();
-            along.sort_by(f64::total_cmp);
-            let stray = (STRAY * along.len() as f64) as usize;
-            match along.len() {
-                0 => (upright_target[axis], upright_target[axis]),
-                count => (along[stray], along[count - 1 - stray]),
-            }
-        };
-        let (x, y, z) = (side(0), side(1), side(2));
-        let ground = dvec3(0.5 * (x.0 + x.1), y.0, 0.5 * (z.0 + z.1));
-        let metres_per_unit = f64::from(metres_per_unit);
-        let metres_per_unit = if metres_per_unit.is_normal() { metres_per_unit.abs() } else { 1.0 };
-        Subject {
-            upright_from_clip,
-            metres_per_unit,
-            ground: upright_from_clip.inverse() * ground,
-            radius_m: 0.5 * metres_per_unit * (x.1 - x.0).max(z.1 - z.0),
-            eye_m: metres_per_unit * (upright_from_clip * eye - ground),
-        }
-    }
-
     /// A comfortable initial placement for a viewer with the head at `head`: life size, feet on the floor.
     ///
     /// A small clip stands in front and faces the viewer. In a larger scene, or one around its viewpoint, the
@@ -181,16 +114,6 @@ impl Subject {
         let scale = placement.scale * self.metres_per_unit;
         Similarity { scale, rotation, translation: placement.position - rotation * self.ground * scale }
     }
-}
-
-/// Position of each Gaussian at the instant of its highest opacity; Gaussians that stay transparent are left
-/// out.
-fn visible_centers(field: &Field) -> impl Iterator<Item = DVec3> {
-    (0..field.len()).filter_map(|i| {
-        let t = field.temporal.as_ref().map_or(0.0, |temporal| f64::from(temporal.tau[i]).clamp(0.0, 1.0));
-        let visible = field.opacities[i] >= OPAQUE && field.opacity_at(i, t) >= f64::from(OPAQUE);
-        visible.then(|| DVec3::from(field.position_at(i, t)))
-    })
 }
 
 /// A uniform scale, then a rotation, then a translation.
@@ -239,11 +162,12 @@ impl Similarity {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use glam::{Quat, vec3};
+    use codec::Viewpoint;
+    use glam::{Quat, dvec3, vec3};
 
     use super::super::random::Random;
     use super::*;
-    use crate::clips;
+    use crate::{clips, viewpoint};
 
     /// A person of 1.8 units in a clip with y down, standing on y = 1 at (3, z = 5), seen from
     /// -z, with a few strays far off.

@@ -9,7 +9,7 @@ use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
 use super::swapchain::TargetSwapchain;
-use crate::gpu::{FrameCounts, Gpu, Pixels};
+use crate::gpu::{Foveation, FrameCounts, Gpu, Pixels};
 use crate::view::View;
 use crate::xr::panel::{Painting, PointerRay};
 use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
@@ -31,6 +31,8 @@ pub(in crate::xr) struct Canvas {
     pub(in crate::xr) panel: PanelLayer,
     pub(in crate::xr) rays: RayLayer,
     pub(in crate::xr) eyes: TargetSwapchain,
+    /// What foveated frames need; `None` if there is no memory for it.
+    pub(in crate::xr) foveation: Option<Foveation>,
     pub(in crate::xr) passthrough: PassthroughMode,
     /// Size of an eye's image in pixels; a frame may use less of it.
     pub(in crate::xr) size: UVec2,
@@ -45,8 +47,8 @@ pub(in crate::xr) struct DrawnClip {
 }
 
 impl Canvas {
-    /// Draws the clip for both eyes, `size` pixels each, and the new picture of the panel; `None` while
-    /// there is no clip to draw. With `is_captured` the clip can be read afterwards.
+    /// Draws the clip for both eyes, `size` pixels each; `None` while there is no clip to draw. With `is_captured` the
+    /// clip can be read afterwards.
     ///
     /// # Errors
     /// See [`Halt`].
@@ -55,7 +57,6 @@ impl Canvas {
         eyes: &Eyes,
         size: UVec2,
         show: &mut Show,
-        painting: Option<Painting>,
         is_captured: bool,
     ) -> Result<Option<DrawnClip>, Halt> {
         let views = show.stage_from_clip().and_then(|stage_from_clip| {
@@ -63,14 +64,18 @@ impl Canvas {
             Some([view(0)?, view(1)?])
         });
         let (t, settings) = (show.player().clip_time(), show.quality().settings());
+        // The runtime may yet read the image: what needs none comes first.
+        let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
+            let counts = renderer.prepare(&self.gpu, t, &views, &settings);
+            DrawnClip { views, counts }
+        });
         let TargetSwapchain { targets, images } = &mut self.eyes;
         let image = images.acquire().halt("taking an image")?;
         let mut encoder = self.gpu.encoder();
-        let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
+        if let Some(renderer) = show.renderer().filter(|_| drawn.is_some()) {
             let eyes = targets.targets(image.index());
-            let counts = renderer.draw(&self.gpu, &mut encoder, t, &views, &settings, eyes);
-            DrawnClip { views, counts }
-        });
+            renderer.record(&self.gpu, &mut encoder, eyes, self.foveation.as_ref());
+        }
         if drawn.is_none() {
             let color = if show.shows_passthrough() { [0.0; 4] } else { EMPTY };
             targets.fill(&mut encoder, image.index(), color);
@@ -79,10 +84,22 @@ impl Canvas {
         }
         self.stopwatch.time(|| self.gpu.submit(encoder));
         image.release().halt("handing an image over")?;
-        if let Some((painter, painting)) = show.painter().zip(painting) {
-            self.panel.paint(&self.gpu, painter, painting)?;
-        }
         Ok(drawn)
+    }
+
+    /// Draws the new picture of the panel, if there is one.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(in crate::xr) fn paint_panel(
+        &mut self,
+        show: &mut Show,
+        painting: Option<Painting>,
+    ) -> Result<(), Halt> {
+        match show.painter().zip(painting) {
+            Some((painter, painting)) => self.panel.paint(&self.gpu, painter, painting),
+            None => Ok(()),
+        }
     }
 
     /// Ends `frame` with the layers back to front: room, eyes, panel, rays.

@@ -13,7 +13,15 @@ pub(in crate::xr) enum PassthroughMode {
     /// By an environment blend mode.
     Blend,
     /// By a layer of the runtime.
-    Layer(Passthrough),
+    Layer(OnDemand),
+}
+
+/// The layer, while the room is visible: cameras take power and time of the GPU.
+pub(in crate::xr) struct OnDemand {
+    room: Option<Passthrough>,
+    session: xr::Session<xr::Vulkan>,
+    /// Whether the cameras failed to start, which is not tried again in every frame.
+    failed: bool,
 }
 
 /// What a runtime offers.
@@ -39,7 +47,10 @@ impl PassthroughMode {
         match choose(runtime.blends.has_passthrough(), runtime.extensions.fb_passthrough) {
             Offer::Never => PassthroughMode::Never,
             Offer::Blend => PassthroughMode::Blend,
-            Offer::Layer => Passthrough::open(session).map_or(PassthroughMode::Never, PassthroughMode::Layer),
+            // Headsets without cameras offer the extension, too.
+            Offer::Layer => Passthrough::open(session).map_or(PassthroughMode::Never, |_| {
+                PassthroughMode::Layer(OnDemand { room: None, session: session.clone(), failed: false })
+            }),
         }
     }
 
@@ -52,8 +63,21 @@ impl PassthroughMode {
     pub(in crate::xr) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
         match self {
             PassthroughMode::Never | PassthroughMode::Blend => None,
-            PassthroughMode::Layer(passthrough) => passthrough.layer(visible),
+            PassthroughMode::Layer(on_demand) => on_demand.layer(visible),
         }
+    }
+}
+
+impl OnDemand {
+    /// The layer of this frame; starts and stops the cameras.
+    fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
+        if !visible {
+            (self.room, self.failed) = (None, false);
+        } else if self.room.is_none() && !self.failed {
+            self.room = Passthrough::open(&self.session);
+            self.failed = self.room.is_none();
+        }
+        self.room.as_ref().map(Passthrough::layer)
     }
 }
 

@@ -11,7 +11,7 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use crate::gpu::{Gpu, RuntimeFormat, VulkanHandles};
+use crate::gpu::{Coverage, Foveation, Gpu, Level, RuntimeFormat, VulkanHandles};
 use crate::xr::interaction::Haptics;
 use crate::xr::layers::canvas::{Canvas, DrawnClip};
 use crate::xr::layers::panel_layer::PanelLayer;
@@ -21,9 +21,11 @@ use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
 use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt, sessions_dropped};
-use crate::xr::runtime::extensions::{performance, refresh_rate};
+use crate::xr::runtime::extensions::performance;
+use crate::xr::runtime::extensions::refresh_rate::{self, Rates};
 use crate::xr::runtime::frame::Frames;
 use crate::xr::runtime::{EYES, Runtime, raw};
+use crate::xr::show::quality::Pace;
 use crate::xr::show::{Moved, Show, Viewer};
 use crate::xr::tracking::Tracking;
 use crate::xr::tracking::input::Input;
@@ -41,6 +43,9 @@ pub(in crate::xr) struct Session {
     events: xr::EventDataBuffer,
     stopwatch: Stopwatch,
     rate: DisplayRate,
+    /// What the display offers, and what was asked of it.
+    rates: Option<Rates>,
+    pace: Pace,
 }
 
 /// What a frame asks of the program.
@@ -80,18 +85,21 @@ impl Session {
 
         performance::request(&session);
         let rate = DisplayRate::default();
-        let asked_hz = runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::request(&session));
-        if let Some(hz) = asked_hz.flatten() {
+        let rates =
+            runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::rates(&session)).flatten();
+        if let Some(hz) = rates.and_then(|rates| refresh_rate::request(&session, rates.full)) {
             log::info!("{hz} Hz");
             rate.set(hz);
         }
         let stopwatch = Stopwatch::default();
         let eyes = ImageLayout { format, size, layers: 2, readable };
+        let foveation = Foveation::new(gpu, format.drawn(), 2, size, Level::INSET_MAX);
         Ok(Session {
             canvas: Canvas {
                 panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
                 eyes: TargetSwapchain::open(&session, gpu, eyes, stopwatch.clone())?,
+                foveation: foveation.inspect_err(|fault| log::warn!("{fault}: no inset")).ok(),
                 passthrough: PassthroughMode::open(runtime, &session),
                 size,
                 stopwatch: stopwatch.clone(),
@@ -114,6 +122,8 @@ impl Session {
             format,
             stopwatch,
             rate,
+            rates,
+            pace: Pace::Full,
         })
     }
 
@@ -183,6 +193,26 @@ impl Session {
         self.canvas.passthrough.is_possible()
     }
 
+    /// Whether the display has a slower rate.
+    pub(in crate::xr) fn can_slow(&self) -> bool {
+        self.rates.is_some_and(|rates| rates.slow.is_some())
+    }
+
+    /// Whether there is memory for an inset.
+    pub(in crate::xr) fn can_foveate(&self) -> bool {
+        self.canvas.foveation.is_some()
+    }
+
+    /// Asks the display for another rate if `pace` is one. The runtime tells when it has it.
+    fn keep(&mut self, pace: Pace) {
+        let Some(rates) = self.rates.filter(|_| pace != self.pace) else { return };
+        self.pace = pace;
+        refresh_rate::request(
+            &self.session,
+            if pace == Pace::Slow { rates.slow.unwrap_or(rates.full) } else { rates.full },
+        );
+    }
+
     /// The format that eyes are drawn in.
     pub(in crate::xr) fn format(&self) -> RuntimeFormat {
         self.format
@@ -207,12 +237,11 @@ impl Session {
         let tracked = self.tracking.locate(&self.session, timing.display_ns, has_focus)?;
         let viewer = Viewer {
             attends: has_focus && tracked.head.is_some(),
-            looks: timing.visible,
             head: tracked.head.as_ref(),
             hands: &tracked.hands,
         };
         let mut haptics = Haptics::default();
-        let Moved { leaves, painting, rays } = show.advance(timing.display_ns, &viewer, &mut haptics);
+        let Moved { leaves, rays } = show.advance(timing.display_ns, &viewer, &mut haptics);
         self.tracking.feel(&self.session, &haptics);
 
         let request = if leaves || report.is_complete() { Request::Exit } else { Request::Nothing };
@@ -224,7 +253,9 @@ impl Session {
 
         let size = show.quality().size(self.canvas.size);
         let is_captured = report.is_last();
-        let drawn = self.canvas.draw(&eyes, size, show, painting, is_captured)?;
+        let drawn = self.canvas.draw(&eyes, size, show, is_captured)?;
+        let painting = show.paint_panel(timing.display_ns);
+        self.canvas.paint_panel(show, painting)?;
         let stage = &self.tracking.stage;
         self.canvas.compose(frame, stage, &eyes, size, rays, show)?;
 
@@ -235,6 +266,7 @@ impl Session {
             loading: show.is_loading(),
         };
         self.record(show, report, work, drawn, size, is_captured)?;
+        self.keep(show.quality().pace());
         Ok(if report.is_complete() { Request::Exit } else { request })
     }
 
@@ -253,12 +285,16 @@ impl Session {
             return Ok(());
         };
         let (level, settings) = (show.quality().level(), show.quality().settings());
-        let gpu_ms = show.measure(counts, size, work.period_ns);
-        report.on_frame(work, Drawn { level, size, settings, counts, gpu_ms });
+        let period_ns = work.period_ns;
+        let missed = report.on_frame(work, Drawn { level, size, settings, counts }) > 0;
+        let gpu_ms = show.measure(counts, size, period_ns, missed);
+        report.on_measured(gpu_ms);
         if is_captured {
             let (pixels, panel) = self.canvas.read(size)?;
-            let (t, position_s) = (show.player().clip_time(), show.player().position_s());
-            report.capture(EyeImages { views, t, position_s, settings, pixels, panel });
+            let position_s = show.player().position_s();
+            let coverage =
+                show.renderer().map_or(Ok(Coverage::default()), |drawn| drawn.count(&self.canvas.gpu))?;
+            report.capture(EyeImages { views, position_s, coverage, pixels, panel });
         }
         Ok(())
     }

@@ -9,8 +9,8 @@ use std::sync::{Arc, Weak};
 use codec::{Clip, ClipInfo};
 
 use crate::clips::{ClipTarget, Entry};
-use crate::gpu::{Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::xr::interaction::Subject;
+use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
+use crate::subject::Subject;
 use program::Fault;
 
 /// The device and format that clips are made ready for.
@@ -29,10 +29,11 @@ impl ClipTarget for HeadsetTarget {
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
+        let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         Ok(Box::new(ReadyClip {
             subject: Subject::of(&clip),
             layer_ends: on_gpu.layer_ends(),
-            renderer: Some(Renderer::new(&gpu, on_gpu, self.format.drawn(), 2)?),
+            renderer: Some(Renderer::new(&gpu, on_gpu, layout)?),
             gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             is_static: clip.dynamic_field.is_empty(),
             info: clip.info,

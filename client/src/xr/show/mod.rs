@@ -24,7 +24,7 @@ use clip::{HeadsetTarget, ReadyClip};
 use notices::Notices;
 use place::Place;
 use program::Fault;
-use quality::Quality;
+use quality::{Punctuality, Quality};
 use statistics::{FrameCost, Statistics};
 
 /// What the viewer sees and does.
@@ -66,8 +66,6 @@ struct Playing {
 pub(super) struct Viewer<'a> {
     /// Whether the viewer is with this program: tracked, and not in the system's menu.
     pub(super) attends: bool,
-    /// Whether the frame will be seen.
-    pub(super) looks: bool,
     pub(super) head: Option<&'a Pose>,
     pub(super) hands: &'a Hands,
 }
@@ -77,8 +75,6 @@ pub(super) struct Viewer<'a> {
 pub(super) struct Moved {
     /// Whether the viewer wants to leave.
     pub(super) leaves: bool,
-    /// A new picture of the panel, which must be drawn.
-    pub(super) painting: Option<Painting>,
     /// From the hands, left then right, to the panel.
     pub(super) rays: [Option<PointerRay>; 2],
 }
@@ -119,9 +115,16 @@ impl Show {
         })
     }
 
-    /// Prepares for a session on `gpu` that draws in `format` and may show the room. The clip on display is
-    /// loaded again if the device or the format is another one.
-    pub(super) fn prepare(&mut self, gpu: &Arc<Gpu>, format: RuntimeFormat, has_passthrough: bool) {
+    /// Prepares for a session on `gpu` that draws in `format`, and may show the room, slow the display down and
+    /// foveate. The clip on display is loaded again if the device or the format is another one.
+    pub(super) fn prepare(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        format: RuntimeFormat,
+        has_passthrough: bool,
+        [can_slow, can_foveate]: [bool; 2],
+    ) {
+        self.quality.change_display(can_slow, can_foveate);
         self.timer = FrameTimer::default();
         self.passthrough = has_passthrough.then(|| self.shows_passthrough());
         // The images of the session before are gone, and with them the picture of the panel.
@@ -227,11 +230,9 @@ impl Show {
         self.recentre_at_ns = Some(at_ns);
     }
 
-    /// Moves on to the frame seen at `display_ns`: hands, then the panel, then their commands, then the
-    /// timer.
+    /// Moves on to the frame seen at `display_ns`: hands, then their commands and those of the panel, then the timer.
     pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
         let elapsed_s = self.timer.elapsed_s(display_ns, viewer.attends);
-        let panel_elapsed_s = self.panel_timer.elapsed_s(display_ns, true);
         let mut moved = Moved::default();
         let Some(head) = viewer.head else { return moved };
         let mut commands = std::mem::take(&mut self.commands);
@@ -239,10 +240,7 @@ impl Show {
         if self.recentre_at_ns.take_if(|at_ns| *at_ns <= display_ns).is_some() {
             commands.push(Command::Recentre);
         }
-        if viewer.looks {
-            moved.painting = self.paint_panel(panel_elapsed_s, &mut commands);
-            scrubbing |= self.panel.as_ref().is_some_and(Panel::is_scrubbing);
-        }
+        scrubbing |= self.panel.as_ref().is_some_and(Panel::is_scrubbing);
         for &command in &commands {
             moved.leaves |= self.carry_out(command, head);
         }
@@ -283,8 +281,10 @@ impl Show {
         was_scrubbing || interaction.is_scrubbing()
     }
 
-    /// A new picture of the panel, if something on it changed; its buttons go to `commands`.
-    fn paint_panel(&mut self, elapsed_s: f64, commands: &mut Vec<Command>) -> Option<Painting> {
+    /// A new picture of the panel in the frame seen at `display_ns`, if something on it changed. What is pressed on it
+    /// takes effect in the next frame: the layout takes time that the GPU would wait.
+    pub(super) fn paint_panel(&mut self, display_ns: i64) -> Option<Painting> {
+        let elapsed_s = self.panel_timer.elapsed_s(display_ns, true);
         self.statistics.refresh(elapsed_s);
         let title = match &self.playing {
             Some(playing) => &playing.title,
@@ -303,7 +303,7 @@ impl Show {
             statistics: &self.statistics.rows,
             notice: self.notices.line(),
         };
-        self.panel.as_mut()?.frame(&state, elapsed_s, commands)
+        self.panel.as_mut()?.frame(&state, elapsed_s, &mut self.commands)
     }
 
     /// Carries out a command of the viewer; whether it is to leave.
@@ -330,14 +330,22 @@ impl Show {
         false
     }
 
-    /// Takes in a frame of `size` pixels an eye, on a display with one image every `period_ns`; milliseconds
-    /// of the GPU, if it has timestamps.
-    pub(super) fn measure(&mut self, counts: FrameCounts, size: UVec2, period_ns: i64) -> Option<f64> {
+    /// Takes in a frame of `size` pixels an eye, on a display with one image every `period_ns` that repeated the frame
+    /// before or not; milliseconds of the GPU, if it has timestamps.
+    pub(super) fn measure(
+        &mut self,
+        counts: FrameCounts,
+        size: UVec2,
+        period_ns: i64,
+        missed: bool,
+    ) -> Option<f64> {
         let gpu_ms = self.renderer().and_then(Renderer::gpu_ms);
         let (settings, layers) = (self.quality.settings(), self.quality.layers());
         let period_ms = period_ns as f64 * 1e-6;
         self.statistics.latest = Some(FrameCost { counts, settings, layers, size, gpu_ms, period_ms });
-        self.quality.measure(gpu_ms, period_ms);
+        // Loading takes time of the CPU, which no level gives back.
+        let missed = missed && !self.is_loading();
+        self.quality.measure(Punctuality { gpu_ms, period_ms, missed });
         gpu_ms
     }
 

@@ -1,7 +1,8 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
 use crate::clips::{is_url, redacted};
-use crate::xr::interaction::{Interaction, PlacementStore, Pose, Subject};
+use crate::subject::Subject;
+use crate::xr::interaction::{Interaction, PlacementStore, Pose};
 
 /// Where the clip on display stands.
 pub(super) struct Place {

@@ -49,6 +49,10 @@ impl Statistics {
             ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
             ("GPU", gpu),
             ("each eye", format!("{} x {} px", size.x, size.y)),
+            (
+                "sharp",
+                settings.inset.map_or("all of it".into(), |side| format!("inner {:.0} %", 100.0 * side)),
+            ),
             ("reach", cutoff.into()),
             ("layers", format!("{} of {layers}", settings.layers.unwrap_or(*layers))),
         ]);

@@ -1,20 +1,11 @@
 //! [`View`]s from the poses and angles that a runtime reports.
 
 use codec::Camera;
-use glam::{Quat, UVec2, vec2};
+use glam::{Quat, UVec2};
 use openxr as xr;
 
-use crate::view::View;
+use crate::view::{Fov, View};
 use crate::xr::interaction::{Pose, Similarity};
-
-/// Four half angles from the view axis, in radians, right and up positive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::xr) struct Fov {
-    pub(in crate::xr) left: f32,
-    pub(in crate::xr) right: f32,
-    pub(in crate::xr) up: f32,
-    pub(in crate::xr) down: f32,
-}
 
 impl From<xr::Fovf> for Fov {
     fn from(fov: xr::Fovf) -> Fov {
@@ -32,14 +23,10 @@ pub(in crate::xr) fn pose(pose: xr::Posef) -> Pose {
 /// angles of `fov`. `None` for an invalid pose or angles without an image: the view axis may lie outside the
 /// image, but left must be left of right.
 pub(in crate::xr) fn view(eye: &Pose, fov: Fov, size: UVec2, stage_from_clip: &Similarity) -> Option<View> {
-    let [left, right, up, down] = [fov.left, fov.right, fov.up, fov.down].map(f32::tan);
-    let image = size.as_vec2();
-    let focal = image / vec2(right - left, up - down);
-    let principal = vec2(-left, up) * focal;
-    let ahead =
-        [fov.left, fov.right, fov.up, fov.down].iter().all(|angle| angle.abs() < std::f32::consts::FRAC_PI_2);
-    let good = ahead && focal.is_finite() && focal.min_element() > 0.0 && eye.is_valid();
-    good.then(|| View { view_from_world: stage_from_clip.view_from_clip(eye), focal, principal, size })
+    if !eye.is_valid() {
+        return None;
+    }
+    View::from_angles(stage_from_clip.view_from_clip(eye), fov, size)
 }
 
 /// The pose midway between the eyes.
@@ -63,7 +50,7 @@ pub(in crate::xr) fn camera(view: &View) -> Camera {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DQuat, DVec3, Vec2, Vec3, vec3};
+    use glam::{DQuat, DVec3, Vec2, Vec3, vec2, vec3};
 
     use super::*;
 

@@ -20,8 +20,8 @@ pub(in crate::xr) fn open(session: &xr::Session<xr::Vulkan>) -> Result<xr::Space
     session.create_reference_space(kind, origin).halt("opening a space")
 }
 
-/// The best of the spaces `offered`, and the height of the floor in it: the measured room, else a space with
-/// a known floor, else one around the initial head position.
+/// The best of the spaces `offered`, and the height of the floor in it: the measured room, in which remembered placements
+/// stay valid, else a space with a known floor, else one around the initial head position.
 fn choose(offered: &[xr::ReferenceSpaceType]) -> (xr::ReferenceSpaceType, f32) {
     use xr::ReferenceSpaceType as Type;
     [Type::STAGE, Type::LOCAL_FLOOR]

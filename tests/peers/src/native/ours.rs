@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use client::clips::load_file;
-use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, FrameLayout, Renderer};
 use client::view::View;
 
 use super::renderer::PeerRenderer;
@@ -24,7 +24,7 @@ pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Resu
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;
     let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
-    let renderer = Renderer::new(&gpu, on_gpu, ChannelDepth::Eight.format(), 1)?;
+    let renderer = Renderer::new(&gpu, on_gpu, FrameLayout::plain(ChannelDepth::Eight.format(), 1))?;
     let settings = RenderSettings { cutoff, ..RenderSettings::default() };
     Ok(Box::new(Ours { gpu, renderer, image, settings }))
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::parameter::ImageErrors;
-use client::gpu::{ChannelDepth, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 use codec::{Camera, Clip, Field};
 use glam::UVec2;
@@ -95,12 +95,13 @@ pub(super) struct Bench<'a> {
     canvases: Vec<Canvas>,
 }
 
-/// A render target, shared by variants with the same device, size, depth and number of eyes.
+/// A render target, shared by variants with the same device, size, depth, number of eyes and inset.
 struct Canvas {
     gpu: &'static Gpu,
     size: UVec2,
     depth: ChannelDepth,
     eyes: usize,
+    inset: Option<f32>,
     target: Rc<Offscreen>,
 }
 
@@ -195,11 +196,12 @@ impl<'a> Bench<'a> {
         let apart = (variant.eyes != EyeMode::One)
             .then(|| Camera::EYE_DISTANCE_M / f64::from(self.clip.info.metres_per_unit));
         let eyes = 1 + usize::from(apart.is_some());
-        let size = variant.size.unwrap_or(self.size);
+        let (size, inset) = (variant.size.unwrap_or(self.size), variant.settings.inset);
+        let layout = FrameLayout { format: depth.format(), eyes, foveated: inset.is_some() };
         Ok(DrawSetup {
             gpu,
-            renderer: Renderer::new(gpu, clip, depth.format(), eyes)?,
-            target: self.target(gpu, size, depth, eyes)?,
+            renderer: Renderer::new(gpu, clip, layout)?,
+            target: self.target(gpu, size, depth, eyes, inset)?,
             size,
             rows,
             apart,
@@ -223,15 +225,22 @@ impl<'a> Bench<'a> {
         size: UVec2,
         depth: ChannelDepth,
         eyes: usize,
+        inset: Option<f32>,
     ) -> Result<Rc<Offscreen>, Fault> {
         let is_it = |canvas: &&Canvas| {
-            ptr::eq(canvas.gpu, gpu) && (canvas.size, canvas.depth, canvas.eyes) == (size, depth, eyes)
+            let Canvas { size: its_size, depth: its_depth, eyes: its_eyes, inset: its_inset, .. } = **canvas;
+            ptr::eq(canvas.gpu, gpu)
+                && (its_size, its_depth, its_eyes, its_inset) == (size, depth, eyes, inset)
         };
         if let Some(canvas) = self.canvases.iter().find(is_it) {
             return Ok(canvas.target.clone());
         }
-        let target = Rc::new(Offscreen::new(gpu, size, eyes as u32, depth)?);
-        self.canvases.push(Canvas { gpu, size, depth, eyes, target: target.clone() });
+        let target = Offscreen::new(gpu, size, eyes as u32, depth)?;
+        let target = Rc::new(match inset {
+            Some(side) => target.foveated(gpu, side)?,
+            None => target,
+        });
+        self.canvases.push(Canvas { gpu, size, depth, eyes, inset, target: target.clone() });
         Ok(target)
     }
 }
@@ -281,7 +290,7 @@ impl DrawSetup {
     ) -> Result<[(&'static str, f64); 9], Fault> {
         let views = self.views(posed_view);
         let counts = self.target.render(self.gpu, &mut self.renderer, posed_view.t, &views, settings)?;
-        let coverage = self.renderer.count(self.gpu, posed_view.t, &views, settings)?;
+        let coverage = self.renderer.count(self.gpu)?;
         let instances = f64::from(counts.sorted) * views.len() as f64;
         Ok([
             ("alive", f64::from(counts.alive)),
@@ -292,7 +301,7 @@ impl DrawSetup {
             ("bytes_fetched", instances * self.bytes_of_instance()),
             ("gpu_bytes", self.renderer.clip().bytes() as f64),
             ("pipelines", self.renderer.pipelines() as f64),
-            ("passes", views.len() as f64 / f64::from(self.renderer.eyes_per_pass())),
+            ("passes", self.renderer.passes() as f64),
         ])
     }
 

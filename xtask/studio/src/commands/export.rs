@@ -77,6 +77,7 @@ impl Args {
             (has_plate, "the background plate"),
             (self.splatv && field.sh_degree > 0, "view-dependent colour (SH above degree 0)"),
             (self.splatv && field.filter.compensates(), "the mip filter"),
+            (self.spz && field.filter.compensates(), "the variance of the mip filter"),
             (self.ply && self.at.is_some() && field.filter.compensates(), "the mip filter for other tools"),
             (!is_up_kept, "the up axis"),
             (self.spz && info.metres_per_unit != 1.0, "metres per unit"),

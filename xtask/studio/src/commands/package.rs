@@ -259,6 +259,9 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
     }
     output::write(&out, &package.bytes)?;
+    if let Some(assumption) = scene.subject.assumption {
+        eprintln!("note: {}: {assumption}", scene.name);
+    }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {
         true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
@@ -402,7 +405,7 @@ fn print_report(report: &PackageReport) {
         println!("{:16} {}; scene.json can say otherwise", "assumed", report.assumed.join(", "));
     }
     let layers: Vec<String> = report.layers.iter().map(usize::to_string).collect();
-    println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.ranking);
+    println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.layer_ranking);
     print_choice(report);
     print_refined(report);
     let mbps = report.bytes as f64 * 8e-6 / f64::from(report.duration_s);
@@ -480,6 +483,7 @@ fn print_choice(report: &PackageReport) {
     if let Some(why) = &report.why {
         println!("{:16} {why}", "chosen");
     }
+    print_orders(report);
     match report.recolor_gain_db {
         Some(gain) => {
             println!("{:16} {gain:+.2} dB{}", "recolored", if gain > 0.0 { "" } else { ", not used" });
@@ -493,6 +497,20 @@ fn print_choice(report: &PackageReport) {
     let before =
         chosen.map(|chosen| format!(", {:.2} dB before refining", chosen.psnr_db)).unwrap_or_default();
     println!("{:16} {psnr:.2} dB against the whole field{before}", "fidelity");
+}
+
+/// The orders that were tried for the layers, by the fidelity of the first layers.
+fn print_orders(report: &PackageReport) {
+    if report.tried_orders.is_empty() {
+        return;
+    }
+    let ends = report.layers.iter().map(|end| format!(" {end:>8}"));
+    println!("{:22}{}", "order, dB in the first", ends.take(report.layers.len() - 1).collect::<String>());
+    for order in &report.tried_orders {
+        let mark = if order.chosen { '*' } else { ' ' };
+        let psnrs: String = order.prefix_psnr_db.iter().map(|psnr_db| format!(" {psnr_db:>8.2}")).collect();
+        println!("{mark} {:20}{psnrs}", order.ranking);
+    }
 }
 
 /// What moving towards the photographs did.

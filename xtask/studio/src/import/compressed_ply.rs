@@ -59,7 +59,7 @@ pub(crate) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
 
     let mut repairs = Repairs::default();
     repairs.drop_rows(TRUNCATED, (vertex.rows - rows).saturating_add(vertex.missing_rows()));
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "compressed PLY" })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "compressed PLY", assumption: None })
 }
 
 /// Columns of the lower and upper ends of three ranges.

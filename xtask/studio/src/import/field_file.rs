@@ -58,7 +58,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         }
         field.temporal = Some(temporal);
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "field file" })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "field file", assumption: None })
 }
 
 /// Keys and values of the metadata comments.

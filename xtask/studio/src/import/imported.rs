@@ -21,6 +21,9 @@ pub struct Imported {
     pub repairs: Repairs,
     /// Name of the file's format.
     pub format: &'static str,
+    /// What the importer assumes where the format is silent and programs differ, as the rest of a note that names
+    /// the file.
+    pub assumption: Option<&'static str>,
 }
 
 impl Imported {

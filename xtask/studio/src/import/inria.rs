@@ -15,7 +15,13 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     let field = static_columns(vertex, budget)?;
     let mut repairs = Repairs::default();
     repairs.drop_rows(TRUNCATED, vertex.missing_rows());
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "3D Gaussian Splatting PLY" })
+    Ok(Imported {
+        field,
+        hints: Hints::default(),
+        repairs,
+        format: "3D Gaussian Splatting PLY",
+        assumption: None,
+    })
 }
 
 /// Reads the columns that this format shares with its derivatives.

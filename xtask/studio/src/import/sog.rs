@@ -158,7 +158,7 @@ fn read(
             palette.push_row(i, &mut field.sh, &mut repairs);
         }
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "SOG" })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "SOG", assumption: None })
 }
 
 fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {

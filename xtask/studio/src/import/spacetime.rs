@@ -40,5 +40,11 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     field.temporal = Some(temporal);
     let mut repairs = Repairs::default();
     repairs.drop_rows(TRUNCATED, vertex.missing_rows());
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "Spacetime Gaussians PLY" })
+    Ok(Imported {
+        field,
+        hints: Hints::default(),
+        repairs,
+        format: "Spacetime Gaussians PLY",
+        assumption: None,
+    })
 }

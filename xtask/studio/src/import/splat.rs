@@ -24,5 +24,5 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.opacities.push(f32::from(row[27]) / 255.0);
         field.rotations.push([28, 29, 30, 31].map(|k| (f32::from(row[k]) - 128.0) / 128.0));
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: ".splat" })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: ".splat", assumption: None })
 }

@@ -160,7 +160,7 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         Some(record) => record.into(),
         None => hints_of(&field, &chunk.cameras, budget)?,
     };
-    Ok(Imported { field, hints, repairs, format: ".splatv" })
+    Ok(Imported { field, hints, repairs, format: ".splatv", assumption: None })
 }
 
 /// The `splat` chunk of the file, and its bytes as far as they are there.

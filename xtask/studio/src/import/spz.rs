@@ -39,6 +39,11 @@ const HEADER_V4: usize = 32;
 /// Bit of byte 14 of the header: the field was fitted with compensated opacities.
 pub(crate) const ANTIALIASED: u8 = 1;
 
+/// What is assumed of a file with this bit. Mip-Splatting and Brush compensate for 0.1 px^2; `antialiased` of
+/// gsplat, `--antialiasing` of 3D Gaussian Splatting, and viewers such as PlayCanvas for 0.3 px^2.
+const ASSUMED_VARIANCE: &str = "drawn with the filter of Mip-Splatting, 0.1 px^2; SPZ states no variance, and \
+                                antialiased fits of gsplat and 3D Gaussian Splatting have 0.3 px^2";
+
 struct Header {
     version: u32,
     gaussians: usize,
@@ -128,7 +133,6 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     };
     let mut field = budget.field(rows, sh_degree)?;
     if header.is_antialiased {
-        // The format does not say with which variance; Mip-Splatting's is the one that is known here.
         field.filter = PixelFilter::Mip;
     }
     field.centers.extend(first(centers, rows).map(center));
@@ -146,7 +150,8 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.sh.extend(rest(row));
     }
     let hints = Hints { up: Some([0.0, 1.0, 0.0]), ..Hints::default() };
-    Ok(Imported { field, hints, repairs, format: "SPZ" })
+    let assumption = header.is_antialiased.then_some(ASSUMED_VARIANCE);
+    Ok(Imported { field, hints, repairs, format: "SPZ", assumption })
 }
 
 fn read_v2_v3(

@@ -3,13 +3,14 @@
 
 use codec::{Clip, Field};
 use refine::prune::{
-    Floor, FloorSettings, Measure, Pictures, ROUNDS, Ranking, Selection, by_importance, contributions_to,
-    instants, select,
+    Candidate, Floor, FloorSettings, Measure, Pictures, ROUNDS, Ranking, Selection, by_importance,
+    contributions_to, instants, select,
 };
 use refine::reference::{Contribution, RenderScene};
 
 use super::encode::draft;
-use super::settings::PackageSettings;
+use super::layer_order::{LayerOrder, layer_order};
+use super::settings::{LAYERS, PackageSettings};
 use super::views::{judging_views, ranking_views, render_scene};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
@@ -74,6 +75,23 @@ impl<'a> FieldAnalysis<'a> {
         let judge = |rows: &[usize]| self.draft_psnr(&self.field.select(rows));
         let selection = select(&rankings(self.settings), prune, judge)?;
         Ok(selection.expect("there is a ranking"))
+    }
+
+    /// The rows of a selected candidate in the order of layers.
+    pub(crate) fn layer_order(&self, selected: &Candidate) -> anyhow::Result<LayerOrder> {
+        let rankings = rankings(self.settings);
+        self.progress.stage("layers", rankings.len() * (LAYERS.len() - 1));
+        let judge = |rows: &[usize]| {
+            self.progress.step();
+            self.draft_psnr(&self.field.select(rows))
+        };
+        layer_order(
+            &rankings,
+            selected.ranking,
+            &selected.retained.rows,
+            |ranking| self.order(ranking),
+            judge,
+        )
     }
 
     /// PSNR in dB of a draft of `part` in the judging pictures.

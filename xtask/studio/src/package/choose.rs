@@ -1,12 +1,14 @@
 //! [`choose`]: the Gaussians that a budget keeps, most important first.
 //!
 //! Each candidate ranking prunes and the topology floor mends. Every candidate is drafted, with and
-//! without the floor, and compared with the whole field in pictures; the best one wins.
+//! without the floor, and compared with the whole field in pictures; the best one wins. The order of its rows
+//! for the layers is chosen after that.
 
 use codec::{Clip, Field};
 use refine::prune::{Candidate, Pictures, Ranking, Topology, by_importance, recolor};
 
 use super::analysis::{FieldAnalysis, contributions};
+use super::layer_order::TriedOrder;
 use super::report::{PreservedTopology, TriedCandidate, tried, why};
 use super::settings::PackageSettings;
 use super::views::{recolor_views, render_scene};
@@ -17,7 +19,11 @@ use crate::scene::Scene;
 pub(super) struct Choice<'a> {
     /// Most important first.
     pub(super) field: Field,
+    /// The ranking that retains them.
     pub(super) ranking: Ranking,
+    /// The ranking that orders them.
+    pub(super) layer_ranking: Ranking,
+    pub(super) tried_orders: Vec<TriedOrder>,
     pub(super) topology: PreservedTopology,
     pub(super) tried: Vec<TriedCandidate>,
     /// Why this candidate won; `None` where nothing was left out.
@@ -51,8 +57,9 @@ pub(super) fn choose<'a>(
     };
     let whole = FieldAnalysis::new(scene, field, plate, settings, progress)?;
     let selection = whole.select(budget)?;
-    let Candidate { ranking, retained, psnr_db } = &selection.candidates[selection.best];
-    let mut chosen = field.select(&retained.rows);
+    let selected @ Candidate { ranking, retained, psnr_db } = &selection.candidates[selection.best];
+    let order = whole.layer_order(selected)?;
+    let mut chosen = field.select(&order.rows);
     let mut recolor_gain_db = None;
     if settings.recolor {
         progress.stage("colours", 1);
@@ -68,6 +75,8 @@ pub(super) fn choose<'a>(
     Ok(Choice {
         field: chosen,
         ranking: *ranking,
+        layer_ranking: order.ranking,
+        tried_orders: order.tried,
         topology: PreservedTopology::from(&retained.topology),
         tried: tried(&selection),
         why: Some(why(&selection)),
@@ -92,6 +101,8 @@ fn keep_all<'a>(
     Choice {
         field: field.select(&order),
         ranking,
+        layer_ranking: ranking,
+        tried_orders: Vec::new(),
         topology: PreservedTopology::from(&Topology::default()),
         tried: Vec::new(),
         why: None,

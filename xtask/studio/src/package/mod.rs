@@ -1,12 +1,13 @@
 //! [`package`]: a scene becomes the bytes of an `.aarc` package, and a report.
 //!
 //! ```text
-//! scene -> visible -> choose (rank, floor, render) -> refine -> encode in layers -> verify
+//! scene -> visible -> choose (rank, floor, render, order) -> refine -> encode in layers -> verify
 //! ```
 
 mod analysis;
 mod choose;
 mod encode;
+mod layer_order;
 mod pipeline;
 mod prefix_quality;
 mod report;
@@ -16,6 +17,7 @@ mod visible;
 
 pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
 pub(crate) use encode::{encode, refused};
+pub use layer_order::TriedOrder;
 pub use pipeline::{Package, package, package_with};
 pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};

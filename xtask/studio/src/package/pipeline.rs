@@ -62,6 +62,8 @@ pub fn package_with(
         plate: plate_counts,
         parts_removed,
         ranking: choice.ranking.name(),
+        layer_ranking: choice.layer_ranking.name(),
+        tried_orders: choice.tried_orders,
         topology: choice.topology,
         whole_psnr_db,
         tried: choice.tried,

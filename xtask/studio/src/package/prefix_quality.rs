@@ -1,7 +1,7 @@
 //! [`prefix_quality`]: whether the first layers of a package are as good as a package of their size.
 //!
 //! If they are, one file serves every budget: a player with less memory or time stops reading early. A
-//! package of a smaller budget has the same ranking, but its own topology floor and precision.
+//! package of a smaller budget has the ranking of the layers, but its own topology floor and precision.
 
 use codec::Limits;
 use refine::prune::{Pictures, Ranking};
@@ -34,7 +34,7 @@ pub struct PrefixStep {
 }
 
 /// Compares every prefix of `package`, which is made of `scene` with `settings` alone, with a package of
-/// that budget and the same ranking. The last step is the package itself.
+/// that budget and the ranking of the layers. The last step is the package itself.
 ///
 /// # Errors
 /// A defect of this program.
@@ -61,7 +61,8 @@ pub fn prefix_quality(
             (prefix_bytes, prefix_psnr_db)
         } else {
             progress.set_prefix(format!("{gaussians}: "));
-            let rank = Ranking::ALL.into_iter().find(|ranking| ranking.name() == package.report.ranking);
+            let rank =
+                Ranking::ALL.into_iter().find(|ranking| ranking.name() == package.report.layer_ranking);
             let settings = PackageSettings { budget: Some(gaussians), rank, ..settings.clone() };
             let own = package_with(scene, &settings, None, progress)?;
             (own.bytes.len(), psnr_of(&own.bytes)?)

@@ -6,6 +6,7 @@ use codec::ClipInfo;
 use refine::prune::{Candidate, Measure, RESOLUTION_DB, Selection, Topology, WorstPicture};
 use serde::Serialize;
 
+use super::layer_order::TriedOrder;
 use crate::fit::RefinementReport;
 
 /// What went into a package, what was left out, and how faithful the rest is.
@@ -18,8 +19,12 @@ pub struct PackageReport {
     pub plate: Option<Counts>,
     /// Part removed to the number of Gaussians that had it.
     pub parts_removed: BTreeMap<&'static str, usize>,
-    /// The order of importance.
+    /// The ranking that retained the Gaussians.
     pub ranking: &'static str,
+    /// The ranking that orders them for the layers.
+    pub layer_ranking: &'static str,
+    /// The orders that competed for the layers.
+    pub tried_orders: Vec<TriedOrder>,
     /// What of the topology is preserved.
     pub topology: PreservedTopology,
     /// PSNR in dB between pictures of the decoded package and of the whole field; `None` where

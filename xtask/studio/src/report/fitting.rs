@@ -1,4 +1,4 @@
-//! Time and PSNR of fits, read from the tables that `fit` writes beside fields.
+//! Work, time and PSNR of fits, read from the tables that `fit` writes beside fields.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,6 +15,9 @@ const BYTES_MAX: u64 = 100 << 20;
 
 /// Suffix of table file names.
 const ENDING: &str = ".fit.csv";
+
+/// Unit of the work of a fit.
+pub const WORK: &str = "millions of Gaussians drawn";
 
 /// The table of one fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,16 +47,26 @@ pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
 }
 
 /// Reads the tables in `named`, or if there are none, the tables that [`find`] finds beside `input`.
-/// Skips files found beside `input` that are not tables of a fit, with a note on stderr.
+/// Named tables of one file name get the name of their folder before it. Skips files found beside `input` that are
+/// not tables of a fit, with a note on stderr.
 ///
 /// # Errors
 /// [`Fault::Data`] if a table in `named` cannot be read.
 pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
-    if !named.is_empty() {
-        return named.iter().map(|path| load(path)).collect();
+    if named.is_empty() {
+        let usable =
+            |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: skipped: {fault}")).ok();
+        return Ok(find(input)?.into_iter().filter_map(usable).collect());
     }
-    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: skipped: {fault}")).ok();
-    Ok(find(input)?.into_iter().filter_map(usable).collect())
+    let mut logs = named.iter().map(|path| load(path)).collect::<Result<Vec<_>, Fault>>()?;
+    let names: Vec<String> = logs.iter().map(|log| log.name.clone()).collect();
+    for (log, path) in logs.iter_mut().zip(named) {
+        let is_shared = names.iter().filter(|name| **name == log.name).count() > 1;
+        if let (true, Some(folder)) = (is_shared, path.parent().and_then(Path::file_name)) {
+            log.name = format!("{}/{}", folder.to_string_lossy(), log.name);
+        }
+    }
+    Ok(logs)
 }
 
 /// Reads a table.
@@ -74,40 +87,63 @@ pub fn load(path: &Path) -> Result<FitLog, Fault> {
     Ok(FitLog { name: name.strip_suffix(ENDING).unwrap_or(&name).to_owned(), entries })
 }
 
-/// PSNR over time of the fits: one point for each row that measured held-out photographs. `None` without
-/// such rows.
+impl FitLog {
+    /// The rows that measured held-out photographs, with the work until then, in millions of Gaussians drawn. That is
+    /// a count: it does not depend on the machine, and a step costs about as much as the Gaussians that it draws.
+    fn measured_rows(&self) -> impl Iterator<Item = (f64, &LogEntry, f64)> {
+        let (mut work, mut last_step) = (0.0, 0);
+        self.entries.iter().filter_map(move |entry| {
+            work += 1e-6 * entry.step.saturating_sub(last_step) as f64 * entry.drawn as f64;
+            last_step = entry.step;
+            Some((work, entry, entry.held_psnr_db?))
+        })
+    }
+}
+
+/// PSNR over the work of the fits: one point for each row that measured held-out photographs, fit by fit. `None`
+/// without such rows.
 pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
-    let point = |log: &FitLog, entry: &LogEntry| {
-        let psnr_db = entry.held_psnr_db?;
+    let point = |log: &FitLog, (work, entry, psnr_db): (f64, &LogEntry, f64)| {
         let counts = [
             ("steps", entry.step as f64),
             ("gaussians", entry.gaussians as f64),
             ("gaussians_in_a_picture", entry.drawn as f64),
         ];
-        Some(ParameterValue {
+        ParameterValue {
             value: format!("{} at step {}", log.name, entry.step),
             default: false,
             on_front: false,
-            cost: Quartiles::exactly(entry.seconds),
+            cost: Quartiles::exactly(work),
             errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
             run_time_ms: Some(Quartiles::exactly(1e3 * entry.seconds)),
             stages_ms: BTreeMap::new(),
             counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
-        })
+        }
     };
     let points: Vec<ParameterValue> =
-        logs.iter().flat_map(|log| log.entries.iter().filter_map(move |entry| point(log, entry))).collect();
+        logs.iter().flat_map(|log| log.measured_rows().map(move |row| point(log, row))).collect();
     (!points.is_empty()).then(|| {
         Parameter {
             stage: FlowStage::Fitting,
             name: "fit".into(),
             about: "PSNR of the subject in held-out photographs during a fit.".into(),
             why_default: String::new(),
-            cost: "s".into(),
+            cost: WORK.into(),
             points,
         }
         .mark_front()
     })
+}
+
+/// The points of [`parameter`] by fit.
+pub fn points_by_fit<'a>(logs: &[FitLog], parameter: &'a Parameter) -> Vec<&'a [ParameterValue]> {
+    let mut rest = &parameter.points[..];
+    let split = |log: &FitLog| {
+        let (points, others) = rest.split_at(log.measured_rows().count());
+        rest = others;
+        points
+    };
+    logs.iter().map(split).collect()
 }
 
 #[cfg(test)]
@@ -152,6 +188,47 @@ mod tests {
         // A sparse file takes no disk space.
         File::create(&table).unwrap().set_len(BYTES_MAX + 1).unwrap();
         assert!(load(&table).unwrap_err().to_string().contains("too long"));
+    }
+
+    #[test]
+    fn the_front_is_of_all_fits_over_their_work() {
+        let rows = |held: [f64; 3], drawn: usize| {
+            let row = |(step, held)| LogEntry { drawn, ..entry(step, Some(held)) };
+            [100, 200, 400].into_iter().zip(held).map(row).collect()
+        };
+        // The second fit takes twice the work for its steps, and overtakes the first at its second row.
+        let logs = [
+            FitLog { name: "a".into(), entries: rows([20.0, 22.0, 21.0], 1000) },
+            FitLog { name: "b".into(), entries: rows([19.0, 24.0, 26.0], 2000) },
+        ];
+        let parameter = parameter(&logs).unwrap();
+        let by_fit = points_by_fit(&logs, &parameter);
+        let work =
+            |points: &[ParameterValue]| points.iter().map(|point| point.cost.median).collect::<Vec<_>>();
+        let front = |points: &[ParameterValue]| points.iter().map(|point| point.on_front).collect::<Vec<_>>();
+        assert_eq!(by_fit.len(), 2);
+        for (found, expected) in work(by_fit[0]).into_iter().zip([0.1, 0.2, 0.4]) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+        assert!((work(by_fit[1])[2] - 0.8).abs() < 1e-12);
+        assert_eq!((front(by_fit[0]), front(by_fit[1])), (vec![true, true, false], vec![false, true, true]));
+    }
+
+    #[test]
+    fn tables_of_one_name_are_told_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let table = |name: &str| {
+            std::fs::create_dir(folder.path().join(name)).unwrap();
+            let path = folder.path().join(name).join("field.fit.csv");
+            std::fs::write(&path, csv(&[entry(100, Some(20.0))])).unwrap();
+            path
+        };
+        let tables = [table("full"), table("blur")];
+        let names = |paths| {
+            load_all(folder.path(), paths).unwrap().into_iter().map(|log| log.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(&tables), ["full/field", "blur/field"]);
+        assert_eq!(names(&tables[..1]), ["field"]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Line charts side by side over one logarithmic axis, as SVG.
+//! Line charts side by side over one logarithmic axis, as SVG. Rings mark chosen points.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
@@ -10,6 +10,8 @@ pub(crate) struct LineChart {
     pub(crate) title: String,
     /// The series, in the order of their colours.
     pub(crate) lines: Vec<PlotLine>,
+    /// Points with a ring around them.
+    pub(crate) rings: Vec<(f64, f64)>,
 }
 
 /// A named line through points. Points that are not finite are skipped.
@@ -32,6 +34,9 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
 ];
+
+/// Radius of a ring in pixels.
+const RING_PX: i32 = 7;
 
 /// The logarithmic axis labels these digits times powers of ten.
 const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
@@ -100,10 +105,12 @@ where
             .label(&line.name);
         drawn.legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(3)));
     }
+    let rings = chart.rings.iter().copied().filter(is_finite);
+    context.draw_series(rings.map(|point| Circle::new(point, RING_PX, BLACK.stroke_width(1))))?;
     if has_legend {
         context
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(SeriesLabelPosition::LowerRight)
             .background_style(WHITE.mix(0.85))
             .border_style(BLACK.mix(0.3))
             .label_font(("sans-serif", 14))
@@ -149,14 +156,16 @@ mod tests {
     use super::*;
 
     fn chart(points: Vec<(f64, f64)>) -> LineChart {
-        LineChart { title: "PSNR <dB>".into(), lines: vec![PlotLine { name: "a & b".into(), points }] }
+        let rings = points.iter().copied().filter(|(x, _)| *x == 1.0 || *x == 2.0).collect();
+        LineChart { title: "PSNR <dB>".into(), lines: vec![PlotLine { name: "a & b".into(), points }], rings }
     }
 
     #[test]
     fn every_finite_point_is_drawn() {
         let points = vec![(0.5, 20.0), (1.0, f64::INFINITY), (2.0, 30.0), (4.0, 35.0), (0.0, 1.0)];
         let svg = svg("Mbps", &[chart(points)]).unwrap();
-        assert_eq!(svg.matches("<circle").count(), 3, "{svg}");
+        assert_eq!(svg.matches("<circle").count(), 3 + 1, "three points, a ring: {svg}");
+        assert_eq!(svg.matches("r=\"7\"").count(), 1, "{svg}");
         assert!(svg.contains("PSNR &lt;dB&gt;") && svg.contains("a &amp; b") && svg.contains("Mbps"));
         assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"));
     }

@@ -134,12 +134,18 @@ impl<'a> RateBench<'a> {
         let floored = self.recall.enforce(&order, budget, || self.progress.step());
         let Selection { mut candidates, best, .. } = self.analysis.select(budget)?;
         let best = candidates.swap_remove(best);
+        // In the order of layers, as `package` codes them.
+        let rows = self.analysis.layer_order(&best)?.rows;
         let choices = [
             leave(Selector::LightGaussian, Ranking::LightGaussian),
             leave(Selector::RadSplat, Ranking::BlendMax),
             leave(Selector::Mass, Ranking::Mass),
             SelectedRows { row: Selector::MassFloor, ranking: Ranking::Mass, retained: floored },
-            SelectedRows { row: Selector::Ours, ranking: best.ranking, retained: best.retained },
+            SelectedRows {
+                row: Selector::Ours,
+                ranking: best.ranking,
+                retained: Retained { rows, ..best.retained },
+            },
         ];
         let mut packages = Vec::new();
         choices.into_iter().map(|choice| self.point(choice, &mut packages)).collect()

@@ -94,7 +94,7 @@ impl Eye {
 /// Range of x/z and y/z within which footprints are computed: the image, extended on every side by 30 % of
 /// half the field of view.
 pub(in crate::gpu) fn slope_limits(view: &View) -> (Vec2, Vec2) {
-    let size = view.size.as_vec2();
-    let margin = 0.3 * 0.5 * size / view.focal;
-    (-view.principal / view.focal - margin, (size - view.principal) / view.focal + margin)
+    let [low, high] = view.slopes;
+    let margin = 0.3 * 0.5 * (high - low);
+    (low - margin, high + margin)
 }

@@ -16,15 +16,13 @@ use codec::{Field, LayerEnd, PixelFilter, TimeIndex};
 use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
+use crate::gpu::frame_views::{EYES_MAX, FrameViews};
 use crate::gpu::settings::{RenderSettings, SortOrder};
 use crate::view::{CyclopeanEye, View};
 pub(in crate::gpu) use columns::ROW_BYTES;
 use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
-
-/// Most eyes that one frame has.
-pub(in crate::gpu) const EYES_MAX: usize = 2;
 
 /// The columns of a clip in CPU memory that culling and sorting read.
 pub(in crate::gpu) struct Rows {
@@ -69,11 +67,11 @@ impl Rows {
     }
 
     /// Replaces `items` by the rows to draw at clip time `t` in `views` under `settings`: static rows first,
-    /// then the candidates of the time index in order.
+    /// then the candidates of the time index in order. Marks those in the inset.
     pub(in crate::gpu) fn alive(
         &self,
         t: f64,
-        views: &[View],
+        views: &FrameViews,
         settings: &RenderSettings,
         items: &mut Vec<Item>,
     ) -> CullCounts {
@@ -82,14 +80,14 @@ impl Rows {
         let Some(end) = layers.checked_sub(1).map(|last| self.layers[last]) else {
             return CullCounts::default();
         };
-        let mut eyes = [Eye::NONE; EYES_MAX];
-        for (eye, view) in eyes.iter_mut().zip(views) {
-            *eye = Eye::new(view, self.origin);
-        }
         let mut culler = Culler {
             t,
-            eyes: &eyes[..views.len().min(EYES_MAX)],
-            depth: DepthKeys::new(views, self.origin, settings.sort),
+            full: Eyes::new(views.full().iter(), self.origin),
+            drawn: Eyes::new(views.drawn().iter(), self.origin),
+            insets: views
+                .divisions()
+                .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), self.origin)),
+            depth: DepthKeys::new(views.full(), self.origin, settings.sort),
             min_contribution_px: settings.min_contribution_px,
             filter: self.filter,
             items,
@@ -104,10 +102,39 @@ impl Rows {
     }
 }
 
+/// The eyes of a frame.
+struct Eyes {
+    eyes: [Eye; EYES_MAX],
+    count: usize,
+}
+
+impl Eyes {
+    fn new<'v>(views: impl ExactSizeIterator<Item = &'v View>, origin: DVec3) -> Eyes {
+        let (mut eyes, count) = ([Eye::NONE; EYES_MAX], views.len());
+        eyes.iter_mut().zip(views).for_each(|(eye, view)| *eye = Eye::new(view, origin));
+        Eyes { eyes, count }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &Eye> {
+        self.eyes[..self.count].iter()
+    }
+
+    /// 1 for each row of a batch that may overlap an image, else 0.
+    fn see(&self, places: &Places, support_radius: &[f32]) -> [u32; BATCH] {
+        let mut visible = [0; BATCH];
+        self.iter().for_each(|eye| eye.cull(places, support_radius, &mut visible));
+        visible
+    }
+}
+
 /// Culls rows and collects the others in `items`.
 struct Culler<'a> {
     t: f64,
-    eyes: &'a [Eye],
+    /// What the viewer sees, in which contributions are counted.
+    full: Eyes,
+    /// What is drawn of it, in a foveated frame with larger pixels.
+    drawn: Eyes,
+    insets: Option<Eyes>,
     depth: DepthKeys,
     min_contribution_px: f32,
     filter: PixelFilter,
@@ -122,10 +149,10 @@ impl Culler<'_> {
         for begin in rows.clone().step_by(BATCH) {
             let rows = begin..rows.end.min(begin + BATCH);
             columns.evaluate(rows.clone(), self.t, &mut batch);
-            let mut visible = [0; BATCH];
-            for eye in self.eyes {
-                eye.cull(&batch.places, &columns.support_radius[rows.clone()], &mut visible);
-            }
+            let support_radius = &columns.support_radius[rows.clone()];
+            let visible = self.drawn.see(&batch.places, support_radius);
+            let in_inset =
+                self.insets.as_ref().map_or([0; BATCH], |insets| insets.see(&batch.places, support_radius));
             let depths = self.depth.of(&batch.places);
             for (i, row) in rows.enumerate() {
                 self.seen.alive += batch.alive[i];
@@ -138,12 +165,13 @@ impl Culler<'_> {
                     let is_negligible = |eye: &Eye| {
                         eye.weight_px(place, d, contribution, self.filter) < self.min_contribution_px
                     };
-                    if self.eyes.iter().all(is_negligible) {
+                    if self.full.iter().all(is_negligible) {
                         self.seen.culled += 1;
                         continue;
                     }
                 }
-                self.items.push(Item::new(depths[i], (first + row) as u32));
+                let item = Item::new(depths[i], (first + row) as u32);
+                self.items.push(if in_inset[i] == 0 { item } else { item.in_inset() });
             }
         }
     }

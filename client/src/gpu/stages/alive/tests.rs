@@ -59,7 +59,8 @@ fn counts_alive_rows() {
     let mut items = Vec::new();
     for t in [0.0, 0.21, 0.5, 1.0] {
         let expected = (0..ROWS).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN).count();
-        let seen = rows(&field).alive(t, &view, &RenderSettings::default(), &mut items);
+        let seen =
+            rows(&field).alive(t, &FrameViews::new(&view, None), &RenderSettings::default(), &mut items);
         assert_eq!(seen.alive as usize, expected, "t = {t}");
         assert!(expected > 100 && expected < ROWS * 2 / 3, "many rows are not alive: {expected}");
     }
@@ -81,7 +82,12 @@ fn rows_are_sorted_back_to_front_at_the_instant() {
     let view = [View::from_camera(&camera)];
     for sort in [SortOrder::Depth, SortOrder::Radial] {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, &view, &RenderSettings { sort, ..RenderSettings::default() }, &mut items);
+        rows(&field).alive(
+            0.4,
+            &FrameViews::new(&view, None),
+            &RenderSettings { sort, ..RenderSettings::default() },
+            &mut items,
+        );
         let depth = |row: u32| {
             let p = in_view(&camera, field.position_at(row as usize, 0.4));
             match sort {
@@ -101,7 +107,7 @@ fn culled_rows_are_outside_the_image() {
     let view = View::from_camera(&camera);
     let mut items = Vec::new();
     let CullCounts { alive, culled } =
-        rows(&field).alive(0.4, &[view], &RenderSettings::default(), &mut items);
+        rows(&field).alive(0.4, &FrameViews::new(&[view], None), &RenderSettings::default(), &mut items);
     assert_eq!(culled, 0);
     let drawn = order_of(items);
     assert!(drawn.len() < alive as usize * 3 / 4, "many rows are outside: {} of {alive}", drawn.len());
@@ -133,7 +139,7 @@ fn two_eyes_see_the_union() {
     let [left, right] = camera().stereo_pair(1.0).map(|eye| View::from_camera(&eye));
     let seen = |views: &[View]| {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, views, &RenderSettings::default(), &mut items);
+        rows(&field).alive(0.4, &FrameViews::new(views, None), &RenderSettings::default(), &mut items);
         let mut rows = order_of(items);
         rows.sort_unstable();
         rows
@@ -160,7 +166,7 @@ fn layers_are_prefixes() {
     let mut items = Vec::new();
     let mut alive = |layers| {
         let settings = RenderSettings { layers, ..RenderSettings::default() };
-        rows.alive(0.5, &view, &settings, &mut items).alive
+        rows.alive(0.5, &FrameViews::new(&view, None), &settings, &mut items).alive
     };
     assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
 }
@@ -193,7 +199,7 @@ fn culled_contributions_are_below_the_minimum_and_counted() {
         let mut items = Vec::new();
         let seen = rows.alive(
             0.4,
-            &view,
+            &FrameViews::new(&view, None),
             &RenderSettings { min_contribution_px, ..RenderSettings::default() },
             &mut items,
         );
@@ -214,4 +220,27 @@ fn culled_contributions_are_below_the_minimum_and_counted() {
             assert!(added < f64::from(min_contribution_px), "row {row} adds {added} px");
         }
     }
+}
+
+#[test]
+fn rows_in_the_inset_are_marked() {
+    let field = dynamic_field();
+    let rows = rows(&field);
+    let view = View::from_camera(&camera());
+    let inset = FrameViews::new(&[view], Some(0.4)).divisions().unwrap()[0].inset;
+    let drawn = |views: &FrameViews| {
+        let mut items = Vec::new();
+        rows.alive(0.4, views, &RenderSettings::default(), &mut items);
+        order_of(items).into_iter().map(Item::split).collect::<Vec<_>>()
+    };
+    let marked: Vec<u32> = drawn(&FrameViews::new(&[view], Some(0.4)))
+        .into_iter()
+        .filter_map(|(row, is_in_inset)| is_in_inset.then_some(row))
+        .collect();
+    let alone: Vec<u32> = drawn(&FrameViews::new(&[inset], None)).into_iter().map(|(row, _)| row).collect();
+    assert_eq!(marked, alone);
+    let all = drawn(&FrameViews::new(&[view], None));
+    assert!(
+        all.iter().all(|(_, is_in_inset)| !is_in_inset) && alone.len() > 50 && 2 * alone.len() < all.len()
+    );
 }

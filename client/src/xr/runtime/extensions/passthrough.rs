@@ -8,39 +8,29 @@ use std::ops::Deref;
 use openxr as xr;
 use openxr::sys::Handle as _;
 
-/// The room, filmed only while it is visible.
+/// The room, filmed as long as this exists.
 pub(in crate::xr) struct Passthrough {
     // Before the cameras that it belongs to.
     layer: xr::PassthroughLayerFB,
     _cameras: xr::Passthrough,
-    running: bool,
 }
 
 impl Passthrough {
-    /// Creates the layer, hidden; `None` for a headset without cameras.
+    /// Starts the cameras; `None` for a headset without any.
     pub(in crate::xr) fn open(session: &xr::Session<xr::Vulkan>) -> Option<Passthrough> {
         let open = || {
-            // The crate's function to start it later pauses it instead.
-            let cameras = session.create_passthrough(xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION)?;
-            let flags = xr::PassthroughFlagsFB::EMPTY;
+            let running = xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION;
+            let cameras = session.create_passthrough(running)?;
             let purpose = xr::PassthroughLayerPurposeFB::RECONSTRUCTION;
-            let layer = session.create_passthrough_layer(&cameras, flags, purpose)?;
-            Ok(Passthrough { layer, _cameras: cameras, running: false })
+            let layer = session.create_passthrough_layer(&cameras, running, purpose)?;
+            Ok(Passthrough { layer, _cameras: cameras })
         };
         open().inspect_err(|code: &xr::sys::Result| log::info!("no passthrough: {code:?}")).ok()
     }
 
-    /// The bottom layer of this frame; `None` unless it is `visible`.
-    pub(in crate::xr) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
-        if visible != self.running {
-            let result = if visible { self.layer.resume() } else { self.layer.pause() };
-            if let Err(code) = result {
-                log::warn!("passthrough: {code:?}");
-            }
-            // After a failure, too: it is not tried again in every frame.
-            self.running = visible;
-        }
-        visible.then(|| PassthroughLayer {
+    /// The bottom layer of this frame.
+    pub(in crate::xr) fn layer(&self) -> PassthroughLayer<'_> {
+        PassthroughLayer {
             raw: xr::sys::CompositionLayerPassthroughFB {
                 ty: xr::sys::CompositionLayerPassthroughFB::TYPE,
                 next: std::ptr::null(),
@@ -50,7 +40,7 @@ impl Passthrough {
                 layer_handle: self.layer.as_raw(),
             },
             of: PhantomData,
-        })
+        }
     }
 }
 

@@ -37,14 +37,24 @@ pub(in crate::fit) fn loss<T: Real>(
 ) -> Loss<T> {
     assert_eq!(image.len(), photograph.pixels.len(), "an image of the photograph's size");
     let width = photograph.width as usize;
-    let [image, target] = comparable(image, photograph);
-    let Loss { mut value, mut gradient } = photometric(&image, &target, width);
+    let levels: [T; 256] = std::array::from_fn(|byte| T::from_f64(byte as f64 / 255.0));
+    let pair = |i: usize| {
+        let target = photograph.pixels[i].map(|byte| levels[usize::from(byte)]);
+        [if photograph.is_valid(i) { image[i] } else { target }, target]
+    };
+    let is_lit =
+        |i: usize| photograph.pixels[i] != [0; 4] || photograph.is_valid(i) && image[i] != [T::zero(); 4];
+    let Loss { mut value, mut gradient } = photometric(pair, is_lit, image.len(), width);
     if let Some(lpips) = lpips {
+        let [image, target] = comparable(image, photograph);
         let term = perceptual(lpips, &image, &target, width);
         value += term.value;
         for (sum, by) in gradient.as_flattened_mut().iter_mut().zip(term.gradient.as_flattened()) {
             *sum += *by;
         }
+    }
+    if photograph.valid.is_empty() {
+        return Loss { value, gradient };
     }
     for (_, pixel) in gradient.iter_mut().enumerate().filter(|(i, _)| !photograph.is_valid(*i)) {
         *pixel = [T::zero(); 4];
@@ -75,16 +85,28 @@ fn comparable<T: Real>(image: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]
     [(0..image.len()).map(pixel).collect(), target]
 }
 
-/// The terms L1 and SSIM, computed where either image is lit: elsewhere both are black, which is equal, and no
-/// Gaussian was drawn that a gradient could move.
-fn photometric<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Loss<T> {
-    let mut gradient = vec![[T::zero(); 4]; image.len()];
-    let Some(area) = Area::lit(image, target, width) else { return Loss { value: 0.0, gradient } };
+/// The terms L1 and SSIM of `count` pixels in rows of `width`, given as pairs of those of the image and of the target.
+/// They are computed where either `is_lit`: elsewhere both are black, which is equal, and no Gaussian was drawn that a
+/// gradient could move.
+fn photometric<T: Real>(
+    pair: impl Fn(usize) -> [[T; 4]; 2],
+    is_lit: impl Fn(usize) -> bool,
+    count: usize,
+    width: usize,
+) -> Loss<T> {
+    let mut gradient = vec![[T::zero(); 4]; count];
+    let Some(area) = Area::lit(is_lit, count, width) else { return Loss { value: 0.0, gradient } };
     // Windows at the border of the lit pixels reach this far beyond it.
-    let area = area.grown(ssim::HALF, [width, image.len() / width]);
-    let (lit_image, lit_target) = (area.crop(image, width), area.crop(target, width));
-    let part = lit_image.len() as f64 / image.len() as f64;
-    let lit = photometric_whole(&lit_image, &lit_target, area.x.len(), part);
+    let area = area.grown(ssim::HALF, [width, count / width]);
+    let size = area.x.len() * area.y.len();
+    let [mut image, mut target] = [Vec::with_capacity(size), Vec::with_capacity(size)];
+    for y in area.y.clone() {
+        for [a, b] in area.x.clone().map(|x| pair(y * width + x)) {
+            image.push(a);
+            target.push(b);
+        }
+    }
+    let lit = photometric_whole(&image, &target, area.x.len(), size as f64 / count as f64);
     for (row, y) in lit.gradient.chunks(area.x.len()).zip(area.y) {
         gradient[y * width..][area.x.clone()].copy_from_slice(row);
     }
@@ -120,20 +142,20 @@ struct Area {
 }
 
 impl Area {
-    /// The smallest one that holds all pixels in which either image has anything but zeros, alpha included;
-    /// `None` if no pixel has.
-    fn lit<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize) -> Option<Area> {
-        let is_lit = |i: &usize| [image[*i], target[*i]].as_flattened().iter().any(|c| *c != T::zero());
-        let first = (0..image.len()).find(is_lit)?;
-        let last = (0..image.len()).rfind(is_lit)?;
+    /// The smallest one that holds all of `count` pixels, in rows of `width`, that are lit; `None` if none is.
+    fn lit(is_lit: impl Fn(usize) -> bool, count: usize, width: usize) -> Option<Area> {
+        let is_lit = |i: &usize| is_lit(*i);
+        let first = (0..count).find(is_lit)?;
+        let last = (0..count).rfind(is_lit)?;
         let rows = first / width..last / width + 1;
         let mut columns = width..0;
         for y in rows.clone() {
-            let row = y * width..(y + 1) * width;
-            if let Some(left) = row.clone().find(is_lit) {
-                let right = row.rev().find(is_lit).expect("a lit pixel");
-                columns = columns.start.min(left % width)..columns.end.max(right % width + 1);
-            }
+            // Pixels between the columns found so far change nothing.
+            let start = y * width;
+            let left = (start..start + columns.start).find(is_lit);
+            let right = (start + columns.end..start + width).rfind(is_lit);
+            let left = left.map_or(columns.start, |i| i - start);
+            columns = left..right.map_or(columns.end, |i| i + 1 - start);
         }
         Some(Area { x: columns, y: rows })
     }
@@ -144,10 +166,6 @@ impl Area {
             range.start.saturating_sub(margin)..(range.end + margin).min(side)
         };
         Area { x: grown(&self.x, width), y: grown(&self.y, height) }
-    }
-
-    fn crop<T: Real>(&self, pixels: &[[T; 4]], width: usize) -> Vec<[T; 4]> {
-        self.y.clone().flat_map(|y| &pixels[y * width..][self.x.clone()]).copied().collect()
     }
 }
 
@@ -243,11 +261,15 @@ mod tests {
                 .map(|i| if is_lit(at(i)) { pixel(at(i).0, at(i).1, phase) } else { [0.0; 4] })
                 .collect()
         };
+        let cropped = |image: &[[f64; 4]], target: &[[f64; 4]]| {
+            let is_lit = |i: usize| image[i] != [0.0; 4] || target[i] != [0.0; 4];
+            photometric(|i| [image[i], target[i]], is_lit, image.len(), width)
+        };
         let areas = [Area { x: 14..20, y: 9..22 }, Area { x: 0..7, y: 25..30 }];
         for [drawn, taken] in [[&areas[0], &areas[0]], [&areas[0], &areas[1]], [&areas[1], &areas[1]]] {
             let (image, target) = (image_of(drawn, 0.0), image_of(taken, 0.4));
             let whole = photometric_whole(&image, &target, width, 1.0);
-            let cropped = photometric(&image, &target, width);
+            let cropped = cropped(&image, &target);
             assert!((whole.value - cropped.value).abs() < 1e-12, "{} {}", whole.value, cropped.value);
             for (i, (a, b)) in whole.gradient.iter().zip(&cropped.gradient).enumerate() {
                 let is_lit = image[i] != [0.0; 4];
@@ -258,7 +280,7 @@ mod tests {
             }
         }
         let black = vec![[0.0; 4]; width * height];
-        assert_eq!(photometric(&black, &black, width).value, 0.0);
+        assert_eq!(cropped(&black, &black).value, 0.0);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! the moments along rows; blur them across rows, compare, and blur the derivatives along rows; blur the
 //! derivatives across rows.
 
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use crate::fit::precision::Real;
@@ -33,82 +34,152 @@ pub(crate) fn ssim_and_gradient<T: Real>(a: &[[T; 4]], b: &[[T; 4]], width: usiz
         return (1.0, Vec::new());
     }
     let window = window::<T>();
-    let moments = blurred_moments(a, b, width, &window);
-    let (sum, derivatives) = compare_rows(&moments, a.len() / width, width, &window);
+    let arch = Arch::new();
+    let moments_length = 3 * MOMENTS * width;
+    let mut moments = vec![T::zero(); a.len() / width * moments_length];
+    moments.par_chunks_mut(moments_length).enumerate().for_each(|(y, row)| {
+        let (a, b) = (&a[y * width..][..width], &b[y * width..][..width]);
+        arch.dispatch(MomentRow { a, b, window: &window, row });
+    });
+
+    let derivatives_length = 3 * DERIVATIVES * width;
+    let mut derivatives = vec![T::zero(); a.len() / width * derivatives_length];
+    let rows = derivatives.par_chunks_mut(derivatives_length).enumerate();
+    let moments = &moments[..];
+    let compare = |(y, row)| arch.dispatch(CompareRow { moments, y, width, window: &window, row });
+    let sums: Vec<f64> = rows.map(compare).collect();
 
     let count = (3 * a.len()) as f64;
     let scale = T::from_f64(1.0 / count);
     let mut gradient = vec![[T::zero(); 3]; a.len()];
     gradient.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        let at = blur_across(&derivatives, y, 3 * DERIVATIVES * width, &window);
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let (a, b) = (a[y * width + x], b[y * width + x]);
-            for (c, value) in pixel.iter_mut().enumerate() {
-                let by = |i: usize| at[(3 * i + c) * width + x];
-                *value = scale * (by(0) + T::from_f64(2.0) * a[c] * by(1) + b[c] * by(2));
-            }
-        }
-    });
-    (sum / count, gradient)
-}
-
-/// The moments, blurred along rows: `[y][moment][channel][x]`.
-fn blurred_moments<T: Real>(a: &[[T; 4]], b: &[[T; 4]], width: usize, window: &[T; WINDOW]) -> Vec<T> {
-    let row_length = 3 * MOMENTS * width;
-    let mut moments = vec![T::zero(); a.len() / width * row_length];
-    moments.par_chunks_mut(row_length).enumerate().for_each(|(y, row)| {
         let (a, b) = (&a[y * width..][..width], &b[y * width..][..width]);
-        blur_channels(row, width, window, |c, x| {
-            let (a, b) = (a[x][c], b[x][c]);
-            [a, b, a * a, b * b, a * b]
-        });
+        arch.dispatch(GradientRow { derivatives: &derivatives, y, a, b, scale, window: &window, row });
     });
-    moments
+    (sums.iter().sum::<f64>() / count, gradient)
 }
 
-/// Sum of the similarities over pixels and channels, and the derivatives, blurred along rows:
-/// `[y][derivative][channel][x]`.
-fn compare_rows<T: Real>(moments: &[T], height: usize, width: usize, window: &[T; WINDOW]) -> (f64, Vec<T>) {
-    let row_length = 3 * DERIVATIVES * width;
-    let mut derivatives = vec![T::zero(); height * row_length];
-    let rows = derivatives.par_chunks_mut(row_length).enumerate();
-    let sums: Vec<f64> = rows
-        .map(|(y, row)| {
-            let at = blur_across(moments, y, 3 * MOMENTS * width, window);
-            let mut sum = 0.0;
-            blur_channels(row, width, window, |c, x| {
-                let (similarity, by) = compare(std::array::from_fn(|i| at[(3 * i + c) * width + x]));
-                sum += similarity.to_double();
-                by
-            });
-            sum
-        })
-        .collect();
-    (sums.iter().sum(), derivatives)
+/// The moments of a row, blurred along it: `[moment][channel][x]`.
+struct MomentRow<'a, T> {
+    a: &'a [[T; 4]],
+    b: &'a [[T; 4]],
+    window: &'a [T; WINDOW],
+    row: &'a mut [T],
 }
 
-/// Blurs `N` quantities per channel along a row, given by `quantities(channel, x)`:
-/// `[quantity][channel][x]`.
-fn blur_channels<T: Real, const N: usize>(
-    row: &mut [T],
-    width: usize,
-    window: &[T; WINDOW],
-    mut quantities: impl FnMut(usize, usize) -> [T; N],
-) {
-    let mut padded = vec![vec![T::zero(); width + 2 * HALF]; N];
-    for c in 0..3 {
-        for x in 0..width {
-            for (padded, value) in padded.iter_mut().zip(quantities(c, x)) {
-                padded[HALF + x] = value;
+impl<T: Real> NullaryFnOnce for MomentRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let MomentRow { a, b, window, row } = self;
+        let width = a.len();
+        let [mut channels_a, mut channels_b] = [vec![T::zero(); 3 * width], vec![T::zero(); 3 * width]];
+        split_channels(a, &mut channels_a);
+        split_channels(b, &mut channels_b);
+        let mut padded = vec![T::zero(); width + 2 * HALF];
+        for c in 0..3 {
+            let (a, b) = (&channels_a[c * width..][..width], &channels_b[c * width..][..width]);
+            for (moment, [left, right]) in [[a, b], [b, a], [a, a], [b, b], [a, b]].into_iter().enumerate() {
+                let inner = &mut padded[HALF..][..width];
+                for x in 0..width {
+                    inner[x] = if moment < 2 { left[x] } else { left[x] * right[x] };
+                }
+                blur_along(&padded, window, &mut row[(3 * moment + c) * width..][..width]);
             }
         }
-        for (i, padded) in padded.iter().enumerate() {
-            blur_along(padded, window, &mut row[(3 * i + c) * width..][..width]);
+    }
+}
+
+/// Copies the colours of pixels to `[channel][x]`.
+#[inline(always)]
+fn split_channels<T: Real>(pixels: &[[T; 4]], channels: &mut [T]) {
+    let (red, rest) = channels.split_at_mut(pixels.len());
+    let (green, blue) = rest.split_at_mut(pixels.len());
+    for (x, pixel) in pixels.iter().enumerate() {
+        red[x] = pixel[0];
+        green[x] = pixel[1];
+        blue[x] = pixel[2];
+    }
+}
+
+/// The derivatives of a row, blurred along it: `[derivative][channel][x]`.
+struct CompareRow<'a, T> {
+    /// Those of all rows.
+    moments: &'a [T],
+    y: usize,
+    width: usize,
+    window: &'a [T; WINDOW],
+    row: &'a mut [T],
+}
+
+impl<T: Real> NullaryFnOnce for CompareRow<'_, T> {
+    /// Sum of the similarities over pixels and channels.
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let CompareRow { moments, y, width, window, row } = self;
+        let at = blur_across(moments, y, 3 * MOMENTS * width, window);
+        let mut similarities = vec![T::zero(); width];
+        let mut padded = vec![T::zero(); DERIVATIVES * (width + 2 * HALF)];
+        let mut sum = 0.0;
+        for c in 0..3 {
+            let [mean_a, mean_b, square_a, square_b, product] =
+                [0, 1, 2, 3, 4].map(|moment| &at[(3 * moment + c) * width..][..width]);
+            let (by_mean, rest) = padded.split_at_mut(width + 2 * HALF);
+            let (by_square, by_product) = rest.split_at_mut(width + 2 * HALF);
+            let [inner_mean, inner_square, inner_product] =
+                [&mut *by_mean, &mut *by_square, &mut *by_product].map(|padded| &mut padded[HALF..][..width]);
+            for x in 0..width {
+                let (similarity, by) = compare([mean_a[x], mean_b[x], square_a[x], square_b[x], product[x]]);
+                similarities[x] = similarity;
+                [inner_mean[x], inner_square[x], inner_product[x]] = by;
+            }
+            for similarity in &similarities {
+                sum += similarity.to_double();
+            }
+            blur_along(by_mean, window, &mut row[c * width..][..width]);
+            blur_along(by_square, window, &mut row[(3 + c) * width..][..width]);
+            blur_along(by_product, window, &mut row[(6 + c) * width..][..width]);
+        }
+        sum
+    }
+}
+
+/// The gradient of a row.
+struct GradientRow<'a, T> {
+    /// Those of all rows.
+    derivatives: &'a [T],
+    y: usize,
+    a: &'a [[T; 4]],
+    b: &'a [[T; 4]],
+    scale: T,
+    window: &'a [T; WINDOW],
+    row: &'a mut [[T; 3]],
+}
+
+impl<T: Real> NullaryFnOnce for GradientRow<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let GradientRow { derivatives, y, a, b, scale, window, row } = self;
+        let width = row.len();
+        let at = blur_across(derivatives, y, 3 * DERIVATIVES * width, window);
+        let two = T::from_f64(2.0);
+        let [of_mean, of_square, of_product] = [0, 1, 2].map(|i| &at[3 * i * width..][..3 * width]);
+        for x in 0..width {
+            for c in 0..3 {
+                let i = c * width + x;
+                row[x][c] = scale * (of_mean[i] + two * a[x][c] * of_square[i] + b[x][c] * of_product[i]);
+            }
         }
     }
 }
 
 /// Similarity of two windows by their moments, and its [`DERIVATIVES`].
+#[inline(always)]
 fn compare<T: Real>([mean_a, mean_b, square_a, square_b, product]: [T; MOMENTS]) -> (T, [T; DERIVATIVES]) {
     let (c1, c2, two) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(2.0));
     let (aa, bb, ab) = (mean_a * mean_a, mean_b * mean_b, mean_a * mean_b);
@@ -129,28 +200,45 @@ fn window<T: Real>() -> [T; WINDOW] {
 }
 
 /// Convolves a row that has `HALF` zeros at either end.
+#[inline(always)]
 fn blur_along<T: Real>(padded: &[T], window: &[T; WINDOW], blurred: &mut [T]) {
-    blurred.fill(T::zero());
-    for (offset, weight) in window.iter().enumerate() {
-        add(blurred, &padded[offset..], *weight);
+    for (blurred, values) in blurred.iter_mut().zip(padded.array_windows::<WINDOW>()) {
+        let mut sum = T::zero();
+        for i in 0..WINDOW {
+            sum += window[i] * values[i];
+        }
+        *blurred = sum;
     }
 }
+
+/// Numbers that are summed in registers.
+const LANES: usize = 32;
 
 /// Row `y`, convolved across rows of `length` numbers.
+#[inline(always)]
 fn blur_across<T: Real>(rows: &[T], y: usize, length: usize, window: &[T; WINDOW]) -> Vec<T> {
+    let first = y.saturating_sub(HALF);
+    let rows = &rows[first * length..rows.len().min((y + HALF + 1) * length)];
+    let window = &window[HALF.saturating_sub(y)..];
     let mut blurred = vec![T::zero(); length];
-    for (row, weight) in
-        rows.chunks(length).skip(y.saturating_sub(HALF)).zip(&window[HALF.saturating_sub(y)..])
-    {
-        add(&mut blurred, row, *weight);
+    let (chunks, rest) = blurred.as_chunks_mut::<LANES>();
+    for (chunk, sums) in chunks.iter_mut().enumerate() {
+        let mut kept = [T::zero(); LANES];
+        for (row, weight) in rows.chunks_exact(length).zip(window) {
+            let values: &[T; LANES] = row[chunk * LANES..][..LANES].try_into().expect("as many");
+            for x in 0..LANES {
+                kept[x] += *weight * values[x];
+            }
+        }
+        *sums = kept;
+    }
+    let start = length - rest.len();
+    for (row, weight) in rows.chunks_exact(length).zip(window) {
+        for (sum, value) in rest.iter_mut().zip(&row[start..]) {
+            *sum += *weight * *value;
+        }
     }
     blurred
-}
-
-fn add<T: Real>(sum: &mut [T], values: &[T], weight: T) {
-    for (sum, value) in sum.iter_mut().zip(values) {
-        *sum += weight * *value;
-    }
 }
 
 #[cfg(test)]

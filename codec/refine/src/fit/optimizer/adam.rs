@@ -37,8 +37,16 @@ pub(in crate::fit) fn adam<T: Real>(
         rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
         "a gradient for each row"
     );
-    let is_usable = |i: usize| gradient.all_in_row(i, |g| (g * g).is_finite());
-    let usable: Vec<bool> = (0..rows.len()).into_par_iter().with_min_len(CHUNK).map(is_usable).collect();
+    let mut usable = vec![true; rows.len()];
+    for column in gradient.columns().into_iter().filter(|column| !column.is_empty()) {
+        let per_row = column.len() / rows.len();
+        usable.par_chunks_mut(CHUNK).zip(column.par_chunks(CHUNK * per_row)).for_each(|(usable, column)| {
+            for (usable, row) in usable.iter_mut().zip(column.chunks_exact(per_row)) {
+                // 0 times x is 0 for a finite x, else NaN: a sum without branches.
+                *usable &= row.iter().fold(T::zero(), |sum, g| sum + *g * *g * T::zero()) == T::zero();
+            }
+        });
+    }
     let correction = |(row, usable): (&u32, &bool)| {
         let visits = &mut moments.visits[*row as usize];
         *visits = visits.saturating_add(u32::from(*usable));
@@ -52,7 +60,19 @@ pub(in crate::fit) fn adam<T: Real>(
     let moments = moments.first.columns_mut().into_iter().zip(moments.second.columns_mut());
     for (((values, rates), (first, second)), gradient) in values.zip(moments).zip(gradient.columns()) {
         if !values.is_empty() {
-            step(Column { values, first, second }, rows, gradient, &corrections, &rates);
+            let column = Column { values, first, second };
+            // The compiler makes vectors of a row whose length it knows: those of the columns up to degree 3.
+            match rates.len() {
+                1 => step::<T, 1>(column, rows, gradient, &corrections, &rates),
+                3 => step::<T, 3>(column, rows, gradient, &corrections, &rates),
+                4 => step::<T, 4>(column, rows, gradient, &corrections, &rates),
+                6 => step::<T, 6>(column, rows, gradient, &corrections, &rates),
+                9 => step::<T, 9>(column, rows, gradient, &corrections, &rates),
+                12 => step::<T, 12>(column, rows, gradient, &corrections, &rates),
+                27 => step::<T, 27>(column, rows, gradient, &corrections, &rates),
+                48 => step::<T, 48>(column, rows, gradient, &corrections, &rates),
+                length => unreachable!("no column has {length} numbers a row"),
+            }
         }
     }
     for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
@@ -68,32 +88,35 @@ struct Column<'a, T> {
     second: &'a mut [T],
 }
 
-fn step<T: Real>(
+/// Steps a column of `N` numbers per row.
+fn step<T: Real, const N: usize>(
     Column { values, first, second }: Column<T>,
     rows: &[u32],
     gradient: &[T],
     corrections: &[Option<[T; 2]>],
     rates: &[T],
 ) {
-    let per_row = rates.len();
     let [beta1, beta2, epsilon] = [BETA1, BETA2, EPSILON].map(T::from_f64);
     let [rest1, rest2] = [T::from_f64(1.0 - BETA1), T::from_f64(1.0 - BETA2)];
-    let moments = first.par_chunks_mut(CHUNK * per_row).zip(second.par_chunks_mut(CHUNK * per_row));
-    let chunks = values.par_chunks_mut(CHUNK * per_row).zip(moments).enumerate();
+    let rates: &[T; N] = rates.try_into().expect("a rate for each number");
+    let gradient = gradient.as_chunks::<N>().0;
+    let moments = first.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK);
+    let moments = moments.zip(second.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK));
+    let chunks = values.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK).zip(moments).enumerate();
     chunks.for_each(|(chunk, (values, (first, second)))| {
         let begin = chunk * CHUNK;
         let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
         for i in before(begin)..before(begin + CHUNK) {
             let Some([bias1, bias2]) = corrections[i] else { continue };
-            let at = (rows[i] as usize - begin) * per_row;
-            let row = at..at + per_row;
-            let moments = first[row.clone()].iter_mut().zip(&mut second[row.clone()]);
-            let gradients = gradient[i * per_row..].iter().zip(rates);
-            for ((value, (first, second)), (g, rate)) in values[row].iter_mut().zip(moments).zip(gradients) {
-                *first = beta1 * *first + rest1 * *g;
-                *second = beta2 * *second + rest2 * *g * *g;
-                *value -= *rate * (*first * bias1) / ((*second * bias2).sqrt() + epsilon);
+            let (row, g) = (rows[i] as usize - begin, &gradient[i]);
+            // Copies, of which the compiler knows that they do not overlap.
+            let (mut value, mut mean, mut square) = (values[row], first[row], second[row]);
+            for k in 0..N {
+                mean[k] = beta1 * mean[k] + rest1 * g[k];
+                square[k] = beta2 * square[k] + rest2 * g[k] * g[k];
+                value[k] -= rates[k] * (mean[k] * bias1) / ((square[k] * bias2).sqrt() + epsilon);
             }
+            (values[row], first[row], second[row]) = (value, mean, square);
         }
     });
 }

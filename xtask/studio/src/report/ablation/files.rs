@@ -144,7 +144,8 @@ impl Ablation {
         match lines.is_empty() {
             true => Ok(String::new()),
             false => {
-                svg("steps", &[LineChart { title: "PSNR of a few held photographs (dB)".into(), lines }])
+                let title = "PSNR of a few held photographs (dB)".into();
+                svg("steps", &[LineChart { title, lines, rings: Vec::new() }])
             }
         }
     }
@@ -161,6 +162,7 @@ impl Ablation {
             LineChart {
                 title,
                 lines: self.methods.iter().filter(|method| method.fit.is_some()).map(line).collect(),
+                rings: Vec::new(),
             }
         };
         let psnr = chart(format!("{} PSNR after decoding (dB)", split.name()), &|package| {

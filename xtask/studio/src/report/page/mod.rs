@@ -14,8 +14,8 @@ use refine::prune::RESOLUTION_DB;
 use super::file::ReportFile;
 use super::html::{escape, grouped, prose, start};
 use super::plot::{self as lines, LineChart, PlotLine};
-use crate::fit::log::LogEntry;
 use crate::messages::decimal;
+use crate::report::fitting::{self, FitLog};
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
 
@@ -124,8 +124,7 @@ impl Findings {
         if self.fits.is_empty() {
             text += "<p>There is no table of a fit beside the field, and <code>--fit-log</code> names none.</p>\n";
         } else {
-            text += &self.fits_over_time()?;
-            text += &tables::fits(&self.fits);
+            text += &self.fits()?;
         }
         text += "</body></html>\n";
         Ok(text)
@@ -199,30 +198,36 @@ impl Findings {
         Ok(())
     }
 
-    /// Plots of the held-out PSNR over steps and over time.
-    fn fits_over_time(&self) -> anyhow::Result<String> {
-        let chart = |x: &str, of: fn(&LogEntry) -> f64| LineChart {
-            title: format!("PSNR of held photographs (dB) over {x}"),
-            lines: self
-                .fits
-                .iter()
-                .map(|fit| PlotLine {
-                    name: fit.name.clone(),
-                    points: fit
-                        .entries
-                        .iter()
-                        .filter_map(|entry| Some((of(entry), entry.held_psnr_db?)))
-                        .collect(),
-                })
-                .collect(),
-        };
-        let steps = chart("steps", |entry| entry.step as f64);
-        let seconds = chart("seconds", |entry| entry.seconds);
-        if !self.fits.iter().any(|fit| fit.entries.iter().filter_map(|entry| entry.held_psnr_db).count() >= 2)
-        {
-            return Ok(no_chart("the PSNR of held photographs"));
+    /// Plots of the held-out PSNR over steps, over time and over work, and a table of the fits.
+    fn fits(&self) -> anyhow::Result<String> {
+        let parameter = fitting::parameter(&self.fits);
+        let by_fit = parameter.as_ref().map(|parameter| fitting::points_by_fit(&self.fits, parameter));
+        let by_fit = by_fit.unwrap_or_else(|| vec![&[]; self.fits.len()]);
+        if !by_fit.iter().any(|points| points.len() >= 2) {
+            return Ok(no_chart("the PSNR of held photographs") + &tables::fits(&self.fits, &by_fit));
         }
-        Ok(lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?)
+        let chart = |over: &str, x: fn(&ParameterValue) -> f64, is_ringed: fn(&ParameterValue) -> bool| {
+            let place = |point: &ParameterValue| (x(point), point.psnr_db());
+            let line = |(fit, points): (&FitLog, &&[ParameterValue])| PlotLine {
+                name: fit.name.clone(),
+                points: points.iter().map(place).collect(),
+            };
+            LineChart {
+                title: format!("PSNR of held photographs (dB) over {over}"),
+                lines: self.fits.iter().zip(&by_fit).map(line).collect(),
+                rings: by_fit.concat().iter().filter(|point| is_ringed(point)).map(place).collect(),
+            }
+        };
+        let steps = chart("steps", |point| point.counts["steps"], |_| false);
+        let seconds =
+            chart("seconds", |point| 1e-3 * point.run_time_ms.map_or(0.0, |ms| ms.median), |_| false);
+        let work = chart("work", |point| point.cost.median, |point| point.on_front);
+        let mut text = lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?;
+        text += &lines::svg(fitting::WORK, &[work])?;
+        text += "<p>The work of a fit is the number of Gaussians drawn in all its steps, which depends on no machine. \
+             Rings mark the Pareto front of all fits: no point has as much quality for less work.</p>\n";
+        text += &tables::fits(&self.fits, &by_fit);
+        Ok(text)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The tables of a page.
 
 use crate::messages::decimal;
-use crate::report::fitting::FitLog;
+use crate::report::fitting::{FitLog, WORK};
 use crate::report::html::{decimals, escape, grouped, row, table};
 use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
@@ -133,14 +133,35 @@ fn saved(feature: &ClipFeature, key: &str) -> Option<f64> {
     Some(count(&feature.with)? - count(&feature.without)?)
 }
 
-/// Table of the last line of each fit.
-pub(super) fn fits(logs: &[FitLog]) -> String {
-    let head =
-        ["field", "steps", "seconds", "ms a step", "Gaussians", "held photographs, dB", "best, dB", "by"];
+/// Table of the last line of each fit, with the first and the last step at which its points are on the front.
+/// `points` are those of each fit.
+pub(super) fn fits(logs: &[FitLog], points: &[&[ParameterValue]]) -> String {
+    let head = [
+        "field",
+        "steps",
+        "seconds",
+        "ms a step",
+        "Gaussians",
+        WORK,
+        "held photographs, dB",
+        "best, dB",
+        "steps on the front",
+        "by",
+    ];
     let mut text = row("th", &head.map(String::from), "");
-    for FitLog { name, entries } in logs {
+    for (FitLog { name, entries }, points) in logs.iter().zip(points) {
         let Some(last) = entries.last() else { continue };
         let held = entries.iter().filter_map(|entry| entry.held_psnr_db);
+        let front: Vec<String> = points
+            .iter()
+            .filter(|point| point.on_front)
+            .map(|point| grouped(point.counts["steps"]))
+            .collect();
+        let front = match &front[..] {
+            [] => "none".into(),
+            [only] => format!("{only} (1 of {})", points.len()),
+            [first, .., last] => format!("{first} to {last} ({} of {})", front.len(), points.len()),
+        };
         text += &row(
             "td",
             &[
@@ -149,8 +170,10 @@ pub(super) fn fits(logs: &[FitLog]) -> String {
                 format!("{:.0}", last.seconds),
                 format!("{:.1}", 1e3 * last.seconds / last.step.max(1) as f64),
                 grouped(last.gaussians as f64),
+                decimals(points.last().map(|point| point.cost.median), 2),
                 decimals(last.held_psnr_db, 2),
                 decimals(held.reduce(f64::max), 2),
+                front,
                 escape(&last.backend),
             ],
             "",

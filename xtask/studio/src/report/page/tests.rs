@@ -113,8 +113,10 @@ fn the_page_is_self_contained_and_names_beaten_defaults() {
     {
         assert!(page.contains(expected), "no {expected} in {page}");
     }
-    // A plot for the parameter, one of fits over steps, one over time.
-    assert_eq!(page.matches("<svg").count(), 3);
+    // A plot for the parameter, one of fits over steps, one over time, one over work.
+    assert_eq!(page.matches("<svg").count(), 4);
+    assert_eq!(page.matches("r=\"7\"").count(), 2, "both lines of the fit are on its front");
+    assert!(page.contains("10 to 20 (2 of 2)"), "{page}");
     // Names of pictures cannot end the script, and the page loads nothing.
     assert_eq!(page.matches("</script>").count(), 1);
     for foreign in ["src=\"http", "href=", "@import", "url("] {

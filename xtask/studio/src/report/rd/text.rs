@@ -103,6 +103,7 @@ fn plot(curve: &Curve) -> anyhow::Result<String> {
     let panel = |title: &str, y: fn(&RatePoint) -> f64| LineChart {
         title: title.into(),
         lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
+        rings: Vec::new(),
     };
     let title = format!("{}: PSNR after decoding (dB)", curve.name);
     svg("Mbps", &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)])

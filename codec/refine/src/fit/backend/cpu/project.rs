@@ -18,6 +18,9 @@ pub(in crate::fit) const NEAR: f64 = 0.01;
 /// [`ALPHA_MIN`].
 const FADED: f64 = 11.1;
 
+/// Rows per parallel task.
+const CHUNK: usize = 256;
+
 /// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
 /// Mahalanobis distance is `q = inverse_variance[0] (d.x - shear d.y)^2 + inverse_variance[1] d.y^2`.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +48,7 @@ pub(super) struct Splat<T> {
 }
 
 /// A projected Gaussian with the intermediate results that its gradient needs.
+#[derive(Clone, Debug)]
 pub(super) struct Projected<T> {
     pub(super) splat: Splat<T>,
     pub(super) window: Window<T>,
@@ -63,7 +67,7 @@ pub(super) struct Projected<T> {
 }
 
 /// The temporal window of a Gaussian at the frame.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Window<T> {
     /// Opacity at the frame, not compensated.
     pub(super) opacity: T,
@@ -78,6 +82,7 @@ pub(super) struct Window<T> {
 }
 
 /// The affine approximation of a Gaussian in the image.
+#[derive(Clone, Debug)]
 pub(super) struct Footprint<T> {
     /// x/z and y/z at which the Jacobian is evaluated, and whether those are the centre's.
     pub(super) slope: [T; 2],
@@ -123,10 +128,17 @@ impl<T: Real> Projection<T> {
         }
     }
 
-    /// The splats that reach a pixel, in the order of their rows.
-    pub(super) fn splats(&self, parameters: &Parameters<T>) -> Vec<Splat<T>> {
-        let splat = |row| Some(self.project(parameters, row, self.window(parameters, row)?)?.splat);
-        (0..parameters.len()).into_par_iter().with_min_len(256).filter_map(splat).collect()
+    /// The Gaussians that reach a pixel, in the order of their rows.
+    pub(super) fn all(&self, parameters: &Parameters<T>) -> Vec<Projected<T>> {
+        let chunks = (0..parameters.len().div_ceil(CHUNK)).into_par_iter();
+        let project = |chunk: usize| {
+            let rows = chunk * CHUNK..parameters.len().min((chunk + 1) * CHUNK);
+            let mut projected = Vec::with_capacity(rows.len());
+            projected
+                .extend(rows.filter_map(|row| self.project(parameters, row, self.window(parameters, row)?)));
+            projected
+        };
+        chunks.map(project).collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
     /// The window of a Gaussian; `None` if it is invisible at the frame.

@@ -1,6 +1,5 @@
-//! Stage `project_backward`: backpropagates the gradient from splats to parameters.
-//!
-//! Each Gaussian is projected again, for its intermediate results.
+//! Stage `project_backward`: backpropagates the gradient from splats to parameters, through the intermediate results
+//! of the projection.
 
 use codec::sh_coefficients;
 use rayon::prelude::*;
@@ -18,38 +17,39 @@ use crate::fit::views::FrameView;
 /// Gaussians per parallel task.
 const CHUNK: usize = 256;
 
-/// The gradient with respect to the parameters of the rendered Gaussians.
+/// The gradient with respect to the parameters of the rendered Gaussians. `places` are their indices in `d_splats`.
 pub(super) fn project_backward<T: Real>(
-    splats: &[Splat<T>],
+    projected: &[Projected<T>],
+    places: &[u32],
     d_splats: &[SplatGradient<T>],
     parameters: &Parameters<T>,
     view: &FrameView,
     detach_tau: bool,
 ) -> Gradient<T> {
     let projection = Projection::new(view, parameters.filter);
-    let mut by_row: Vec<(u32, u32)> = (0..).zip(splats).map(|(index, splat)| (splat.row, index)).collect();
-    by_row.par_sort_unstable();
-    let mut values = parameters.zeros(by_row.len());
-    let mut screen = vec![T::zero(); by_row.len()];
-    let write_chunk = |(mut rows, chunk): (Rows<T>, &[(u32, u32)])| {
+    let mut values = parameters.zeros(projected.len());
+    let mut screen = vec![T::zero(); projected.len()];
+    let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter();
+    let chunks = chunks.zip(projected.par_chunks(CHUNK)).zip(places.par_chunks(CHUNK));
+    let write_chunks = chunks.map(|((mut rows, chunk), places)| {
         let mut non_finite = 0;
-        for (place, (row, index)) in chunk.iter().enumerate() {
-            let d_splat = &d_splats[*index as usize];
-            let gradient = gaussian(&projection, parameters, *row as usize, d_splat, detach_tau);
+        for (row, (projected, place)) in chunk.iter().zip(places).enumerate() {
+            let d_splat = &d_splats[*place as usize];
+            let gradient = gaussian(&projection, parameters, projected, d_splat, detach_tau);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::from_f64(0.5));
             let norm = (x * x + y * y).sqrt();
             if gradient.is_finite() && norm.is_finite() {
-                rows.write(place, &gradient);
-                rows.screen[place] = norm;
+                rows.write(row, &gradient);
+                rows.screen[row] = norm;
             } else {
                 non_finite += 1;
             }
         }
         non_finite
-    };
-    let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter().zip(by_row.par_chunks(CHUNK));
-    let non_finite = chunks.map(write_chunk).sum();
-    Gradient { rows: by_row.into_iter().map(|(row, _)| row).collect(), values, screen, non_finite }
+    });
+    let non_finite = write_chunks.sum();
+    let rows = projected.iter().map(|projected| projected.splat.row).collect();
+    Gradient { rows, values, screen, non_finite }
 }
 
 /// Mutable access to some rows of a gradient.
@@ -128,21 +128,18 @@ impl<T: Real> GaussianGradient<T> {
 fn gaussian<T: Real>(
     projection: &Projection<T>,
     parameters: &Parameters<T>,
-    row: usize,
+    projected: &Projected<T>,
     d_splat: &SplatGradient<T>,
     detach_tau: bool,
 ) -> GaussianGradient<T> {
     let mut out = GaussianGradient::default();
-    let window = projection.window(parameters, row);
-    let Some(projected) = window.and_then(|window| projection.project(parameters, row, window)) else {
-        return out;
-    };
-    let (d_view, d_axes) = view_and_axes(projection, &projected, d_splat);
+    let row = projected.splat.row as usize;
+    let (d_view, d_axes) = view_and_axes(projection, projected, d_splat);
     let mut d_world = transposed_times(&projection.view_from_world, d_view);
     let count = sh_coefficients(parameters.sh_degree);
     let coefficients = &parameters.sh[row * count..(row + 1) * count];
-    d_world = add(d_world, color(&projected, coefficients, d_splat.color, &mut out.sh[..count]));
-    orientation(projection, &projected, &d_axes, &mut out);
+    d_world = add(d_world, color(projected, coefficients, d_splat.color, &mut out.sh[..count]));
+    orientation(projection, projected, &d_axes, &mut out);
     out.center = d_world;
     let d_since = motion(parameters, row, projected.window.since, &mut out);
     let by_since = if detach_tau { T::zero() } else { d_since };

@@ -5,9 +5,9 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::bin::Tiles;
-use super::project::{Projection, Splat};
+use super::project::{Projected, Projection, Splat};
 use super::project_backward::project_backward;
-use super::rasterize::rasterize;
+use super::rasterize::{DrawnSplat, rasterize};
 use super::rasterize_backward::rasterize_backward;
 use crate::fit::backend::Gradient;
 use crate::fit::parameters::Parameters;
@@ -19,23 +19,40 @@ use crate::fit::views::{FrameView, RenderedImage};
 pub struct ForwardPass<T> {
     /// The image.
     pub image: RenderedImage<T>,
+    /// In the order of their rows.
+    pub(super) projected: Vec<Projected<T>>,
     /// Front to back.
     pub(super) splats: Vec<Splat<T>>,
+    /// Index of each projected Gaussian in `splats`.
+    pub(super) places: Vec<u32>,
     pub(super) tiles: Tiles,
-    /// Per tile, the number of splats composited before all its pixels were saturated.
-    pub(super) composited: Vec<u32>,
+    /// Per tile, the splats drawn, front to back.
+    pub(super) drawn: Vec<Vec<DrawnSplat>>,
 }
 
 /// Renders Gaussians over black. The camera satisfies [`codec::Camera::check`]. No pixel is NaN, for any
 /// parameters.
 pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardPass<T> {
-    let mut splats = Projection::new(view, parameters.filter).splats(parameters);
-    // Stable: splats of equal depth keep their order.
-    splats.par_sort_by(|a, b| a.depth.partial_cmp(&b.depth).expect("depths of splats are finite"));
+    let projected = Projection::new(view, parameters.filter).all(parameters);
+    let (splats, places) = front_to_back(&projected);
     let (width, height) = (view.camera.width, view.camera.height);
     let tiles = Tiles::new(&splats, width, height);
-    let (image, composited) = rasterize(Arch::new(), &splats, &tiles, width, height);
-    ForwardPass { image, splats, tiles, composited }
+    let (image, drawn) = rasterize(Arch::new(), &splats, &tiles, width, height);
+    ForwardPass { image, projected, splats, places, tiles, drawn }
+}
+
+/// The splats in the order of their depths, and the place of each in that order. Splats of equal depth keep their
+/// order.
+fn front_to_back<T: Real>(projected: &[Projected<T>]) -> (Vec<Splat<T>>, Vec<u32>) {
+    let mut order: Vec<(T, u32)> = (0..).zip(projected).map(|(i, p)| (p.splat.depth, i)).collect();
+    order.par_sort_unstable_by(|(a, i), (b, j)| {
+        a.partial_cmp(b).expect("depths of splats are finite").then(i.cmp(j))
+    });
+    let mut places = vec![0; order.len()];
+    for (place, (_, index)) in (0..).zip(&order) {
+        places[*index as usize] = place;
+    }
+    (order.iter().map(|(_, index)| projected[*index as usize].splat).collect(), places)
 }
 
 impl<T: Real> ForwardPass<T> {
@@ -53,8 +70,8 @@ impl<T: Real> ForwardPass<T> {
         detach_tau: bool,
     ) -> Gradient<T> {
         assert_eq!(d_image.len(), self.image.pixels.len(), "a gradient for each pixel");
-        let ForwardPass { image, splats, tiles, composited } = self;
-        let d_splats = rasterize_backward(Arch::new(), splats, tiles, composited, image, d_image);
-        project_backward(splats, &d_splats, parameters, view, detach_tau)
+        let ForwardPass { image, projected, splats, places, tiles, drawn } = self;
+        let d_splats = rasterize_backward(Arch::new(), splats, tiles, drawn, image, d_image);
+        project_backward(projected, places, &d_splats, parameters, view, detach_tau)
     }
 }

@@ -293,14 +293,14 @@ fn results_do_not_depend_on_threads() {
 fn results_do_not_depend_on_the_vector_width() {
     let parameters = Parameters::<f32>::from_field(&cloud(13, 500, 0), TIMELINE);
     let camera = camera(77, 53);
-    let ForwardPass { image: picture, splats, tiles, composited } =
+    let ForwardPass { image: picture, splats, tiles, drawn, .. } =
         render(&parameters, &FrameView { camera: &camera, time: 4.0 });
     let on = |arch| {
-        let composited_image = rasterize::rasterize(arch, &splats, &tiles, picture.width, picture.height);
+        let drawn_image = rasterize::rasterize(arch, &splats, &tiles, picture.width, picture.height);
         let by_pixels = weights(picture.pixels.len());
         let back =
-            rasterize_backward::rasterize_backward(arch, &splats, &tiles, &composited, &picture, &by_pixels);
-        (composited_image, back.iter().map(|gradient| format!("{gradient:?}")).collect::<Vec<_>>())
+            rasterize_backward::rasterize_backward(arch, &splats, &tiles, &drawn, &picture, &by_pixels);
+        (drawn_image, back.iter().map(|gradient| format!("{gradient:?}")).collect::<Vec<_>>())
     };
     assert!(picture.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is visible");
     assert_eq!(on(Arch::Scalar), on(Arch::new()));

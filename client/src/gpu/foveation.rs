@@ -1,0 +1,106 @@
+//! [`Foveation`]: the images of a foveated frame, and the passes that compose them.
+//!
+//! A foveated frame has two passes for the same eyes, wide and inset, and one that composes both into the target.
+//! Two passes rather than one of four views: a pass has one viewport and one draw order, and most Gaussians are
+//! outside the inset.
+
+use glam::UVec2;
+use program::Fault;
+
+use super::device::Gpu;
+use super::division::{Division, part_size};
+use super::layers::layer_views;
+use super::stages::foveate::{self, ComposePass};
+use super::stages::splat::PassUniforms;
+
+/// Images, pipeline and uniforms for foveated frames, shared by all clips.
+pub struct Foveation {
+    /// Render targets by pass.
+    pub(super) wide: Vec<wgpu::TextureView>,
+    pub(super) inset: Vec<wgpu::TextureView>,
+    pub(super) inset_passes: Vec<PassUniforms>,
+    pub(super) composing: Vec<ComposePass>,
+    pub(super) pipeline: wgpu::RenderPipeline,
+    /// Size of the images.
+    pub(super) size: UVec2,
+    eyes_per_pass: u32,
+}
+
+impl Foveation {
+    /// For `eyes` eyes with images of up to `full` pixels in `format`, and insets of up to `side_max` of their
+    /// sides.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub fn new(
+        gpu: &Gpu,
+        format: wgpu::TextureFormat,
+        eyes: usize,
+        full: UVec2,
+        side_max: f32,
+    ) -> Result<Foveation, Fault> {
+        let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
+        let size = part_size(full, side_max);
+        gpu.allocate("the inset", || {
+            let image = || {
+                let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some("foveation"),
+                    size: wgpu::Extent3d {
+                        width: size.x,
+                        height: size.y,
+                        depth_or_array_layers: eyes as u32,
+                    },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format,
+                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                });
+                let targets = layer_views(&texture, format, eyes_per_pass);
+                (sampled_views(&texture, eyes_per_pass), targets)
+            };
+            let ((wide_images, wide), (inset_images, inset)) = (image(), image());
+            let layout = ComposePass::layout(gpu, eyes_per_pass);
+            let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
+            let images = wide_images.iter().zip(&inset_images);
+            let composing =
+                images.map(|(wide, inset)| ComposePass::new(gpu, &layout, eyes_per_pass, [wide, inset]));
+            Foveation {
+                composing: composing.collect(),
+                inset_passes: wide
+                    .iter()
+                    .map(|_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass))
+                    .collect(),
+                pipeline: foveate::pipeline(gpu, &layout, format, eyes_per_pass),
+                wide,
+                inset,
+                size,
+                eyes_per_pass,
+            }
+        })
+    }
+
+    /// Writes how the images of the eyes are composed, for the next submission.
+    pub(super) fn write(&self, gpu: &Gpu, divisions: &[Division]) {
+        for (pass, divisions) in self.composing.iter().zip(divisions.chunks(self.eyes_per_pass as usize)) {
+            for (eye, division) in divisions.iter().enumerate() {
+                pass.write(gpu, eye, &division.uniform());
+            }
+        }
+    }
+}
+
+/// Views of `texture` for sampling, with one layer per eye of a pass.
+fn sampled_views(texture: &wgpu::Texture, eyes_per_pass: u32) -> Vec<wgpu::TextureView> {
+    let view = |layer| {
+        texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
+            base_array_layer: layer,
+            array_layer_count: Some(eyes_per_pass),
+            ..Default::default()
+        })
+    };
+    (0..texture.depth_or_array_layers()).step_by(eyes_per_pass as usize).map(view).collect()
+}
