@@ -6,14 +6,12 @@ use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
+use program::Lens;
 #[cfg(not(target_os = "android"))]
-use program::generate::Generated;
+use program::{Standpoint, generate::Generated};
 
 use crate::clips::{Servers, SourceOptions};
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
-use crate::lens::Lens;
-#[cfg(not(target_os = "android"))]
-use crate::lens::Standpoint;
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {

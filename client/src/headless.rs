@@ -466,12 +466,13 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
         let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
         return Ok(eyes(args, clip, camera));
     }
-    let viewpoints = viewpoint::viewpoints(clip);
+    let viewpoints = clip.viewpoints();
     let chosen = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let viewpoint = &viewpoints[chosen];
     Ok(match args.lens {
         Some(lens) => {
-            lens.views(clip, viewpoint, args.standpoint(), args.size.unwrap_or(lens.size())).to_vec()
+            let size = args.size.map_or(lens.size(), |size| size.to_array());
+            lens.cameras(clip, viewpoint, args.standpoint(), size).iter().map(View::from_camera).collect()
         }
         None => eyes(args, clip, viewpoint::camera(clip, viewpoint, args.size.unwrap_or(DEFAULT_SIZE))),
     })

@@ -12,12 +12,10 @@ mod folders;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
 pub mod headless;
-pub mod lens;
 #[cfg(feature = "net")]
 pub mod net;
 pub mod player;
 pub mod stats;
-pub mod subject;
 #[cfg(not(target_os = "android"))]
 mod terminal;
 pub mod view;

@@ -4,14 +4,6 @@ use codec::{Camera, Clip, Viewpoint};
 use glam::UVec2;
 use program::Fault;
 
-/// The viewpoints of `clip`, or one that frames its bounds if it has none. Never empty.
-pub fn viewpoints(clip: &Clip) -> Vec<Viewpoint> {
-    match clip.info.viewpoints.as_slice() {
-        [] => vec![Viewpoint::framing(clip.bounds, clip.info.up)],
-        viewpoints => viewpoints.to_vec(),
-    }
-}
-
 /// Index of the viewpoint named `name`, or else of the one whose index `name` is.
 ///
 /// # Errors

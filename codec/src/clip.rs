@@ -162,6 +162,14 @@ impl LayerEnd {
 }
 
 impl Clip {
+    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        match self.info.viewpoints.as_slice() {
+            [] => vec![Viewpoint::framing(self.bounds, self.info.up)],
+            viewpoints => viewpoints.to_vec(),
+        }
+    }
+
     /// Both regions as one field, static Gaussians first, without the plate.
     pub fn merged(&self) -> Field {
         let (first, second) = (&self.static_field, &self.dynamic_field);

@@ -10,17 +10,25 @@ mod fault;
 #[cfg(not(target_os = "android"))]
 pub mod generate;
 pub mod images;
+#[cfg(feature = "camera")]
+mod lens;
 pub mod output;
 #[cfg(not(target_os = "android"))]
 mod run;
+#[cfg(feature = "camera")]
+mod subject;
 mod text;
 mod usage;
 
 #[cfg(feature = "camera")]
 pub use camera::read_camera;
 pub use fault::{Fault, exit_code};
+#[cfg(feature = "camera")]
+pub use lens::{Lens, Standpoint};
 #[cfg(not(target_os = "android"))]
 pub use run::run;
+#[cfg(feature = "camera")]
+pub use subject::Subject;
 pub use text::{counted, read_error};
 #[cfg(not(target_os = "android"))]
 pub use usage::parse;

@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
     let First { entry, clip, rest, queue, note } = first_clip(args, &mut reporter)?;
     reporter.end_progress();
-    let viewpoints = viewpoint::viewpoints(&clip);
+    let viewpoints = clip.viewpoints();
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());

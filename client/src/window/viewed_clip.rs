@@ -2,8 +2,6 @@
 
 use codec::{Clip, Viewpoint};
 
-use crate::viewpoint;
-
 /// The properties of a clip that its viewer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ViewedClip {
@@ -27,7 +25,7 @@ impl ViewedClip {
             fps: info.fps.into(),
             is_static: clip.dynamic_field.is_empty(),
             up: info.up,
-            viewpoints: viewpoint::viewpoints(clip),
+            viewpoints: clip.viewpoints(),
             layers: clip.layers.len().max(1),
         }
     }

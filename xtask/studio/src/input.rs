@@ -127,10 +127,10 @@ impl Input {
     /// # Errors
     /// [`Fault::Usage`] that lists the viewpoints.
     pub fn viewpoint(&self, name: Option<&str>) -> Result<Viewpoint, Fault> {
-        let mut viewpoints = self.info().viewpoints.clone();
-        if let (Input::Package(clip), true) = (self, viewpoints.is_empty()) {
-            viewpoints.push(Viewpoint::framing(clip.bounds, clip.info.up));
-        }
+        let mut viewpoints = match self {
+            Input::Package(clip) => clip.viewpoints(),
+            Input::Scene(scene) => scene.info.viewpoints.clone(),
+        };
         let name = name.unwrap_or("0");
         let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
         match named.or_else(|| name.parse().ok()).filter(|&index| index < viewpoints.len()) {

@@ -36,7 +36,7 @@ use playback::Playback;
 use stick::StickSnap;
 
 use crate::player::Player;
-use crate::subject::Subject;
+use program::Subject;
 
 /// State of the hands, and the clip that they move, if there is one.
 #[derive(Clone, Debug, Default)]
@@ -116,7 +116,7 @@ impl Interaction {
     /// Puts the clip at life size in front of a viewer with the head at `head`.
     pub fn recentre(&mut self, head: &Pose) {
         if let Some(Placed { subject, placement }) = &mut self.clip {
-            *placement = subject.start(head);
+            *placement = Placement::start(subject, head);
         }
     }
 
@@ -127,7 +127,7 @@ impl Interaction {
 
     /// Transform from clip to stage; `None` without a clip.
     pub fn stage_from_clip(&self) -> Option<Similarity> {
-        self.clip.as_ref().map(|clip| clip.subject.stage_from_clip(&clip.placement))
+        self.clip.as_ref().map(|clip| clip.placement.stage_from_clip(&clip.subject))
     }
 
     /// Whether a stick scrubs: the clock must then not advance by itself.

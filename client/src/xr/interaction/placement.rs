@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use glam::{DMat4, DQuat, DVec3, Mat4};
 
 use super::hands::Pose;
-use crate::subject::Subject;
+use program::Subject;
 
 /// Smallest and largest size of a clip, as a multiple of life.
 pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
@@ -85,34 +85,35 @@ impl Default for Placement {
     }
 }
 
-impl Subject {
-    /// A comfortable initial placement for a viewer with the head at `head`: life size, feet on the floor.
+impl Placement {
+    /// A comfortable initial placement of `subject` for a viewer with the head at `head`: life size, feet on
+    /// the floor.
     ///
     /// A small clip stands in front and faces the viewer. In a larger scene, or one around its viewpoint, the
     /// viewer takes the place and direction of the viewpoint, and its height too if that is not an eye height
     /// of people.
-    pub fn start(&self, head: &Pose) -> Placement {
+    pub fn start(subject: &Subject, head: &Pose) -> Placement {
         let heading = head.heading();
         let stage_from_upright = DQuat::from_rotation_y(heading);
         let eye = head.position.as_dvec3();
-        let within = self.eye_m.x.hypot(self.eye_m.z) < self.radius_m + 0.5 * START_CLEARANCE_M;
-        let position = if self.radius_m > IN_FRONT_RADIUS_M || within {
-            let on_eye = eye - stage_from_upright * self.eye_m;
-            let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&self.eye_m.y);
+        let within = subject.eye_m.x.hypot(subject.eye_m.z) < subject.radius_m + 0.5 * START_CLEARANCE_M;
+        let position = if subject.radius_m > IN_FRONT_RADIUS_M || within {
+            let on_eye = eye - stage_from_upright * subject.eye_m;
+            let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&subject.eye_m.y);
             DVec3 { y: if has_floor { 0.0 } else { on_eye.y }, ..on_eye }
         } else {
-            let distance = START_M.max(self.radius_m + START_CLEARANCE_M);
+            let distance = START_M.max(subject.radius_m + START_CLEARANCE_M);
             let in_front = eye - stage_from_upright * DVec3::Z * distance;
             DVec3 { y: 0.0, ..in_front }
         };
         Placement::new(1.0, heading, position)
     }
 
-    /// The similarity that puts the clip into the stage.
-    pub fn stage_from_clip(&self, placement: &Placement) -> Similarity {
-        let rotation = DQuat::from_rotation_y(placement.yaw) * self.upright_from_clip;
-        let scale = placement.scale * self.metres_per_unit;
-        Similarity { scale, rotation, translation: placement.position - rotation * self.ground * scale }
+    /// The similarity that puts the clip with `subject` into the stage.
+    pub fn stage_from_clip(&self, subject: &Subject) -> Similarity {
+        let rotation = DQuat::from_rotation_y(self.yaw) * subject.upright_from_clip;
+        let scale = self.scale * subject.metres_per_unit;
+        Similarity { scale, rotation, translation: self.position - rotation * subject.ground * scale }
     }
 }
 
@@ -167,7 +168,7 @@ mod tests {
 
     use super::super::random::Random;
     use super::*;
-    use crate::{clips, viewpoint};
+    use crate::clips;
 
     /// A person of 1.8 units in a clip with y down, standing on y = 1 at (3, z = 5), seen from
     /// -z, with a few strays far off.
@@ -192,7 +193,7 @@ mod tests {
     fn a_person_starts_on_the_floor_in_front_and_faces_the_viewer() {
         for heading in [-2.5f32, 0.0, 1.0] {
             let (subject, head) = (person(), head(heading));
-            let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
+            let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);
             let feet = stage_from_clip.point(dvec3(3.0, 1.0, 5.0));
             let crown = stage_from_clip.point(dvec3(3.0, -0.8, 5.0));
             assert!(feet.y.abs() < 0.03 && (crown.y - 1.8).abs() < 0.03, "{feet} {crown}");
@@ -211,7 +212,7 @@ mod tests {
         let points = [dvec3(0.0, 0.0, 0.0), dvec3(0.0, 90.0, 0.0), dvec3(0.0, 180.0, 0.0)];
         let at = Viewpoint { position: [0.0, 90.0, 300.0], target: [0.0, 90.0, 0.0], ..viewpoint([0.0; 3]) };
         let subject = Subject::from_parts(points.into_iter(), [0.0, 1.0, 0.0], 0.01, &at);
-        let stage_from_clip = subject.stage_from_clip(&subject.start(&Pose::IDENTITY));
+        let stage_from_clip = Placement::start(&subject, &Pose::IDENTITY).stage_from_clip(&subject);
         assert!((stage_from_clip.point(points[2]).y - 1.8).abs() < 1e-6);
     }
 
@@ -229,7 +230,7 @@ mod tests {
             };
             let subject = Subject::from_parts(room.clone(), [0.0, 1.0, 0.0], 1.0, &at);
             let head = head(0.8);
-            let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
+            let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);
             let eye = stage_from_clip.point(DVec3::from(at.position.map(f64::from)));
             let expected = dvec3(0.4, expected, -0.2);
             assert!(eye.distance(expected) < 0.02, "{eye}, expected {expected}");
@@ -244,8 +245,8 @@ mod tests {
         let clip = clips::open(None, &Default::default()).unwrap().wait(None, |_| ()).unwrap();
         let subject = Subject::of(&clip);
         let head = head(0.3);
-        let stage_from_clip = subject.stage_from_clip(&subject.start(&head));
-        let target = DVec3::from(viewpoint::viewpoints(&clip)[0].target.map(f64::from));
+        let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);
+        let target = DVec3::from(clip.viewpoints()[0].target.map(f64::from));
         let seen = stage_from_clip.view_from_clip(&head).transform_point3(target);
         assert!(seen.z > 1.0 && seen.x.abs() < 0.3 * seen.z && seen.y.abs() < 0.6 * seen.z, "{seen}");
     }
@@ -259,8 +260,8 @@ mod tests {
             ([1e-30, 0.0, 0.0], -1.0, [-3.0, 0.0, 5.0]),
         ] {
             let subject = Subject::from_parts(nothing.clone(), up, metres_per_unit, &viewpoint(position));
-            let start = subject.start(&Pose::IDENTITY);
-            assert!(subject.stage_from_clip(&start).matrix().is_finite(), "{subject:?}");
+            let start = Placement::start(&subject, &Pose::IDENTITY);
+            assert!(start.stage_from_clip(&subject).matrix().is_finite(), "{subject:?}");
         }
         let wild = Placement::new(f64::NAN, f64::INFINITY, DVec3::NAN);
         assert_eq!(wild, Placement::default());
@@ -273,7 +274,7 @@ mod tests {
         let (subject, mut random) = (person(), Random::new(1));
         for _ in 0..200 {
             let placement = random.placement();
-            let stage_from_clip = subject.stage_from_clip(&placement);
+            let stage_from_clip = placement.stage_from_clip(&subject);
             let up = stage_from_clip.point(dvec3(0.0, -1.0, 0.0)) - stage_from_clip.point(DVec3::ZERO);
             assert!((up.y / up.length() - 1.0).abs() < 1e-9, "{up}");
             let point = random.point();
@@ -289,7 +290,7 @@ mod tests {
     fn a_view_sees_the_clip_as_the_eye_sees_the_stage() {
         let (subject, mut random) = (person(), Random::new(2));
         for _ in 0..200 {
-            let stage_from_clip = subject.stage_from_clip(&random.placement());
+            let stage_from_clip = random.placement().stage_from_clip(&subject);
             let (eye, point) = (random.pose(), random.point());
             let seen = stage_from_clip.view_from_clip(&eye).transform_point3(point);
             let stage = stage_from_clip.point(point) - eye.position.as_dvec3();
@@ -305,10 +306,10 @@ mod tests {
         let (subject, mut random) = (person(), Random::new(3));
         for _ in 0..200 {
             let (placement, from, to) = (random.placement(), random.point(), random.point());
-            let clip_point = subject.stage_from_clip(&placement).source_of(from);
+            let clip_point = placement.stage_from_clip(&subject).source_of(from);
             let scale = placement.scale() * 3.0;
             let carried = placement.carried(from, to, 0.4, scale);
-            assert!(subject.stage_from_clip(&carried).point(clip_point).distance(to) < 1e-6);
+            assert!(carried.stage_from_clip(&subject).point(clip_point).distance(to) < 1e-6);
             assert!((carried.scale() - scale.min(20.0)).abs() < 1e-9);
         }
         let turned = Placement::new(1.0, 0.0, DVec3::NEG_Z).turned_about(DVec3::ZERO, FRAC_PI_2);

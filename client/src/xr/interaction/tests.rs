@@ -26,7 +26,7 @@ impl Bench {
             Hand { tracked: true, aim: pose, grip: pose, ..Hand::default() }
         };
         let (subject, mut interaction) = (subject(), Interaction::default());
-        interaction.put(subject, subject.start(&HEAD));
+        interaction.put(subject, Placement::start(&subject, &HEAD));
         let mut bench = Bench {
             interaction,
             player: Player::new(10.0, 30.0),
@@ -199,7 +199,7 @@ fn without_a_clip_buttons_work_and_hands_hold_nothing() {
     assert!(!bench.interaction.is_holding() && bench.haptics == Haptics::default());
     assert!(bench.interaction.placement().is_none() && bench.interaction.stage_from_clip().is_none());
     // A hand that was closed before the clip came holds it from its initial place.
-    bench.interaction.put(subject, subject.start(&HEAD));
+    bench.interaction.put(subject, Placement::start(&subject, &HEAD));
     let before = *bench.placement();
     bench.frame();
     assert!(*bench.placement() == before && bench.interaction.is_holding());

@@ -10,8 +10,8 @@ use codec::{Clip, ClipInfo};
 
 use crate::clips::{ClipTarget, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::subject::Subject;
 use program::Fault;
+use program::Subject;
 
 /// The device and format that clips are made ready for.
 #[derive(Clone)]

@@ -1,8 +1,8 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
 use crate::clips::{is_url, redacted};
-use crate::subject::Subject;
-use crate::xr::interaction::{Interaction, PlacementStore, Pose};
+use crate::xr::interaction::{Interaction, Placement, PlacementStore, Pose};
+use program::Subject;
 
 /// Where the clip on display stands.
 pub(super) struct Place {
@@ -28,7 +28,7 @@ impl Place {
     pub(super) fn settle(&mut self, subject: Subject, head: &Pose) {
         if self.interaction.placement().is_none() {
             let left = self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key));
-            self.interaction.put(subject, left.unwrap_or_else(|| subject.start(head)));
+            self.interaction.put(subject, left.unwrap_or_else(|| Placement::start(&subject, head)));
         }
     }
 

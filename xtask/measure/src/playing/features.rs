@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 
 use super::result::{ClipFeature, ResourceUse};
 use client::gpu::{Gpu, SORT_DIGIT_BITS, SORT_DIGITS};
-use client::viewpoint::viewpoints;
 use codec::{
     Clip, Coder, EncodeOptions, Field, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Source, sh_coefficients,
 };
@@ -307,7 +306,7 @@ fn eyes(gpu: &Gpu, features: &mut Vec<FeatureToggle>) {
 
 /// The sort skips the pass of a digit in which the depths of all Gaussians agree.
 fn sort_width(clip: &Clip) -> FeatureToggle {
-    let viewpoint = &viewpoints(clip)[0];
+    let viewpoint = &clip.viewpoints()[0];
     let camera = viewpoint.camera(clip.info.up, 1, 1).camera_from_world;
     let [x, y, z, w] = camera[2];
     let (mut passes, mut differ) = (0.0, 0u32);

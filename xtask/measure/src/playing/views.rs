@@ -1,6 +1,5 @@
 //! The views in which variants are measured.
 
-use client::viewpoint::viewpoints;
 use codec::{Camera, Clip};
 use glam::UVec2;
 use refine::prune::{PosedView, steps_aside};
@@ -28,7 +27,7 @@ pub(super) struct ViewSet {
 
 /// The views of a clip, for images of `size` pixels.
 pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
-    let viewpoint = &viewpoints(clip)[0];
+    let viewpoint = &clip.viewpoints()[0];
     let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
     let picture = |(camera, t): (&Camera, f64)| PosedView { camera: camera.clone(), t };
     let middle = PosedView { camera: cameras[0].clone(), t: 0.5 };

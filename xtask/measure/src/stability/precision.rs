@@ -96,12 +96,10 @@ fn wide() -> Camera {
 /// A case that draws the user's field at 5 instants of the clip, from up to four of its viewpoints.
 pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) -> StabilityCase {
     let clip = Clip { plate: plate.cloned(), info: info.clone(), ..exact(field.clone()) };
-    let viewpoints = match info.viewpoints.as_slice() {
-        [] => vec![Viewpoint::framing(clip.bounds, info.up)],
-        some => some.iter().take(4).cloned().collect(),
-    };
-    let posed_views: Vec<PosedView> = viewpoints
+    let posed_views: Vec<PosedView> = clip
+        .viewpoints()
         .iter()
+        .take(4)
         .map(|viewpoint| viewpoint.camera(info.up, 320, 240))
         .flat_map(|camera| {
             instants().into_iter().step_by(4).map(move |t| PosedView { camera: camera.clone(), t })

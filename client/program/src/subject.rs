@@ -3,8 +3,6 @@
 use codec::{Clip, Field, Viewpoint};
 use glam::{DMat3, DQuat, DVec3, dvec3};
 
-use crate::viewpoint;
-
 /// Fraction of the Gaussians beyond each side of the box of a subject: captures have far outliers.
 const STRAY: f64 = 0.01;
 
@@ -14,17 +12,18 @@ const OPAQUE: f32 = 0.1;
 /// The upright frame of a clip, and its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subject {
-    pub(crate) upright_from_clip: DQuat,
+    /// Rotation from the clip to axes with +y up and the front towards +z.
+    pub upright_from_clip: DQuat,
     /// At least the smallest positive normal number.
-    pub(crate) metres_per_unit: f64,
+    pub metres_per_unit: f64,
     /// The ground below the center, in units of the clip.
-    pub(crate) ground: DVec3,
+    pub ground: DVec3,
     /// Level distance from the center to the sides, in metres.
-    pub(crate) radius_m: f64,
+    pub radius_m: f64,
     /// Height above the ground, in metres.
-    pub(crate) height_m: f64,
+    pub height_m: f64,
     /// First viewpoint relative to the ground below the center, upright, in metres.
-    pub(crate) eye_m: DVec3,
+    pub eye_m: DVec3,
 }
 
 impl Subject {
@@ -32,10 +31,12 @@ impl Subject {
     pub fn of(clip: &Clip) -> Subject {
         let centers = visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field));
         let info = &clip.info;
-        Subject::from_parts(centers, info.up, info.metres_per_unit, &viewpoint::viewpoints(clip)[0])
+        Subject::from_parts(centers, info.up, info.metres_per_unit, &clip.viewpoints()[0])
     }
 
-    pub(crate) fn from_parts(
+    /// The subject whose Gaussians are at `centers`, see [`Subject::of`]; `up` and `metres_per_unit` are those of the
+    /// clip.
+    pub fn from_parts(
         centers: impl Iterator<Item = DVec3>,
         up: [f32; 3],
         metres_per_unit: f32,
@@ -77,7 +78,7 @@ impl Subject {
 
     /// The point `upright_m`, in metres from the ground below the center with +y up and the front towards +z, in
     /// the clip.
-    pub(crate) fn in_clip(&self, upright_m: DVec3) -> DVec3 {
+    pub fn in_clip(&self, upright_m: DVec3) -> DVec3 {
         self.upright_from_clip.inverse() * (upright_m / self.metres_per_unit) + self.ground
     }
 }
