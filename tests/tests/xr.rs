@@ -405,7 +405,7 @@ fn killed(mut headset: Headset) -> Result<(), String> {
 
 /// Submissions of the player and of the runtime to the player's device before it is lost, in which more than 50
 /// frames are shown: fewer would not be worth another device.
-const SUBMISSIONS: u32 = 1000;
+const SUBMISSIONS: u32 = 500;
 
 /// Only the player's device is lost: the service has one of its own.
 fn lost_device(headset: &Headset, mut remote: Remote) -> Result<(), String> {

@@ -251,6 +251,43 @@ fn recoloring_gains_where_pruned_gaussians_leave_gaps() {
 }
 
 #[test]
+fn a_budget_of_fragments_leaves_out_what_shows_least() {
+    let folder = tempdir().unwrap();
+    assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
+    let package = |options: &[&str]| {
+        let args = [&["package", "limbs.ply", "-o", "limbs.aarc", "--json"], options].concat();
+        aarc_studio(folder.path(), &args).json()
+    };
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"));
+    let share = |report: &Value| {
+        let shares = report["lens_fragments"].as_array().unwrap()[..2].iter().map(|count| {
+            let (before, after) = (number(&count["before"]), number(&count["after"]));
+            assert!(0.0 < after && after <= before, "{count}");
+            after / before
+        });
+        shares.collect::<Vec<f64>>()
+    };
+    let whole = package(&[]);
+    // Coding alone takes 2 % away.
+    assert!(share(&whole).iter().all(|share| (share - 1.0).abs() < 0.03), "{whole}");
+    let report = package(&["--fragments", "0.7", "--no-floor"]);
+    let dropped = count(&report["dropped"], "over the budget of fragments");
+    assert_eq!(count(&report, "gaussians_out") + sum(&report["dropped"]), count(&report, "gaussians_in"));
+    // The lens stands elsewhere than the views that count.
+    let shares = share(&report);
+    assert!(shares.iter().all(|share| (0.55..0.85).contains(share)), "{shares:?}");
+    // A ranking that keeps as many Gaussians loses more, although most of its fragments stay.
+    let kept = count(&report, "gaussians_out").to_string();
+    let by_opacity = package(&["--budget", &kept, "--rank", "temporal-mass", "--no-floor"]);
+    let gain = number(&report["whole_psnr_db"]) - number(&by_opacity["whole_psnr_db"]);
+    assert!(dropped > 0 && gain > 3.0, "{dropped} left out, {gain} dB");
+    for (fraction, hint) in [("0", "0.01 to 1"), ("1.5", "0.01 to 1"), ("much", "0.01 to 1")] {
+        let outcome = aarc_studio(folder.path(), &["package", "limbs.ply", "--fragments", fraction]);
+        assert!(outcome.code == Some(2) && outcome.stderr.contains(hint), "{}", outcome.stderr);
+    }
+}
+
+#[test]
 fn same_bytes_on_any_number_of_threads() {
     let folder = tempdir().unwrap();
     let mut original = field(3000, 2, Some(2), true);

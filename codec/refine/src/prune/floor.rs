@@ -168,7 +168,7 @@ impl Floor {
     }
 
     /// Retains `budget` rows of `order`, or all if there are fewer: the first ones, except those that the
-    /// floor swaps. `order` contains each row of the field once, most important first. `on_verified` is
+    /// floor swaps. `order` contains each row of the field at most once, most important first. `on_verified` is
     /// called at most `1 + ROUNDS` times.
     pub fn enforce(&self, order: &[usize], budget: usize, mut on_verified: impl FnMut()) -> Retained {
         let budget = budget.min(order.len());

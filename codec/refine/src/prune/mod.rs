@@ -3,7 +3,8 @@
 //! 1. A [`Ranking`] scores the rows, and [`by_importance`] sorts them.
 //! 2. [`Floor::choices`] keeps a budget of rows, and swaps some to preserve the topology of the density.
 //! 3. [`select()`] compares the rankings by the pictures of their packages, see [`Pictures`].
-//! 4. [`recolor()`] adjusts the colours of the remaining rows to the pictures of the whole field.
+//! 4. [`within_fragments`] leaves out the rows that show least for their fragments, if that is asked for.
+//! 5. [`recolor()`] adjusts the colours of the remaining rows to the pictures of the whole field.
 //!
 //! ```
 //! use refine::prune::{Floor, FloorSettings, Ranking, by_importance};
@@ -25,6 +26,7 @@
 mod density;
 mod extent;
 mod floor;
+mod fragments;
 mod persistence;
 mod pictures;
 mod posed_views;
@@ -36,6 +38,7 @@ mod select;
 mod topology;
 
 pub use floor::{Floor, FloorError, FloorSettings, ROUNDS, Retained};
+pub use fragments::{weight_per_fragment, within_fragments};
 pub use persistence::{Connectivity, Feature, MergeTree};
 pub(crate) use pictures::PictureErrors;
 pub use pictures::{Fidelity, Pictures, WorstPicture};

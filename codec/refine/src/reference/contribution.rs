@@ -5,6 +5,7 @@
 
 use codec::{Camera, Field};
 
+use super::coverage::{Radius, fragments};
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
 use super::{FieldPrefix, evaluate_all};
@@ -22,6 +23,8 @@ pub struct Contribution {
     /// Sum of `o T` over the pixels that the Gaussian covers, where `o` is its opacity at the instant:
     /// LightGaussian's hit count.
     pub hits: f64,
+    /// Pixel centres of the image inside the Gaussian's quad, hidden or not: what it costs a player.
+    pub fragments: f64,
 }
 
 impl Contribution {
@@ -31,6 +34,7 @@ impl Contribution {
         self.weight_squared += other.weight_squared;
         self.weight_max = self.weight_max.max(other.weight_max);
         self.hits += other.hits;
+        self.fragments += other.fragments;
     }
 }
 
@@ -50,12 +54,14 @@ pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Ve
                 weight_squared: weight * weight,
                 weight_max: weight,
                 hits: splats[fragment.index].opacity * fragment.transmittance,
+                fragments: 0.0,
             });
         }
     };
     let mut rows = vec![Contribution::default(); field.len()];
     for (splat, contribution) in splats.iter().zip(walk.sum_per_splat(add, Contribution::merge)) {
-        rows[splat.row] = contribution;
+        let fragments = fragments(splat, Radius::Exact, camera.width, camera.height) as f64;
+        rows[splat.row] = Contribution { fragments, ..contribution };
     }
     rows
 }

@@ -48,7 +48,7 @@ pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) ->
 }
 
 /// Number of pixel centres of the image inside the quad of `splat`.
-fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
+pub(super) fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
     let radius = match radius {
         Radius::Exact => splat.radius(),
         Radius::AtMost(most) => splat.radius().min(most),

@@ -1,7 +1,7 @@
 //! Precision: f32 against f64 along whole clips, packed records at growing distances from their instant, and the
 //! user's own scenes.
 
-use codec::{Camera, Clip, ClipInfo, Field, Viewpoint};
+use codec::{Camera, Clip, ClipInfo, Field};
 
 use super::gaussians::{Gaussian, crowd, field};
 use refine::prune::PosedView;

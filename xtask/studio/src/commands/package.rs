@@ -9,15 +9,15 @@ use crate::capture::CaptureFiles;
 use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
-    Coding, Counts, DropPart, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, blind_viewpoints,
-    package_with, prefix_quality,
+    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB,
+    blind_viewpoints, package_with, prefix_quality,
 };
 use crate::playlist;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 use crate::takes::{List, OutputState, Record, Take, key};
 use anyhow::bail;
-use clap::ValueEnum;
+use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::prune::Ranking;
@@ -43,7 +43,7 @@ const FIELD_OF_PACKAGE: &str = "package: field";
 
 /// Make a package from a fitted field, or from a capture that it fits one to first.
 #[derive(clap::Args, Clone, Debug)]
-#[command(after_help = SCENE_HELP)]
+#[command(after_help = SCENE_HELP, group(ArgGroup::new("pruned").args(["budget", "fragments"]).multiple(true)))]
 pub struct Args {
     /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a capture,
     /// to which a field is fitted first, beside the package, as `fit` does by default
@@ -64,8 +64,12 @@ pub struct Args {
     /// Prune by the ranking alone, although limbs may break off
     #[arg(long)]
     no_floor: bool,
+    /// Most fragments to keep, as a fraction of those of the retained Gaussians, 0.01 to 1: leaves out the Gaussians
+    /// that show least for the pixels that they cover
+    #[arg(long, value_name = "FRACTION", value_parser = fragments, conflicts_with = "prefix_quality")]
+    fragments: Option<f64>,
     /// Fit the colours of the retained Gaussians to pictures of the whole field
-    #[arg(long, requires = "budget")]
+    #[arg(long, requires = "pruned")]
     recolor: bool,
     /// Refine the retained Gaussians for N steps on the photographs of the capture that the field was
     /// fitted to
@@ -107,6 +111,11 @@ struct Rank(Option<Ranking>);
 
 pub(super) fn budget(text: &str) -> Result<NonZeroUsize, String> {
     text.parse().map_err(|_| "not a number of Gaussians, 1 or more".into())
+}
+
+fn fragments(text: &str) -> Result<f64, String> {
+    let fraction = text.parse().ok().filter(|fraction| (0.01..=1.0).contains(fraction));
+    fraction.ok_or_else(|| "a fraction from 0.01 to 1".into())
 }
 
 fn rank(text: &str) -> Result<Rank, String> {
@@ -240,6 +249,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         budget: args.budget.map(NonZeroUsize::get),
         rank: args.rank.0,
         no_floor: args.no_floor,
+        fragments: args.fragments,
         recolor: args.recolor,
         coding: match args.coder {
             Coder::Context => Coding::Context { quality_db: args.quality },
@@ -407,6 +417,7 @@ fn print_report(report: &PackageReport) {
     let layers: Vec<String> = report.layers.iter().map(usize::to_string).collect();
     println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.layer_ranking);
     print_choice(report);
+    print_lens_fragments(report);
     print_refined(report);
     let mbps = report.bytes as f64 * 8e-6 / f64::from(report.duration_s);
     let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
@@ -417,6 +428,14 @@ fn print_report(report: &PackageReport) {
         decimal(f64::from(report.duration_s), 3)
     );
     print_fidelity(report);
+}
+
+/// What the package costs a headset.
+fn print_lens_fragments(report: &PackageReport) {
+    let count =
+        |count: &LensFragments| format!("{} {:.1} of {:.1}", count.standpoint, count.after, count.before);
+    let counts: Vec<String> = report.lens_fragments.iter().map(count).collect();
+    println!("{:16} {} per pixel of a Quest 3", "fragments", counts.join(", "));
 }
 
 /// How close the package comes to the field before coding.
@@ -462,10 +481,12 @@ fn print_prefixes(prefix_steps: &[PrefixStep]) {
 /// What was tried for the budget, and what it cost.
 fn print_choice(report: &PackageReport) {
     let Some(psnr) = report.whole_psnr_db else { return };
-    println!(
-        "{:22} {:>8} {:>7} {:>10} {:>10} {:>7} {:>9}",
-        "tried", "dB", "recall", "precision", "preserved", "drift", "restored"
-    );
+    if !report.tried.is_empty() {
+        println!(
+            "{:22} {:>8} {:>7} {:>10} {:>10} {:>7} {:>9}",
+            "tried", "dB", "recall", "precision", "preserved", "drift", "restored"
+        );
+    }
     for tried in &report.tried {
         let topology = tried.topology;
         let mark = if tried.chosen { '*' } else { ' ' };

@@ -3,15 +3,15 @@
 
 use codec::{Clip, Field};
 use refine::prune::{
-    Candidate, Floor, FloorSettings, Measure, Pictures, ROUNDS, Ranking, Selection, by_importance,
-    contributions_to, instants, select,
+    Candidate, Floor, FloorSettings, Measure, Pictures, ROUNDS, Ranking, Selection, Topology, by_importance,
+    contributions_to, instants, select, weight_per_fragment, within_fragments,
 };
 use refine::reference::{Contribution, RenderScene};
 
 use super::encode::draft;
 use super::layer_order::{LayerOrder, layer_order};
 use super::settings::{LAYERS, PackageSettings};
-use super::views::{judging_views, ranking_views, render_scene};
+use super::views::{fragment_views, judging_views, ranking_views, render_scene};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -92,6 +92,25 @@ impl<'a> FieldAnalysis<'a> {
             |ranking| self.order(ranking),
             judge,
         )
+    }
+
+    /// The `rows` that have at most `fraction` of their fragments, in the same order, and the topology that they
+    /// preserve: those that show least for their fragments are left out, except where the floor swaps them.
+    pub(crate) fn within_fragments(&self, rows: &[usize], fraction: f64) -> (Vec<usize>, Topology) {
+        let part = self.field.select(rows);
+        let views = fragment_views(self.scene, &part);
+        self.progress.stage("fragments", views.len());
+        let seen = contributions_to(&views, &part, || self.progress.step());
+        let order = by_importance(&weight_per_fragment(&seen));
+        let count = within_fragments(&order, &seen, fraction);
+        let order: Vec<usize> = order.into_iter().map(|i| rows[i]).collect();
+        let retained = match self.settings.no_floor {
+            true => self.floor.leave(&order, count),
+            false => self.floor.enforce(&order, count, || ()),
+        };
+        let mut is_retained = vec![false; self.field.len()];
+        retained.rows.iter().for_each(|&row| is_retained[row] = true);
+        (rows.iter().copied().filter(|&row| is_retained[row]).collect(), retained.topology)
     }
 
     /// PSNR in dB of a draft of `part` in the judging pictures.

@@ -2,13 +2,14 @@
 //!
 //! Each candidate ranking prunes and the topology floor mends. Every candidate is drafted, with and
 //! without the floor, and compared with the whole field in pictures; the best one wins. The order of its rows
-//! for the layers is chosen after that.
+//! for the layers is chosen after that, and a budget of fragments leaves out some of them.
 
 use codec::{Clip, Field};
-use refine::prune::{Candidate, Pictures, Ranking, Topology, by_importance, recolor};
+use program::Fault;
+use refine::prune::{Pictures, Ranking, Topology, by_importance, recolor};
 
 use super::analysis::{FieldAnalysis, contributions};
-use super::layer_order::TriedOrder;
+use super::layer_order::{LayerOrder, TriedOrder};
 use super::report::{PreservedTopology, TriedCandidate, tried, why};
 use super::settings::PackageSettings;
 use super::views::{recolor_views, render_scene};
@@ -41,7 +42,7 @@ impl Choice<'_> {
     }
 }
 
-/// Chooses `settings.budget` of the rows of `field`, which is not empty.
+/// Chooses `settings.budget` of the rows of `field`, which is not empty, and of these `settings.fragments`.
 ///
 /// # Errors
 /// Errors of the draft encoder.
@@ -52,16 +53,29 @@ pub(super) fn choose<'a>(
     settings: &'a PackageSettings,
     progress: &'a StagedProgress,
 ) -> anyhow::Result<Choice<'a>> {
-    let Some(budget) = settings.budget.filter(|&budget| budget < field.len()) else {
+    let budget = settings.budget.filter(|&budget| budget < field.len());
+    if budget.is_none() && settings.fragments.is_none() {
         return Ok(keep_all(scene, field, settings, progress));
-    };
+    }
     let whole = FieldAnalysis::new(scene, field, plate, settings, progress)?;
-    let selection = whole.select(budget)?;
-    let selected @ Candidate { ranking, retained, psnr_db } = &selection.candidates[selection.best];
-    let order = whole.layer_order(selected)?;
+    let selection = budget.map(|budget| whole.select(budget)).transpose()?;
+    let selected = selection.as_ref().map(|selection| &selection.candidates[selection.best]);
+    let ranking = selected.map_or(settings.rank.unwrap_or(Ranking::Mass), |selected| selected.ranking);
+    let mut order = match selected {
+        Some(selected) => whole.layer_order(selected)?,
+        None => LayerOrder { rows: whole.order(ranking), ranking, tried: Vec::new() },
+    };
+    let mut topology = selected.map_or(Topology::default(), |selected| selected.retained.topology);
+    if let Some(fraction) = settings.fragments {
+        (order.rows, topology) = whole.within_fragments(&order.rows, fraction);
+    }
+    if order.rows.is_empty() {
+        return Err(nothing_left(scene));
+    }
     let mut chosen = field.select(&order.rows);
     let mut recolor_gain_db = None;
     if settings.recolor {
+        let psnr_db = whole.draft_psnr(&chosen)?;
         progress.stage("colours", 1);
         let views = recolor_views(scene, field);
         let pictures = Pictures::take(&render_scene(field, plate), views, || ());
@@ -74,15 +88,21 @@ pub(super) fn choose<'a>(
     }
     Ok(Choice {
         field: chosen,
-        ranking: *ranking,
+        ranking,
         layer_ranking: order.ranking,
         tried_orders: order.tried,
-        topology: PreservedTopology::from(&retained.topology),
-        tried: tried(&selection),
-        why: Some(why(&selection)),
+        topology: PreservedTopology::from(&topology),
+        tried: selection.as_ref().map(tried).unwrap_or_default(),
+        why: selection.as_ref().map(why),
         recolor_gain_db,
         whole: Some(whole),
     })
+}
+
+/// The error where a budget of fragments is less than the first Gaussian's.
+fn nothing_left(scene: &Scene) -> anyhow::Error {
+    let name = &scene.name;
+    Fault::Usage(format!("{name}: so few fragments hold no Gaussian; give a larger --fragments")).into()
 }
 
 /// All rows, in the order of one ranking: only the layers depend on it.

@@ -6,6 +6,7 @@ use refine::fit::Cpu;
 
 use super::choose::choose;
 use super::encode::{VerifiedPackage, encode, explain};
+use super::lens_fragments::lens_fragments;
 use super::report::{PackageReport, Shortfall, WorstView};
 use super::settings::PackageSettings;
 use super::visible::{VisibleScene, visible_scene};
@@ -53,9 +54,12 @@ pub fn package_with(
     let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
     let VerifiedPackage { coded, steering_views, judging_views } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
+    let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
     progress.finish();
-    subject.drop("over budget", field.len() - choice.field.len());
+    let within_budget = settings.budget.map_or(field.len(), |budget| budget.min(field.len()));
+    subject.drop("over budget", field.len() - within_budget);
+    subject.drop("over the budget of fragments", within_budget - choice.field.len());
     subject.gaussians_out = choice.field.len();
     let report = PackageReport {
         subject,
@@ -71,6 +75,7 @@ pub fn package_with(
         recolor_gain_db: choice.recolor_gain_db,
         refined,
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
+        lens_fragments,
         duration_s: scene.info.duration_s,
         assumed: scene.assumed.clone(),
         bytes: coded.bytes.len(),

@@ -7,6 +7,7 @@ use refine::prune::{Candidate, Measure, RESOLUTION_DB, Selection, Topology, Wors
 use serde::Serialize;
 
 use super::layer_order::TriedOrder;
+use super::lens_fragments::LensFragments;
 use crate::fit::RefinementReport;
 
 /// What went into a package, what was left out, and how faithful the rest is.
@@ -41,6 +42,8 @@ pub struct PackageReport {
     pub refined: Option<RefinementReport>,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
+    /// Fragments per pixel in a headset, of the whole field and of the package.
+    pub lens_fragments: Vec<LensFragments>,
     /// Length of the clip in seconds.
     pub duration_s: f32,
     /// Keys of `scene.json` for which the package has the defaults.

@@ -58,6 +58,12 @@ pub(crate) fn ranking_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, STEERING_PLACES, SIZE, STEERING)
 }
 
+/// Views that count the fragments of Gaussians, in larger pictures: in small ones the blur makes every small Gaussian
+/// large.
+pub(crate) fn fragment_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    views_of(scene, field, STEERING_PLACES, CODED_SIZE, STEERING)
+}
+
 /// Views that colours are fitted to, in small pictures: twice as many, so that the colours also fit between them.
 pub(crate) fn recolor_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, STEERING_PLACES, SIZE, 2 * STEERING)
