@@ -35,6 +35,7 @@ use grab::Grab;
 use playback::Playback;
 use stick::StickSnap;
 
+use crate::lens::Standpoint;
 use crate::player::Player;
 use crate::subject::Subject;
 
@@ -113,10 +114,10 @@ impl Interaction {
         *placement = self.grab.update(holding, *placement, haptics);
     }
 
-    /// Puts the clip at life size in front of a viewer with the head at `head`.
-    pub fn recentre(&mut self, head: &Pose) {
+    /// Puts the clip at life size in front of a viewer with the head at `head`, at `standpoint` if there is one.
+    pub fn recentre(&mut self, head: &Pose, standpoint: Option<Standpoint>) {
         if let Some(Placed { subject, placement }) = &mut self.clip {
-            *placement = subject.start(head);
+            *placement = subject.start_at(head, standpoint);
         }
     }
 
