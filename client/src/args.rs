@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
-use program::Lens;
 #[cfg(not(target_os = "android"))]
-use program::{Standpoint, generate::Generated};
+use program::generate::Generated;
+use program::{Lens, Standpoint};
 
 use crate::clips::{Servers, SourceOptions};
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
@@ -69,7 +69,7 @@ pub struct Args {
     pub headless: bool,
 
     /// Play in a headset through OpenXR instead of opening a window.
-    #[arg(long, group = "windowless", conflicts_with_all = ["size", "view", "fps"])]
+    #[arg(long, groups = ["windowless", "worn"], conflicts_with_all = ["size", "view", "fps"])]
     pub xr: bool,
 
     /// Image to write, a PNG; with --frames or several times, folder for images (frame_0000.png, ...). With
@@ -89,6 +89,12 @@ pub struct Args {
     #[arg(long, value_name = "A..B", value_parser = frames, requires = "windowless", conflicts_with = "time")]
     pub frames: Option<Range<u32>>,
 
+    /// Quit after the clip was shown for two seconds, which the statistics leave out, and then for S seconds. Quality
+    /// follows the headset as in any session [default: play until closed].
+    // With --headless, --xr is excluded and thus not required.
+    #[arg(long, value_name = "S", value_parser = duration, requires = "xr", conflicts_with_all = ["frames", "headless"])]
+    pub seconds: Option<f64>,
+
     /// Frames per second of --frames [default: the frame rate of the capture].
     #[arg(long, value_name = "F", value_parser = rate, requires = "frames")]
     pub fps: Option<f64>,
@@ -104,19 +110,21 @@ pub struct Args {
 
     /// Render both eyes as this headset shows them: with its angles, in images of the size that it recommends
     /// unless --size says otherwise.
-    #[arg(long, value_enum, value_name = "HEADSET", requires = "headless", conflicts_with_all = ["camera", "stereo"])]
+    #[arg(long, value_enum, value_name = "HEADSET", requires = "headless", group = "worn")]
+    #[arg(conflicts_with_all = ["camera", "stereo"])]
     pub lens: Option<Lens>,
 
-    /// With --lens: stand 0.7 m in front of the clip's centre [default: at --view].
-    #[arg(long, requires = "lens", group = "standpoint")]
+    /// With --lens or --xr: stand 0.7 m in front of the clip's centre [default with --lens: at --view; with --xr: where
+    /// the clip was left, else in front of it].
+    #[arg(long, requires = "worn", group = "standpoint")]
     pub near: bool,
 
-    /// With --lens: stand 2 m in front of the clip's centre.
-    #[arg(long, requires = "lens", group = "standpoint")]
+    /// With --lens or --xr: stand 2 m in front of the clip's centre.
+    #[arg(long, requires = "worn", group = "standpoint")]
     pub standing: bool,
 
-    /// With --lens: stand in the clip's centre and look level in the direction of its first viewpoint.
-    #[arg(long, requires = "lens", group = "standpoint")]
+    /// With --lens or --xr: stand in the clip's centre and look level in the direction of its first viewpoint.
+    #[arg(long, requires = "worn", group = "standpoint")]
     pub inside: bool,
 
     /// Draw only the middle of an image at full resolution, F of its sides, 0.1 to 0.9, and everything else at F of the
@@ -187,8 +195,7 @@ impl Args {
         SourceOptions { cache_dir, servers, ..SourceOptions::default() }
     }
 
-    /// Where the wearer of --lens stands; `None` at the viewpoint.
-    #[cfg(not(target_os = "android"))]
+    /// Where the wearer of the headset stands; `None` for no choice.
     pub(crate) fn standpoint(&self) -> Option<Standpoint> {
         let standpoints = [
             (self.near, Standpoint::Near),
@@ -230,6 +237,13 @@ fn rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
         _ => Err("not a positive number of frames per second".into()),
+    }
+}
+
+fn duration(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("not a positive number of seconds".into()),
     }
 }
 
@@ -304,6 +318,25 @@ mod tests {
         for line in
             ["--xr --headless --out o", "--xr --time 0", "--xr --frames 0..9 --fps 3", "--xr --size 9x9"]
         {
+            assert!(parse(&format!("aarc a {line}")).is_err(), "{line}");
+        }
+        for line in [
+            "--seconds 5",
+            "--headless --out o --seconds 5",
+            "--xr --seconds 0",
+            "--xr --seconds 5 --frames 0..9",
+        ] {
+            assert!(parse(&format!("aarc a {line}")).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn only_the_wearer_of_a_headset_has_a_standpoint() {
+        for line in ["--xr --near", "--xr --seconds 60 --near", "--headless --out o --lens quest3 --near"] {
+            let args = parse(&format!("aarc a {line}")).unwrap();
+            assert_eq!(args.standpoint(), Some(Standpoint::Near), "{line}");
+        }
+        for line in ["--near", "--headless --out o --near", "--xr --near --inside", "--xr --lens quest3"] {
             assert!(parse(&format!("aarc a {line}")).is_err(), "{line}");
         }
     }

@@ -76,13 +76,21 @@ impl Lens {
 }
 
 impl Standpoint {
+    /// Level distance from the clip's centre, in metres.
+    pub fn distance_m(self) -> f64 {
+        match self {
+            Standpoint::Near => 0.7,
+            Standpoint::Standing => 2.0,
+            Standpoint::Inside => 0.0,
+        }
+    }
+
     /// A camera midway between the eyes; only its pose counts. `up` is that of the clip.
     fn camera(self, subject: &Subject, up: [f32; 3]) -> Camera {
-        let gaze_m = GAZE_HEIGHT * subject.height_m;
-        let (eye_m, target_m) = match self {
-            Standpoint::Near => (dvec3(0.0, EYE_HEIGHT_M, 0.7), dvec3(0.0, gaze_m, 0.0)),
-            Standpoint::Standing => (dvec3(0.0, EYE_HEIGHT_M, 2.0), dvec3(0.0, gaze_m, 0.0)),
-            Standpoint::Inside => (dvec3(0.0, EYE_HEIGHT_M, 0.0), dvec3(0.0, EYE_HEIGHT_M, -1.0)),
+        let eye_m = dvec3(0.0, EYE_HEIGHT_M, self.distance_m());
+        let target_m = match self {
+            Standpoint::Near | Standpoint::Standing => dvec3(0.0, GAZE_HEIGHT * subject.height_m, 0.0),
+            Standpoint::Inside => dvec3(0.0, EYE_HEIGHT_M, -1.0),
         };
         let [eye, target] = [eye_m, target_m].map(|point| subject.in_clip(point).to_array());
         let up = DVec3::from(up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);

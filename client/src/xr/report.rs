@@ -24,18 +24,48 @@ const EYES: [&str; 2] = ["left", "right"];
 /// Most frames with recorded times: the latest ones.
 const CAPACITY: usize = 1 << 16;
 
+/// Seconds at the start of a run by [`Length::Seconds`] that the statistics leave out: pipelines are compiled, clocks
+/// rise, and the quality finds its level.
+const WARM_UP_S: f64 = 2.0;
+
+/// When a run ends, and which part of it the statistics leave out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Length {
+    Endless,
+    /// After `last` frames with the clip; the statistics leave the first `skipped` out.
+    Frames {
+        skipped: u64,
+        last: u64,
+    },
+    /// After [`WARM_UP_S`] and then so many seconds with the clip.
+    Seconds(f64),
+}
+
+impl Length {
+    fn of(args: &Args) -> Length {
+        match (&args.frames, args.seconds) {
+            (Some(frames), _) => {
+                Length::Frames { skipped: u64::from(frames.start), last: u64::from(frames.end) }
+            }
+            (None, Some(length_s)) => Length::Seconds(length_s),
+            (None, None) => Length::Endless,
+        }
+    }
+}
+
 /// The state of a run.
 pub(super) struct Report {
-    /// Number of frames of the clip after which to end; `None` for no end.
-    last: Option<u64>,
-    /// Number of initial frames of the clip that the statistics leave out.
-    skipped: u64,
+    length: Length,
     measures: bool,
     captures: bool,
     started: Instant,
     first_frame_ms: Option<f64>,
     first_picture_ms: Option<f64>,
     drawn_frames: u64,
+    /// Display time of the frame before, if it showed the clip, and the sum of the times between such frames.
+    drawn_at_ns: Option<i64>,
+    drawn_ns: i64,
+    measured: Measured,
     empty: u64,
     unseen: u64,
     sessions_lost: u64,
@@ -107,19 +137,24 @@ impl Latest {
     }
 }
 
+fn seconds(ns: i64) -> f64 {
+    ns as f64 * 1e-9
+}
+
 impl Report {
     /// A run as `args` ask for, of a program that was started at `started`.
     pub(super) fn new(args: &Args, started: Instant) -> Report {
-        let frames = args.frames.as_ref();
         Report {
-            last: frames.map(|frames| u64::from(frames.end)),
-            skipped: frames.map_or(0, |frames| u64::from(frames.start)),
+            length: Length::of(args),
             measures: args.stats.is_some(),
             captures: args.out.is_some(),
             started,
             first_frame_ms: None,
             first_picture_ms: None,
             drawn_frames: 0,
+            drawn_at_ns: None,
+            drawn_ns: 0,
+            measured: Measured::default(),
             empty: 0,
             unseen: 0,
             sessions_lost: 0,
@@ -140,12 +175,14 @@ impl Report {
     /// Counts a frame that was not visible.
     pub(super) fn on_unseen_frame(&mut self) {
         self.unseen += 1;
+        self.drawn_at_ns = None;
         self.pacing.rest();
     }
 
     /// Counts a frame without a clip.
     pub(super) fn on_empty_frame(&mut self, work: Work) {
         self.empty += 1;
+        self.drawn_at_ns = None;
         self.seen(&work);
     }
 
@@ -158,12 +195,17 @@ impl Report {
         }
         self.first_picture_ms.get_or_insert_with(|| self.started.elapsed().as_secs_f64() * 1e3);
         self.drawn_frames += 1;
-        if self.drawn_frames == self.skipped {
+        let step_ns = self.drawn_at_ns.replace(work.display_ns).map_or(0, |before| work.display_ns - before);
+        self.drawn_ns += step_ns;
+        if self.is_skipped() {
             self.missed_before = self.pacing.missed();
+        } else {
+            self.measured.frames += 1;
+            self.measured.seconds += seconds(step_ns);
         }
         self.drawn = drawn;
         self.levels[drawn.level as usize] += 1;
-        if self.measures && self.drawn_frames > self.skipped {
+        if self.measures && !self.is_skipped() {
             self.cpu_ms.push(work.cpu_s * 1e3);
             self.alive_ms.push(drawn.counts.alive_ms);
             self.sort_ms.push(drawn.counts.sort_ms);
@@ -173,7 +215,7 @@ impl Report {
 
     /// Takes in the GPU's milliseconds for the frame counted last, for both eyes; `None` if it has no timestamps.
     pub(super) fn on_measured(&mut self, gpu_ms: Option<f64>) {
-        if self.measures && self.drawn_frames > self.skipped {
+        if self.measures && !self.is_skipped() {
             gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));
         }
     }
@@ -195,17 +237,31 @@ impl Report {
     /// Counts a lost session.
     pub(super) fn lose_session(&mut self) {
         self.sessions_lost += 1;
+        self.drawn_at_ns = None;
         self.pacing.rest();
+    }
+
+    /// Whether the statistics leave the latest frame with the clip out.
+    fn is_skipped(&self) -> bool {
+        match self.length {
+            Length::Endless => false,
+            Length::Frames { skipped, .. } => self.drawn_frames <= skipped,
+            Length::Seconds(_) => seconds(self.drawn_ns) <= WARM_UP_S,
+        }
     }
 
     /// Whether to capture the next frame with the clip.
     pub(super) fn is_last(&self) -> bool {
-        self.captures && self.last.is_some_and(|last| self.drawn_frames + 1 == last)
+        self.captures && matches!(self.length, Length::Frames { last, .. } if self.drawn_frames + 1 == last)
     }
 
-    /// Whether all requested frames were drawn.
+    /// Whether all that was requested was drawn.
     pub(super) fn is_complete(&self) -> bool {
-        self.last.is_some_and(|last| self.drawn_frames >= last)
+        match self.length {
+            Length::Endless => false,
+            Length::Frames { last, .. } => self.drawn_frames >= last,
+            Length::Seconds(length_s) => self.measured.seconds >= length_s,
+        }
     }
 
     /// Number of frames so far: with the clip, without one, and not visible.
@@ -238,13 +294,15 @@ impl Report {
             json.push(b'\n');
             output::write(path, &json)?;
         }
-        match self.last {
-            Some(last) if self.drawn_frames < last => {
-                let (drawn, last) = (self.drawn_frames, counted(last as usize, "frame"));
-                Err(Fault::Device(format!("the session ended after {drawn} of {last}: start it again")))
+        let drawn = match self.length {
+            _ if self.is_complete() => return Ok(()),
+            Length::Endless => return Ok(()),
+            Length::Frames { last, .. } => {
+                format!("{} of {}", self.drawn_frames, counted(last as usize, "frame"))
             }
-            _ => Ok(()),
-        }
+            Length::Seconds(length_s) => format!("{:.1} of {length_s} s", self.measured.seconds),
+        };
+        Err(Fault::Device(format!("the session ended after {drawn}: start it again")))
     }
 
     fn write_eyes(&self, folder: &Path) -> Result<(), Fault> {
@@ -318,6 +376,7 @@ impl Report {
             frames_empty: self.empty,
             frames_unseen: self.unseen,
             frames_missed: self.pacing.missed() - self.missed_before,
+            measured: self.measured,
             while_loading: self.loading,
             sessions_lost: self.sessions_lost,
             quality: self.quality(),
@@ -328,6 +387,14 @@ impl Report {
             frames,
         })
     }
+}
+
+/// The part of a run that the statistics are about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+struct Measured {
+    /// Number of frames with the clip, and the sum of the display times between them.
+    frames: u64,
+    seconds: f64,
 }
 
 /// Frames with a clip while another one was being loaded.
@@ -400,6 +467,7 @@ struct XrStats {
     frames_unseen: u64,
     /// Number of repeated frames, after the initial ones left out.
     frames_missed: u64,
+    measured: Measured,
     while_loading: WhileLoading,
     sessions_lost: u64,
     quality: QualityStats,
@@ -440,6 +508,30 @@ mod tests {
         assert_eq!((report.drawn_frames, report.empty, report.unseen), (4, 1, 1));
         assert_eq!(report.cpu_ms.values.len(), 2, "the first two are left out");
         assert_eq!(report.pacing.missed() - report.missed_before, 3);
+    }
+
+    #[test]
+    fn a_run_of_some_seconds_starts_anew_after_the_warm_up() {
+        let mut report = report("aarc --xr --seconds 3 --stats s");
+        let frame = |report: &mut Report, at_s: f64| {
+            let work = Work { display_ns: (at_s * 1e9) as i64, period_ns: 500_000_000, ..work(0) };
+            report.on_frame(work, Drawn::default());
+        };
+        for at_s in [10.0, 11.0, 12.0] {
+            frame(&mut report, at_s);
+            assert_eq!(report.measured, Measured::default(), "it warms up");
+        }
+        assert_eq!(report.pacing.missed(), 2);
+        // Time during which nothing of the clip was visible does not count.
+        report.on_unseen_frame();
+        for (at_s, seconds, is_complete) in
+            [(50.0, 0.0, false), (50.5, 0.5, false), (51.5, 1.5, false), (53.0, 3.0, true)]
+        {
+            frame(&mut report, at_s);
+            assert_eq!((report.measured.seconds, report.is_complete()), (seconds, is_complete), "{at_s}");
+        }
+        assert_eq!((report.measured.frames, report.pacing.missed() - report.missed_before), (3, 3));
+        assert_eq!(report.cpu_ms.values.len(), 3);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::runtime::error::{self, Halt};
 use super::session::state::{Action, Renewals, SessionLifecycle};
 use super::session::{Request, Session};
 use super::show::Show;
+use super::show::place::Place;
 use super::show::quality::Quality;
 use crate::args::Args;
 use crate::clips::{LoadOptions, SourceOptions};
@@ -38,18 +39,17 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
     let started = Instant::now();
     let runtime = Runtime::open(system)?;
-    // A run with a number of frames measures: it neither adapts nor remembers, and shows complete clips.
-    let (adapts, store) = match args.frames {
-        None => (true, system.store()),
-        Some(_) => (false, None),
-    };
-    let quality = Quality::new(args.settings(), args.quality, adapts);
+    // A run with an end measures: it remembers nothing and shows complete clips. Only one with a number of frames keeps
+    // one quality, so that its counts can be repeated.
+    let (measures, standpoint) = (args.frames.is_some() || args.seconds.is_some(), args.standpoint());
+    let quality = Quality::new(args.settings(), args.quality, args.frames.is_none());
+    let store = if measures || standpoint.is_some() { None } else { system.store() };
     let options = LoadOptions {
         source: SourceOptions { limits: system.limits(), ..args.source(system.cache_dir()) },
         min_layers: args.layer.map_or(1, |layers| layers as usize),
-        is_complete: !adapts,
+        is_complete: measures,
     };
-    let mut show = Show::new(args.clip.clone(), options, quality, store, adapts)?;
+    let mut show = Show::new(args.clip.clone(), options, quality, Place::new(store, standpoint), !measures)?;
     let mut report = Report::new(args, started);
     loop {
         let device = Device::open(&runtime)?;

@@ -36,7 +36,7 @@ use playback::Playback;
 use stick::StickSnap;
 
 use crate::player::Player;
-use program::Subject;
+use program::{Standpoint, Subject};
 
 /// State of the hands, and the clip that they move, if there is one.
 #[derive(Clone, Debug, Default)]
@@ -113,10 +113,10 @@ impl Interaction {
         *placement = self.grab.update(holding, *placement, haptics);
     }
 
-    /// Puts the clip at life size in front of a viewer with the head at `head`.
-    pub fn recentre(&mut self, head: &Pose) {
+    /// Puts the clip at life size in front of a viewer with the head at `head`, at `standpoint` if there is one.
+    pub fn recentre(&mut self, head: &Pose, standpoint: Option<Standpoint>) {
         if let Some(Placed { subject, placement }) = &mut self.clip {
-            *placement = Placement::start(subject, head);
+            *placement = Placement::start_at(subject, head, standpoint);
         }
     }
 

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use glam::{DMat4, DQuat, DVec3, Mat4};
 
 use super::hands::Pose;
-use program::Subject;
+use program::{Standpoint, Subject};
 
 /// Smallest and largest size of a clip, as a multiple of life.
 pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
@@ -109,6 +109,15 @@ impl Placement {
         Placement::new(1.0, heading, position)
     }
 
+    /// The placement of `subject` at which a viewer with the head at `head` is at `standpoint`: life size, feet on the
+    /// floor, the front towards the viewer; [`Placement::start`] without a standpoint.
+    pub fn start_at(subject: &Subject, head: &Pose, standpoint: Option<Standpoint>) -> Placement {
+        let Some(standpoint) = standpoint else { return Placement::start(subject, head) };
+        let (heading, eye) = (head.heading(), head.position.as_dvec3());
+        let center = eye - DQuat::from_rotation_y(heading) * DVec3::Z * standpoint.distance_m();
+        Placement::new(1.0, heading, DVec3 { y: 0.0, ..center })
+    }
+
     /// The similarity that puts the clip with `subject` into the stage.
     pub fn stage_from_clip(&self, subject: &Subject) -> Similarity {
         let rotation = DQuat::from_rotation_y(self.yaw) * subject.upright_from_clip;
@@ -205,6 +214,26 @@ mod tests {
             assert!(chest.distance(head.position.as_dvec3()) < feet.distance(head.position.as_dvec3()) - 0.5);
             assert!((stage_from_clip.scale - 1.0).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_standpoint_is_as_far_from_the_center_as_it_says() {
+        for (standpoint, distance_m) in
+            [(Standpoint::Near, 0.7), (Standpoint::Standing, 2.0), (Standpoint::Inside, 0.0)]
+        {
+            let (subject, head) = (person(), head(0.8));
+            let stage_from_clip =
+                Placement::start_at(&subject, &head, Some(standpoint)).stage_from_clip(&subject);
+            let feet = stage_from_clip.point(subject.ground);
+            let eye = head.position.as_dvec3();
+            let expected = DVec3 { y: 0.0, ..eye } + distance_m * head.forward().as_dvec3();
+            assert!(feet.distance(expected) < 1e-6, "{standpoint:?}: {feet}, expected {expected}");
+            // The first viewpoint looks where the viewer looks.
+            let back = stage_from_clip.point(subject.in_clip(DVec3::NEG_Z)) - feet;
+            assert!(back.dot(head.forward().as_dvec3()) > 0.999, "{back}");
+        }
+        let (subject, head) = (person(), head(0.8));
+        assert_eq!(Placement::start_at(&subject, &head, None), Placement::start(&subject, &head));
     }
 
     #[test]

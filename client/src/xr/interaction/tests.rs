@@ -195,7 +195,7 @@ fn without_a_clip_buttons_work_and_hands_hold_nothing() {
     bench.with(|hands| hands.left.primary = true);
     assert_eq!(bench.with(|hands| hands.left.primary = false), [Command::NextClip]);
     bench.with(|hands| (hands.right.squeeze, hands.right.stick) = (true, Vec2::X));
-    bench.interaction.recentre(&HEAD);
+    bench.interaction.recentre(&HEAD, None);
     assert!(!bench.interaction.is_holding() && bench.haptics == Haptics::default());
     assert!(bench.interaction.placement().is_none() && bench.interaction.stage_from_clip().is_none());
     // A hand that was closed before the clip came holds it from its initial place.
@@ -212,7 +212,7 @@ fn recentre_brings_the_clip_back() {
     bench.with(|hands| hands.right.squeeze = true);
     bench.with(|hands| hands.right.grip.position += vec3(1.0, 2.0, 3.0));
     assert_ne!(*bench.placement(), start);
-    bench.interaction.recentre(&HEAD);
+    bench.interaction.recentre(&HEAD, None);
     assert_eq!(*bench.placement(), start);
     bench.frame();
     assert_eq!(*bench.placement(), start, "the hand holds it from where it is now");

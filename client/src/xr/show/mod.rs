@@ -6,7 +6,7 @@
 
 mod clip;
 mod notices;
-mod place;
+pub(super) mod place;
 pub(super) mod quality;
 mod statistics;
 
@@ -17,7 +17,7 @@ use glam::UVec2;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
-use crate::xr::interaction::{Command, Hands, Haptics, PlacementStore, Pose, Similarity};
+use crate::xr::interaction::{Command, Hands, Haptics, Pose, Similarity};
 use crate::xr::pacing::FrameTimer;
 use crate::xr::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use clip::{HeadsetTarget, ReadyClip};
@@ -89,7 +89,7 @@ impl Show {
         name: Option<String>,
         options: LoadOptions,
         quality: Quality,
-        store: Option<PlacementStore>,
+        place: Place,
         attended: bool,
     ) -> Result<Show, Fault> {
         let mut notices = Notices::new(attended);
@@ -102,7 +102,7 @@ impl Show {
             panel: None,
             painter: None,
             device: None,
-            place: Place::new(store),
+            place,
             player: Player::new(0.0, 0.0),
             timer: FrameTimer::default(),
             panel_timer: FrameTimer::default(),
@@ -315,7 +315,7 @@ impl Show {
         }
         match command {
             Command::Exit => return true,
-            Command::Recentre => self.place.interaction.recentre(head),
+            Command::Recentre => self.place.recentre(head),
             Command::NextClip => {
                 if let Some(Change::Waiting) = self.clips.skip() {
                     self.notices.work("Loading the next clip".into());

@@ -2,19 +2,22 @@
 
 use crate::clips::{is_url, redacted};
 use crate::xr::interaction::{Interaction, Placement, PlacementStore, Pose};
-use program::Subject;
+use program::{Standpoint, Subject};
 
 /// Where the clip on display stands.
-pub(super) struct Place {
+pub(in crate::xr) struct Place {
     pub(super) interaction: Interaction,
     store: Option<PlacementStore>,
+    /// Where clips are put, instead of a comfortable place.
+    standpoint: Option<Standpoint>,
     /// Name of the clip or playlist on display in the store.
     key: Option<String>,
 }
 
 impl Place {
-    pub(super) fn new(store: Option<PlacementStore>) -> Place {
-        Place { interaction: Interaction::default(), store, key: None }
+    /// Clips are placed where `store` has them, else at `standpoint` or at a comfortable place.
+    pub(in crate::xr) fn new(store: Option<PlacementStore>, standpoint: Option<Standpoint>) -> Place {
+        Place { interaction: Interaction::default(), store, standpoint, key: None }
     }
 
     /// Changes to another clip or playlist, which [`Place::settle`] places once the head is tracked.
@@ -28,8 +31,14 @@ impl Place {
     pub(super) fn settle(&mut self, subject: Subject, head: &Pose) {
         if self.interaction.placement().is_none() {
             let left = self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key));
-            self.interaction.put(subject, left.unwrap_or_else(|| Placement::start(&subject, head)));
+            let start = || Placement::start_at(&subject, head, self.standpoint);
+            self.interaction.put(subject, left.unwrap_or_else(start));
         }
+    }
+
+    /// Puts the clip in front of the viewer again.
+    pub(super) fn recentre(&mut self, head: &Pose) {
+        self.interaction.recentre(head, self.standpoint);
     }
 
     /// Puts the next clip of a playlist where the one before stands.

@@ -13,7 +13,8 @@ use crate::args::Args;
 use crate::clips::{clips_in, redacted};
 
 /// Names of the arguments that every build takes.
-const PLAYBACK: [&str; 6] = ["clip", "xr", "layer", "sort", "cutoff", "quality"];
+const PLAYBACK: [&str; 9] =
+    ["clip", "xr", "layer", "sort", "cutoff", "quality", "near", "standing", "inside"];
 
 /// Which options of an intent a build takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,7 +112,7 @@ mod tests {
     #[test]
     fn other_builds_take_only_options_of_playing() {
         let parse = |options: &str| command_line(request(None, Some(options)), &[], Trust::Playback);
-        let args = parse("--layer 2 --sort depth --cutoff 5 --quality least a.aarc").unwrap();
+        let args = parse("--layer 2 --sort depth --cutoff 5 --quality least --near a.aarc").unwrap();
         assert!(args.xr && args.layer == Some(2) && args.clip == Some("a.aarc".into()));
         // Each option of the command line, also those that come later.
         for option in Args::command().get_arguments() {
@@ -121,7 +122,7 @@ mod tests {
             }
             let value = match name {
                 "frames" => "0..9",
-                "time" => "0",
+                "time" | "seconds" => "1",
                 "size" => "9x9",
                 _ => "x",
             };
