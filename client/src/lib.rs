@@ -7,7 +7,7 @@
 
 pub mod args;
 pub mod clips;
-#[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
+#[cfg(all(not(target_os = "android"), any(feature = "net", feature = "window", feature = "xr")))]
 mod folders;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
@@ -15,6 +15,7 @@ pub mod headless;
 pub mod lens;
 #[cfg(feature = "net")]
 pub mod net;
+pub mod pipeline_folder;
 pub mod player;
 pub mod stats;
 pub mod subject;
