@@ -9,10 +9,15 @@ pub(crate) fn state() -> Option<PathBuf> {
     folder(|name| std::env::var_os(name), "XDG_STATE_HOME", ".local/state")
 }
 
-/// The folder for files that can be fetched again; `None` if neither variable nor home is set.
-#[cfg(feature = "net")]
+/// The folder for files that can be made again; `None` if neither variable nor home is set.
 pub(crate) fn cache() -> Option<PathBuf> {
     folder(|name| std::env::var_os(name), "XDG_CACHE_HOME", ".cache")
+}
+
+/// The folder for compiled pipelines; `None` as for [`cache`].
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) fn pipelines() -> Option<PathBuf> {
+    cache().map(|folder| folder.join("pipelines"))
 }
 
 /// `aarc` in the folder that the variable `name` holds, or else in `default` in the home folder.

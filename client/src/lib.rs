@@ -7,13 +7,14 @@
 
 pub mod args;
 pub mod clips;
-#[cfg(all(not(target_os = "android"), any(feature = "net", feature = "xr")))]
+#[cfg(all(not(target_os = "android"), any(feature = "net", feature = "window", feature = "xr")))]
 mod folders;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
 pub mod headless;
 #[cfg(feature = "net")]
 pub mod net;
+pub mod pipeline_folder;
 pub mod player;
 pub mod stats;
 #[cfg(not(target_os = "android"))]

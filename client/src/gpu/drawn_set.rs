@@ -1,6 +1,7 @@
 //! [`DrawnSet`]: the pipeline of one Gaussian set and its draw order in the current frame.
 
-use shaders::{BATCH, Features};
+use program::Fault;
+use shaders::{BATCH, Features, Purpose};
 
 use super::clip::GaussianSet;
 use super::device::Gpu;
@@ -31,8 +32,11 @@ pub(super) struct DrawnSet {
 }
 
 impl DrawnSet {
-    /// Builds the pipeline for targets of `format` and passes of `eyes_per_pass` eyes, of frames that may be
-    /// `foveated`.
+    /// For targets of `format` and passes of `eyes_per_pass` eyes, of frames that may be `foveated`. Colours blend
+    /// premultiplied.
+    ///
+    /// # Errors
+    /// As for [`Gpu::pipeline`].
     pub(super) fn new(
         gpu: &Gpu,
         set: &GaussianSet,
@@ -40,7 +44,7 @@ impl DrawnSet {
         format: wgpu::TextureFormat,
         eyes_per_pass: u32,
         foveated: bool,
-    ) -> DrawnSet {
+    ) -> Result<DrawnSet, Fault> {
         let features = set.buffers.features;
         let layout = set.buffers.layout(gpu);
         let groups = [Some(pass_layout), Some(&layout)];
@@ -52,16 +56,22 @@ impl DrawnSet {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        DrawnSet {
+        let purpose = Purpose::Draw { views: eyes_per_pass, foveated };
+        let target = wgpu::ColorTargetState {
+            format,
+            blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+            write_mask: wgpu::ColorWrites::ALL,
+        };
+        Ok(DrawnSet {
             features,
-            pipeline: splat::pipeline(gpu, features, &groups, format, eyes_per_pass, foveated),
+            pipeline: splat::pipeline(gpu, features, purpose, &groups, target)?,
             order: Vec::with_capacity(capacity),
             all: 0,
             inset: 0,
             group: set.buffers.bind(gpu, &layout, &order_buffer),
             order_buffer,
             layout,
-        }
+        })
     }
 
     /// Orders the rows of `items` from the farthest to the nearest; in a `foveated` frame also those of the inset.

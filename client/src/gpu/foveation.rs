@@ -66,27 +66,26 @@ impl Foveation {
             let images = wide_images.iter().zip(&inset_images);
             let composing =
                 images.map(|(wide, inset)| ComposePass::new(gpu, &layout, eyes_per_pass, [wide, inset]));
-            Foveation {
+            Ok(Foveation {
                 composing: composing.collect(),
                 inset_passes: wide
                     .iter()
                     .map(|_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass))
                     .collect(),
-                pipeline: foveate::pipeline(gpu, &layout, format, eyes_per_pass),
+                pipeline: foveate::pipeline(gpu, &layout, format, eyes_per_pass)?,
                 wide,
                 inset,
                 size,
                 eyes_per_pass,
-            }
-        })
+            })
+        })?
     }
 
     /// Writes how the images of the eyes are composed, for the next submission.
     pub(super) fn write(&self, gpu: &Gpu, divisions: &[Division]) {
         for (pass, divisions) in self.composing.iter().zip(divisions.chunks(self.eyes_per_pass as usize)) {
-            for (eye, division) in divisions.iter().enumerate() {
-                pass.write(gpu, eye, &division.uniform());
-            }
+            let uniforms: Vec<_> = divisions.iter().map(Division::uniform).collect();
+            pass.write(gpu, &uniforms);
         }
     }
 }

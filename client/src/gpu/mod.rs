@@ -33,7 +33,7 @@ mod ui;
 pub use clip::GpuClip;
 pub use counts::{Coverage, FrameCounts};
 pub(crate) use device::DEVICE_REPLACED;
-pub use device::{Caps, Gpu, LOG_FILTER};
+pub use device::{Caps, Gpu, LOG_FILTER, PipelineStore};
 pub use footprint::{RESIDENT_BYTES, UPLOAD_BYTES};
 pub use foveation::Foveation;
 pub use level::Level;

@@ -12,7 +12,7 @@ use shaders::filter_variance;
 
 use super::clip::GpuClip;
 use super::counts::{Coverage, FrameCounts};
-use super::device::Gpu;
+use super::device::{Gpu, multiview_mask};
 use super::division::Division;
 use super::drawn_set::{DrawnPart, DrawnSet};
 use super::foveation::Foveation;
@@ -21,7 +21,7 @@ use super::settings::{Cutoff, RenderSettings};
 use super::stages::count::Counter;
 use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
-use super::stages::splat::{PassUniforms, multiview_mask};
+use super::stages::splat::PassUniforms;
 use super::timing::GpuTimer;
 use crate::view::View;
 
@@ -57,6 +57,8 @@ pub struct Renderer {
     timer: Option<GpuTimer>,
     counter: Option<Counter>,
     prepared: Option<Prepared>,
+    /// Whether a frame was recorded.
+    has_drawn: bool,
 }
 
 /// A frame that was prepared.
@@ -68,7 +70,7 @@ struct Prepared {
 }
 
 impl Renderer {
-    /// Builds the pipelines and buffers to draw frames of `layout` of `clip`. Both eyes are drawn in one pass if
+    /// Builds the buffers, and the pipelines that the device lacks, to draw frames of `layout` of `clip`. Both eyes are drawn in one pass if
     /// [`Caps::multiview`](super::Caps::multiview) is set.
     ///
     /// # Errors
@@ -86,8 +88,9 @@ impl Renderer {
             let set = |set| DrawnSet::new(gpu, set, &pass_layout, format, eyes_per_pass, foveated);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
             let passes = (0..eyes).step_by(eyes_per_pass as usize);
-            (clip.sets().map(set).collect(), passes.map(pass).collect(), GpuTimer::new(gpu))
-        })?;
+            let sets = clip.sets().map(set).collect::<Result<_, Fault>>()?;
+            Ok::<_, Fault>((sets, passes.map(pass).collect(), GpuTimer::new(gpu)))
+        })??;
         Ok(Renderer {
             layout,
             eyes_per_pass,
@@ -100,6 +103,7 @@ impl Renderer {
             counter: None,
             clip,
             prepared: None,
+            has_drawn: false,
         })
     }
 
@@ -113,7 +117,7 @@ impl Renderer {
         self.eyes_per_pass
     }
 
-    /// Number of render pipelines of the clip.
+    /// Number of render pipelines that the clip is drawn with.
     pub fn pipelines(&self) -> usize {
         self.sets.len()
     }
@@ -160,6 +164,9 @@ impl Renderer {
     ) {
         assert_eq!(targets.len(), self.passes.len(), "one target per pass");
         let prepared = self.prepared.expect("a frame was prepared");
+        if std::mem::replace(&mut self.has_drawn, true) {
+            gpu.save_pipelines();
+        }
         let slot = self.timer.as_mut().and_then(|timer| {
             timer.latest_ms();
             timer.free_slot()
@@ -223,7 +230,7 @@ impl Renderer {
             Some(counter) => counter,
             None => gpu.allocate("counting", || {
                 Counter::new(gpu, &self.sets, self.quads.clone(), self.layout.foveated)
-            })?,
+            })??,
         };
         let Prepared { views, t, cutoff } = self.prepared.expect("a frame was prepared");
         let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip.origin);

@@ -4,11 +4,10 @@
 
 use program::Fault;
 
-use super::device::Gpu;
+use super::device::{Gpu, multiview_mask};
 use super::device::vulkan::RuntimeImages;
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback};
-use super::stages::splat::multiview_mask;
 use super::ui::UiTarget;
 
 /// The images of a swapchain; images for the eyes have one layer per eye.

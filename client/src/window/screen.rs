@@ -9,7 +9,9 @@ use program::Fault;
 use winit::window::{Theme, Window};
 
 use super::style;
+use crate::folders;
 use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
+use crate::pipeline_folder::PipelineFolder;
 
 /// Longest wait for the loader to release a lost device.
 const RELEASE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -32,7 +34,10 @@ impl Screen {
     /// # Errors
     /// [`Fault::Device`] if no device can present to it.
     pub(super) fn open(window: &Arc<Window>) -> Result<Screen, Fault> {
-        let (gpu, surface) = WindowSurface::open(window.clone())?;
+        let (mut gpu, surface) = WindowSurface::open(window.clone())?;
+        if let Some(folder) = folders::pipelines() {
+            gpu.keep_pipelines(Arc::new(PipelineFolder::new(folder)));
+        }
         let ctx = egui::Context::default();
         style::apply(&ctx);
         Ok(Screen {

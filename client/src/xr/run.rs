@@ -15,6 +15,7 @@ use super::show::quality::Quality;
 use crate::args::Args;
 use crate::clips::{LoadOptions, SourceOptions};
 use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};
+use crate::pipeline_folder::PipelineFolder;
 use program::Fault;
 use program::output;
 
@@ -52,7 +53,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let mut show = Show::new(args.clip.clone(), options, quality, Place::new(store, standpoint), !measures)?;
     let mut report = Report::new(args, started);
     loop {
-        let device = Device::open(&runtime)?;
+        let device = Device::open(&runtime, system)?;
         let drawn_before = report.frames_drawn();
         match device.run_sessions(system, &runtime, args, &mut show, &mut report) {
             Ok(()) => {
@@ -81,8 +82,11 @@ struct Device {
 }
 
 impl Device {
-    fn open(runtime: &Runtime) -> Result<Device, Fault> {
-        let (gpu, handles) = Gpu::from_vulkan(runtime)?;
+    fn open(runtime: &Runtime, system: &System) -> Result<Device, Fault> {
+        let (mut gpu, handles) = Gpu::from_vulkan(runtime)?;
+        if let Some(folder) = system.pipelines() {
+            gpu.keep_pipelines(Arc::new(PipelineFolder::new(folder)));
+        }
         let failures = Failures::collect(&gpu);
         Ok(Device { gpu: Arc::new(gpu), handles, failures })
     }

@@ -15,11 +15,7 @@ use shaders::sh_words;
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        gpu::trial("GPU memory and pipelines", Passes::Shared, |_| {
-            // Its own device: pipelines of other tests would be counted.
-            let gpu = Gpu::new_headless().map_err(|fault| fault.to_string())?;
-            memory_and_pipelines(&gpu)
-        }),
+        gpu::trial("GPU memory and pipelines", Passes::Shared, |_| memory_and_pipelines()),
         Trial::test("columns that say nothing", columns_that_say_nothing),
     ]
 }
@@ -32,13 +28,13 @@ const BARE: Recipe =
 
 const WORD: usize = size_of::<u32>();
 
-fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
+fn memory_and_pipelines() -> Result<(), String> {
     let least = size_of::<Ranges>() + COUNT * size_of::<Gaussian>();
-    expect(gpu, "nothing optional", &decoded_with(&BARE.field(), None, &[]), least, 1)?;
+    expect("nothing optional", &decoded_with(&BARE.field(), None, &[]), least, 1)?;
     for sh_degree in 1..=3 {
         let clip = decoded_with(&Recipe { sh_degree, ..BARE }.field(), None, &[]);
         let bytes = least + COUNT * WORD * sh_words(sh_degree);
-        expect(gpu, &format!("SH {sh_degree}"), &clip, bytes, 1)?;
+        expect(&format!("SH {sh_degree}"), &clip, bytes, 1)?;
     }
     for (motion_order, turning) in [(0, false), (1, false), (2, false), (3, false), (3, true)] {
         let recipe = Recipe { motion: Motion::Mixed, motion_order, turning, ..BARE };
@@ -48,11 +44,11 @@ fn memory_and_pipelines(gpu: &Gpu) -> Result<(), String> {
         }
         let words = shaders::Motion { order: motion_order, rotates: turning }.words();
         let bytes = least + clip.dynamic_field.len() * WORD * words;
-        expect(gpu, &format!("motion of order {motion_order}, turning: {turning}"), &clip, bytes, 1)?;
+        expect(&format!("motion of order {motion_order}, turning: {turning}"), &clip, bytes, 1)?;
     }
     let plate = Recipe { sh_degree: 1, ..BARE }.field();
     let bytes = 2 * least + COUNT * WORD * sh_words(1);
-    expect(gpu, "plate", &decoded_with(&BARE.field(), Some(&plate), &[]), bytes, 2)
+    expect("plate", &decoded_with(&BARE.field(), Some(&plate), &[]), bytes, 2)
 }
 
 /// Columns that hold only defaults are not packaged: the package is the same as without them.
@@ -97,8 +93,10 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
     Ok(())
 }
 
-fn expect(gpu: &Gpu, what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
+fn expect(what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
     let fault = |fault: program::Fault| fault.to_string();
+    // Its own device: it keeps pipelines, so that those of other clips would be missing in the count.
+    let gpu = &Gpu::new_headless().map_err(fault)?;
     let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
     // By the graphics API's own report.
     let built =

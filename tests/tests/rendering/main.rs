@@ -10,6 +10,7 @@ mod foveation;
 mod golden;
 mod gpu_vs_reference;
 mod left_out;
+mod pipelines;
 mod prefixes;
 mod real_data;
 
@@ -20,6 +21,7 @@ fn main() -> ExitCode {
         ("golden", golden::trials()),
         ("gpu_vs_reference", gpu_vs_reference::trials()),
         ("left_out", left_out::trials()),
+        ("pipelines", pipelines::trials()),
         ("prefixes", prefixes::trials()),
         ("real_data", real_data::trials()),
     ])

@@ -4,17 +4,22 @@
 //! device itself, see [`vulkan`].
 
 mod loss;
+mod pipelines;
 #[cfg(feature = "xr")]
 pub(crate) mod vulkan;
 
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
 #[cfg(any(feature = "window", feature = "xr"))]
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::thread::ThreadId;
 
 use program::Fault;
 
 pub(super) use loss::{Fragile, Loss};
+pub use pipelines::PipelineStore;
+use pipelines::Pipelines;
+pub(super) use pipelines::{PipelineParts, multiview_mask};
 
 /// Default log filter, without `RUST_LOG`: messages of drivers and loaders are off.
 pub const LOG_FILTER: &str = "error,wgpu_hal=off";
@@ -54,6 +59,9 @@ pub struct Gpu {
     pub(super) queue: Fragile<wgpu::Queue>,
     instance: wgpu::Instance,
     pub(super) loss: Loss,
+    pipelines: Pipelines,
+    /// Name for compiled pipelines of this device; `None` if its driver does not give them out.
+    pipelines_name: Option<String>,
     /// The only thread that may submit work; `None` for any.
     submitter: Option<ThreadId>,
     waits: AtomicU64,
@@ -68,7 +76,8 @@ struct DeviceRequest {
 impl DeviceRequest {
     /// Intersects the features and limits that the renderer uses with those of the adapter `info`.
     fn new(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> DeviceRequest {
-        let mut features = features & (wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY);
+        let used = wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
+        let mut features = features & used;
         if !has_correct_multiview(info) {
             features.remove(wgpu::Features::MULTIVIEW);
         }
@@ -141,7 +150,10 @@ impl Gpu {
         let info = adapter.get_info();
         let DeviceRequest { features, limits } = request;
         let loss = Loss::listen(&device);
+        let keeps_pipelines = features.contains(wgpu::Features::PIPELINE_CACHE);
         Gpu {
+            pipelines: Pipelines::default(),
+            pipelines_name: keeps_pipelines.then(|| wgpu::util::pipeline_cache_key(&info)).flatten(),
             caps: Caps {
                 multiview: features.contains(wgpu::Features::MULTIVIEW),
                 timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
@@ -219,6 +231,35 @@ impl Gpu {
             ))),
             (None, Some(error)) => panic!("{purpose}: {error}"),
         }
+    }
+
+    /// The pipeline of `parts`. One that the device has is not compiled again.
+    ///
+    /// # Errors
+    /// As for [`Gpu::allocate`].
+    pub(super) fn pipeline(&self, parts: &PipelineParts<'_>) -> Result<wgpu::RenderPipeline, Fault> {
+        let key = parts.key();
+        if let Some(pipeline) = self.pipelines.get(&key) {
+            return Ok(pipeline);
+        }
+        // Only valid pipelines are kept. Two threads may compile the same one: nothing waits for a compiler.
+        let compile = || self.pipelines.compile(&self.device, parts.label, &key, parts.groups);
+        let pipeline = self.allocate(parts.label, compile)?;
+        Ok(self.pipelines.add(key, pipeline))
+    }
+
+    /// Keeps what the driver compiles from now on in `store`, and starts with what is there, if the driver can. Failures
+    /// cost nothing but the time to compile.
+    pub fn keep_pipelines(&mut self, store: Arc<dyn PipelineStore>) {
+        if let Some(name) = self.pipelines_name.clone() {
+            self.pipelines.keep(&self.device, name, store);
+        }
+    }
+
+    /// Saves, in the background, what was compiled since the last time. For after a frame: drivers may finish compiling
+    /// within the first one.
+    pub(super) fn save_pipelines(&self) {
+        self.pipelines.save();
     }
 
     /// Creates a buffer with the content `bytes`, a multiple of four bytes.

@@ -34,7 +34,15 @@ struct CountedSet {
 
 impl Counter {
     /// For `sets` of frames that may be `foveated`.
-    pub(in crate::gpu) fn new(gpu: &Gpu, sets: &[DrawnSet], quads: Quads, foveated: bool) -> Counter {
+    ///
+    /// # Errors
+    /// As for [`Gpu::pipeline`].
+    pub(in crate::gpu) fn new(
+        gpu: &Gpu,
+        sets: &[DrawnSet],
+        quads: Quads,
+        foveated: bool,
+    ) -> Result<Counter, Fault> {
         let pass_layout = PassUniforms::layout(gpu, 1);
         let counts_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("counts"),
@@ -70,18 +78,18 @@ impl Counter {
                 layout: &counts_layout,
                 entries: &[wgpu::BindGroupEntry { binding: COUNTS, resource: counts.as_entire_binding() }],
             });
-            CountedSet {
-                pipeline: splat::build(gpu, set.features, Purpose::Count { foveated }, &groups, target),
+            Ok(CountedSet {
+                pipeline: splat::pipeline(gpu, set.features, Purpose::Count { foveated }, &groups, target)?,
                 counts,
                 readback: buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
                 group,
-            }
+            })
         };
-        Counter {
+        Ok(Counter {
             uniforms: PassUniforms::new(gpu, &pass_layout, 1),
             quads,
-            sets: sets.iter().map(counted).collect(),
-        }
+            sets: sets.iter().map(counted).collect::<Result<_, Fault>>()?,
+        })
     }
 
     /// Counts the fragments of the sorted rows of `sets` in `views`; `origin` is that of the clip.

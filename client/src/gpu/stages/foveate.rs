@@ -2,11 +2,11 @@
 
 use std::mem::size_of;
 
+use program::Fault;
 use shaders::layout::Foveation;
-use shaders::{FOVEATION, FRAGMENT_ENTRY, INSET, LINEAR, VERTEX_ENTRY, WIDE, compose_foveate};
+use shaders::{FOVEATION, INSET, LINEAR, WIDE, compose_foveate};
 
-use super::splat::multiview_mask;
-use crate::gpu::device::Gpu;
+use crate::gpu::device::{Gpu, PipelineParts};
 
 /// The bind group of one pass.
 pub(in crate::gpu) struct ComposePass {
@@ -77,48 +77,27 @@ impl ComposePass {
         })
     }
 
-    /// Writes the uniforms of eye `eye` of the pass for the next submission.
-    pub(in crate::gpu) fn write(&self, gpu: &Gpu, eye: usize, foveation: &Foveation) {
-        let offset = (eye * size_of::<Foveation>()) as u64;
-        gpu.queue.write_buffer(&self.uniforms, offset, bytemuck::bytes_of(foveation));
+    /// Writes the uniforms of the eyes of the pass for the next submission.
+    pub(in crate::gpu) fn write(&self, gpu: &Gpu, eyes: &[Foveation]) {
+        gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::cast_slice(eyes));
     }
 }
 
 /// The pipeline for passes of `views` eyes into targets of `format`.
+///
+/// # Errors
+/// As for [`Gpu::pipeline`].
 pub(in crate::gpu) fn pipeline(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
     format: wgpu::TextureFormat,
     views: u32,
-) -> wgpu::RenderPipeline {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("foveate"),
-        source: wgpu::ShaderSource::Wgsl(compose_foveate(views).into()),
-    });
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("foveate"),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("foveate"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some(VERTEX_ENTRY),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: Default::default(),
-        depth_stencil: None,
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some(FRAGMENT_ENTRY),
-            compilation_options: Default::default(),
-            targets: &[Some(format.into())],
-        }),
-        multiview_mask: multiview_mask(views),
-        cache: None,
+) -> Result<wgpu::RenderPipeline, Fault> {
+    gpu.pipeline(&PipelineParts {
+        label: "foveate",
+        source: compose_foveate(views),
+        groups: &[Some(layout)],
+        target: format.into(),
+        views,
     })
 }

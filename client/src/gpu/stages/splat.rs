@@ -1,21 +1,24 @@
 //! Stage `splat`: the pipeline that draws the sorted Gaussians of a set, and the uniforms of a pass.
 
 use std::mem::size_of;
-use std::num::NonZeroU32;
 
 use glam::{DMat3, DVec3};
+use program::Fault;
 use shaders::layout::{Frame, ViewUniform};
-use shaders::{FRAGMENT_ENTRY, FRAME, Features, Purpose, VERTEX_ENTRY, VIEWS, compose};
+use shaders::{FRAME, Features, Purpose, VIEWS, compose};
 
 use super::alive::slope_limits;
-use crate::gpu::device::Gpu;
+use crate::gpu::device::{Gpu, PipelineParts};
+use crate::gpu::frame_views::EYES_MAX;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;
 
-/// The uniforms of one pass: bind group 0.
+/// Offset of the views in the buffer of a pass: a multiple of what every device asks of offsets.
+const VIEWS_OFFSET: usize = 256;
+
+/// The uniforms of one pass: bind group 0. One buffer, so that a frame writes it at once.
 pub(in crate::gpu) struct PassUniforms {
-    frame: wgpu::Buffer,
-    views: wgpu::Buffer,
+    buffer: wgpu::Buffer,
     pub(in crate::gpu) group: wgpu::BindGroup,
 }
 
@@ -42,25 +45,27 @@ impl PassUniforms {
     }
 
     pub(in crate::gpu) fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, views: u32) -> PassUniforms {
-        let uniform = |label, size: usize| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: size as u64,
-                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
+        let views_bytes = views as usize * size_of::<ViewUniform>();
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("pass"),
+            size: (VIEWS_OFFSET + views_bytes) as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let entry = |binding, offset: usize, bytes: usize| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: &buffer,
+                offset: offset as u64,
+                size: wgpu::BufferSize::new(bytes as u64),
+            }),
         };
-        let frame = uniform("frame", size_of::<Frame>());
-        let views = uniform("views", views as usize * size_of::<ViewUniform>());
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("pass"),
             layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: FRAME, resource: frame.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: VIEWS, resource: views.as_entire_binding() },
-            ],
+            entries: &[entry(FRAME, 0, size_of::<Frame>()), entry(VIEWS, VIEWS_OFFSET, views_bytes)],
         });
-        PassUniforms { frame, views, group }
+        PassUniforms { buffer, group }
     }
 
     /// Writes the uniforms for the next submission. `blur` is the variance of a field's blur in px^2 of the views,
@@ -77,13 +82,19 @@ impl PassUniforms {
         let time = t as f32;
         let time_rest = (t - f64::from(time)) as f32;
         let frame = Frame { time, time_rest, radius_max: cutoff.radius_max() };
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
-        for (i, view) in views.iter().enumerate() {
-            let offset = (i * size_of::<ViewUniform>()) as u64;
-            gpu.queue.write_buffer(&self.views, offset, bytemuck::bytes_of(&uniform_of(view, blur, origin)));
+        let mut bytes = [0; VIEWS_OFFSET + EYES_MAX * size_of::<ViewUniform>()];
+        bytes[..size_of::<Frame>()].copy_from_slice(bytemuck::bytes_of(&frame));
+        let mut end = VIEWS_OFFSET;
+        for view in views {
+            let start = end;
+            end += size_of::<ViewUniform>();
+            bytes[start..end].copy_from_slice(bytemuck::bytes_of(&uniform_of(view, blur, origin)));
         }
+        gpu.queue.write_buffer(&self.buffer, 0, &bytes[..end]);
     }
 }
+
+const _: () = assert!(size_of::<Frame>() <= VIEWS_OFFSET);
 
 fn uniform_of(view: &View, blur: f32, origin: DVec3) -> ViewUniform {
     let (slope_min, slope_max) = slope_limits(view);
@@ -101,68 +112,20 @@ fn uniform_of(view: &View, blur: f32, origin: DVec3) -> ViewUniform {
     }
 }
 
-/// The pipeline of a set with `features` in passes of `views` eyes of frames that may be `foveated`, blending
-/// premultiplied colours.
+/// The pipeline for `purpose` of a set with `features`, into `target`.
+///
+/// # Errors
+/// As for [`Gpu::pipeline`].
 pub(in crate::gpu) fn pipeline(
-    gpu: &Gpu,
-    features: Features,
-    groups: &[Option<&wgpu::BindGroupLayout>],
-    format: wgpu::TextureFormat,
-    views: u32,
-    foveated: bool,
-) -> wgpu::RenderPipeline {
-    let target = wgpu::ColorTargetState {
-        format,
-        blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-        write_mask: wgpu::ColorWrites::ALL,
-    };
-    build(gpu, features, Purpose::Draw { views, foveated }, groups, target)
-}
-
-/// Builds a pipeline of the shader composed for `purpose`.
-pub(in crate::gpu) fn build(
     gpu: &Gpu,
     features: Features,
     purpose: Purpose,
     groups: &[Option<&wgpu::BindGroupLayout>],
     target: wgpu::ColorTargetState,
-) -> wgpu::RenderPipeline {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("splat"),
-        source: wgpu::ShaderSource::Wgsl(compose(features, purpose).into()),
-    });
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("splat"),
-        bind_group_layouts: groups,
-        immediate_size: 0,
-    });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("splat"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some(VERTEX_ENTRY),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: Default::default(),
-        depth_stencil: None,
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some(FRAGMENT_ENTRY),
-            compilation_options: Default::default(),
-            targets: &[Some(target)],
-        }),
-        multiview_mask: match purpose {
-            Purpose::Draw { views, .. } => multiview_mask(views),
-            Purpose::Count { .. } => None,
-        },
-        cache: None,
-    })
-}
-
-/// Layer mask of a pass of `views` eyes; `None` for one eye.
-pub(in crate::gpu) fn multiview_mask(views: u32) -> Option<NonZeroU32> {
-    if views > 1 { NonZeroU32::new((1 << views) - 1) } else { None }
+) -> Result<wgpu::RenderPipeline, Fault> {
+    let views = match purpose {
+        Purpose::Draw { views, .. } => views,
+        Purpose::Count { .. } => 1,
+    };
+    gpu.pipeline(&PipelineParts { label: "splat", source: compose(features, purpose), groups, target, views })
 }

@@ -71,4 +71,9 @@ impl System {
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         clips::cache_dir()
     }
+
+    /// The folder for compiled pipelines; `None` if the system has no place for them.
+    pub(in crate::xr) fn pipelines(&self) -> Option<PathBuf> {
+        folders::pipelines()
+    }
 }

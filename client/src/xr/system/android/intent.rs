@@ -57,7 +57,7 @@ pub(super) fn read(app: &AndroidApp) -> IntentRequest {
     })
 }
 
-/// The folder for downloads; `None`, with a warning, if there is none.
+/// The folder for files that can be made again; `None`, with a warning, if there is none.
 pub(super) fn cache_folder(app: &AndroidApp) -> Option<PathBuf> {
     let folder = with_activity(app, |env, activity| {
         let folder = activity.get_cache_dir(env)?;
@@ -65,7 +65,7 @@ pub(super) fn cache_folder(app: &AndroidApp) -> Option<PathBuf> {
         text(env, &path)
     });
     let folder = folder.unwrap_or_else(|error| {
-        log::warn!("the folder for downloads is not known: {error}");
+        log::warn!("the folder for cached files is not known: {error}");
         None
     });
     folder.map(PathBuf::from)

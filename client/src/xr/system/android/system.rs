@@ -115,4 +115,9 @@ impl System {
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         super::intent::cache_folder(&self.app).map(|folder| folder.join("clips"))
     }
+
+    /// The folder for compiled pipelines, which the system empties like that of downloads; `None` if there is none.
+    pub(in crate::xr) fn pipelines(&self) -> Option<PathBuf> {
+        super::intent::cache_folder(&self.app).map(|folder| folder.join("pipelines"))
+    }
 }
