@@ -128,7 +128,9 @@ fn damaged() -> Result<(), String> {
         bytes[20..28].fill(0xab);
         bytes
     };
-    for bytes in [whole.clone(), whole[..whole.len() / 2].to_vec(), vec![], vec![7; 4096], header_of_another_device] {
+    for bytes in
+        [whole.clone(), whole[..whole.len() / 2].to_vec(), vec![], vec![7; 4096], header_of_another_device]
+    {
         let number = bytes.len();
         let store = Arc::new(Recorded { bytes: Some(bytes), ..Recorded::default() });
         if run(store.clone())? != picture || store.saves().len() != 1 {
