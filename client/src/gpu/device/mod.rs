@@ -257,6 +257,11 @@ impl Gpu {
         }
     }
 
+    /// Number of pipelines of clips and foveation compiled so far.
+    pub fn pipelines_compiled(&self) -> u64 {
+        self.pipelines.compiled()
+    }
+
     /// Saves, in the background, what was compiled since the last time. For after a frame: drivers may finish compiling
     /// within the first one.
     pub(super) fn save_pipelines(&self) {
