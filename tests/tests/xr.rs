@@ -1,7 +1,10 @@
 //! The headset path on a real OpenXR runtime: Monado with a simulated headset, mostly with Khronos's
 //! validation layer between.
 
+use std::ffi::OsStr;
 use std::fs;
+use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::mpsc::channel;
@@ -50,6 +53,7 @@ fn main() -> ExitCode {
         hand_trial("a playlist plays in order, and the panel can skip ahead", playlist, false),
         hand_trial("the next clip loads while frames continue", loading, false),
         hand_trial("the next clip loads while 2000 frames continue", loading_long, true),
+        trial("cargo xtask headset prints a table of this machine's runtime", headset_table),
         trial("the validation layer reports a forbidden call", forbidden_call_is_reported),
         hand_trial("a lost device is replaced, and the clip goes on", lost_device, false),
         trial("a device that is lost at once ends the player with one sentence", device_lost_at_once),
@@ -193,6 +197,47 @@ fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
     let apart = difference(left_image, right_image);
     if apart.psnr > 30.0 {
         return Err(format!("the images of both eyes are nearly equal: {apart}"));
+    }
+    Ok(())
+}
+
+/// Measures the demo with `cargo xtask headset`. A script starts the player, which needs the runtime's libraries.
+fn headset_table(headset: Headset) -> Result<(), String> {
+    let player = headset.command(client());
+    let quoted = |text: &OsStr| format!("'{}'", text.to_string_lossy());
+    let mut script = String::from("#!/bin/sh\n");
+    for (name, value) in player.get_envs() {
+        let name = name.to_string_lossy();
+        script += &match value {
+            Some(value) => format!("export {name}={}\n", quoted(value)),
+            None => format!("unset {name}\n"),
+        };
+    }
+    let words: Vec<String> =
+        [player.get_program()].into_iter().chain(player.get_args()).map(quoted).collect();
+    script += &format!("exec {} \"$@\"\n", words.join(" "));
+    let (path, out) = (headset.path("player"), headset.path("out"));
+    let io = |error: io::Error| error.to_string();
+    fs::write(&path, script).map_err(io)?;
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).map_err(io)?;
+
+    let mut xtask = Command::new(workspace::build("xtask", "dev").map_err(|fault| fault.to_string())?);
+    xtask.args(["headset", "--seconds", "0.5", "--player"]).arg(&path).arg("-o").arg(&out);
+    let outcome = run(xtask.arg(workspace::root().join("assets/demo.aarc")));
+    let lines: Vec<&str> = outcome.stdout.lines().collect();
+    let is_row =
+        |(line, distance): (&&str, &str)| line.starts_with(&format!("| demo | 42978 | {distance} | "));
+    let distances = ["near", "standing", "inside"];
+    if outcome.code != Some(0) || lines.len() != 7 || !lines[4..].iter().zip(distances).all(is_row) {
+        return Err(format!("{outcome:?}"));
+    }
+    println!("{}", outcome.stdout);
+    for (number, distance) in distances.iter().enumerate() {
+        let stats = json(&out.join(format!("1-demo-{distance}.json")))?;
+        let seconds = stats["measured"]["seconds"].as_f64().unwrap_or_default();
+        if seconds < 0.5 || !lines[0].contains("Monado") {
+            return Err(format!("row {number} measured {seconds} s: {outcome:?}"));
+        }
     }
     Ok(())
 }

@@ -4,8 +4,8 @@
 
 use program::Fault;
 
-use super::device::{Gpu, multiview_mask};
 use super::device::vulkan::RuntimeImages;
+use super::device::{Gpu, multiview_mask};
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback};
 use super::ui::UiTarget;

@@ -9,6 +9,7 @@ mod apk;
 mod cli;
 mod failures;
 mod faults;
+mod headset;
 mod job_array;
 mod net_programs;
 mod playlist;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
         ("cli", cli::trials()),
         ("failures", failures::trials()),
         ("faults", faults::trials()),
+        ("headset", headset::trials()),
         ("net_programs", net_programs::trials()),
         ("playlist", playlist::trials()),
         ("window", window::trials()),

@@ -51,18 +51,16 @@ fn draw(gpu: &Gpu, renderer: &mut Renderer, frames: usize) -> Result<Vec<u8>, St
 
 fn like_the_last() -> Result<(), String> {
     let gpu = Gpu::new_headless().map_err(text)?;
-    let built =
-        || gpu.objects().into_iter().find_map(|(kind, count)| (kind == "render pipelines").then_some(count));
     let mut counts = Vec::new();
     let mut picture = Vec::new();
     for recipe in [BARE, Recipe { seed: 4, ..BARE }, Recipe { sh_degree: 1, ..BARE }, BARE] {
         // The clip before is gone, as where a player changes clips.
         let mut renderer = renderer(&gpu, recipe)?;
-        counts.push(built());
+        counts.push(gpu.pipelines_compiled());
         picture.push(draw(&gpu, &mut renderer, 1)?);
     }
-    if counts != [Some(1), Some(1), Some(2), Some(2)] {
-        return Err(format!("{counts:?} pipelines"));
+    if counts != [1, 1, 2, 2] {
+        return Err(format!("{counts:?} pipelines were compiled"));
     }
     if picture[0] != picture[3] || picture[0] == picture[1] {
         return Err("a kept pipeline draws another picture".into());
@@ -128,7 +126,9 @@ fn damaged() -> Result<(), String> {
         bytes[20..28].fill(0xab);
         bytes
     };
-    for bytes in [whole.clone(), whole[..whole.len() / 2].to_vec(), vec![], vec![7; 4096], header_of_another_device] {
+    for bytes in
+        [whole.clone(), whole[..whole.len() / 2].to_vec(), vec![], vec![7; 4096], header_of_another_device]
+    {
         let number = bytes.len();
         let store = Arc::new(Recorded { bytes: Some(bytes), ..Recorded::default() });
         if run(store.clone())? != picture || store.saves().len() != 1 {

@@ -8,8 +8,8 @@ mod pipelines;
 #[cfg(feature = "xr")]
 pub(crate) mod vulkan;
 
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(any(feature = "window", feature = "xr"))]
 use std::sync::{Mutex, PoisonError};
 use std::thread::ThreadId;
@@ -76,7 +76,8 @@ struct DeviceRequest {
 impl DeviceRequest {
     /// Intersects the features and limits that the renderer uses with those of the adapter `info`.
     fn new(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> DeviceRequest {
-        let used = wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
+        let used =
+            wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
         let mut features = features & used;
         if !has_correct_multiview(info) {
             features.remove(wgpu::Features::MULTIVIEW);
@@ -254,6 +255,11 @@ impl Gpu {
         if let Some(name) = self.pipelines_name.clone() {
             self.pipelines.keep(&self.device, name, store);
         }
+    }
+
+    /// Number of pipelines of clips and foveation compiled so far.
+    pub fn pipelines_compiled(&self) -> u64 {
+        self.pipelines.compiled()
     }
 
     /// Saves, in the background, what was compiled since the last time. For after a frame: drivers may finish compiling

@@ -8,7 +8,7 @@
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
@@ -59,6 +59,7 @@ pub(super) struct PipelineKey {
 #[derive(Default)]
 pub(super) struct Pipelines {
     built: Mutex<HashMap<PipelineKey, wgpu::RenderPipeline>>,
+    compiled: AtomicU64,
     kept: Option<KeptPipelines>,
 }
 
@@ -101,6 +102,11 @@ impl Pipelines {
         }
     }
 
+    /// Number of pipelines compiled so far.
+    pub(super) fn compiled(&self) -> u64 {
+        self.compiled.load(Ordering::Relaxed)
+    }
+
     /// Compiles the pipeline of `key` with bindings of `groups`.
     pub(super) fn compile(
         &self,
@@ -109,6 +115,7 @@ impl Pipelines {
         key: &PipelineKey,
         groups: &[Option<&wgpu::BindGroupLayout>],
     ) -> wgpu::RenderPipeline {
+        self.compiled.fetch_add(1, Ordering::Relaxed);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(label),
             source: wgpu::ShaderSource::Wgsl(key.source.as_str().into()),
