@@ -2,12 +2,15 @@
 //! Markdown for an issue.
 //!
 //! A row is printed and written as soon as its run ends, so an interrupted measurement keeps the finished ones. `adb`
-//! reaches a headset, `local` a runtime on this machine; both only play. `table` reads what the player measured.
+//! reaches a headset, `local` a runtime on this machine; both only play, as `target` says. `table` reads what the
+//! player measured, `clocks` what the runtime logs.
 
 mod adb;
+mod clocks;
 mod device;
 mod local;
 mod table;
+mod target;
 
 use std::ffi::OsString;
 use std::fs;
@@ -20,7 +23,8 @@ use xtask::workspace;
 
 use self::device::Device;
 use self::local::Local;
-use self::table::{Clocks, Table};
+use self::table::Table;
+use self::target::{Run, Target};
 
 /// Where the viewer stands, by the player's options.
 const DISTANCES: [&str; 3] = ["near", "standing", "inside"];
@@ -64,31 +68,6 @@ fn seconds(text: &str) -> Result<f64, String> {
         Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
         _ => Err("not a positive number of seconds".into()),
     }
-}
-
-/// A run of the player.
-struct Run<'a> {
-    clip: &'a Path,
-    /// One of [`DISTANCES`].
-    distance: &'static str,
-    seconds: f64,
-}
-
-/// What a run measured.
-struct Played {
-    /// The JSON of the player's `--stats`.
-    stats: Vec<u8>,
-    /// Clocks, where the runtime logs them.
-    clocks: Option<Clocks>,
-}
-
-/// A place where clips are played.
-trait Target {
-    /// Plays a clip to the end of the run.
-    ///
-    /// # Errors
-    /// [`Fault::Device`] if the headset is gone or the player failed.
-    fn play(&self, run: &Run<'_>) -> Result<Played, Fault>;
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {

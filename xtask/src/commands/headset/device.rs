@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use program::Fault;
 
 use super::adb::Adb;
-use super::table::Clocks;
-use super::{Played, Run, Target};
+use super::clocks::Clocks;
+use super::target::{Played, Run, Target};
 
 const APP: &str = "org.aarc.client";
 const ACTIVITY: &str = "org.aarc.client/android.app.NativeActivity";

@@ -7,7 +7,7 @@ use std::process::Command;
 use program::Fault;
 
 use super::adb::output;
-use super::{Played, Run, Target};
+use super::target::{Played, Run, Target};
 
 /// This machine, which logs no clocks.
 pub(super) struct Local {
