@@ -126,8 +126,9 @@ fn lost() -> Result<(), String> {
     let outcome = headset(&folder, "a.aarc b.aarc", READY, "gone")?;
     let table = String::from_utf8_lossy(&folder.read("out/table.md")?).into_owned();
     let error = outcome.stderr.lines().last().unwrap_or_default();
-    let is_told = error.starts_with("error: the headset quest is gone") && error.contains("2 finished rows");
-    if outcome.code != Some(DEVICE) || !is_told || table.lines().skip(4).ne(rows(&["a"])[..2].iter()) {
+    let names_both =
+        error.starts_with("error: the headset quest is gone") && error.contains("2 finished rows");
+    if outcome.code != Some(DEVICE) || !names_both || table.lines().skip(4).ne(rows(&["a"])[..2].iter()) {
         return Err(format!("{outcome:?}\n{table}"));
     }
     Ok(())

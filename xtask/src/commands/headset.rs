@@ -2,7 +2,8 @@
 //! Markdown for an issue.
 //!
 //! A row is printed and written as soon as its run ends, so an interrupted measurement keeps the finished ones. `adb`
-//! reaches a headset, `local` a runtime on this machine; both only play. `table` reads what the player measured.
+//! reaches a headset, `local` a runtime on this machine; both only play, as `target` says. `table` reads what the
+//! player measured, `clocks` what the runtime logs.
 
 mod adb;
 mod clocks;

@@ -1,5 +1,4 @@
-//! [`Target`]: a place where clips are played, a headset or this machine; [`Run`] and [`Played`], what it plays and what
-//! that measured.
+//! [`Target`]: a place where clips are played, with the runs that it plays and what they measure.
 
 use std::path::Path;
 
@@ -10,7 +9,7 @@ use super::clocks::Clocks;
 /// A run of the player.
 pub(super) struct Run<'a> {
     pub(super) clip: &'a Path,
-    /// Where the viewer stands, by the player's options.
+    /// Where the viewer stands, by the player's option without its dashes.
     pub(super) distance: &'static str,
     pub(super) seconds: f64,
 }
