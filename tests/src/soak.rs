@@ -174,15 +174,7 @@ pub fn soak(
         drop((watched, clip));
         lasting.play(&gpu, &mut rng, &mut account).map_err(text)?;
         gpu.wait().map_err(text)?;
-        let mut held = objects(&gpu)?;
-        // A device keeps its pipelines for the next clip.
-        let pipelines = held.insert(PIPELINES, at_rest[PIPELINES]).unwrap_or_default();
-        if held != at_rest || pipelines > PIPELINES_MAX {
-            return Err(format!(
-                "after {} rounds {held:?} and {pipelines} pipelines are held, {at_rest:?} at first",
-                account.rounds
-            ));
-        }
+        check_held(&gpu, &at_rest).map_err(|held| format!("after {} rounds {held}", account.rounds))?;
         account.rounds += 1;
         account.samples.push(Sample {
             seconds: start.elapsed().as_secs_f64(),
@@ -198,6 +190,16 @@ pub fn soak(
         on_sample(&account);
     }
     Ok(account)
+}
+
+/// Checks that the device holds what it held at rest. It keeps its pipelines for the next clip.
+fn check_held(gpu: &Gpu, at_rest: &BTreeMap<&'static str, usize>) -> Result<(), String> {
+    let mut held = objects(gpu)?;
+    let pipelines = held.insert(PIPELINES, at_rest[PIPELINES]).unwrap_or_default();
+    if held == *at_rest && pipelines <= PIPELINES_MAX {
+        return Ok(());
+    }
+    Err(format!("{held:?} and {pipelines} pipelines are held, {at_rest:?} at first"))
 }
 
 /// A clip that stays on the device, and the graphics objects that it takes after a round.
