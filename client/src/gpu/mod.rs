@@ -1,6 +1,7 @@
 //! The renderer: the only module that uses the graphics API.
 //!
-//! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds its pipelines.
+//! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds the pipelines that the device
+//! does not have yet.
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 

@@ -14,6 +14,7 @@ use crate::view::View;
 use crate::xr::panel::{Painting, PointerRay};
 use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt};
+use crate::xr::runtime::extensions::sharpening::Sharpening;
 use crate::xr::runtime::frame::Frame;
 use crate::xr::show::Show;
 use crate::xr::tracking::Eyes;
@@ -123,6 +124,11 @@ impl Canvas {
             xr::CompositionLayerFlags::EMPTY
         };
         let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(stage).views(&projections);
+        let sharpening = Sharpening::of(self.eyes.swapchain().instance(), size != self.size);
+        let layer = match &sharpening {
+            Some(sharpening) => sharpening.apply(layer),
+            None => layer,
+        };
         let room = self.passthrough.layer(passthrough);
         let panel = show.panel_quad().and_then(|panel| self.panel.quad(stage, panel));
         let rays = rays.map(|ray| ray.map(|ray| self.rays.quad(stage, &ray)));

@@ -84,6 +84,8 @@ impl Session {
         let size = runtime.eye_size.min(UVec2::splat(gpu.caps.max_image_side));
 
         performance::request(&session);
+        #[cfg(target_os = "android")]
+        crate::xr::runtime::extensions::threads::assign(&session);
         let rate = DisplayRate::default();
         let rates =
             runtime.extensions.fb_display_refresh_rate.then(|| refresh_rate::rates(&session)).flatten();

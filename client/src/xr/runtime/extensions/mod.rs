@@ -3,6 +3,9 @@
 pub(in crate::xr) mod passthrough;
 pub(in crate::xr) mod performance;
 pub(in crate::xr) mod refresh_rate;
+pub(in crate::xr) mod sharpening;
+#[cfg(any(target_os = "android", test))]
+pub(in crate::xr) mod threads;
 
 use openxr as xr;
 
@@ -16,5 +19,25 @@ pub(super) fn supported(offered: &xr::ExtensionSet) -> xr::ExtensionSet {
     enabled.fb_display_refresh_rate = offered.fb_display_refresh_rate;
     enabled.ext_performance_settings = offered.ext_performance_settings;
     enabled.fb_passthrough = offered.fb_passthrough;
+    enabled.fb_composition_layer_settings = offered.fb_composition_layer_settings;
+    #[cfg(target_os = "android")]
+    {
+        enabled.khr_android_thread_settings = offered.khr_android_thread_settings;
+    }
     enabled
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_offered_and_used_is_enabled() {
+        let mut offered = xr::ExtensionSet::default();
+        assert_eq!(supported(&offered), offered);
+        offered.fb_composition_layer_settings = true;
+        assert_eq!(supported(&offered), offered);
+        offered.khr_opengl_enable = true;
+        assert!(!supported(&offered).khr_opengl_enable);
+    }
 }
