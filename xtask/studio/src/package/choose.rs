@@ -45,7 +45,7 @@ impl Choice<'_> {
 /// Chooses `settings.budget` of the rows of `field`, which is not empty, and of these `settings.fragments`.
 ///
 /// # Errors
-/// Errors of the draft encoder.
+/// [`Fault::Usage`] where so few fragments hold no Gaussian; errors of the draft encoder.
 pub(super) fn choose<'a>(
     scene: &'a Scene,
     field: &'a Field,
