@@ -9,7 +9,7 @@ use program::Fault;
 
 use super::device::Gpu;
 use super::division::{Division, part_size};
-use super::layers::layer_views;
+use super::layers::{layer_views, sampled_views};
 use super::stages::foveate::{self, ComposePass};
 use super::stages::splat::PassUniforms;
 
@@ -88,18 +88,4 @@ impl Foveation {
             pass.write(gpu, &uniforms);
         }
     }
-}
-
-/// Views of `texture` for sampling, with one layer per eye of a pass.
-fn sampled_views(texture: &wgpu::Texture, eyes_per_pass: u32) -> Vec<wgpu::TextureView> {
-    let view = |layer| {
-        texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
-            base_array_layer: layer,
-            array_layer_count: Some(eyes_per_pass),
-            ..Default::default()
-        })
-    };
-    (0..texture.depth_or_array_layers()).step_by(eyes_per_pass as usize).map(view).collect()
 }

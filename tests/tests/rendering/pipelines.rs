@@ -68,7 +68,7 @@ fn like_the_last() -> Result<(), String> {
     Ok(())
 }
 
-/// A store in memory that records what is asked of it.
+/// A store in memory that records every save.
 #[derive(Default)]
 struct Recorded {
     bytes: Option<Vec<u8>>,

@@ -3,7 +3,7 @@
 //! 1. A [`Ranking`] scores the rows, and [`by_importance`] sorts them.
 //! 2. [`Floor::choices`] keeps a budget of rows, and swaps some to preserve the topology of the density.
 //! 3. [`select()`] compares the rankings by the pictures of their packages, see [`Pictures`].
-//! 4. [`within_fragments`] leaves out the rows that show least for their fragments, if that is asked for.
+//! 4. [`within_fragments`] keeps a budget of fragments, if there is one: the rows that show least for theirs go.
 //! 5. [`recolor()`] adjusts the colours of the remaining rows to the pictures of the whole field.
 //!
 //! ```

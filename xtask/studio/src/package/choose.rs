@@ -75,7 +75,10 @@ pub(super) fn choose<'a>(
     let mut chosen = field.select(&order.rows);
     let mut recolor_gain_db = None;
     if settings.recolor {
-        let psnr_db = whole.draft_psnr(&chosen)?;
+        let psnr_db = match (selected, settings.fragments) {
+            (Some(selected), None) => selected.psnr_db,
+            _ => whole.draft_psnr(&chosen)?,
+        };
         progress.stage("colours", 1);
         let views = recolor_views(scene, field);
         let pictures = Pictures::take(&render_scene(field, plate), views, || ());

@@ -26,9 +26,9 @@ const STANDPOINTS: [(Standpoint, &str); 3] =
 pub struct LensFragments {
     /// The viewer 0.7 m in front of the centre ("near"), 2 m in front of it ("standing"), or in it ("inside").
     pub standpoint: &'static str,
-    /// Of all visible Gaussians of the scene.
+    /// Those of the scene's visible Gaussians.
     pub before: f64,
-    /// Of the package.
+    /// Those of the package's Gaussians.
     pub after: f64,
 }
 

@@ -155,8 +155,8 @@ const SUMS: usize = 9;
 
 /// Sums over the blocks of a tile, per lane, for one splat.
 struct Sums<T> {
-    /// Of the gradient with respect to the exponent of the footprint, times 1, s, y, s^2, s y, y^2, where `s` is
-    /// `d.x - shear d.y` and `y` is `d.y`; and of that with respect to the colour.
+    /// Six sums of the gradient with respect to the exponent of the footprint, times 1, s, y, s^2, s y and y^2, where
+    /// `s` is `d.x - shear d.y` and `y` is `d.y`. Three sums of the gradient with respect to the colour.
     lanes: [Lanes<T>; SUMS],
 }
 
