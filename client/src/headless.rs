@@ -18,7 +18,8 @@ use crate::clips::{
     too_few_layers,
 };
 use crate::gpu::{
-    DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings, Renderer,
+    ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
+    Renderer, choose_f16,
 };
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
 use crate::terminal::Reporter;
@@ -62,13 +63,17 @@ fn write_image(output: &ImageOutput, i: usize, eyes: &[Pixels]) -> Result<(), Fa
 /// The graphics device.
 struct Device {
     gpu: Gpu,
+    /// Bits per channel of the images.
+    target: ChannelDepth,
     /// Number of images rendered.
     images: u64,
 }
 
 impl Device {
-    fn open() -> Result<Device, Fault> {
-        Ok(Device { gpu: Gpu::new_headless()?, images: 0 })
+    fn open(target: ChannelDepth) -> Result<Device, Fault> {
+        let mut gpu = Gpu::new_headless()?;
+        choose_f16(&mut gpu, target)?;
+        Ok(Device { gpu, target, images: 0 })
     }
 
     /// Opens another device in place of one that failed with `fault`: that was lost after it had rendered
@@ -81,7 +86,7 @@ impl Device {
         if !self.gpu.is_worth_replacing(self.images) {
             return Err(fault);
         }
-        *self = Device::open()?;
+        *self = Device::open(self.target)?;
         Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
         Ok(())
     }
@@ -206,6 +211,7 @@ impl<'a> ClipRenderer<'a> {
             loading,
             upload_ms: *upload_ms,
             gpu_timed: gpu.caps.timestamps,
+            f16: gpu.caps.f16,
             alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
             sort_ms: Summary::of(frames.iter().map(|frame| frame.sort_ms)),
             draw_ms: Summary::of(frames.iter().map(|frame| frame.draw_ms)),
@@ -220,7 +226,7 @@ fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
     views(args, &clip)?;
     settings(args, &clip)?;
-    let mut device = Device::open()?;
+    let mut device = Device::open(args.target)?;
     let mut renderer = ClipRenderer::new(&mut device, Arc::new(clip), args)?;
     let mut frames = Vec::new();
     for (i, &time_s) in times.iter().enumerate() {
@@ -348,7 +354,7 @@ impl PlaylistRun<'_> {
         times: Vec<(usize, f64)>,
     ) -> Result<Rendered, Fault> {
         if !times.is_empty() {
-            let device = opened(&mut self.device)?;
+            let device = opened(&mut self.device, self.args.target)?;
             match ClipRenderer::new(device, clip.clone(), self.args) {
                 Ok(mut renderer) => {
                     for (i, time_s) in times {
@@ -377,7 +383,7 @@ impl PlaylistRun<'_> {
         let (fps, duration_s) = (clip.info.fps, clip.info.duration_s);
         let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
         check_times(&times, self.start_s, fps.into())?;
-        let mut renderer = ClipRenderer::new(opened(&mut self.device)?, clip, self.args)?;
+        let mut renderer = ClipRenderer::new(opened(&mut self.device, self.args.target)?, clip, self.args)?;
         for &(i, _) in &self.pending {
             write_image(self.output, i, &renderer.pixels(duration_s.into())?)?;
         }
@@ -385,10 +391,10 @@ impl PlaylistRun<'_> {
     }
 }
 
-/// The device, opened at the first call.
-fn opened(device: &mut Option<Device>) -> Result<&mut Device, Fault> {
+/// The device for images of `target`, opened at the first call.
+fn opened(device: &mut Option<Device>, target: ChannelDepth) -> Result<&mut Device, Fault> {
     if device.is_none() {
-        *device = Some(Device::open()?);
+        *device = Some(Device::open(target)?);
     }
     Ok(device.as_mut().expect("it was just opened"))
 }

@@ -29,6 +29,8 @@ pub struct Stats {
     pub upload_ms: f64,
     /// Whether GPU timestamps measured `draw_ms`; else it is the wall time until the GPU finished.
     pub gpu_timed: bool,
+    /// Whether the fragment stage calculated in f16; else in f32.
+    pub f16: bool,
     /// `alive_ms` over the frames.
     pub alive_ms: Summary,
     /// `sort_ms` over the frames.

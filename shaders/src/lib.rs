@@ -117,6 +117,8 @@ pub enum Purpose {
         views: u32,
         /// Whether frames may be foveated.
         foveated: bool,
+        /// Whether fragments are evaluated in f16, which the device must support.
+        f16: bool,
     },
     /// Counts fragments, one eye per pass.
     Count {
@@ -151,11 +153,16 @@ pub fn compose_foveate(views: u32) -> String {
 /// Composes the WGSL source for a field with `features`.
 pub fn compose(features: Features, purpose: Purpose) -> String {
     let (views, foveated) = match purpose {
-        Purpose::Draw { views, foveated } => (views, foveated),
+        Purpose::Draw { views, foveated, .. } => (views, foveated),
         Purpose::Count { foveated } => (1, foveated),
     };
+    let [enabled, real] = match purpose {
+        Purpose::Draw { f16: true, .. } => ["enable f16;\n", "alias real = f16;\n"],
+        Purpose::Draw { .. } => ["", "alias real = f32;\n"],
+        Purpose::Count { .. } => ["", ""],
+    };
     let mut source = format!(
-        "const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n\
+        "{enabled}{real}const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n\
          const ALPHA_MAX: f32 = {ALPHA_MAX:?};\n\
          const NEAR: f32 = {NEAR:?};\n\
          const FILTER: f32 = {:?};\n\

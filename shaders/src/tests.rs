@@ -20,11 +20,13 @@ fn all_features() -> Vec<Features> {
     all
 }
 
-const PURPOSES: [Purpose; 6] = [
-    Purpose::Draw { views: 1, foveated: false },
-    Purpose::Draw { views: 2, foveated: false },
-    Purpose::Draw { views: 1, foveated: true },
-    Purpose::Draw { views: 2, foveated: true },
+const PURPOSES: [Purpose; 8] = [
+    Purpose::Draw { views: 1, foveated: false, f16: false },
+    Purpose::Draw { views: 2, foveated: false, f16: false },
+    Purpose::Draw { views: 1, foveated: true, f16: false },
+    Purpose::Draw { views: 2, foveated: true, f16: false },
+    Purpose::Draw { views: 1, foveated: false, f16: true },
+    Purpose::Draw { views: 2, foveated: true, f16: true },
     Purpose::Count { foveated: false },
     Purpose::Count { foveated: true },
 ];
@@ -42,6 +44,8 @@ fn every_composition_is_valid() {
             let module = parse(features, purpose);
             let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
             capabilities.set(Capabilities::MULTIVIEW, matches!(purpose, Purpose::Draw { views: 2, .. }));
+            capabilities
+                .set(Capabilities::SHADER_FLOAT16, matches!(purpose, Purpose::Draw { f16: true, .. }));
             Validator::new(ValidationFlags::all(), capabilities)
                 .validate(&module)
                 .unwrap_or_else(|error| panic!("{features:?} {purpose:?}: {error:?}"));

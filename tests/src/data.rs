@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use client::gpu::Gpu;
 use libtest_mimic::{Completion, Failed, Trial};
 
-use crate::gpu::{Passes, device};
+use crate::gpu::{Passes, device, if_f16};
 
 /// Path of a file in the data folder beside the repository; `None` if it does not exist.
 pub fn path(name: &str) -> Option<PathBuf> {
@@ -32,6 +32,16 @@ pub fn trial(
         Ok(gpu) => test(gpu, path).map(|()| Completion::Completed).map_err(Failed::from),
         Err(fault) => Ok(Completion::ignored_with(fault)),
     })
+}
+
+/// A test of the fragment stage in f16 that needs a data file: ignored where the device has no f16, or the file is
+/// missing.
+pub fn f16_trial(
+    name: &str,
+    data: &'static str,
+    test: impl FnOnce(PathBuf) -> Result<(), String> + Send + 'static,
+) -> Trial {
+    with_file(name, data, move |path| if_f16(|| test(path)))
 }
 
 fn with_file(

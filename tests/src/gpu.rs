@@ -33,6 +33,23 @@ pub fn multiview_trial(
     })
 }
 
+/// A test of the fragment stage in f16: ignored where the device has no f16.
+pub fn f16_trial(
+    name: impl Into<String>,
+    test: impl FnOnce() -> Result<(), String> + Send + 'static,
+) -> Trial {
+    Trial::ignorable_test(name, move || if_f16(test))
+}
+
+/// Runs a test of the fragment stage in f16, where the device has f16.
+pub(crate) fn if_f16(test: impl FnOnce() -> Result<(), String>) -> Result<Completion, Failed> {
+    match device(Passes::Shared) {
+        Ok(gpu) if gpu.has_f16() => test().map(|()| Completion::Completed).map_err(Failed::from),
+        Ok(gpu) => Ok(Completion::ignored_with(format!("{} has no f16", gpu.adapter_name))),
+        Err(fault) => Ok(Completion::ignored_with(fault)),
+    }
+}
+
 /// Runs the tests of several files as the standard harness does. Each test is listed, and can be
 /// filtered, by the name of its file as well.
 pub fn run<const N: usize>(files: [(&str, Vec<Trial>); N]) -> ExitCode {

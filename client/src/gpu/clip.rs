@@ -33,21 +33,21 @@ impl GpuClip {
         let time_index = clip.time_index.clone();
         let origin = origin(&clip.static_field, &clip.dynamic_field);
         let plate = match &clip.plate {
-            Some(plate) if !plate.is_empty() => {
-                let all = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
-                Some(GaussianSet::upload(
-                    gpu,
-                    [plate, &Field::default()],
-                    origin,
-                    vec![all],
-                    TimeIndex::default(),
-                )?)
-            }
+            Some(plate) if !plate.is_empty() => Some(GaussianSet::upload_static(gpu, plate, origin)?),
             _ => None,
         };
         let clip =
             GaussianSet::upload(gpu, [&clip.static_field, &clip.dynamic_field], origin, layers, time_index)?;
         Ok(GpuClip { origin, clip, plate })
+    }
+
+    /// Packs and uploads static Gaussians as a clip of one layer.
+    ///
+    /// # Errors
+    /// As for [`GpuClip::upload`].
+    pub(super) fn from_static(gpu: &Gpu, field: &Field) -> Result<GpuClip, Fault> {
+        let origin = origin(field, &Field::default());
+        Ok(GpuClip { origin, clip: GaussianSet::upload_static(gpu, field, origin)?, plate: None })
     }
 
     /// GPU memory of the clip in bytes.
@@ -67,6 +67,12 @@ impl GpuClip {
 }
 
 impl GaussianSet {
+    /// Uploads static Gaussians in one layer.
+    fn upload_static(gpu: &Gpu, field: &Field, origin: DVec3) -> Result<GaussianSet, Fault> {
+        let all = LayerEnd { static_count: field.len(), dynamic_count: 0 };
+        GaussianSet::upload(gpu, [field, &Field::default()], origin, vec![all], TimeIndex::default())
+    }
+
     fn upload(
         gpu: &Gpu,
         [static_field, dynamic_field]: [&Field; 2],

@@ -56,7 +56,7 @@ impl DrawnSet {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let purpose = Purpose::Draw { views: eyes_per_pass, foveated };
+        let purpose = Purpose::Draw { views: eyes_per_pass, foveated, f16: gpu.caps.f16 };
         let target = wgpu::ColorTargetState {
             format,
             blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),

@@ -1,5 +1,6 @@
 //! The renderer: the only module that uses the graphics API.
 //!
+//! Once per device, [`choose_f16`] measures whether the fragment stage may calculate in f16.
 //! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds the pipelines that the device
 //! does not have yet.
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
@@ -13,6 +14,7 @@ mod drawn_set;
 mod footprint;
 mod foveation;
 mod frame_views;
+mod half_precision;
 mod layers;
 mod level;
 mod pack;
@@ -37,6 +39,7 @@ pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER, PipelineStore};
 pub use footprint::{RESIDENT_BYTES, UPLOAD_BYTES};
 pub use foveation::Foveation;
+pub use half_precision::{choose_f16, f16_psnr};
 pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{FrameLayout, Renderer};

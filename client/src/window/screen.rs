@@ -10,7 +10,7 @@ use winit::window::{Theme, Window};
 
 use super::style;
 use crate::folders;
-use crate::gpu::{Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface};
+use crate::gpu::{ChannelDepth, Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface, choose_f16};
 use crate::pipeline_folder::PipelineFolder;
 
 /// Longest wait for the loader to release a lost device.
@@ -38,6 +38,7 @@ impl Screen {
         if let Some(folder) = folders::pipelines() {
             gpu.keep_pipelines(Arc::new(PipelineFolder::new(folder)));
         }
+        choose_f16(&mut gpu, ChannelDepth::Eight)?;
         let ctx = egui::Context::default();
         style::apply(&ctx);
         Ok(Screen {

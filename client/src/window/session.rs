@@ -481,6 +481,9 @@ impl Session {
         }
         rows.push(("size", format!("{} x {}", size[0], size[1])));
         rows.push(("adapter", self.screen.gpu.adapter_name.clone()));
+        if self.screen.gpu.caps.f16 {
+            rows.push(("fragments", "in f16".into()));
+        }
         rows
     }
 }

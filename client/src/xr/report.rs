@@ -364,6 +364,7 @@ impl Report {
             headset: runtime.headset.clone(),
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
+            f16: gpu.caps.f16,
             width: runtime.eye_size.x,
             height: runtime.eye_size.y,
             passes,
@@ -447,6 +448,8 @@ struct XrStats {
     headset: String,
     adapter: String,
     driver: String,
+    /// Whether the fragment stage calculated in f16; else in f32.
+    f16: bool,
     /// Size of an eye's image in pixels.
     width: u32,
     height: u32,

@@ -14,7 +14,7 @@ use super::show::place::Place;
 use super::show::quality::Quality;
 use crate::args::Args;
 use crate::clips::{LoadOptions, SourceOptions};
-use crate::gpu::{DEVICE_REPLACED, Failures, Gpu, VulkanHandles};
+use crate::gpu::{ChannelDepth, DEVICE_REPLACED, Failures, Gpu, VulkanHandles, choose_f16};
 use crate::pipeline_folder::PipelineFolder;
 use program::Fault;
 use program::output;
@@ -87,6 +87,7 @@ impl Device {
         if let Some(folder) = system.pipelines() {
             gpu.keep_pipelines(Arc::new(PipelineFolder::new(folder)));
         }
+        choose_f16(&mut gpu, ChannelDepth::Eight)?;
         let failures = Failures::collect(&gpu);
         Ok(Device { gpu: Arc::new(gpu), handles, failures })
     }

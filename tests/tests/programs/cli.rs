@@ -133,7 +133,7 @@ fn stereo_and_statistics(_: &Gpu) -> Result<(), String> {
     }
     let texts =
         ["adapter", "driver"].iter().all(|key| stats[*key].as_str().is_some_and(|text| !text.is_empty()));
-    if frames.len() == 5 && texts { Ok(()) } else { Err(format!("{stats:#}")) }
+    if frames.len() == 5 && texts && stats["f16"].is_boolean() { Ok(()) } else { Err(format!("{stats:#}")) }
 }
 
 /// Several times make a folder, one makes a file; one layer shows less than the whole clip.

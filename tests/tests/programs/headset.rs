@@ -56,7 +56,7 @@ esac
 "#;
 
 const STATS: &str = r#"{"runtime": "Oculus 1.2", "headset": "Quest 9", "adapter": "Adreno", "driver": "1.0",
-"width": 1680, "height": 1760, "gaussians": 42978, "display_hz": 90.0, "frames_missed": 54,
+"f16": true, "width": 1680, "height": 1760, "gaussians": 42978, "display_hz": 90.0, "frames_missed": 54,
 "measured": {"frames": 5346, "seconds": 60.0}, "quality": {"frames": [10, 90, 0, 0, 0, 0]},
 "cpu_ms": {"median": 1.5, "p95": 2.25}, "gpu_ms": {"median": 8.0, "p95": 9.125}}"#;
 
@@ -104,7 +104,8 @@ fn end_to_end() -> Result<(), String> {
         return Err(format!("{table}was written and printed was\n{}", outcome.stdout));
     }
     let lines: Vec<&str> = table.lines().collect();
-    if !lines[0].starts_with("Quest 9, Oculus 1.2, 1680x1760") || lines[4..] != rows(&["a", "b"]) {
+    let about = "Quest 9, Oculus 1.2, 1680x1760 pixels an eye, Adreno, 1.0, fragments in f16; ";
+    if !lines[0].starts_with(about) || lines[4..] != rows(&["a", "b"]) {
         return Err(table);
     }
     for name in ["out/1-a-near.json", "out/2-b-inside.json"] {

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use aarc_tests::gpu;
 
 mod equations;
+mod f16;
 mod foveation;
 mod golden;
 mod gpu_vs_reference;
@@ -17,6 +18,7 @@ mod real_data;
 fn main() -> ExitCode {
     gpu::run([
         ("equations", equations::trials()),
+        ("f16", f16::trials()),
         ("foveation", foveation::trials()),
         ("golden", golden::trials()),
         ("gpu_vs_reference", gpu_vs_reference::trials()),

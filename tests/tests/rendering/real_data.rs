@@ -17,6 +17,9 @@ use refine::reference::{Order, RenderScene, render};
 use safetensors::SafeTensors;
 use studio::package::{self, package};
 
+/// The field of spinach.
+pub(crate) const SPINACH: &str = "spacetime-spinach/spinach_4.splatv";
+
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
     const TINY: &str = "raster-reference/brush/tiny_case.safetensors";
@@ -26,7 +29,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         data::cpu_trial("gsplat by the reference, basic case", BASIC, gsplat_by_reference),
         data::trial("gsplat, tiny case", TINY, gsplat_by_gpu),
         data::trial("gsplat, basic case", BASIC, gsplat_by_gpu),
-        data::trial("spinach, 40,000 Gaussians", "spacetime-spinach/spinach_4.splatv", spinach),
+        data::trial("spinach, 40,000 Gaussians", SPINACH, spinach),
     ]
 }
 
@@ -125,10 +128,9 @@ fn normalized(q: [f32; 4]) -> [f32; 4] {
     q.map(|c| (f64::from(c) / length) as f32)
 }
 
-/// A real field at five times from its cameras' viewpoint: each image is the reference's, and differs
-/// from the one before, since the cook's arm moves.
-fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
-    let scene = studio::scene::Scene::load(&path).map_err(|error| format!("{error:#}"))?;
+/// The field of spinach as a clip of 40,000 Gaussians, and its cameras' viewpoint.
+pub(crate) fn spinach_clip(path: &Path) -> Result<(Clip, Camera), String> {
+    let scene = studio::scene::Scene::load(path).map_err(|error| format!("{error:#}"))?;
     let settings = package::PackageSettings {
         budget: Some(40_000),
         rank: Some(Ranking::Mass),
@@ -150,6 +152,13 @@ fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
         k: [[focal, 0.0, 0.5 * f64::from(width)], [0.0, focal, 0.5 * f64::from(height)], [0.0, 0.0, 1.0]],
         camera_from_world: std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c)))),
     };
+    Ok((clip, camera))
+}
+
+/// A real field at five times from its cameras' viewpoint: each image is the reference's, and differs
+/// from the one before, since the cook's arm moves.
+fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
+    let (clip, camera) = spinach_clip(&path)?;
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?);
     let mut drawing = Drawing::new(gpu, uploaded, std::slice::from_ref(&camera), ChannelDepth::Sixteen)
         .map_err(|fault| fault.to_string())?;

@@ -39,6 +39,9 @@ pub struct Caps {
     pub multiview: bool,
     /// Whether the GPU has timestamps.
     pub timestamps: bool,
+    /// Whether the fragment stage calculates in f16, for which the device must have it, see [`Gpu::has_f16`]. Off in a
+    /// new device, until [`choose_f16`](super::choose_f16).
+    pub f16: bool,
     /// Largest width and height of an image in pixels.
     pub max_image_side: u32,
     /// Largest storage buffer in bytes.
@@ -60,6 +63,8 @@ pub struct Gpu {
     instance: wgpu::Instance,
     pub(super) loss: Loss,
     pipelines: Pipelines,
+    /// Whether the adapter is a processor, not a GPU.
+    is_software: bool,
     /// Name for compiled pipelines of this device; `None` if its driver does not give them out.
     pipelines_name: Option<String>,
     /// The only thread that may submit work; `None` for any.
@@ -76,8 +81,10 @@ struct DeviceRequest {
 impl DeviceRequest {
     /// Intersects the features and limits that the renderer uses with those of the adapter `info`.
     fn new(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> DeviceRequest {
-        let used =
-            wgpu::Features::MULTIVIEW | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PIPELINE_CACHE;
+        let used = wgpu::Features::MULTIVIEW
+            | wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::PIPELINE_CACHE
+            | wgpu::Features::SHADER_F16;
         let mut features = features & used;
         if !has_correct_multiview(info) {
             features.remove(wgpu::Features::MULTIVIEW);
@@ -158,9 +165,11 @@ impl Gpu {
             caps: Caps {
                 multiview: features.contains(wgpu::Features::MULTIVIEW),
                 timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+                f16: false,
                 max_image_side: limits.max_texture_dimension_2d,
                 max_buffer_bytes: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             },
+            is_software: info.device_type == wgpu::DeviceType::Cpu,
             adapter_name: info.name,
             driver: format!("{} {}", info.driver, info.driver_info),
             #[cfg(feature = "window")]
@@ -255,6 +264,21 @@ impl Gpu {
         if let Some(name) = self.pipelines_name.clone() {
             self.pipelines.keep(&self.device, name, store);
         }
+    }
+
+    /// Drops the pipelines compiled so far. Those in use live on.
+    pub(super) fn drop_pipelines(&self) {
+        self.pipelines.clear();
+    }
+
+    /// Whether shaders can calculate in f16.
+    pub fn has_f16(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_F16)
+    }
+
+    /// Whether the adapter is a processor, not a GPU.
+    pub(super) fn is_software(&self) -> bool {
+        self.is_software
     }
 
     /// Number of pipelines of clips and foveation compiled so far.

@@ -87,6 +87,11 @@ impl Pipelines {
         lock(&self.built).entry(key).or_insert(pipeline).clone()
     }
 
+    /// Drops all pipelines.
+    pub(super) fn clear(&self) {
+        lock(&self.built).clear();
+    }
+
     /// Has the driver keep what is compiled on `device` from now on in `store`, under `name`.
     pub(super) fn keep(&mut self, device: &wgpu::Device, name: String, store: Arc<dyn PipelineStore>) {
         let cache = store.load(&name).and_then(|bytes| pipeline_cache(device, Some(&bytes)));

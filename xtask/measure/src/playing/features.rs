@@ -341,7 +341,7 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
     let features = Features { sh_degree: clip.sh_degree(), motion, mip: clip.filter().compensates() };
-    let shader = compose(features, Purpose::Draw { views: 1, foveated: false });
+    let shader = compose(features, Purpose::Draw { views: 1, foveated: false, f16: false });
     let bindings = shader.matches("@binding(").count();
     let tested = |t: f64| {
         let candidates = clip.time_index.candidates(t, clip.layers.len()).map(|rows| rows.len());

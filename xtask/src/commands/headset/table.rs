@@ -23,6 +23,7 @@ struct Stats {
     headset: String,
     adapter: String,
     driver: String,
+    f16: bool,
     width: u32,
     height: u32,
     gaussians: usize,
@@ -91,11 +92,12 @@ impl Table {
             .context("the player's statistics cannot be read: install the player of this version")?;
         self.before = self.text.len();
         if self.rows == 0 {
-            let Stats { headset, runtime, adapter, driver, width, height, .. } = &stats;
+            let Stats { headset, runtime, adapter, driver, f16, width, height, .. } = &stats;
+            let fragments = if *f16 { "fragments in f16" } else { "fragments in f32" };
             let (version, seconds) = (env!("CARGO_PKG_VERSION"), self.seconds);
             let about = format!(
-                "{headset}, {runtime}, {width}x{height} pixels an eye, {adapter}, {driver}; aarc {version}; {seconds} s \
-                 each\n\n"
+                "{headset}, {runtime}, {width}x{height} pixels an eye, {adapter}, {driver}, {fragments}; aarc \
+                 {version}; {seconds} s each\n\n"
             );
             self.text.push_str(&about);
             self.text.push_str(COLUMNS);
