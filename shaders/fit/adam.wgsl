@@ -1,5 +1,5 @@
 // Stage adam: one step of Adam (Kingma and Ba, "Adam", 2015) within the bounds, for the Gaussians that the
-// image shows. One thread per number of a drawn row, or per quaternion.
+// image shows. One thread per number of a drawn row, per quaternion or per three scales.
 //
 // In: gradients, learning rates, bounds, statistics. In and out: parameters, moments. Bias correction
 // counts the gradients of each row, not the steps.
@@ -13,8 +13,8 @@ struct AdamUniforms {
     log_widths: vec2<f32>,
     tau: vec2<f32>,
     logit_max: f32,
-    // Weight of the mean size of the drawn Gaussians in the loss.
-    size_penalty: f32,
+    // Weight of the area of the drawn Gaussians in the loss.
+    fragment_weight: f32,
 }
 
 @group(0) @binding(2) var<uniform> adam_uniforms: AdamUniforms;
@@ -93,6 +93,17 @@ fn step_quaternion(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
     }
 }
 
+// Steps the three log-scales at `to` along their gradient at `by` and that of ab + bc + ca, for the standard
+// deviations a, b, c.
+fn step_scales(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
+    let scales = exp(vec3<f32>(parameters[to], parameters[to + 1u], parameters[to + 2u]));
+    for (var axis = 0u; axis < 3u; axis++) {
+        let others = scales[(axis + 1u) % 3u] + scales[(axis + 2u) % 3u];
+        let g = d_parameters[by + axis] + adam_uniforms.fragment_weight * scales[axis] * others;
+        parameters[to + axis] = clamped(LOG_SCALE, updated(to + axis, g, rate, bias));
+    }
+}
+
 @compute @workgroup_size(GROUP)
 fn adam(at: Invocation) {
     let index = thread(at);
@@ -116,14 +127,14 @@ fn adam(at: Invocation) {
     let by = place(n, START[column], COUNT[column], i) + k;
     let bias = vec2<f32>(correction(LOG_BETA1, of_row.visits), correction(LOG_BETA2, of_row.visits));
     let rate = rate_of(column, k);
-    if column != ROTATION {
-        var g = d_parameters[by];
-        if column == LOG_SCALE {
-            g += adam_uniforms.size_penalty / f32(totals[DRAWN]) * exp(parameters[to]);
-        }
-        parameters[to] = clamped(column, updated(to, g, rate, bias));
+    if column != ROTATION && column != LOG_SCALE {
+        parameters[to] = clamped(column, updated(to, d_parameters[by], rate, bias));
     } else if k == 0u {
-        // One thread takes all four numbers, because the length depends on all.
-        step_quaternion(to, by, rate, bias);
+        // One thread takes all numbers, because the step of each depends on the others.
+        if column == ROTATION {
+            step_quaternion(to, by, rate, bias);
+        } else {
+            step_scales(to, by, rate, bias);
+        }
     }
 }

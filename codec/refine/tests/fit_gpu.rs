@@ -207,7 +207,9 @@ fn training_views(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
 }
 
 fn settings(steps: u64) -> FitSettings {
-    FitSettings { steps, floor: 0, rule: DensityRule::Floor, detach_tau: true, seed: 3 }
+    // High, so that it shows in a few steps.
+    let fragment_weight = 0.03;
+    FitSettings { steps, floor: 0, rule: DensityRule::Floor, detach_tau: true, fragment_weight, seed: 3 }
 }
 
 /// Fits `parameters` to `views` for `count` of `steps`. Returns the fit and the reports.

@@ -48,7 +48,7 @@ pub struct Series {
     pub shift: u32,
 }
 
-/// `AdamUniforms` of adam.wgsl: learning rates, bounds and size penalty.
+/// `AdamUniforms` of adam.wgsl: learning rates, bounds and fragment term.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct AdamUniforms {
@@ -62,8 +62,8 @@ pub struct AdamUniforms {
     pub tau: [f32; 2],
     /// Largest logit; the smallest is its negative.
     pub logit_max: f32,
-    /// Weight of the mean size of the drawn Gaussians in the loss.
-    pub size_penalty: f32,
+    /// Weight of the area of the drawn Gaussians in the loss.
+    pub fragment_weight: f32,
 }
 
 impl AdamUniforms {

@@ -122,7 +122,7 @@ fn structs_have_the_layout_of_their_counterparts() {
             detach_tau
         }
     );
-    assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, size_penalty });
+    assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight });
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
     assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);
 }

@@ -124,7 +124,7 @@ fn composed(gpu: &Gpu, stereo: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// The middle of the inset is that of a frame at full resolution, to the rounding of 16 bits.
+/// The middle of the inset is that of a frame at full resolution, to a few roundings of 16 bits, each 5e-4 near 1.
 fn blurred(gpu: &Gpu) -> Result<(), String> {
     let (clip, eye) = (clip(PixelFilter::Blur), eye());
     let frame = |settings: &RenderSettings| {
@@ -138,7 +138,7 @@ fn blurred(gpu: &Gpu) -> Result<(), String> {
         .map(|(x, y)| [&full, &foveated].map(|image| image.pixel(corner.0 + x, corner.1 + y)))
         .flat_map(|[a, b]| (0..4).map(move |i| (a[i] - b[i]).abs()))
         .fold(0.0, f64::max);
-    if worst > 1e-3 {
+    if worst > 2e-3 {
         return Err(format!("the inset differs by {worst} from the frame at full resolution"));
     }
     Ok(())

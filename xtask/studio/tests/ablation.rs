@@ -64,7 +64,8 @@ fn a_capture_has_an_ablation() {
         first[key].as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap().to_owned()).collect()
     };
     let papers = ["paper's rule", "paper's rule, no floor", "paper's rule, no floor, no anchor"];
-    let fits = [&["full", "no anchor", "no motion start", "blur"][..], &papers, &["with LPIPS"]].concat();
+    let parts = ["full", "no anchor", "no motion start", "blur", "no fragment term", "fragment term doubled"];
+    let fits = [&parts[..], &papers, &["with LPIPS"]].concat();
     assert_eq!(names("methods"), [&fits[..], &["brighter"]].concat());
     assert_eq!(names("left_out"), ["no mirror"]);
     for method in &first["methods"].as_array().unwrap()[..fits.len()] {
@@ -83,7 +84,8 @@ fn a_capture_has_an_ablation() {
     let psnr = other["splits"]["recon"]["psnr_fg"].as_f64().unwrap();
     assert!((psnr - 30.07).abs() < 0.01, "{psnr}");
     let packages = first["packages"].as_array().unwrap();
-    // Without a reset in so few steps, two of the paper's rows have the field of the full fit, and its package.
+    // Without a reset in so few steps, two of the paper's rows have the field, and the package, of that without a
+    // fragment term.
     assert_eq!(packages.len(), fits.len() - 2);
     for package in packages {
         let number = |key: &str| package[key].as_f64().unwrap();
@@ -95,17 +97,19 @@ fn a_capture_has_an_ablation() {
 
     let out = folder.join("out");
     let page = fs::read_to_string(out.join("fit.html")).unwrap();
-    // One held photograph of each split at least, with the pictures of nine methods.
-    assert!(page.matches("data:image/png").count() >= 3 * 9 && page.contains("<b>no mirror</b> is left out"));
+    // One held photograph of each split at least, with the pictures of eleven methods.
+    assert!(
+        page.matches("data:image/png").count() >= 3 * 11 && page.contains("<b>no mirror</b> is left out")
+    );
     let markdown = fs::read_to_string(out.join("fit.md")).unwrap();
     let paths: Vec<&str> = markdown.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()).collect();
-    assert!(paths.len() >= 27 && paths.iter().all(|path| out.join(path).is_file()), "{paths:?}");
+    assert!(paths.len() >= 33 && paths.iter().all(|path| out.join(path).is_file()), "{paths:?}");
     let table = fs::read_to_string(out.join("fit.csv")).unwrap();
-    assert_eq!(table.lines().count(), 1 + 8 * 4 + 2 + 6 * 4, "{table}");
+    assert_eq!(table.lines().count(), 1 + 10 * 4 + 2 + 8 * 4, "{table}");
     assert!(table.contains("\"paper's rule, no floor, no anchor\",150,interp_b,"), "{table}");
 
     let before = results(&out);
-    assert_eq!(before.len(), 8 * 2 + 6 * 2 + 1, "{before:?}");
+    assert_eq!(before.len(), 10 * 2 + 8 * 2 + 1, "{before:?}");
     assert_eq!(report(folder), first, "nothing is made again");
     assert_eq!(results(&out), before);
 

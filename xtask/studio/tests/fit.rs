@@ -97,6 +97,22 @@ fn a_killed_fit_resumes_with_the_same_result() {
 }
 
 #[test]
+fn the_fragment_term_saves_fragments() {
+    let folder = stage();
+    let folder = folder.path();
+    let fit = |more: &str| -> Value {
+        let args = "fit stage -o field.ply --steps 300 --gaussians 600 --json";
+        aarc_studio(folder, &format!("{args} {more}").split_whitespace().collect::<Vec<_>>()).json()
+    };
+    let number = |json: &Value, key: &str| json[key].as_f64().unwrap();
+    let [without, default, high] = ["--rule paper", "", "--fragment-weight 0.01"].map(fit);
+    assert_eq!([&without, &default, &high].map(|json| number(json, "fragment_weight")), [0.0, 0.001, 0.01]);
+    let fragments = [&without, &default, &high].map(|json| number(json, "fragments_per_lit_pixel"));
+    println!("fragments per lit pixel: {fragments:.1?}");
+    assert!(fragments[2] < 0.8 * fragments[1] && fragments[1] < fragments[0], "{fragments:?}");
+}
+
+#[test]
 fn a_fit_starts_from_a_field() {
     let folder = stage();
     let folder = folder.path();

@@ -42,5 +42,5 @@ pub(crate) use loss::ssim_and_gradient;
 pub use loss::{Lpips, LpipsError, LpipsNetwork, WeightTensor, subject_psnr};
 pub use parameters::{Parameters, Timeline};
 pub use precision::Real;
-pub use training::{Fit, FitSettings, Run};
+pub use training::{FRAGMENT_WEIGHT, Fit, FitSettings, Run};
 pub use views::{FrameView, Photograph, RenderedImage, TrainingView};

@@ -99,6 +99,10 @@ pub(super) struct FitOptions {
     /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
+    /// Weight of the area that Gaussians cover in the loss, 0 to 1: a headset pays for it. By default 0.001, and 0 with
+    /// --rule paper
+    #[arg(long, value_name = "W", value_parser = fragment_weight)]
+    fragment_weight: Option<f64>,
     /// Degree of view-dependent colour; with --from, the degree of FIELD
     #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE,
           value_parser = clap::value_parser!(u8).range(0..=3))]
@@ -166,6 +170,12 @@ enum Engine {
 fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
+}
+
+/// Parser of the weight of the fragment term.
+pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
+    let weight = text.parse().ok().filter(|weight| (0.0..=1.0).contains(weight));
+    weight.ok_or_else(|| "a number from 0 to 1".into())
 }
 
 /// Fits a capture with the defaults of `fit`.
@@ -270,6 +280,10 @@ impl FitOptions {
                 Rule::Paper => DensityRule::Paper,
                 Rule::Relocate => DensityRule::Relocate,
             },
+            fragment_weight: self.fragment_weight.unwrap_or(match self.rule {
+                Rule::Paper => 0.0,
+                Rule::Floor | Rule::Relocate => default.fragment_weight,
+            }),
             sh_degree: self.sh_degree,
             seed: self.seed,
             ..default
@@ -415,7 +429,7 @@ impl FitResult {
         let FitResult { plan, fitted, splits, fragments_per_lit_pixel } = self;
         let last = self.last()?;
         Ok(json!({
-            "out": out, "steps": plan.steps, "resumed_at": fitted.resumed_at,
+            "out": out, "steps": plan.steps, "fragment_weight": plan.fragment_weight, "resumed_at": fitted.resumed_at,
             "gaussians_at_start": fitted.initial_count, "gaussians": fitted.field.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,

@@ -20,10 +20,12 @@ use anyhow::bail;
 use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
+use refine::fit::FRAGMENT_WEIGHT;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
+use super::fit::fragment_weight;
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
@@ -76,6 +78,10 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "prefix_quality"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
+    /// Weight of the area that Gaussians cover in the loss of the refinement, 0 to 1: a headset pays for it
+    #[arg(long, value_name = "W", requires = "refine", default_value_t = FRAGMENT_WEIGHT,
+          value_parser = fragment_weight)]
+    fragment_weight: f64,
     /// Folder of that capture; SCENE itself by default
     #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
     capture: Option<PathBuf>,
@@ -263,7 +269,11 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
-    let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement { views, steps });
+    let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement {
+        views,
+        steps,
+        fragment_weight: args.fragment_weight,
+    });
     let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
     if let Some(miss) = package.report.miss.as_ref().filter(|miss| args.strict && miss.is_below) {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);

@@ -8,7 +8,7 @@ use codec::PixelFilter;
 use program::Fault;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{DensityRule, FitSettings};
+use refine::fit::{DensityRule, FRAGMENT_WEIGHT, FitSettings};
 use serde::{Deserialize, Serialize};
 
 use super::training_views::train_frames;
@@ -38,6 +38,8 @@ pub struct FitPlan {
     pub floor: usize,
     /// How Gaussians are added and removed.
     pub rule: DensityRule,
+    /// Weight of the fragment term, [`FitSettings::fragment_weight`]; 0 for none.
+    pub fragment_weight: f64,
     /// The filter of the field.
     pub filter: PixelFilter,
     /// Degree of the spherical harmonics.
@@ -98,6 +100,7 @@ impl FitPlan {
             gaussians,
             floor: gaussians,
             rule: DensityRule::Floor,
+            fragment_weight: FRAGMENT_WEIGHT,
             filter: PixelFilter::Mip,
             sh_degree: SH_DEGREE,
             seed: 0,
@@ -112,6 +115,7 @@ impl FitPlan {
             steps: self.steps,
             floor: self.floor,
             rule: self.rule,
+            fragment_weight: self.fragment_weight,
             seed: self.seed,
             ..FitSettings::default()
         }

@@ -3,7 +3,7 @@
 
 use codec::Field;
 use refine::fit::{
-    self, Backend, DensityRule, DeviceError, Fit, Parameters, RenderedImage, Run, TrainingView,
+    Backend, DensityRule, DeviceError, Fit, FitSettings, Parameters, RenderedImage, Run, TrainingView,
 };
 use serde::Serialize;
 
@@ -16,6 +16,8 @@ pub struct Refinement<'a> {
     pub views: &'a TrainingViews,
     /// Steps to take.
     pub steps: u64,
+    /// Weight of the fragment term, [`FitSettings::fragment_weight`]; 0 for none.
+    pub fragment_weight: f64,
 }
 
 /// Results of a refinement; the fields are keys of the JSON.
@@ -49,9 +51,14 @@ impl Refinement<'_> {
         backend: &mut dyn Backend,
         mut on_step: impl FnMut(),
     ) -> Result<(Field, RefinementReport), DeviceError> {
-        let Refinement { views, steps } = *self;
-        let settings =
-            fit::FitSettings { steps, floor: 0, rule: DensityRule::Fixed, ..fit::FitSettings::default() };
+        let Refinement { views, steps, fragment_weight } = *self;
+        let settings = FitSettings {
+            steps,
+            floor: 0,
+            rule: DensityRule::Fixed,
+            fragment_weight,
+            ..FitSettings::default()
+        };
         let parameters = Parameters::from_field(field, views.timeline);
         let cameras = views.train.iter().map(|(_, view)| &view.camera);
         let mut run = Run::start(Fit::new(settings, parameters, views.timeline, cameras), backend)?;
@@ -83,7 +90,7 @@ mod tests {
     use super::*;
     use codec::{Camera, Temporal};
     use refine::capture::PhotoId;
-    use refine::fit::{Cpu, FrameView, Photograph, Timeline, cpu};
+    use refine::fit::{Cpu, FRAGMENT_WEIGHT, FrameView, Photograph, Timeline, cpu};
 
     const TIMELINE: Timeline = Timeline::even(3);
 
@@ -131,13 +138,26 @@ mod tests {
     }
 
     #[test]
+    fn the_fragment_term_shrinks_what_the_photographs_do_not_need() {
+        let mut field = field();
+        field.log_scales[1] = [-2.0, -2.0, 0.0];
+        let views = views();
+        let refined = |fragment_weight: f64| {
+            let refinement = Refinement { views: &views, steps: 200, fragment_weight };
+            refinement.run(&field, &mut Cpu::default(), || ()).unwrap().0.log_scales[1][2]
+        };
+        let [without, with] = [0.0, 0.1].map(refined);
+        assert!(with < without - 0.2, "{with} with the term, {without} without");
+    }
+
+    #[test]
     fn displaced_rows_return_to_their_places() {
         let mut moved = field();
         moved.centers[0][1] += 0.06;
         moved.sh[1] = [0.0; 3];
         let views = views();
         let mut steps = 0;
-        let refinement = Refinement { views: &views, steps: 400 };
+        let refinement = Refinement { views: &views, steps: 400, fragment_weight: FRAGMENT_WEIGHT };
         let (refined, report) = refinement.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
         assert_eq!((steps, report.steps, report.photographs, report.non_finite), (400, 400, 8, 0));
         let (before, after) = (report.held_before_db.unwrap(), report.held_after_db.unwrap());

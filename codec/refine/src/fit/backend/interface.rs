@@ -33,8 +33,8 @@ pub struct StepConfig<'a> {
     pub(in crate::fit) bounds: Bounds,
     /// See [`FitSettings::detach_tau`](crate::fit::FitSettings::detach_tau).
     pub(in crate::fit) detach_tau: bool,
-    /// Weight of the size penalty, see `add_size_penalty`.
-    pub(in crate::fit) size_penalty: f64,
+    /// Weight of the fragment term, see `add_fragment_term`.
+    pub(in crate::fit) fragment_weight: f64,
     /// The LPIPS term of the loss; left out without weights for it.
     pub(in crate::fit) lpips: Option<&'a Lpips<f32>>,
 }

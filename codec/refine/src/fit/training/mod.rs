@@ -4,5 +4,5 @@
 mod fit;
 mod run;
 
-pub use fit::{Fit, FitSettings};
+pub use fit::{FRAGMENT_WEIGHT, Fit, FitSettings};
 pub use run::Run;

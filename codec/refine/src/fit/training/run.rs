@@ -4,7 +4,7 @@ use super::Fit;
 use crate::fit::backend::{Backend, DeviceError, StepConfig, StepReport};
 use crate::fit::density::DensityChange;
 use crate::fit::loss::Lpips;
-use crate::fit::optimizer::{SIZE_PENALTY, decay};
+use crate::fit::optimizer::decay;
 use crate::fit::views::{RenderedImage, TrainingView};
 
 /// A fit in progress: a back end owns its training state.
@@ -45,7 +45,7 @@ impl<'a> Run<'a> {
             rates: fit.rates.scaled(decay(fit.steps_done as usize, fit.settings.steps as usize)),
             bounds: fit.bounds,
             detach_tau: fit.settings.detach_tau,
-            size_penalty: SIZE_PENALTY / fit.bounds.extent,
+            fragment_weight: fit.settings.fragment_weight / fit.bounds.extent.powi(2),
             lpips,
         };
         let report = self.backend.step(view, &config)?;

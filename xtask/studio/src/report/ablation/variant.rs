@@ -59,24 +59,38 @@ pub const VARIANTS: &[Variant] = &[
         absent: "the full fit has it, by --filter blur",
     },
     Variant {
+        name: "no fragment term",
+        about: "--fragment-weight 0: nothing keeps Gaussians from covering pixels",
+        plan: |full| {
+            (full.plan.fragment_weight > 0.0).then(|| FitPlan { fragment_weight: 0.0, ..full.plan.clone() })
+        },
+        absent: "the full fit has none",
+    },
+    Variant {
+        name: "fragment term doubled",
+        about: "--fragment-weight at twice that of the full fit, for headsets",
+        plan: |full| {
+            let fragment_weight = 2.0 * full.plan.fragment_weight;
+            (fragment_weight > 0.0).then(|| FitPlan { fragment_weight, ..full.plan.clone() })
+        },
+        absent: "the full fit has none",
+    },
+    Variant {
         name: "paper's rule",
-        about: "--rule paper: opacities are reset every 3000 steps",
-        plan: |full| Some(FitPlan { rule: DensityRule::Paper, ..full.plan.clone() }),
+        about: "--rule paper: opacities are reset every 3000 steps, and there is no fragment term",
+        plan: |full| Some(paper(full)),
         absent: "",
     },
     Variant {
         name: "paper's rule, no floor",
         about: "the same, and pruning has no lower limit",
-        plan: |full| Some(FitPlan { rule: DensityRule::Paper, floor: 0, ..full.plan.clone() }),
+        plan: |full| Some(FitPlan { floor: 0, ..paper(full) }),
         absent: "",
     },
     Variant {
         name: "paper's rule, no floor, no anchor",
         about: "the same from random positions",
-        plan: |full| {
-            let start = FitStart::Scatter;
-            Some(FitPlan { rule: DensityRule::Paper, start, floor: 0, ..full.plan.clone() })
-        },
+        plan: |full| Some(FitPlan { start: FitStart::Scatter, floor: 0, ..paper(full) }),
         absent: "",
     },
     Variant {
@@ -93,6 +107,11 @@ pub const VARIANTS: &[Variant] = &[
         absent: "LPIPS takes --lpips-weights",
     },
 ];
+
+/// The full fit by the paper's rule.
+fn paper(full: &FullFit) -> FitPlan {
+    FitPlan { rule: DensityRule::Paper, fragment_weight: 0.0, ..full.plan.clone() }
+}
 
 impl Variant {
     /// Name of its folder.

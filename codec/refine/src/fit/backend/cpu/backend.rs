@@ -3,7 +3,7 @@
 use super::render::render;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
 use crate::fit::loss::loss;
-use crate::fit::optimizer::{adam, add_size_penalty};
+use crate::fit::optimizer::{adam, add_fragment_term};
 use crate::fit::views::{FrameView, RenderedImage, TrainingView};
 
 /// The cores of the machine. Results are the same bit by bit for any number of them.
@@ -38,7 +38,7 @@ impl Backend for Cpu {
         let loss = loss(&forward.image.pixels, &view.photograph, config.lpips);
         let Gradient { rows, mut values, screen, non_finite } =
             forward.backward(parameters, &view.view(), &loss.gradient, config.detach_tau);
-        add_size_penalty(&mut values, parameters, &rows, config.size_penalty);
+        add_fragment_term(&mut values, parameters, &rows, config.fragment_weight);
         let skipped = adam(parameters, moments, &rows, &values, &config.rates, &config.bounds);
         screen_gradients.accumulate(&rows, &screen);
         Ok(StepReport { loss: loss.value, drawn: rows.len(), non_finite: non_finite + skipped })

@@ -120,7 +120,7 @@ pub(super) fn step_uniforms(
     }
 }
 
-/// Learning rates, bounds and size penalty of a step.
+/// Learning rates, bounds and fragment term of a step.
 pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
     let LearningRates {
         centers,
@@ -148,7 +148,7 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
         log_widths: single(log_widths),
         tau: single(tau),
         logit_max: LOGIT_MAX as f32,
-        size_penalty: config.size_penalty as f32,
+        fragment_weight: config.fragment_weight as f32,
     }
 }
 

@@ -154,7 +154,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Fits, measures and packages a variant. A field that is that of the full fit has its packages, too.
+    /// Fits, measures and packages a variant. A field that is that of an earlier one has its packages, too.
     pub(super) fn variant(
         &mut self,
         variant: &Variant,
@@ -170,9 +170,9 @@ impl Bench<'_> {
         let table = log::table_path(&field);
         let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
         let mut about = variant.about.to_owned();
-        let is_full_again = !self.ablation.methods.is_empty() && self.is_full(&field)?;
-        if is_full_again {
-            about += "; the field is that of the full fit, so the part had no effect";
+        let twin = self.twin(variant, &field)?;
+        if let Some(twin) = twin {
+            about += &format!("; the field is that of {twin}, so the difference had no effect");
         }
         self.ablation.methods.push(Method {
             name: variant.name.into(),
@@ -184,7 +184,7 @@ impl Bench<'_> {
                 Fault::Data(format!("{}: {what}; remove the folder {folder}", table.display()))
             })?,
         });
-        if is_full_again {
+        if twin.is_some() {
             return Ok(());
         }
         for &budget in budgets {
@@ -214,10 +214,17 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Whether a field has the same bytes as that of the full fit.
-    fn is_full(&self, field: &Path) -> Result<bool, Fault> {
+    /// Name of an earlier variant whose field has the same bytes as `field`, that of `variant`.
+    fn twin(&self, variant: &Variant, field: &Path) -> Result<Option<&'static str>, Fault> {
         let read = |path: &Path| fs::read(path).map_err(|error| unreadable(path, &error));
-        Ok(read(&self.path(&VARIANTS[0].folder(), FIELD))? == read(field)?)
+        let bytes = read(field)?;
+        for earlier in VARIANTS.iter().take_while(|earlier| earlier.name != variant.name) {
+            let is_made = self.ablation.methods.iter().any(|method| method.name == earlier.name);
+            if is_made && read(&self.path(&earlier.folder(), FIELD))? == bytes {
+                return Ok(Some(earlier.name));
+            }
+        }
+        Ok(None)
     }
 
     /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.
