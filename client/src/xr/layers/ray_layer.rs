@@ -15,8 +15,8 @@ use crate::xr::runtime::error::{During, Halt};
 /// Some runtimes refuse smaller images.
 const SIZE: UVec2 = UVec2::splat(16);
 
-/// Half transparent white, premultiplied.
-const COLOR: [f64; 4] = [0.5; 4];
+/// Half transparent white: the light 0.5 as an sRGB image stores it, see the stage `linear_light`.
+const COLOR: [f64; 4] = [0.735_357, 0.735_357, 0.735_357, 0.5];
 
 /// The pointer rays in a session.
 pub(in crate::xr) struct RayLayer(TargetSwapchain);
