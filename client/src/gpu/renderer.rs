@@ -202,6 +202,7 @@ impl Renderer {
         let size = prepared.views.full()[0].size;
         let parts = if linear.is_some() { 2 } else { 1 };
         let passes = parts * targets.len();
+        assert!(linear.is_none_or(|linear| size.cmple(linear.size).all()), "the frame fits its image");
         for (i, target) in targets.iter().enumerate() {
             let drawn = linear.map_or(target, |linear| &linear.targets[i]);
             self.draw(encoder, &self.passes[i], DrawnPart::All, drawn, size, writes(parts * i, passes));

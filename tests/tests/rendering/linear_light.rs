@@ -25,8 +25,8 @@ const ROOM: [f64; 3] = [0.7, 0.6, 0.5];
 /// What 16 bits round in the image and before the conversion.
 const SIXTEEN: Tolerance = Tolerance { max_diff: 1.0, diff_pixels: 0, psnr: 60.0 };
 
-/// 8-bit blending rounds every layer, and the conversion divides by alphas of a few 1/255.
-const EIGHT: Tolerance = Tolerance { max_diff: 12.0, diff_pixels: 200, psnr: 40.0 };
+/// 8-bit blending rounds every layer, so most pixels differ a little.
+const EIGHT: Tolerance = Tolerance { max_diff: 8.0, diff_pixels: (SIZE.0 * SIZE.1) as usize, psnr: 45.0 };
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -82,8 +82,7 @@ fn submitted(
     let (size, count) = (UVec2::from(SIZE), eyes.len());
     let layout = FrameLayout { format: depth.format(), eyes: count, foveated: true };
     let mut renderer = Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?;
-    let target =
-        Offscreen::new(gpu, size, count as u32, depth)?.foveated(gpu, SIDE)?.in_linear_light(gpu)?;
+    let target = Offscreen::new(gpu, size, count as u32, depth)?.foveated(gpu, SIDE)?.in_linear_light(gpu)?;
     let views: Vec<View> = eyes.iter().map(View::from_camera).collect();
     target.render(gpu, &mut renderer, 0.5, &views, settings)?;
     let image = |pixels: &client::gpu::Pixels| Image {

@@ -50,3 +50,16 @@ impl RayLayer {
         quad(self.0.swapchain(), SIZE, stage, ray.pose(), ray.size_m())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stored_color_has_the_light_of_half_transparent_white() {
+        let [red, green, blue, alpha] = COLOR;
+        assert!(red == green && green == blue && alpha == 0.5);
+        let light = ((red + 0.055) / 1.055).powf(2.4);
+        assert!((light - alpha).abs() < 1e-5, "{light}");
+    }
+}

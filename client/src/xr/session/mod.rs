@@ -96,20 +96,15 @@ impl Session {
         let stopwatch = Stopwatch::default();
         let eyes = ImageLayout { format, size, layers: 2, readable };
         let passthrough = PassthroughMode::open(runtime, &session);
-        let foveation = Foveation::new(gpu, format.drawn(), 2, size, Level::INSET_MAX).and_then(|foveation| {
-            if passthrough.is_possible() { foveation.for_linear_light(gpu) } else { Ok(foveation) }
-        });
-        let linear = passthrough.is_possible().then(|| LinearLight::new(gpu, format.drawn(), 2, size));
+        let (foveation, linear) = eye_images(gpu, format, size, passthrough.is_possible());
         Ok(Session {
             canvas: Canvas {
                 panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
                 eyes: TargetSwapchain::open(&session, gpu, eyes, stopwatch.clone())?,
-                foveation: foveation.inspect_err(|fault| log::warn!("{fault}: no inset")).ok(),
+                foveation,
                 passthrough,
-                linear: linear.and_then(|linear| {
-                    linear.inspect_err(|fault| log::warn!("{fault}: no passthrough")).ok()
-                }),
+                linear,
                 size,
                 stopwatch: stopwatch.clone(),
                 gpu: gpu.clone(),
@@ -307,6 +302,23 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// Images for foveated frames and, if the runtime `shows_room`, for frames over the room, of eyes with `size` pixels;
+/// `None` where there is no memory.
+fn eye_images(
+    gpu: &Gpu,
+    format: RuntimeFormat,
+    size: UVec2,
+    shows_room: bool,
+) -> (Option<Foveation>, Option<LinearLight>) {
+    let foveation = Foveation::new(gpu, format.drawn(), 2, size, Level::INSET_MAX)
+        .and_then(|foveation| if shows_room { foveation.for_linear_light(gpu) } else { Ok(foveation) });
+    let linear = shows_room.then(|| LinearLight::new(gpu, format.drawn(), 2, size)).transpose();
+    (
+        foveation.inspect_err(|fault| log::warn!("{fault}: no inset")).ok(),
+        linear.inspect_err(|fault| log::warn!("{fault}: no passthrough")).ok().flatten(),
+    )
 }
 
 /// Creates the runtime's session on `gpu`.
