@@ -23,13 +23,6 @@ struct Foveation {
 @group(0) @binding(2) var inset: texture_2d_array<f32>;
 @group(0) @binding(3) var linear: sampler;
 
-// A triangle that covers the image.
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    let corner = vec2<f32>(f32(index & 1u), f32(index >> 1u));
-    return vec4<f32>(4.0 * corner - 1.0, 0.0, 1.0);
-}
-
 fn composed(pixel: vec2<f32>, eye: u32) -> vec4<f32> {
     let f = foveation[eye];
     let within = pixel - f.offset;

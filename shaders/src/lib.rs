@@ -13,6 +13,7 @@
 //! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] per dynamic row | vertex |
 //! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] per row | vertex |
 //! | 0 | [`FOVEATION`], [`WIDE`], [`INSET`], [`LINEAR`] | of the stage `foveate`: how and what it composes | fragment |
+//! | 0 | [`DRAWN`] | of the stage `linear_light`: the image that it converts | fragment |
 //! | 2 | [`COUNTS`] | for [`Purpose::Count`]: array of `u32`, fragments per quad | fragment |
 
 #[cfg(feature = "fit")]
@@ -136,17 +137,41 @@ pub const INSET: u32 = 2;
 /// The linear sampler.
 pub const LINEAR: u32 = 3;
 
-/// Composes the WGSL source of the stage `foveate` for passes of `views` eyes; more than one requires multiview.
-pub fn compose_foveate(views: u32) -> String {
+/// Binding in group 0 of the image that the stage `linear_light` converts.
+pub const DRAWN: u32 = 0;
+
+/// Composes the WGSL source of the stage `foveate` for passes of `views` eyes; more than one requires multiview. With
+/// `linear`, the composed image goes through the stage `linear_light`.
+pub fn compose_foveate(views: u32, linear: bool) -> String {
+    let (stage, color) = match linear {
+        true => (include_str!("../linear_light.wgsl"), "linear_light(composed(position.xy, EYE))"),
+        false => ("", "composed(position.xy, EYE)"),
+    };
+    let source = format!("const VIEWS: u32 = {views}u;\n{}{stage}", include_str!("../foveate.wgsl"));
+    covering(source, views, color)
+}
+
+/// Composes the WGSL source of the stage `linear_light` for passes of `views` eyes; more than one requires multiview.
+pub fn compose_linear_light(views: u32) -> String {
+    let source = format!(
+        "@group(0) @binding({DRAWN}) var drawn: texture_2d_array<f32>;\n{}",
+        include_str!("../linear_light.wgsl")
+    );
+    covering(source, views, "linear_light(textureLoad(drawn, vec2<i32>(position.xy), EYE, 0))")
+}
+
+/// `source` with the entry points of a stage that gives every pixel at `position` of `EYE` the colour `color`.
+fn covering(source: String, views: u32, color: &str) -> String {
     let (input, eye) = match views {
         1 => ("", "0u"),
         _ => (", @builtin(view_index) eye: u32", "eye"),
     };
     format!(
-        "const VIEWS: u32 = {views}u;\n{}\n@fragment\n\
+        "{source}{}\n@fragment\n\
          fn fragment(@builtin(position) position: vec4<f32>{input}) -> @location(0) vec4<f32> {{\n    \
-         return composed(position.xy, {eye});\n}}\n",
-        include_str!("../foveate.wgsl")
+         return {};\n}}\n",
+        include_str!("../cover.wgsl"),
+        color.replace("EYE", eye)
     )
 }
 

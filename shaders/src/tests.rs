@@ -162,20 +162,40 @@ fn structs_match_their_counterparts() {
 
 #[test]
 fn the_stage_that_foveates_is_valid_for_one_eye_and_for_two() {
-    for views in [1, 2] {
-        let source = compose_foveate(views);
-        let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
-        let mut capabilities = Capabilities::empty();
-        capabilities.set(Capabilities::MULTIVIEW, views == 2);
-        Validator::new(ValidationFlags::all(), capabilities).validate(&module).expect("valid");
-        let mut found = bindings(&module);
-        found.sort();
+    for (views, linear) in [(1, false), (2, false), (1, true), (2, true)] {
+        let module = covering_module(&compose_foveate(views, linear), views);
         let expected =
             [("foveation", 0, FOVEATION), ("inset", 0, INSET), ("linear", 0, LINEAR), ("wide", 0, WIDE)];
-        assert_eq!(found, expected.map(|(name, group, binding)| (name.to_owned(), group, binding)));
+        assert_eq!(
+            sorted_bindings(&module),
+            expected.map(|(name, group, binding)| (name.to_owned(), group, binding))
+        );
         assert_layout!(&module, Foveation { offset, size, wide_from_full, feather });
     }
+}
+
+#[test]
+fn the_stage_of_linear_light_is_valid_for_one_eye_and_for_two() {
+    for views in [1, 2] {
+        let module = covering_module(&compose_linear_light(views), views);
+        assert_eq!(sorted_bindings(&module), [("drawn".to_owned(), 0, DRAWN)]);
+    }
+}
+
+/// The validated module of a stage that makes an image from others, for passes of `views` eyes.
+fn covering_module(source: &str, views: u32) -> naga::Module {
+    let module = naga::front::wgsl::parse_str(source)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)));
+    let mut capabilities = Capabilities::empty();
+    capabilities.set(Capabilities::MULTIVIEW, views == 2);
+    Validator::new(ValidationFlags::all(), capabilities).validate(&module).expect("valid");
+    module
+}
+
+fn sorted_bindings(module: &naga::Module) -> Vec<(String, u32, u32)> {
+    let mut found = bindings(module);
+    found.sort();
+    found
 }
 
 #[test]

@@ -21,8 +21,11 @@ pub struct Foveation {
     pub(super) inset_passes: Vec<PassUniforms>,
     pub(super) composing: Vec<ComposePass>,
     pub(super) pipeline: wgpu::RenderPipeline,
+    /// Composes in linear light; see [`Foveation::for_linear_light`].
+    pub(super) linear_pipeline: Option<wgpu::RenderPipeline>,
     /// Size of the images.
     pub(super) size: UVec2,
+    format: wgpu::TextureFormat,
     eyes_per_pass: u32,
 }
 
@@ -72,13 +75,26 @@ impl Foveation {
                     .iter()
                     .map(|_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass))
                     .collect(),
-                pipeline: foveate::pipeline(gpu, &layout, format, eyes_per_pass)?,
+                pipeline: foveate::pipeline(gpu, &layout, format, eyes_per_pass, false)?,
+                linear_pipeline: None,
+                format,
                 wide,
                 inset,
                 size,
                 eyes_per_pass,
             })
         })?
+    }
+
+    /// With the pipeline for frames that a compositor blends in linear light.
+    ///
+    /// # Errors
+    /// As for [`Foveation::new`].
+    pub fn for_linear_light(mut self, gpu: &Gpu) -> Result<Foveation, Fault> {
+        let layout = ComposePass::layout(gpu, self.eyes_per_pass);
+        let pipeline = foveate::pipeline(gpu, &layout, self.format, self.eyes_per_pass, true)?;
+        self.linear_pipeline = Some(pipeline);
+        Ok(self)
     }
 
     /// Writes how the images of the eyes are composed, for the next submission.

@@ -18,6 +18,7 @@ mod half_precision;
 mod layers;
 mod level;
 mod pack;
+mod pass;
 #[cfg(feature = "window")]
 mod picture;
 mod readback;
@@ -44,6 +45,7 @@ pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{FrameLayout, Renderer};
 pub use settings::{Cutoff, RenderSettings, SortOrder};
+pub use stages::linear_light::LinearLight;
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};
 #[cfg(any(feature = "window", feature = "xr"))]

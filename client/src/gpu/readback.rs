@@ -12,7 +12,7 @@ pub struct Pixels {
     /// Width and height in pixels.
     pub size: UVec2,
     /// Rows from the top: red, green, blue premultiplied by alpha, and alpha. Display-referred,
-    /// nominally 0 to 1.
+    /// nominally 0 to 1. Images of a headset's panel are premultiplied in linear light.
     pub rgba: Vec<[f32; 4]>,
 }
 

@@ -12,13 +12,15 @@ use shaders::filter_variance;
 
 use super::clip::GpuClip;
 use super::counts::{Coverage, FrameCounts};
-use super::device::{Gpu, multiview_mask};
+use super::device::Gpu;
 use super::division::Division;
 use super::drawn_set::{DrawnPart, DrawnSet};
 use super::foveation::Foveation;
 use super::frame_views::{EYES_MAX, FrameViews};
+use super::pass::begin;
 use super::settings::{Cutoff, RenderSettings};
 use super::stages::count::Counter;
+use super::stages::linear_light::LinearLight;
 use super::stages::quads::Quads;
 use super::stages::sort::{Item, Sorter};
 use super::stages::splat::PassUniforms;
@@ -150,10 +152,11 @@ impl Renderer {
 
     /// Records the prepared frame into `encoder`: clears the targets to transparent black and draws the clip. `targets`
     /// has one target of [`Renderer::eyes_per_pass`] layers per pass; the viewport is the upper left corner of the
-    /// targets. A foveated frame needs the images of `foveation`.
+    /// targets. A foveated frame needs the images of `foveation`. With `linear`, colours are those of a compositor that
+    /// blends in linear light; a foveated frame then needs [`Foveation::for_linear_light`], another one the images.
     ///
     /// # Panics
-    /// If no frame was prepared, the number of targets does not match the renderer, or a foveated frame lacks images
+    /// If no frame was prepared, the number of targets does not match the renderer, or the frame lacks images
     /// of the same eyes and format that are large enough.
     pub fn record(
         &mut self,
@@ -161,6 +164,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         targets: &[wgpu::TextureView],
         foveation: Option<&Foveation>,
+        linear: Option<&LinearLight>,
     ) {
         assert_eq!(targets.len(), self.passes.len(), "one target per pass");
         let prepared = self.prepared.expect("a frame was prepared");
@@ -173,41 +177,69 @@ impl Renderer {
         });
         let timer = self.timer.as_ref().zip(slot);
         let writes = |pass, passes| timer.and_then(|(timer, slot)| timer.writes(slot, pass, passes));
-        let full = prepared.views.full()[0].size;
         match prepared.views.divisions() {
-            None => {
-                for (i, target) in targets.iter().enumerate() {
-                    self.draw(
-                        encoder,
-                        &self.passes[i],
-                        DrawnPart::All,
-                        target,
-                        full,
-                        writes(i, targets.len()),
-                    );
-                }
-            }
+            None => self.record_plain(encoder, targets, &prepared, linear, writes),
             Some(divisions) => {
                 let foveation = foveation.expect("a foveated frame has images");
-                assert_eq!(foveation.wide.len(), self.passes.len(), "images for as many eyes");
-                let size = divisions[0].inset.size;
-                assert!(size.cmple(foveation.size).all(), "the inset fits its image");
                 self.write_foveation(gpu, foveation, &prepared, divisions);
-                let passes = 3 * targets.len();
-                for (i, target) in targets.iter().enumerate() {
-                    let [wide, inset] = [&foveation.wide[i], &foveation.inset[i]];
-                    self.draw(encoder, &self.passes[i], DrawnPart::All, wide, size, writes(3 * i, passes));
-                    let uniforms = &foveation.inset_passes[i];
-                    self.draw(encoder, uniforms, DrawnPart::Inset, inset, size, writes(3 * i + 1, passes));
-                    let mut pass = self.begin(encoder, "foveate", target, full, writes(3 * i + 2, passes));
-                    pass.set_pipeline(&foveation.pipeline);
-                    pass.set_bind_group(0, &foveation.composing[i].group, &[]);
-                    pass.draw(0..3, 0..1);
-                }
+                self.record_foveated(encoder, targets, &prepared, foveation, linear.is_some(), writes);
             }
         }
         if let Some((timer, slot)) = self.timer.as_mut().zip(slot) {
             timer.fetch(encoder, slot);
+        }
+    }
+
+    /// Records a frame of whole views, by way of the images of `linear` if a compositor blends it in linear light.
+    fn record_plain<'w>(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        targets: &[wgpu::TextureView],
+        prepared: &Prepared,
+        linear: Option<&LinearLight>,
+        writes: impl Fn(usize, usize) -> Option<wgpu::RenderPassTimestampWrites<'w>>,
+    ) {
+        let size = prepared.views.full()[0].size;
+        let parts = if linear.is_some() { 2 } else { 1 };
+        let passes = parts * targets.len();
+        assert!(linear.is_none_or(|linear| size.cmple(linear.size).all()), "the frame fits its image");
+        for (i, target) in targets.iter().enumerate() {
+            let drawn = linear.map_or(target, |linear| &linear.targets[i]);
+            self.draw(encoder, &self.passes[i], DrawnPart::All, drawn, size, writes(parts * i, passes));
+            if let Some(linear) = linear {
+                linear.record(encoder, i, target, size, writes(parts * i + 1, passes));
+            }
+        }
+    }
+
+    /// Records a foveated frame, in `linear` light or not.
+    fn record_foveated<'w>(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        targets: &[wgpu::TextureView],
+        prepared: &Prepared,
+        foveation: &Foveation,
+        linear: bool,
+        writes: impl Fn(usize, usize) -> Option<wgpu::RenderPassTimestampWrites<'w>>,
+    ) {
+        let (full, part) = (prepared.views.full()[0].size, prepared.views.drawn()[0].size);
+        assert_eq!(foveation.wide.len(), self.passes.len(), "images for as many eyes");
+        assert!(part.cmple(foveation.size).all(), "the inset fits its image");
+        let pipeline = match linear {
+            true => foveation.linear_pipeline.as_ref().expect("it composes in linear light"),
+            false => &foveation.pipeline,
+        };
+        let passes = 3 * targets.len();
+        for (i, target) in targets.iter().enumerate() {
+            let [wide, inset] = [&foveation.wide[i], &foveation.inset[i]];
+            self.draw(encoder, &self.passes[i], DrawnPart::All, wide, part, writes(3 * i, passes));
+            let uniforms = &foveation.inset_passes[i];
+            self.draw(encoder, uniforms, DrawnPart::Inset, inset, part, writes(3 * i + 1, passes));
+            let timing = writes(3 * i + 2, passes);
+            let mut pass = begin(encoder, "foveate", target, full, self.eyes_per_pass, timing);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &foveation.composing[i].group, &[]);
+            pass.draw(0..3, 0..1);
         }
     }
 
@@ -278,41 +310,13 @@ impl Renderer {
         size: UVec2,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
-        let mut pass = self.begin(encoder, "splat", target, size, timestamp_writes);
+        let mut pass = begin(encoder, "splat", target, size, self.eyes_per_pass, timestamp_writes);
         pass.set_bind_group(0, &uniforms.group, &[]);
         for set in self.sets.iter().filter(|set| set.count(part) > 0) {
             pass.set_pipeline(&set.pipeline);
             pass.set_bind_group(1, &set.group, &[]);
             self.quads.draw(&mut pass, set.first_batch(part), set.count(part));
         }
-    }
-
-    /// Begins a pass into the upper left `size` pixels of `target`, which it clears.
-    fn begin<'e>(
-        &self,
-        encoder: &'e mut wgpu::CommandEncoder,
-        label: &'static str,
-        target: &wgpu::TextureView,
-        size: UVec2,
-        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
-    ) -> wgpu::RenderPass<'e> {
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some(label),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            timestamp_writes,
-            multiview_mask: multiview_mask(self.eyes_per_pass),
-            ..Default::default()
-        });
-        pass.set_viewport(0.0, 0.0, size.x as f32, size.y as f32, 0.0, 1.0);
-        pass
     }
 }
 

@@ -1,6 +1,6 @@
 //! [`RuntimeTargets`]: render targets in the images of a headset's runtime. A
-//! [`Renderer`](super::Renderer) draws into the images for the eyes, a [`UiPainter`](super::UiPainter) into
-//! those of the panel.
+//! [`Renderer`](super::Renderer) draws into the images for the eyes, a [`LinearLight`](super::LinearLight)
+//! converts into those of the panel.
 
 use program::Fault;
 
@@ -8,12 +8,10 @@ use super::device::vulkan::RuntimeImages;
 use super::device::{Gpu, multiview_mask};
 use super::layers::layer_views;
 use super::readback::{Pixels, Readback};
-use super::ui::UiTarget;
 
 /// The images of a swapchain; images for the eyes have one layer per eye.
 pub(crate) struct RuntimeTargets {
     images: Vec<Target>,
-    size: [u32; 2],
     layers_per_pass: u32,
     readbacks: Vec<Readback>,
 }
@@ -38,7 +36,6 @@ impl RuntimeTargets {
         };
         let readbacks = if images.readable() { images.layers() } else { 0 };
         Ok(RuntimeTargets {
-            size: images.size().to_array(),
             images: images.wrap(gpu).into_iter().map(wrap).collect(),
             layers_per_pass,
             readbacks: (0..readbacks)
@@ -50,11 +47,6 @@ impl RuntimeTargets {
     /// Render targets of image `index`, one per pass of a renderer.
     pub(crate) fn targets(&self, index: usize) -> &[wgpu::TextureView] {
         &self.images[index].targets
-    }
-
-    /// Target for the user interface in image `index`, cleared before drawing.
-    pub(crate) fn ui_target(&self, index: usize) -> UiTarget<'_> {
-        UiTarget { view: &self.targets(index)[0], size: self.size, draws_over: false }
     }
 
     /// Records a fill of image `index` with a premultiplied colour.

@@ -11,6 +11,7 @@ use super::layers::layer_views;
 use super::readback::{Pixels, Readback, bytes_per_row};
 use super::renderer::Renderer;
 use super::settings::RenderSettings;
+use super::stages::linear_light::LinearLight;
 use crate::view::View;
 
 /// Bits per channel.
@@ -41,6 +42,7 @@ pub struct Offscreen {
     /// Readback buffer for one layer.
     readback: Readback,
     foveation: Option<Foveation>,
+    linear: Option<LinearLight>,
 }
 
 impl Offscreen {
@@ -83,6 +85,7 @@ impl Offscreen {
             }),
             readback,
             foveation: None,
+            linear: None,
         })
     }
 
@@ -94,6 +97,18 @@ impl Offscreen {
         let size = UVec2::new(self.texture.width(), self.texture.height());
         let eyes = self.layers as usize;
         self.foveation = Some(Foveation::new(gpu, self.texture.format(), eyes, size, side_max)?);
+        Ok(self)
+    }
+
+    /// The image with colours as a compositor takes them that blends in linear light. Call it after
+    /// [`Offscreen::foveated`].
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is not enough memory.
+    pub fn in_linear_light(mut self, gpu: &Gpu) -> Result<Offscreen, Fault> {
+        let size = UVec2::new(self.texture.width(), self.texture.height());
+        self.linear = Some(LinearLight::new(gpu, self.texture.format(), self.layers, size)?);
+        self.foveation = self.foveation.map(|foveation| foveation.for_linear_light(gpu)).transpose()?;
         Ok(self)
     }
 
@@ -120,7 +135,7 @@ impl Offscreen {
         let mut encoder = gpu.encoder();
         let targets = self.targets(renderer.eyes_per_pass());
         let counts = renderer.prepare(gpu, t, views, settings);
-        renderer.record(gpu, &mut encoder, &targets, self.foveation.as_ref());
+        renderer.record(gpu, &mut encoder, &targets, self.foveation.as_ref(), self.linear.as_ref());
         gpu.submit(encoder);
         gpu.wait()?;
         Ok(counts)

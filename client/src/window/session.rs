@@ -396,7 +396,7 @@ impl Session {
             let mut encoder = gpu.encoder();
             let target = std::slice::from_ref(&picture.view);
             self.counts = renderer.prepare(gpu, *t, &[*view], settings);
-            renderer.record(gpu, &mut encoder, target, None);
+            renderer.record(gpu, &mut encoder, target, None, None);
             gpu.submit(encoder);
         }
         self.drawn = Some(*state);

@@ -57,7 +57,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
             let mut encoder = gpu.encoder();
             let t = f64::from(frame) / f64::from(FRAMES);
             renderer.prepare(gpu, t, &views, &settings);
-            renderer.record(gpu, &mut encoder, &targets, Some(&foveation));
+            renderer.record(gpu, &mut encoder, &targets, Some(&foveation), None);
             gpu.submit(encoder);
         }
         if gpu.waits() != waits {

@@ -11,6 +11,7 @@ mod foveation;
 mod golden;
 mod gpu_vs_reference;
 mod left_out;
+mod linear_light;
 mod pipelines;
 mod prefixes;
 mod real_data;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
         ("golden", golden::trials()),
         ("gpu_vs_reference", gpu_vs_reference::trials()),
         ("left_out", left_out::trials()),
+        ("linear_light", linear_light::trials()),
         ("pipelines", pipelines::trials()),
         ("prefixes", prefixes::trials()),
         ("real_data", real_data::trials()),

@@ -83,7 +83,7 @@ impl ComposePass {
     }
 }
 
-/// The pipeline for passes of `views` eyes into targets of `format`.
+/// The pipeline for passes of `views` eyes into targets of `format`, in `linear` light or not.
 ///
 /// # Errors
 /// As for [`Gpu::pipeline`].
@@ -92,10 +92,11 @@ pub(in crate::gpu) fn pipeline(
     layout: &wgpu::BindGroupLayout,
     format: wgpu::TextureFormat,
     views: u32,
+    linear: bool,
 ) -> Result<wgpu::RenderPipeline, Fault> {
     gpu.pipeline(&PipelineParts {
         label: "foveate",
-        source: compose_foveate(views),
+        source: compose_foveate(views, linear),
         groups: &[Some(layout)],
         target: format.into(),
         views,

@@ -1,10 +1,11 @@
-//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat`, `foveate` and `count` on the GPU, in WGSL
-//! files of the same names.
+//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat`, `foveate`, `linear_light` and `count` on the GPU, in
+//! WGSL files of the same names.
 
 pub(super) mod alive;
 pub(super) mod count;
 pub(super) mod evaluate;
 pub(super) mod foveate;
+pub(super) mod linear_light;
 pub(super) mod quads;
 pub(super) mod sort;
 pub(super) mod splat;

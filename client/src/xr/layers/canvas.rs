@@ -9,7 +9,7 @@ use super::panel_layer::PanelLayer;
 use super::passthrough::PassthroughMode;
 use super::ray_layer::RayLayer;
 use super::swapchain::TargetSwapchain;
-use crate::gpu::{Foveation, FrameCounts, Gpu, Pixels};
+use crate::gpu::{Foveation, FrameCounts, Gpu, LinearLight, Pixels};
 use crate::view::View;
 use crate::xr::panel::{Painting, PointerRay};
 use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
@@ -35,6 +35,8 @@ pub(in crate::xr) struct Canvas {
     /// What foveated frames need; `None` if there is no memory for it.
     pub(in crate::xr) foveation: Option<Foveation>,
     pub(in crate::xr) passthrough: PassthroughMode,
+    /// What frames over the room need; `None` if the room cannot be shown or there is no memory for it.
+    pub(in crate::xr) linear: Option<LinearLight>,
     /// Size of an eye's image in pixels; a frame may use less of it.
     pub(in crate::xr) size: UVec2,
     pub(in crate::xr) stopwatch: Stopwatch,
@@ -73,9 +75,11 @@ impl Canvas {
         let TargetSwapchain { targets, images } = &mut self.eyes;
         let image = images.acquire().halt("taking an image")?;
         let mut encoder = self.gpu.encoder();
+        // Without the room, nothing is behind the eyes: the runtime ignores their alpha.
+        let linear = self.linear.as_ref().filter(|_| show.shows_passthrough());
         if let Some(renderer) = show.renderer().filter(|_| drawn.is_some()) {
             let eyes = targets.targets(image.index());
-            renderer.record(&self.gpu, &mut encoder, eyes, self.foveation.as_ref());
+            renderer.record(&self.gpu, &mut encoder, eyes, self.foveation.as_ref(), linear);
         }
         if drawn.is_none() {
             let color = if show.shows_passthrough() { [0.0; 4] } else { EMPTY };

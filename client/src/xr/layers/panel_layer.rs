@@ -10,7 +10,7 @@ use program::Fault;
 
 use super::quad::quad;
 use super::swapchain::{ImageLayout, TargetSwapchain};
-use crate::gpu::{Gpu, Pixels, RuntimeFormat, UiPainter};
+use crate::gpu::{Gpu, LinearLight, Pixels, RuntimeFormat, UiPainter};
 use crate::xr::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
 use crate::xr::runtime::calls::Stopwatch;
 use crate::xr::runtime::error::{During, Halt};
@@ -18,6 +18,8 @@ use crate::xr::runtime::error::{During, Halt};
 /// The panel in a session.
 pub(in crate::xr) struct PanelLayer {
     layer: TargetSwapchain,
+    /// What a picture is drawn into before it is converted.
+    drawn: LinearLight,
     /// Whether a picture was drawn.
     painted: bool,
     /// Whether pictures can be read back.
@@ -37,9 +39,11 @@ impl PanelLayer {
         readable: bool,
         stopwatch: Stopwatch,
     ) -> Result<PanelLayer, Halt> {
-        let layout = ImageLayout { format, size: UVec2::from(Painting::SIZE), layers: 1, readable };
+        let size = UVec2::from(Painting::SIZE);
+        let layout = ImageLayout { format, size, layers: 1, readable };
         Ok(PanelLayer {
             layer: TargetSwapchain::open(session, gpu, layout, stopwatch.clone())?,
+            drawn: LinearLight::new(gpu, format.drawn(), 1, size)?,
             painted: false,
             readable,
             stopwatch,
@@ -59,9 +63,9 @@ impl PanelLayer {
         let TargetSwapchain { targets, images } = &mut self.layer;
         let image = images.acquire().halt("taking an image of the panel")?;
         let mut encoder = gpu.encoder();
-        let target = targets.ui_target(image.index());
         let (triangles, textures) = painting.into_parts();
-        painter.draw(gpu, &mut encoder, &target, &triangles, PIXELS_PER_POINT, textures);
+        painter.draw(gpu, &mut encoder, &self.drawn.ui_target(), &triangles, PIXELS_PER_POINT, textures);
+        self.drawn.convert(&mut encoder, &targets.targets(image.index())[0]);
         if self.readable {
             targets.record_read(&mut encoder, image.index());
         }

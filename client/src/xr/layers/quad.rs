@@ -5,7 +5,7 @@ use openxr as xr;
 
 use crate::xr::interaction::Pose;
 
-/// The image of `swapchain` released last, `pixels` in size and premultiplied, at `pose` in `stage` and
+/// The image of `swapchain` released last, `pixels` in size and premultiplied in linear light, at `pose` in `stage` and
 /// `meters` wide and high.
 pub(in crate::xr) fn quad<'a>(
     swapchain: &'a xr::Swapchain<xr::Vulkan>,

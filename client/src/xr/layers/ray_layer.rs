@@ -15,8 +15,8 @@ use crate::xr::runtime::error::{During, Halt};
 /// Some runtimes refuse smaller images.
 const SIZE: UVec2 = UVec2::splat(16);
 
-/// Half transparent white, premultiplied.
-const COLOR: [f64; 4] = [0.5; 4];
+/// Half transparent white: the light 0.5 as an sRGB image stores it, see the stage `linear_light`.
+const COLOR: [f64; 4] = [0.735_357, 0.735_357, 0.735_357, 0.5];
 
 /// The pointer rays in a session.
 pub(in crate::xr) struct RayLayer(TargetSwapchain);
@@ -48,5 +48,18 @@ impl RayLayer {
         ray: &PointerRay,
     ) -> xr::CompositionLayerQuad<'a, xr::Vulkan> {
         quad(self.0.swapchain(), SIZE, stage, ray.pose(), ray.size_m())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stored_color_has_the_light_of_half_transparent_white() {
+        let [red, green, blue, alpha] = COLOR;
+        assert!(red == green && green == blue && alpha == 0.5);
+        let light = ((red + 0.055) / 1.055).powf(2.4);
+        assert!((light - alpha).abs() < 1e-5, "{light}");
     }
 }

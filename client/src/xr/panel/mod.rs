@@ -2,7 +2,7 @@
 //!
 //! It knows the interface library but neither runtime nor GPU: hands come in, commands and triangles go out, so
 //! that its tests point at buttons and look at the clock. A quad layer shows it with the pose and size of the
-//! [`PanelQuad`]; the image has display-referred, premultiplied colours and starts fully transparent.
+//! [`PanelQuad`]; the image is drawn in display-referred, premultiplied colours and starts fully transparent.
 
 mod cards;
 mod console;

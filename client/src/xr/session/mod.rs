@@ -11,7 +11,7 @@ use glam::UVec2;
 use openxr as xr;
 use program::Fault;
 
-use crate::gpu::{Coverage, Foveation, Gpu, Level, RuntimeFormat, VulkanHandles};
+use crate::gpu::{Coverage, Foveation, Gpu, Level, LinearLight, RuntimeFormat, VulkanHandles};
 use crate::xr::interaction::Haptics;
 use crate::xr::layers::canvas::{Canvas, DrawnClip};
 use crate::xr::layers::panel_layer::PanelLayer;
@@ -95,14 +95,16 @@ impl Session {
         }
         let stopwatch = Stopwatch::default();
         let eyes = ImageLayout { format, size, layers: 2, readable };
-        let foveation = Foveation::new(gpu, format.drawn(), 2, size, Level::INSET_MAX);
+        let passthrough = PassthroughMode::open(runtime, &session);
+        let (foveation, linear) = eye_images(gpu, format, size, passthrough.is_possible());
         Ok(Session {
             canvas: Canvas {
                 panel: PanelLayer::open(&session, gpu, format, readable, stopwatch.clone())?,
                 rays: RayLayer::open(&session, gpu, format)?,
                 eyes: TargetSwapchain::open(&session, gpu, eyes, stopwatch.clone())?,
-                foveation: foveation.inspect_err(|fault| log::warn!("{fault}: no inset")).ok(),
-                passthrough: PassthroughMode::open(runtime, &session),
+                foveation,
+                passthrough,
+                linear,
                 size,
                 stopwatch: stopwatch.clone(),
                 gpu: gpu.clone(),
@@ -192,7 +194,7 @@ impl Session {
 
     /// Whether the headset can show the room behind the clip.
     pub(in crate::xr) fn has_passthrough(&self) -> bool {
-        self.canvas.passthrough.is_possible()
+        self.canvas.linear.is_some()
     }
 
     /// Whether the display has a slower rate.
@@ -300,6 +302,23 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// Images for foveated frames and, if the runtime `shows_room`, for frames over the room, of eyes with `size` pixels;
+/// `None` where there is no memory.
+fn eye_images(
+    gpu: &Gpu,
+    format: RuntimeFormat,
+    size: UVec2,
+    shows_room: bool,
+) -> (Option<Foveation>, Option<LinearLight>) {
+    let foveation = Foveation::new(gpu, format.drawn(), 2, size, Level::INSET_MAX)
+        .and_then(|foveation| if shows_room { foveation.for_linear_light(gpu) } else { Ok(foveation) });
+    let linear = shows_room.then(|| LinearLight::new(gpu, format.drawn(), 2, size)).transpose();
+    (
+        foveation.inspect_err(|fault| log::warn!("{fault}: no inset")).ok(),
+        linear.inspect_err(|fault| log::warn!("{fault}: no passthrough")).ok().flatten(),
+    )
 }
 
 /// Creates the runtime's session on `gpu`.
