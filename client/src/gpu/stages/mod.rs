@@ -1,5 +1,5 @@
-//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat`, `foveate`, `linear_light` and `count` on the GPU, in
-//! WGSL files of the same names.
+//! The stages of a frame: `alive` and `sort` on the CPU; `evaluate`, `splat`, `foveate`, `linear_light` and `count` on
+//! the GPU, in WGSL files of the same names.
 
 pub(super) mod alive;
 pub(super) mod count;
