@@ -1,23 +1,27 @@
 //! Time to upload a clip of 40,000 dynamic Gaussians, CPU time of a frame, and time of complete frames on the
-//! default adapter.
+//! default adapter. One frame is that of a headset: two eyes through its lens, in which all Gaussians are alive.
 
 use std::f32::consts::TAU;
 use std::hint::black_box;
+use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder};
 use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
+use program::Lens;
 
 const GAUSSIANS: usize = 40_000;
 
 /// Side of the image in pixels for measuring the CPU time alone.
 const SMALL: u32 = 16;
 
-/// A ball of Gaussians that move outwards while they fade in and out, most with low opacity.
-fn clip() -> Clip {
+/// A ball of Gaussians that move outwards while they fade in and out, most with low opacity. Their windows are `widths`
+/// wide, in clips.
+fn clip(widths: Range<f32>) -> Clip {
     let mut field = Field::default();
     let mut temporal = Temporal { motion_order: 3, ..Temporal::default() };
     let mut state = 1u32;
@@ -38,7 +42,7 @@ fn clip() -> Clip {
         field.opacities.push(random() * random());
         field.sh.push([0; 3].map(|_| 3.0 * random() - 1.5));
         temporal.tau.push(random());
-        temporal.s.push(0.05 + 0.2 * random());
+        temporal.s.push(widths.start + (widths.end - widths.start) * random());
         let speeds = [0.3, 0.2, -0.4].map(|speed| speed * random());
         temporal.motion.extend(speeds.map(|speed| outwards.map(|x| speed * x)));
     }
@@ -57,7 +61,7 @@ fn frame(c: &mut Criterion) {
         Err(fault) => return eprintln!("skipped: {fault}"),
     };
     eprintln!("adapter: {}, {}", gpu.adapter_name, gpu.driver);
-    let clip = clip();
+    let clip = clip(0.05..0.25);
     let mut group = c.benchmark_group("frame");
     group.sample_size(10);
 
@@ -99,7 +103,37 @@ fn frame(c: &mut Criterion) {
             group.bench_function(format!("{side}x{side}"), |b| b.iter(&mut render));
         }
     }
+    headset(&mut group, &gpu);
     group.finish();
+}
+
+/// The frame thread of a headset: finds the Gaussians that are alive, culls, sorts, records and submits a frame of two
+/// small images, and does not wait for the GPU.
+fn headset(group: &mut BenchmarkGroup<'_, WallTime>, gpu: &Gpu) {
+    let clip = clip(2.0..2.5);
+    let cameras = Lens::Quest3.cameras(&clip, &clip.info.viewpoints[0], None, [SMALL; 2]);
+    let views = cameras.each_ref().map(View::from_camera);
+    let image = Offscreen::new(gpu, views[0].size, 2, ChannelDepth::Eight).expect("memory for the image");
+    let on_gpu = Arc::new(GpuClip::upload(gpu, &clip).expect("memory for the clip"));
+    let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 2);
+    let mut renderer = Renderer::new(gpu, on_gpu, layout).expect("memory for the renderer");
+    let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };
+    let mut frame = 0_u32;
+    group.bench_function("alive, sort and submit, two eyes", |b| {
+        b.iter_custom(|iterations| {
+            let times = (0..iterations).map(|_| {
+                frame += 1;
+                let start = Instant::now();
+                let counts =
+                    image.submit(gpu, &mut renderer, f64::from(frame % 180) / 180.0, &views, &settings);
+                let elapsed = start.elapsed();
+                assert!(counts.sorted as usize > GAUSSIANS * 9 / 10, "the lens shows nearly all");
+                gpu.wait().expect("a working device");
+                elapsed
+            });
+            times.sum()
+        })
+    });
 }
 
 criterion_group!(benches, frame);

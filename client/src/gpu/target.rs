@@ -132,13 +132,29 @@ impl Offscreen {
         views: &[View],
         settings: &RenderSettings,
     ) -> Result<FrameCounts, Fault> {
+        let counts = self.submit(gpu, renderer, t, views, settings);
+        gpu.wait()?;
+        Ok(counts)
+    }
+
+    /// Submits a frame as [`Offscreen::render`] does, without waiting for the GPU.
+    ///
+    /// # Panics
+    /// As for [`Offscreen::render`].
+    pub fn submit(
+        &self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        t: f64,
+        views: &[View],
+        settings: &RenderSettings,
+    ) -> FrameCounts {
         let mut encoder = gpu.encoder();
         let targets = self.targets(renderer.eyes_per_pass());
         let counts = renderer.prepare(gpu, t, views, settings);
         renderer.record(gpu, &mut encoder, &targets, self.foveation.as_ref(), self.linear.as_ref());
         gpu.submit(encoder);
-        gpu.wait()?;
-        Ok(counts)
+        counts
     }
 
     /// Reads all layers back.
