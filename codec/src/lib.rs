@@ -75,6 +75,7 @@ extern crate self as codec;
 mod bytes;
 mod camera;
 mod clip;
+mod coder;
 mod columns;
 mod context;
 mod counters;
@@ -94,15 +95,18 @@ mod morton;
 mod order;
 mod parallel;
 mod pixel_filter;
+mod preamble;
 #[cfg(feature = "encode")]
 mod precision;
 mod quant;
 mod rows;
 mod section;
+mod take;
 mod time_index;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};
+pub use coder::Coder;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
 pub use encode::{EncodeOptions, Source, encode, encode_parallel};
@@ -111,7 +115,7 @@ pub use error::EncodeError;
 pub use error::{Error, FormatError};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
 pub use format::{VERSION_MINOR, VERSIONS};
-pub use header::{Coder, Contents, contents};
+pub use header::{Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
@@ -119,4 +123,7 @@ pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};
+pub use take::{Package, Segment, SegmentLayer, Take, package};
+#[cfg(feature = "encode")]
+pub use take::{SegmentPackage, SplitSegment, encode_take_head, split, take_order};
 pub use time_index::TimeIndex;

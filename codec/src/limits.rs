@@ -32,6 +32,11 @@ impl Budget {
         Budget { limit: limits.max_bytes, left: limits.max_bytes }
     }
 
+    /// Bytes left.
+    pub(crate) fn left(&self) -> usize {
+        self.left
+    }
+
     /// Allocates an empty vector with room for `count` elements.
     ///
     /// # Errors
