@@ -120,7 +120,7 @@ impl Take {
     /// If there is no such segment.
     pub fn holds(&self, index: usize, t_s: f64) -> bool {
         let segment = &self.segments[index];
-        let t_s = t_s.clamp(0.0, self.duration_s);
+        let t_s = t_s.max(0.0).min(self.duration_s);
         segment.start_s <= t_s && (t_s < segment.end_s() || self.duration_s <= t_s && t_s <= segment.end_s())
     }
 
@@ -173,7 +173,8 @@ impl Take {
         let mut previous: Option<(f64, f64)> = None;
         for (i, segment) in self.segments.iter().enumerate() {
             let Segment { start_s, duration_s, .. } = *segment;
-            let is_span = start_s.is_finite() && duration_s > 0.0 && segment.end_s().is_finite();
+            // A short duration may vanish in the sum.
+            let is_span = duration_s.is_finite() && start_s < segment.end_s() && segment.end_s().is_finite();
             if !is_span || start_s >= self.duration_s || segment.end_s() <= 0.0 {
                 return broken(Some(i), "span of a segment (start, duration)", &segment.span());
             }
