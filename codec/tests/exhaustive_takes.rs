@@ -28,6 +28,9 @@ const UNCOUNTED_BYTES: usize = 32 << 10;
 /// Changes of a byte if not all are tried: each bit, and all bits.
 const MASKS: [u8; 9] = [0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xff];
 
+/// Tries one kind of damage.
+type Trial = fn(&Subject, &mut Outcomes);
+
 /// Outcomes of one kind of damage.
 #[derive(Default)]
 struct Outcomes {
@@ -227,7 +230,7 @@ fn damaged_takes_are_refused_or_play_what_is_left() {
     for coder in Coder::ALL {
         let subject = Subject::new(coder);
         println!("coder {}: {} bytes, head {}", coder.name(), subject.bytes.len(), subject.take.head_bytes);
-        let kinds: [(&str, fn(&Subject, &mut Outcomes)); 5] = [
+        let kinds: [(&str, Trial); 5] = [
             ("prefixes", Subject::truncate),
             ("flips", Subject::flip),
             ("flips of the head under a valid checksum", Subject::flip_under_checksum),
@@ -240,8 +243,7 @@ fn damaged_takes_are_refused_or_play_what_is_left() {
             let Outcomes { refused, refused_segments, same, other, most_bytes } = outcomes;
             println!(
                 "{kind}: {refused} heads refused; of the other takes, {refused_segments} segments refused, {same} \
-                 the same clip, {other} another; at most {most_bytes} bytes, {:?}",
-                began.elapsed()
+                 the same clip, {other} another; at most {most_bytes} bytes"
             );
             assert!(refused_segments > 0 && same > 0, "{kind}: one side is not tested");
         }

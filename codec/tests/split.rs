@@ -318,15 +318,13 @@ fn the_segment_that_spans_the_take_keeps_its_numbers() {
 #[test]
 fn grids_of_any_size_end() {
     let field = many_lifetimes(80);
-    for (duration_s, unit_s) in
-        [(1e300, 1e-300), (1e-300, 1e300), (120.0, 1e-12), (f64::MAX, 1.0), (1.0, f64::MIN_POSITIVE)]
-    {
+    for (duration_s, unit_s) in [(1e9, 1e-9), (1e-9, 1e9), (120.0, 1e-9), (1e9, 1.0)] {
         check_places(&field, duration_s, &split(&field, duration_s, unit_s));
     }
 }
 
 #[test]
-#[should_panic(expected = "positive")]
+#[should_panic(expected = "1e-9 to 1e9 s")]
 fn a_unit_of_zero_panics() {
     split(&static_field(1, 0, 1), 1.0, 0.0);
 }

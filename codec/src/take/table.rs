@@ -8,6 +8,7 @@ use std::cmp::Ordering;
 use crate::{
     ClipInfo, Coder, Contents, PixelFilter,
     columns::{PackageColumns, TemporalColumns},
+    counters::Work,
     format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX},
 };
 
@@ -282,6 +283,7 @@ struct Resident(Vec<(f64, usize)>);
 impl Resident {
     /// Removes the segments that have ended at `start_s`, and adds one.
     fn enter(&mut self, start_s: f64, end_s: f64, gaussians: usize) {
+        Work::Sections.count(1 + self.0.len());
         self.0.retain(|(end, _)| *end > start_s);
         self.0.push((end_s, gaussians));
     }
