@@ -103,9 +103,8 @@ impl Grid {
     fn place(&self, [birth, death]: [f64; 2]) -> (u8, u64) {
         let lowest = (0..self.top).find_map(|level| {
             let mut number = (birth / self.step(level)) as u64;
-            let begins = |number: u64| self.span(level, number).0;
-            // The quotient may be rounded up, and a segment begins before the take ends.
-            if number > 0 && (begins(number) > birth || begins(number) >= self.duration_s) {
+            // A segment begins before the take ends.
+            if number > 0 && self.span(level, number).0 >= self.duration_s {
                 number -= 1;
             }
             let (start, duration) = self.span(level, number);

@@ -141,7 +141,7 @@ impl Take {
     pub fn resident_max(&self) -> usize {
         let (mut resident, mut largest) = (Resident::default(), 0);
         for segment in &self.segments {
-            resident.enter(segment.start_s.max(0.0), segment.end_s(), segment.gaussians());
+            resident.enter(segment.start_s, segment.end_s(), segment.gaussians());
             largest = largest.max(resident.gaussians());
         }
         largest
@@ -195,7 +195,7 @@ impl Take {
                 return broken(Some(i), "order of segments", &segment.span());
             }
             previous = Some(segment.span());
-            resident.enter(start_s.max(0.0), segment.end_s(), segment.gaussians());
+            resident.enter(start_s, segment.end_s(), segment.gaussians());
             if resident.0.len() > RESIDENT_MAX {
                 return broken(Some(i), "number of segments that hold one instant", &resident.0.len());
             }
