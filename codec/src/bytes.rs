@@ -41,12 +41,20 @@ impl<'a> Reader<'a> {
         Ok(self.array::<1>()?[0])
     }
 
+    pub(crate) fn u16(&mut self) -> Result<u16, Error> {
+        self.array().map(u16::from_le_bytes)
+    }
+
     pub(crate) fn u32(&mut self) -> Result<u32, Error> {
         self.array().map(u32::from_le_bytes)
     }
 
     pub(crate) fn f32(&mut self) -> Result<f32, Error> {
         self.array().map(f32::from_le_bytes)
+    }
+
+    pub(crate) fn f64(&mut self) -> Result<f64, Error> {
+        self.array().map(f64::from_le_bytes)
     }
 
     pub(crate) fn f32x3(&mut self) -> Result<[f32; 3], Error> {
@@ -104,6 +112,10 @@ impl Writer {
     }
 
     pub(crate) fn f32(&mut self, value: f32) {
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub(crate) fn f64(&mut self, value: f64) {
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 

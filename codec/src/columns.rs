@@ -1,6 +1,6 @@
 //! [`Columns`]: which columns the Gaussians of a region have.
 
-use crate::{Error, Field, PixelFilter, Temporal, limits::Budget, sh_coefficients};
+use crate::{Error, Field, PixelFilter, Region, Temporal, limits::Budget, sh_coefficients};
 #[cfg(feature = "encode")]
 use crate::{MOTION_ORDER_MAX, SH_DEGREE_MAX};
 
@@ -16,6 +16,46 @@ pub(crate) struct Columns {
 pub(crate) struct TemporalColumns {
     pub(crate) motion_order: u8,
     pub(crate) rotation_rates: bool,
+}
+
+/// Which columns each region of a package has.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct PackageColumns {
+    /// Of the static and the dynamic region.
+    pub(crate) sh_degree: u8,
+    /// Of the dynamic region.
+    pub(crate) temporal: TemporalColumns,
+    pub(crate) plate_sh_degree: u8,
+}
+
+impl PackageColumns {
+    /// The columns of a region.
+    pub(crate) fn of(self, region: Region) -> Columns {
+        match region {
+            Region::Static => Columns { sh_degree: self.sh_degree, temporal: None },
+            Region::Plate => Columns { sh_degree: self.plate_sh_degree, temporal: None },
+            Region::Dynamic => Columns { sh_degree: self.sh_degree, temporal: Some(self.temporal) },
+        }
+    }
+
+    /// The columns that either has.
+    pub(crate) fn union(self, other: PackageColumns) -> PackageColumns {
+        PackageColumns {
+            sh_degree: self.sh_degree.max(other.sh_degree),
+            temporal: self.temporal.union(other.temporal),
+            plate_sh_degree: self.plate_sh_degree.max(other.plate_sh_degree),
+        }
+    }
+}
+
+impl TemporalColumns {
+    /// The columns that either has.
+    fn union(self, other: TemporalColumns) -> TemporalColumns {
+        TemporalColumns {
+            motion_order: self.motion_order.max(other.motion_order),
+            rotation_rates: self.rotation_rates || other.rotation_rates,
+        }
+    }
 }
 
 impl Columns {
@@ -73,10 +113,7 @@ impl Columns {
     pub(crate) fn union(self, other: Columns) -> Columns {
         Columns {
             sh_degree: self.sh_degree.max(other.sh_degree),
-            temporal: self.temporal.into_iter().chain(other.temporal).reduce(|a, b| TemporalColumns {
-                motion_order: a.motion_order.max(b.motion_order),
-                rotation_rates: a.rotation_rates || b.rotation_rates,
-            }),
+            temporal: self.temporal.into_iter().chain(other.temporal).reduce(TemporalColumns::union),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::num::NonZero;
 use crate::{
     Clip, Coder, Error, Field, LayerEnd, Limits, TimeIndex,
     bytes::Reader,
-    columns::Columns,
+    columns::{Columns, PackageColumns},
     context,
     error::FormatError,
     fixed,
@@ -45,11 +45,27 @@ pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
 pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -> Result<Clip, Error> {
     let mut budget = Budget::new(limits);
     let contents = contents_within(bytes, limits, &mut budget)?;
+    let columns = contents.columns();
+    decode_contents(bytes, contents, columns, &mut budget, threads)
+}
+
+/// Decodes the complete layers of `bytes`, whose head is `contents`, to a clip that has `columns`: those of the
+/// package, or more, which are zero.
+///
+/// # Errors
+/// See [`decode`].
+pub(crate) fn decode_contents(
+    bytes: &[u8],
+    contents: Contents,
+    columns: PackageColumns,
+    budget: &mut Budget,
+    threads: NonZero<usize>,
+) -> Result<Clip, Error> {
     let complete = complete_layers(&contents, bytes.len())?;
     let layers = &contents.layers[..complete];
     let rows = layers[complete - 1];
 
-    let mut region = |region, rows| contents.columns(region).zeros(rows, &mut budget);
+    let mut region = |region, rows| columns.of(region).zeros(rows, budget);
     let mut static_field = region(Region::Static, rows.static_count)?;
     let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
     let mut plate = region(Region::Plate, contents.plate_len)?;
@@ -63,7 +79,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     let sections =
         || contents.planned_sections().take_while(|(planned, _)| usize::from(planned.layer) < complete);
     let chunks = || sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
-    let decoders = chunk_decoders(&contents, threads.get().min(chunks().count()), &mut budget)?;
+    let decoders = chunk_decoders(&contents, threads.get().min(chunks().count()), budget)?;
     let decode = |mut decoder: ChunkDecoder| {
         move |(section, columns, rows): (&Section, Columns, Rows)| {
             decoder.decode(section.payload(bytes)?, section, columns, rows)
@@ -77,7 +93,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
             Region::Dynamic => dynamic_rows,
             Region::Plate => plate,
         };
-        (section, contents.columns(planned.region), rest.split_off(planned.rows))
+        (section, contents.columns().of(planned.region), rest.split_off(planned.rows))
     };
     try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
 

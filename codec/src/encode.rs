@@ -123,7 +123,7 @@ pub fn encode_parallel(
             SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells)),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
-                chunks.encode(&rows[start..start + planned.rows], contents.columns(planned.region))
+                chunks.encode(&rows[start..start + planned.rows], contents.columns().of(planned.region))
             }
         }
     };
@@ -352,6 +352,7 @@ fn describe(
         plate_filter: PixelFilter::default(),
         plate_sh_degree: plate.map_or(0, |(chunks, rows)| chunks.nonzero_columns(rows, false).sh_degree),
         head_bytes: 0,
+        head_crc: 0,
         sections: Vec::new(),
     }
 }

@@ -59,6 +59,19 @@ pub enum FormatError {
         /// Bytes given.
         available: usize,
     },
+    /// The package is a take, where a clip is expected: [`package`](crate::package()) reads both.
+    #[error("the package is a take of several segments, not a clip")]
+    Take,
+    /// A segment contradicts the table of its take: it was damaged or exchanged.
+    #[error("segment {segment} is not the one in the table: {expected} expected, {found} found")]
+    Segment {
+        /// Number of the segment, from 0.
+        segment: usize,
+        /// What the table announces.
+        expected: String,
+        /// What the segment is.
+        found: String,
+    },
     /// A part of the package ends before its last number.
     #[error("{part} is too short")]
     Short {
@@ -124,6 +137,17 @@ impl Error {
         Error::Format { offset, error }
     }
 
+    /// The same error in a file in which the package begins at `base`.
+    pub(crate) fn rebased(self, base: usize) -> Error {
+        match self {
+            Error::Format { offset, error } => Error::format(offset.saturating_add(base), error),
+            Error::Limits { offset, quantity, needed, limit } => {
+                Error::Limits { offset: offset.saturating_add(base), quantity, needed, limit }
+            }
+            Error::Version { major, .. } => Error::value(base.saturating_add(4), "major version", major),
+        }
+    }
+
     pub(crate) fn value(offset: usize, field: &'static str, value: impl std::fmt::Debug) -> Error {
         Error::format(offset, FormatError::Value { field, value: format!("{value:?}") })
     }
@@ -161,6 +185,12 @@ pub enum EncodeError {
     /// The precision is not a number, or belongs to another field.
     #[error("the precision cannot be used: {reason}")]
     Precision {
+        /// One sentence.
+        reason: String,
+    },
+    /// The segments cannot make a take.
+    #[error("the take cannot be written: {reason}")]
+    Take {
         /// One sentence.
         reason: String,
     },

@@ -12,11 +12,17 @@ pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
 /// that are not critical; readers skip those.
 pub const VERSION_MINOR: u16 = 0;
 
+/// First major version that has takes.
+pub(crate) const TAKES_SINCE: u16 = 2;
+
 /// Bytes up to and including the length of the head.
 pub(crate) const PREFIX_BYTES: usize = 12;
 
 /// Bytes of the head whose length does not vary: offset of the counts per layer.
 pub(crate) const FIXED_BYTES: usize = 76;
+
+/// Offset of the number of layers, which is 0 in the head of a take.
+pub(crate) const LAYERS_OFFSET: usize = 64;
 
 /// Offset of the counts that determine the memory of a decoded clip.
 pub(crate) const COUNTS_OFFSET: usize = 68;
@@ -35,3 +41,15 @@ pub(crate) const LAYERS_MAX: usize = 16;
 
 /// Gaussians per chunk; the last chunk of a region in a layer holds the rest.
 pub(crate) const CHUNK_ROWS: usize = 4096;
+
+/// Largest number of segments of a take.
+pub(crate) const SEGMENTS_MAX: usize = 65_536;
+
+/// Bytes of an entry of the segment table before its layers.
+pub(crate) const SEGMENT_BYTES: usize = 24;
+
+/// Bytes of a layer in an entry of the segment table.
+pub(crate) const SEGMENT_LAYER_BYTES: usize = 8;
+
+/// Most segments that hold one instant.
+pub(crate) const RESIDENT_MAX: usize = 32;

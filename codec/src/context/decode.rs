@@ -6,8 +6,8 @@ use crate::{Error, bytes::Reader, columns::Columns, error::FormatError, morton::
 /// Memory that decoding a chunk takes besides the clip: its cells, and the models of all columns.
 pub(crate) const WORK_BYTES: usize = 1 << 20;
 
-/// Decodes a chunk into `out`, which has as many rows as the chunk and the given columns. `offset`,
-/// the offset of the section of `payload`, is for errors. `version_major` is that of the package.
+/// Decodes a chunk into `out`, which has as many rows as the chunk, and the given columns or more: those keep
+/// their zeros. `offset`, the offset of the section of `payload`, is for errors. `version_major` is that of the package.
 ///
 /// # Errors
 /// [`Error::Format`] if the payload is too short or too long, or a number is out of range.

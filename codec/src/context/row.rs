@@ -386,13 +386,14 @@ impl<'a> RowCoder<'a> {
 }
 
 impl Row {
-    /// Writes the row to row `i` of `out`, which has the columns of the chunk.
+    /// Writes the row to row `i` of `out`, which has the columns of the chunk or more: of those, spherical
+    /// harmonics keep their zeros.
     pub(super) fn write_to(&self, out: &mut Rows, i: usize) {
         out.centers[i] = self.center;
         out.rotations[i] = self.rotation;
         out.log_scales[i] = self.log_scales;
         out.opacities[i] = self.opacity;
-        out.sh[i * self.sh.len()..][..self.sh.len()].copy_from_slice(&self.sh);
+        out.sh[i * sh_coefficients(out.sh_degree)..][..self.sh.len()].copy_from_slice(&self.sh);
         if let Some(temporal) = &mut out.temporal {
             temporal.tau[i] = self.tau;
             temporal.s[i] = self.s;

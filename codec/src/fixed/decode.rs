@@ -4,7 +4,7 @@ use super::ranges::Ranges;
 use crate::{
     Error,
     bytes::Reader,
-    columns::Columns,
+    columns::{Columns, TemporalColumns},
     quant::{f16_value, opacity_value, rotation_value},
     rows::{Rows, TemporalRows},
     sh_coefficients,
@@ -56,7 +56,8 @@ impl<'a> Planes<'a> {
     }
 }
 
-/// Decodes a chunk into `out`, which has as many rows as the chunk and the given columns.
+/// Decodes a chunk into `out`, which has as many rows as the chunk, and the given columns or more: those keep
+/// their zeros.
 ///
 /// `raw` is the decompressed payload of [`raw_bytes`](super::raw_bytes) bytes, `offset` the offset of
 /// its section, for errors.
@@ -89,19 +90,25 @@ pub(crate) fn decode(raw: &[u8], columns: Columns, offset: usize, out: Rows) -> 
     for (out, &code) in out.opacities.iter_mut().zip(planes.eight()?) {
         *out = opacity_value(code);
     }
-    decode_sh(&mut planes, columns.sh_degree, &ranges, out.sh)?;
-    if let Some(temporal) = out.temporal {
-        decode_temporal(&mut planes, &ranges, offset, temporal)?;
+    decode_sh(&mut planes, columns.sh_degree, &ranges, out.sh_degree, out.sh)?;
+    if let (Some(columns), Some(out)) = (columns.temporal, out.temporal) {
+        decode_temporal(&mut planes, columns, &ranges, offset, out)?;
     }
     planes.reader.finish()
 }
 
-fn decode_sh(planes: &mut Planes, sh_degree: u8, ranges: &Ranges, out: &mut [[f32; 3]]) -> Result<(), Error> {
+fn decode_sh(
+    planes: &mut Planes,
+    sh_degree: u8,
+    ranges: &Ranges,
+    out_degree: u8,
+    out: &mut [[f32; 3]],
+) -> Result<(), Error> {
     let mut coefficients = Vec::with_capacity(sh_coefficients(sh_degree));
     for _ in 0..sh_coefficients(sh_degree) {
         coefficients.push([planes.eight()?, planes.eight()?, planes.eight()?]);
     }
-    for (i, out) in out.chunks_exact_mut(sh_coefficients(sh_degree)).enumerate() {
+    for (i, out) in out.chunks_exact_mut(sh_coefficients(out_degree)).enumerate() {
         out[0] = coefficients[0].map(|channel| ranges.dc.value(channel[i]));
         for (degree, range) in (1..=sh_degree).zip(ranges.sh) {
             let band = sh_coefficients(degree - 1)..sh_coefficients(degree);
@@ -115,6 +122,7 @@ fn decode_sh(planes: &mut Planes, sh_degree: u8, ranges: &Ranges, out: &mut [[f3
 
 fn decode_temporal(
     planes: &mut Planes,
+    columns: TemporalColumns,
     ranges: &Ranges,
     offset: usize,
     out: TemporalRows,
@@ -129,13 +137,13 @@ fn decode_temporal(
         (*out_tau, *out_s) = (tau, s);
     }
     let order = usize::from(out.motion_order);
-    for (k, range) in ranges.motion[..order].iter().enumerate() {
+    for (k, range) in ranges.motion[..usize::from(columns.motion_order)].iter().enumerate() {
         let v = [planes.ten()?, planes.ten()?, planes.ten()?];
         for (i, out) in out.motion.iter_mut().skip(k).step_by(order).enumerate() {
             *out = v.map(|axis| range.value(axis.code(i)));
         }
     }
-    if let Some(rates) = out.rotation_rates {
+    if let (true, Some(rates)) = (columns.rotation_rates, out.rotation_rates) {
         let components = [planes.eight()?, planes.eight()?, planes.eight()?, planes.eight()?];
         for (i, out) in rates.iter_mut().enumerate() {
             *out = components.map(|component| ranges.rates.value(u16::from(component[i])));

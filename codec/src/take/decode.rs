@@ -1,0 +1,100 @@
+//! [`Take::decode_segment`]: decodes one segment of a take.
+//!
+//! A segment is a clip package. Its head is compared with the table of the take, and its Gaussians are decoded
+//! into the columns of the take, so that all segments have the same ones.
+
+use std::num::NonZero;
+
+use crate::{
+    Clip, Contents, Error, FormatError, Limits, PixelFilter, Take, decode::decode_contents,
+    format::LAYERS_OFFSET, header::contents_of, limits::Budget, preamble::Head, take::table::prefixes,
+};
+
+impl Take {
+    /// Decodes segment `index` from the bytes of its package, or its complete layers from a prefix, on up to `threads`
+    /// threads.
+    ///
+    /// The clip has the SH degrees, motion order and rotation rates of the take; columns that the segment lacks are
+    /// zero. `limits` bound the table of the take and this segment together. A player that holds several segments
+    /// must add up their sizes itself.
+    ///
+    /// # Errors
+    /// As [`decode`](crate::decode()), where [`FormatError::Truncated`] counts bytes of the segment; also [`FormatError::Segment`] if the package is not the one in the table, and
+    /// [`FormatError::Take`] if it is a take. Offsets count from the start of the take.
+    ///
+    /// # Panics
+    /// If there is no such segment.
+    pub fn decode_segment(
+        &self,
+        index: usize,
+        bytes: &[u8],
+        limits: &Limits,
+        threads: NonZero<usize>,
+    ) -> Result<Clip, Error> {
+        let base = usize::try_from(self.segments[index].offset).unwrap_or(usize::MAX);
+        self.decode_at_zero(index, bytes, limits, threads).map_err(|error| error.rebased(base))
+    }
+
+    /// Decodes a segment; errors have offsets in its package.
+    fn decode_at_zero(
+        &self,
+        index: usize,
+        bytes: &[u8],
+        limits: &Limits,
+        threads: NonZero<usize>,
+    ) -> Result<Clip, Error> {
+        let mut budget = Budget::new(limits);
+        budget.spend(self.table_bytes)?;
+        let (needed, available) =
+            (self.segments[index].layers.first().map_or(0, |layer| layer.bytes), bytes.len());
+        if available < needed {
+            return Err(Error::format(available, FormatError::Truncated { needed, available }));
+        }
+        let head = Head::checked(bytes)?;
+        let announced = self.segments[index].head_crc;
+        if head.crc != announced {
+            let [expected, found] = [announced, head.crc].map(|crc| format!("a head with CRC-32 {crc:08x}"));
+            let error = FormatError::Segment { segment: index, expected, found };
+            return Err(Error::format(head.bytes() - 4, error));
+        }
+        if head.is_take() {
+            return Err(Error::format(LAYERS_OFFSET, FormatError::Take));
+        }
+        let contents = contents_of(&head, bytes.len(), limits, &mut budget)?;
+        self.check_segment(index, &contents)?;
+        decode_contents(bytes, contents, self.columns(), &mut budget, threads)
+    }
+
+    /// Checks the head of a segment against the head and the table of the take.
+    fn check_segment(&self, index: usize, contents: &Contents) -> Result<(), Error> {
+        let error = |at, expected: String, found: String| {
+            Err(Error::format(at, FormatError::Segment { segment: index, expected, found }))
+        };
+        if contents.coder != self.coder {
+            let [expected, found] =
+                [self.coder, contents.coder].map(|coder| format!("coder {}", coder.name()));
+            return error(60, expected, found);
+        }
+        let columns = contents.columns();
+        if columns.union(self.columns()) != self.columns() {
+            return error(61, format!("at most {:?}", self.columns()), format!("{columns:?}"));
+        }
+        if contents.filter != self.filter
+            || contents.plate_len > 0 && contents.plate_filter != self.plate_filter
+        {
+            let filters = |a: PixelFilter, b: PixelFilter| format!("filters {}, {}", a.name(), b.name());
+            let expected = filters(self.filter, self.plate_filter);
+            return error(63, expected, filters(contents.filter, contents.plate_filter));
+        }
+        if contents.plate_len > self.plate_len {
+            let [expected, found] =
+                [self.plate_len, contents.plate_len].map(|len| format!("a plate of {len} Gaussians"));
+            return error(68, format!("at most {expected}"), found);
+        }
+        let found = prefixes(contents);
+        if found != self.segments[index].layers {
+            return error(76, format!("{:?}", self.segments[index].layers), format!("{found:?}"));
+        }
+        Ok(())
+    }
+}
