@@ -1,0 +1,242 @@
+//! [`PackedSegment`]: a segment of a take, ready for the GPU. Packing needs no device, so loaders do it on their thread.
+
+use codec::{Clip, Field, LayerEnd, PixelFilter, TimeIndex};
+use glam::DVec3;
+use program::Fault;
+use shaders::{Features, Motion};
+
+use super::pack::{Packed, features, pack};
+use super::span::Span;
+use super::stages::alive::Rows;
+
+/// What a renderer is built for to draw a take: buffers of fixed size, and pipelines with the features of all segments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TakeLayout {
+    /// Largest degree of the spherical harmonics of a segment.
+    pub sh_degree: u8,
+    /// Highest power of time of a segment.
+    pub motion_order: u8,
+    /// Whether Gaussians of a segment rotate.
+    pub rotates: bool,
+    /// The filter of all segments.
+    pub filter: PixelFilter,
+    /// Origin of the centres in GPU memory, in the world of the take: the middle of its bounds.
+    pub origin: DVec3,
+    /// Number of Gaussians that are resident at once, at most 2^26; drawn ones, those that are uploaded ahead of use,
+    /// and what is lost to gaps between segments.
+    pub rows: usize,
+    /// Duration in seconds.
+    pub duration_s: f64,
+    /// The plate, if a segment has one.
+    pub plate: Option<PlateLayout>,
+}
+
+/// The largest plate of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlateLayout {
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u8,
+    /// The filter.
+    pub filter: PixelFilter,
+    /// Number of Gaussians of all plates that are resident at once.
+    pub rows: usize,
+}
+
+impl TakeLayout {
+    /// Features of the shaders for the segments.
+    pub(super) fn features(&self) -> Features {
+        Features {
+            sh_degree: self.sh_degree,
+            motion: Some(Motion { order: self.motion_order, rotates: self.rotates }),
+            mip: self.filter == PixelFilter::Mip,
+            segmented: true,
+        }
+    }
+}
+
+impl PlateLayout {
+    /// Features of the shaders for the plates.
+    pub(super) fn features(&self) -> Features {
+        let mip = self.filter == PixelFilter::Mip;
+        Features { sh_degree: self.sh_degree, motion: None, mip, segmented: true }
+    }
+}
+
+/// A segment, packed for the GPU, with the columns that culling reads.
+pub struct PackedSegment {
+    pub(super) span: Span,
+    pub(super) clip: PackedPart,
+    pub(super) plate: Option<PackedPart>,
+}
+
+/// The Gaussians of a segment that are sorted together.
+pub(super) struct PackedPart {
+    pub(super) packed: Packed,
+    pub(super) rows: Rows,
+}
+
+impl PackedSegment {
+    /// Packs `clip`, which lasts `span` of a take of `layout`.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if the clip has features that `layout` lacks.
+    pub fn new(clip: &Clip, span: Span, layout: &TakeLayout) -> Result<PackedSegment, Fault> {
+        let fields = [&clip.static_field, &clip.dynamic_field];
+        let index = (clip.layers.clone(), clip.time_index.clone());
+        let plate = match (&clip.plate, layout.plate) {
+            (Some(plate), _) if plate.is_empty() => None,
+            (None, _) => None,
+            (Some(_), None) => return Err(unexpected(span, "a plate")),
+            (Some(plate), Some(of_take)) => {
+                let all = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
+                let index = (vec![all], TimeIndex::default());
+                let fields = [plate, &Field::default()];
+                Some(PackedPart::new(fields, index, span, layout.origin, of_take.features())?)
+            }
+        };
+        Ok(PackedSegment {
+            span,
+            clip: PackedPart::new(fields, index, span, layout.origin, layout.features())?,
+            plate,
+        })
+    }
+
+    /// Number of Gaussians, without those of the plate.
+    pub fn gaussians(&self) -> usize {
+        self.clip.rows.len()
+    }
+
+    /// Bytes that its upload writes.
+    pub fn bytes(&self) -> usize {
+        [Some(&self.clip), self.plate.as_ref()].into_iter().flatten().map(|part| part.packed.bytes()).sum()
+    }
+}
+
+impl PackedPart {
+    fn new(
+        fields: [&Field; 2],
+        (layers, time_index): (Vec<LayerEnd>, TimeIndex),
+        span: Span,
+        origin: DVec3,
+        of_take: Features,
+    ) -> Result<PackedPart, Fault> {
+        let found = features(fields);
+        let is_empty = fields.iter().all(|field| field.is_empty());
+        if found.sh_degree > of_take.sh_degree {
+            return Err(unexpected(span, "spherical harmonics of a higher degree"));
+        }
+        if found.mip != of_take.mip && !is_empty {
+            return Err(unexpected(span, "another filter"));
+        }
+        let (order, rotates) =
+            (found.motion.map(|motion| motion.order), found.motion.map(|motion| motion.rotates));
+        if order > of_take.motion.map(|motion| motion.order) {
+            return Err(unexpected(span, "motion of a higher order"));
+        }
+        if rotates > of_take.motion.map(|motion| motion.rotates) {
+            return Err(unexpected(span, "Gaussians that rotate"));
+        }
+        Ok(PackedPart {
+            packed: pack(fields, origin, of_take),
+            rows: Rows::new(fields, origin, layers, time_index),
+        })
+    }
+}
+
+fn unexpected(span: Span, what: &str) -> Fault {
+    Fault::Data(format!(
+        "the segment at {:.3} s has {what}, unlike the head of its take: package it again",
+        span.start_s
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use codec::{ClipInfo, Temporal};
+
+    use super::*;
+
+    const LAYOUT: TakeLayout = TakeLayout {
+        sh_degree: 1,
+        motion_order: 1,
+        rotates: false,
+        filter: PixelFilter::Blur,
+        origin: DVec3::ZERO,
+        rows: 10,
+        duration_s: 4.0,
+        plate: None,
+    };
+
+    const SPAN: Span = Span { start_s: 1.5, duration_s: 2.0 };
+
+    /// One static Gaussian.
+    fn field(sh_degree: u8) -> Field {
+        Field {
+            centers: vec![[0.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[0.0; 3]],
+            opacities: vec![0.5],
+            sh_degree,
+            sh: vec![[0.0; 3]; codec::sh_coefficients(sh_degree)],
+            ..Field::default()
+        }
+    }
+
+    fn dynamic(motion_order: u8, rotates: bool) -> Field {
+        let temporal = Temporal {
+            tau: vec![0.5],
+            s: vec![0.1],
+            motion_order,
+            motion: vec![[1.0; 3]; motion_order.into()],
+            rotation_rates: rotates.then(|| vec![[0.0, 1.0, 0.0, 0.0]]),
+        };
+        Field { temporal: Some(temporal), ..field(0) }
+    }
+
+    fn clip(static_field: Field, dynamic_field: Field) -> Clip {
+        let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        Clip {
+            info: ClipInfo::default(),
+            bounds: [[0.0; 3]; 2],
+            time_index: TimeIndex::of_candidates(dynamic_field.len()),
+            static_field,
+            dynamic_field,
+            layers: vec![end],
+            layers_announced: 1,
+            plate: None,
+        }
+    }
+
+    #[test]
+    fn a_segment_with_less_than_its_take_is_widened() {
+        for (clip, motion_words) in
+            [(clip(field(0), Field::default()), 0), (clip(field(1), dynamic(0, false)), 3)]
+        {
+            let packed = PackedSegment::new(&clip, SPAN, &LAYOUT).unwrap();
+            let columns = &packed.clip.packed;
+            assert_eq!(columns.features, LAYOUT.features());
+            assert_eq!((columns.motion.len(), columns.sh.len()), (motion_words, 4 * clip.len()));
+            assert_eq!(packed.bytes(), 32 * clip.len() + 4 * (motion_words + 4 * clip.len()));
+            assert_eq!(packed.gaussians(), clip.len());
+        }
+    }
+
+    #[test]
+    fn a_segment_with_more_than_its_take_is_refused() {
+        let mip = Field { filter: PixelFilter::Mip, ..field(0) };
+        let none = Field::default;
+        let with_plate = Clip { plate: Some(field(0)), ..clip(field(0), none()) };
+        for (clip, what) in [
+            (clip(field(2), none()), "spherical harmonics of a higher degree"),
+            (clip(none(), dynamic(2, false)), "motion of a higher order"),
+            (clip(none(), dynamic(1, true)), "Gaussians that rotate"),
+            (clip(mip, none()), "another filter"),
+            (with_plate, "a plate"),
+        ] {
+            let Err(fault) = PackedSegment::new(&clip, SPAN, &LAYOUT) else { panic!("{what}") };
+            let expected =
+                format!("the segment at 1.500 s has {what}, unlike the head of its take: package it again");
+            assert_eq!((fault.to_string(), fault.exit_code()), (expected, 3));
+        }
+    }
+}
