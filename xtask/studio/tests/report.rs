@@ -1,11 +1,13 @@
 //! `cargo xtask report`: measurements, files, and refused requests.
 
+mod small_stage;
 mod support;
 mod tool;
 
 use std::fs;
 
 use serde_json::Value;
+use small_stage::stage;
 use studio::export::field_file;
 use support::{field, info};
 use tempfile::tempdir;
@@ -93,6 +95,18 @@ fn budgets_and_the_size_of_the_images_can_be_chosen() {
 }
 
 #[test]
+fn a_refinement_is_judged_by_photographs_that_are_held_out() {
+    let folder = stage();
+    let held = ["--held-cameras", "00,01,02,03,04,05,06,07"];
+    fs::write(folder.path().join("field.ply"), field_file(&field(20, 0, None, false), &info())).unwrap();
+    let args = ["report", "field.ply", "--refine", "5", "--capture", "stage", "--cameras", "01,02"];
+    assert!(aarc_studio(folder.path(), &args).error(2).contains("name cameras with --held-cameras"));
+    let all = [&args[..5], &["stage"], &held].concat();
+    assert!(aarc_studio(folder.path(), &all).error(3).contains("photograph"), "none is left to refine on");
+    assert!(!folder.path().join("report").exists());
+}
+
+#[test]
 fn bad_requests_are_refused_before_any_work() {
     let folder = tempdir().unwrap();
     let run = |args: &[&str]| aarc_studio(folder.path(), args);
@@ -106,6 +120,8 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
     assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("one clip or field"));
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
+    assert!(run(&["report", "bad.ply", "--refine", "9"]).error(2).contains("--capture"));
+    assert!(run(&["report", "bad.ply", "--cameras", "00"]).error(2).contains("--fit or --refine"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
     assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
     assert!(run(&["report", "bad.ply", "--rd", "--size", "9000x9000"]).error(2).contains("9000x9000"));

@@ -8,6 +8,7 @@ use crate::capture::CaptureFiles;
 use crate::fit::{TrainingViews, file_crc};
 use crate::lpips_weights::load_lpips;
 use crate::messages::count;
+use crate::scene::Scene;
 use anyhow::bail;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -74,6 +75,17 @@ impl FrameSelection {
         self.part.open_for(folder, self.size, source)
     }
 
+    /// The photographs to refine `scene` on, as [`PartSelection::photographs_of`] loads them.
+    pub(crate) fn photographs_of(
+        &self,
+        folder: &Path,
+        path: &Path,
+        scene: &Scene,
+        holdout: Option<Holdout>,
+    ) -> anyhow::Result<TrainingViews> {
+        self.part.photographs_of(folder, self.size, path, scene, holdout)
+    }
+
     /// Whether it selects the whole capture.
     pub(crate) fn is_default(&self) -> bool {
         self.part.is_default() && self.size.is_none()
@@ -121,6 +133,36 @@ impl PartSelection {
             }
             Ok(())
         })
+    }
+
+    /// The photographs of the capture in `folder` to refine `scene` on, which was loaded from `path`: at the frames and
+    /// with the holdout that its field records, or else with `holdout`.
+    ///
+    /// # Errors
+    /// Those of [`FrameSelection::open_for`]; [`Fault::Usage`] if photographs without masks show what a plate draws.
+    pub(crate) fn photographs_of(
+        &self,
+        folder: &Path,
+        size: Option<(u32, u32)>,
+        path: &Path,
+        scene: &Scene,
+        holdout: Option<Holdout>,
+    ) -> anyhow::Result<TrainingViews> {
+        let source = FitSource::of_scene(path, scene);
+        let capture_files = self.open_for(folder, size, &source)?;
+        source.note_static(&capture_files);
+        let (holdout, note) = source.held_frames(holdout);
+        let views = load_training_views(&capture_files, holdout)?;
+        if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
+            bail!(Fault::Usage(
+                "--refine: the photographs show the background, which plate.ply draws, too; give them masks"
+                    .into()
+            ));
+        }
+        if let Some(note) = note {
+            eprintln!("note: {note}");
+        }
+        Ok(views)
     }
 
     fn open_with(

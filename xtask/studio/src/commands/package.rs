@@ -26,7 +26,6 @@ use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
 use super::fit::fragment_weight;
-use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -370,21 +369,8 @@ impl Captured {
 
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
-        let source = FitSource::of_scene(args.scene(), scene);
-        let capture_files = args.selection.open_for(&self.folder, &source)?;
-        source.note_static(&capture_files);
-        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
-        let views = load_training_views(&capture_files, holdout)?;
-        if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
-            bail!(Fault::Usage(
-                "--refine: the photographs show the background, which plate.ply draws, too; give them masks"
-                    .into()
-            ));
-        }
-        if let Some(note) = note {
-            eprintln!("note: {note}");
-        }
-        Ok(views)
+        let holdout = args.holdout.map(Holdout::from);
+        args.selection.photographs_of(&self.folder, args.scene(), scene, holdout)
     }
 }
 

@@ -24,10 +24,6 @@ use super::fit::FitOptions;
 use super::package::budget;
 use super::render::size;
 
-/// Default size of the measured pictures of a page.
-#[cfg(feature = "measure")]
-const PAGE_SIZE: [u32; 2] = [512, 384];
-
 /// Maximum number of pixels of a measured picture: about 60 pictures of 32 bytes per pixel are in memory at
 /// once, a gigabyte.
 const PIXELS_MAX: u64 = 1 << 19;
@@ -60,19 +56,27 @@ pub struct Args {
     #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
     /// Size of the pictures that are measured [default: 512x384; with --rd 320x240, and 640x480 for the rate of
-    /// the coder]; with --fit, size to shrink the photographs to [default: their own]
+    /// the coder]; with --fit and --refine, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
     /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
     #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability", "fit"])]
     fit_log: Vec<PathBuf>,
+    /// Also refine FIELD for N steps on the photographs that it was fitted to, with several weights of the fragment
+    /// term, and judge them by photographs that are held out
+    #[arg(long, value_name = "N", requires = "capture", conflicts_with_all = ["rd", "stability", "fit"],
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    refine: Option<u64>,
+    /// Folder of the capture of these photographs
+    #[arg(long, value_name = "DIR", requires = "refine")]
+    capture: Option<PathBuf>,
     /// Folder for the files of the report
     #[arg(short, long, value_name = "DIR", default_value = "report")]
     out: PathBuf,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
-    #[command(flatten, next_help_heading = "Of the fits of --fit")]
+    #[command(flatten, next_help_heading = "Of the photographs of --fit and --refine")]
     part: PartSelection,
     #[command(flatten, next_help_heading = "Of the fits of --fit")]
     options: FitOptions,
@@ -136,8 +140,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// The clip or field of the page; `None` with `--rd`, `--stability` or `--fit`.
     fn page_of(&self) -> Result<Option<&Path>, Fault> {
-        if !(self.fit || self.options.is_default() && self.part.is_default()) {
-            let what = "--frames, --cameras, --steps and the other options of fits need --fit; add it, or leave them out";
+        let looks_at_photographs = self.fit || self.refine.is_some();
+        if !(self.fit || self.options.is_default()) || !(looks_at_photographs || self.part.is_default()) {
+            let what = "--steps and the other options of fits need --fit, --frames and --cameras need --fit or --refine; \
+                        add it, or leave them out";
             return Err(Fault::Usage(what.into()));
         }
         if self.rd || self.stability || self.fit {
@@ -180,7 +186,14 @@ impl Args {
 impl Report {
     #[cfg(feature = "measure")]
     fn add_page(&mut self, path: &Path, args: &Args) -> anyhow::Result<()> {
-        let findings = page::measure(path, args.size.unwrap_or(PAGE_SIZE), &args.fit_log)?;
+        let request = page::Request {
+            path,
+            size: args.size,
+            logs: &args.fit_log,
+            refinement: args.capture.as_deref().zip(args.refine),
+            part: &args.part,
+        };
+        let findings = page::measure(&request)?;
         self.text += &findings.table();
         self.files.extend(findings.files()?);
         self.json.extend(findings.to_json()?);

@@ -94,15 +94,26 @@ impl<'a> FieldAnalysis<'a> {
         )
     }
 
-    /// The `rows` that have at most `fraction` of their fragments, in the same order, and the topology that they
-    /// preserve: those that show least for their fragments are left out, except where the floor swaps them.
-    pub(crate) fn within_fragments(&self, rows: &[usize], fraction: f64) -> (Vec<usize>, Topology) {
+    /// The contributions of `rows` to the pictures in which [`within_fragments`](Self::within_fragments) counts
+    /// fragments.
+    pub(crate) fn fragment_contributions(&self, rows: &[usize]) -> Vec<Contribution> {
         let part = self.field.select(rows);
         let views = fragment_views(self.scene, &part);
         self.progress.stage("fragments", views.len());
-        let seen = contributions_to(&views, &part, || self.progress.step());
-        let order = by_importance(&weight_per_fragment(&seen));
-        let count = within_fragments(&order, &seen, fraction);
+        contributions_to(&views, &part, || self.progress.step())
+    }
+
+    /// The `rows` that have at most `fraction` of their fragments, in the same order, and the topology that they
+    /// preserve: those that show least for their fragments are left out, except where the floor swaps them. `seen` is
+    /// [`fragment_contributions`](Self::fragment_contributions) of `rows`.
+    pub(crate) fn within_fragments(
+        &self,
+        rows: &[usize],
+        seen: &[Contribution],
+        fraction: f64,
+    ) -> (Vec<usize>, Topology) {
+        let order = by_importance(&weight_per_fragment(seen));
+        let count = within_fragments(&order, seen, fraction);
         let order: Vec<usize> = order.into_iter().map(|i| rows[i]).collect();
         let retained = match self.settings.no_floor {
             true => self.floor.leave(&order, count),
@@ -113,9 +124,14 @@ impl<'a> FieldAnalysis<'a> {
         (rows.iter().copied().filter(|&row| is_retained[row]).collect(), retained.topology)
     }
 
+    /// A draft of `part`, decoded.
+    pub(crate) fn draft(&self, part: &Field) -> anyhow::Result<Clip> {
+        draft(self.scene, part, self.plate, self.settings.coding)
+    }
+
     /// PSNR in dB of a draft of `part` in the judging pictures.
     pub(crate) fn draft_psnr(&self, part: &Field) -> anyhow::Result<f64> {
-        Ok(self.psnr(&draft(self.scene, part, self.plate, self.settings.coding)?))
+        Ok(self.psnr(&self.draft(part)?))
     }
 
     /// PSNR in dB of a clip in the judging pictures.

@@ -67,7 +67,8 @@ pub(super) fn choose<'a>(
     };
     let mut topology = selected.map_or(Topology::default(), |selected| selected.retained.topology);
     if let Some(fraction) = settings.fragments {
-        (order.rows, topology) = whole.within_fragments(&order.rows, fraction);
+        let seen = whole.fragment_contributions(&order.rows);
+        (order.rows, topology) = whole.within_fragments(&order.rows, &seen, fraction);
     }
     if order.rows.is_empty() {
         return Err(nothing_left(scene));

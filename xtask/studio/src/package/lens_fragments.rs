@@ -1,9 +1,9 @@
-//! [`lens_fragments`]: what a scene and its package cost a headset.
+//! [`lens_fragments`] and [`LensCounter`]: what a scene and its package cost a headset.
 //!
 //! Counted in the quads that the player draws, through the lens of a Quest 3, at three standpoints: the numbers of
 //! Gaussians and bytes say nothing about them.
 
-use codec::{Clip, Field};
+use codec::{Camera, Clip, Field};
 use program::{Lens, Standpoint};
 use refine::prune::instants;
 use refine::reference::{Radius, RenderScene, coverage};
@@ -32,23 +32,36 @@ pub struct LensFragments {
     pub after: f64,
 }
 
+/// The eyes of a viewer and the instants at which they look: scenes are counted by the same pictures.
+pub(crate) struct LensCounter {
+    eyes: [Camera; 2],
+    instants: Vec<f64>,
+}
+
+impl LensCounter {
+    /// A viewer of `clip` at `standpoint`, at a few instants at which `field` has Gaussians.
+    pub(crate) fn new(clip: &Clip, field: &Field, standpoint: Standpoint) -> LensCounter {
+        let eyes = LENS.cameras(clip, &clip.viewpoints()[0], Some(standpoint), LENS.size());
+        LensCounter { eyes, instants: instants(field, INSTANTS) }
+    }
+
+    /// Fragments per pixel of both eyes, mean over the instants.
+    pub(crate) fn per_pixel(&self, scene: &RenderScene) -> f64 {
+        let [width, height] = LENS.size().map(f64::from);
+        let pixels = 2.0 * width * height * self.instants.len() as f64;
+        let views = self.instants.iter().flat_map(|&t| self.eyes.iter().map(move |eye| (eye, t)));
+        views.map(|(eye, t)| coverage(scene, eye, t, Radius::Exact).fragments).sum::<u64>() as f64 / pixels
+    }
+}
+
 /// The fragments of `clip`, the decoded package of the visible `field` and `plate`, at every standpoint.
 pub(super) fn lens_fragments(field: &Field, plate: Option<&Field>, clip: &Clip) -> Vec<LensFragments> {
-    let viewpoint = &clip.viewpoints()[0];
-    let instants = instants(field, INSTANTS);
-    let [width, height] = LENS.size();
-    let pixels = 2.0 * f64::from(width) * f64::from(height) * instants.len() as f64;
     let count = |(standpoint, name)| {
-        let eyes = LENS.cameras(clip, viewpoint, Some(standpoint), [width, height]);
-        let per_pixel = |scene: &RenderScene| {
-            let views = instants.iter().flat_map(|&t| eyes.iter().map(move |eye| (eye, t)));
-            views.map(|(eye, t)| coverage(scene, eye, t, Radius::Exact).fragments).sum::<u64>() as f64
-                / pixels
-        };
+        let counter = LensCounter::new(clip, field, standpoint);
         LensFragments {
             standpoint: name,
-            before: per_pixel(&render_scene(field, plate)),
-            after: per_pixel(&RenderScene::from(clip)),
+            before: counter.per_pixel(&render_scene(field, plate)),
+            after: counter.per_pixel(&RenderScene::from(clip)),
         }
     };
     STANDPOINTS.into_iter().map(count).collect()

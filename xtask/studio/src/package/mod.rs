@@ -19,6 +19,8 @@ mod visible;
 pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
 pub(crate) use encode::{encode, refused};
 pub use layer_order::TriedOrder;
+#[cfg(feature = "measure")]
+pub(crate) use lens_fragments::LensCounter;
 pub use lens_fragments::LensFragments;
 pub use pipeline::{Package, package, package_with};
 pub use prefix_quality::{PrefixStep, prefix_quality};

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use codec::Limits;
 use glam::UVec2;
 use measure::device::{Passes, device};
 use measure::playing;
+use program::Fault;
 
+use crate::commands::capture::PartSelection;
+use crate::fit::TrainingViews;
 use crate::input::{is_package, read_package};
 use crate::machine::machine;
 use crate::package::{LAYERS, PackageSettings, package_with};
@@ -15,11 +18,29 @@ use crate::progress::StagedProgress;
 use crate::report::fitting;
 use crate::report::{Findings, ReportSubject, packaging};
 
-/// Measures `path`, a package or a field, in pictures of this `size`, and reads the tables of its
-/// fits: `logs`, or those beside it.
-pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::Result<Findings> {
+/// Default size of the measured pictures.
+const SIZE: [u32; 2] = [512, 384];
+
+/// What a page is made of.
+pub(super) struct Request<'a> {
+    /// A package or a field.
+    pub(super) path: &'a Path,
+    /// Size of the measured pictures, and of the photographs of a refinement.
+    pub(super) size: Option<[u32; 2]>,
+    /// Tables of its fits; those beside it if there are none.
+    pub(super) logs: &'a [PathBuf],
+    /// Folder of its capture, and number of steps to refine it for.
+    pub(super) refinement: Option<(&'a Path, u64)>,
+    /// The cameras and frames of the capture.
+    pub(super) part: &'a PartSelection,
+}
+
+/// Measures a package or a field, and reads the tables of its fits.
+pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
+    let Request { path, size, logs, refinement, .. } = *request;
     let subject = ReportSubject::load(path)?;
     let fits = fitting::load_all(path, logs)?;
+    let photographs = refinement.map(|(folder, _)| photographs(request, folder, &subject)).transpose()?;
     let progress = StagedProgress::visible();
     let bytes = if is_package(path) {
         read_package(path)?
@@ -38,8 +59,28 @@ pub(super) fn measure(path: &Path, size: [u32; 2], logs: &[PathBuf]) -> anyhow::
         progress.step();
     };
     let whole = subject.to_reference();
-    let playing = playing::measure(gpu, &clip, &whole, UVec2::from(size), &LAYERS, &mut on_step)?;
-    let packaging = packaging::measure(&subject, &progress)?;
+    let playing =
+        playing::measure(gpu, &clip, &whole, UVec2::from(size.unwrap_or(SIZE)), &LAYERS, &mut on_step)?;
+    let refinement = photographs.as_ref().zip(refinement.map(|(_, steps)| steps));
+    let packaging = packaging::measure(&subject, refinement, &progress)?;
     progress.finish();
     Ok(Findings { name: subject.scene.name, machine: machine(), playing, packaging, fits })
+}
+
+/// The photographs of the capture in `folder` for the refinements of `subject`.
+///
+/// # Errors
+/// [`Fault::Usage`] if none is held out: those that a loss compares with do not say what a field is worth.
+fn photographs(request: &Request, folder: &Path, subject: &ReportSubject) -> anyhow::Result<TrainingViews> {
+    let Request { path, part, .. } = request;
+    let size = request.size.map(|[width, height]| (width, height));
+    let views = part.photographs_of(folder, size, path, &subject.scene, None)?;
+    if views.held.is_empty() {
+        let (field, capture) = (path.display(), folder.display());
+        bail!(Fault::Usage(format!(
+            "--refine: no photograph of {capture} is held out from {field}, so none can judge; name cameras with \
+             --held-cameras, or fit a field with --holdout odd"
+        )));
+    }
+    Ok(views)
 }
