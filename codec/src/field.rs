@@ -166,30 +166,20 @@ impl Field {
     /// `f32` rounding. If no Gaussian is ever alive, of the box around the centres; the origin for an
     /// empty field.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        let mut include = |point: [f64; 3]| {
-            for axis in 0..3 {
-                low[axis] = low[axis].min(point[axis]);
-                high[axis] = high[axis].max(point[axis]);
-            }
+        let mut boxes = (0..self.len()).filter_map(|i| self.path_bounds(i)).peekable();
+        let bounds = match boxes.peek() {
+            Some(_) => boxes.reduce(union),
+            None => self.centers.iter().map(|center| [center.map(f64::from); 2]).reduce(union),
         };
-        let mut any_alive = false;
-        for i in 0..self.len() {
-            let Some((start, end)) = self.alive_interval(i) else {
-                continue;
-            };
-            any_alive = true;
-            include(self.position_at(i, start));
-            include(self.position_at(i, end));
-            for t in self.turning_times(i).into_iter().filter(|t| (start..end).contains(t)) {
-                include(self.position_at(i, t));
-            }
-        }
-        if !any_alive {
-            self.centers.iter().for_each(|center| include(center.map(f64::from)));
-        }
-        if self.is_empty() { Default::default() } else { [low, high].map(|corner| corner.map(|x| x as f32)) }
+        bounds.unwrap_or_default().map(|corner| corner.map(|x| x as f32))
+    }
+
+    /// Corners `[min, max]` of the box around the positions of Gaussian `i` while alive, in source units;
+    /// `None` if it is never alive.
+    pub fn path_bounds(&self, i: usize) -> Option<[[f64; 3]; 2]> {
+        let (start, end) = self.alive_interval(i)?;
+        let turning = self.turning_times(i).into_iter().filter(|t| (start..end).contains(t));
+        [start, end].into_iter().chain(turning).map(|t| [self.position_at(i, t); 2]).reduce(union)
     }
 
     /// Clip times at which Gaussian `i` reverses along an axis: the roots of
@@ -323,6 +313,14 @@ impl Temporal {
         self.motion_of(i).iter().all(|v| *v == [0.0; 3])
             && self.rotation_rates.as_ref().is_none_or(|rates| rates[i] == [0.0; 4])
     }
+}
+
+/// The box around two boxes `[min, max]`.
+fn union(a: [[f64; 3]; 2], b: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
+    [
+        std::array::from_fn(|axis| a[0][axis].min(b[0][axis])),
+        std::array::from_fn(|axis| a[1][axis].max(b[1][axis])),
+    ]
 }
 
 fn check_rows<T>(name: &str, rows: &[T], valid: impl Fn(&T) -> bool) -> Result<(), String> {

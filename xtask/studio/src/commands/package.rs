@@ -9,7 +9,7 @@ use crate::capture::CaptureFiles;
 use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
-    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB,
+    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, Snapped,
     blind_viewpoints, package_with, prefix_quality,
 };
 use crate::playlist;
@@ -415,6 +415,7 @@ fn print_report(report: &PackageReport) {
     print_choice(report);
     print_lens_fragments(report);
     print_refined(report);
+    print_snapped(report.snapped);
     let mbps = report.bytes as f64 * 8e-6 / f64::from(report.duration_s);
     let per_gaussian = report.bytes as f64 / report.subject.gaussians_out as f64;
     println!(
@@ -544,6 +545,13 @@ fn print_refined(report: &PackageReport) {
     println!();
     if non_finite > 0 {
         println!("{:16} {non_finite} gradients that were not finite", "left out");
+    }
+}
+
+/// What no longer changes in the package.
+fn print_snapped(Snapped { made_static, made_motionless }: Snapped) {
+    if made_static + made_motionless > 0 {
+        println!("{:16} {made_static} made static, {made_motionless} made motionless", "snapped");
     }
 }
 

@@ -9,6 +9,7 @@ use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
+use super::snap::{Snapped, snap};
 use super::views::{CODED_SIZE, compared_views, render_scene, visibility_views};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
@@ -23,6 +24,8 @@ const DEFECT: &str = "report this defect of the program with the field";
 /// A verified package.
 pub(crate) struct VerifiedPackage {
     pub(crate) coded: Coded,
+    /// What was made static before coding.
+    pub(super) snapped: Snapped,
     /// Number of views that measured the visibility of coding errors.
     pub(super) steering_views: usize,
     /// Number of other views that judged the result.
@@ -46,8 +49,8 @@ pub(super) fn draft(
     encode_once(scene, field, plate, coding, precision).map(|(_, clip)| clip)
 }
 
-/// Encodes a field in layers, most important row first, to the precision of `coding`; decodes the
-/// package and verifies that every Gaussian is there.
+/// Makes static what only seems to change, and encodes a field in layers, most important row first, to the precision
+/// of `coding`; decodes the package, compares it with the field as given, and verifies that every Gaussian is there.
 ///
 /// # Errors
 /// [`Fault::Data`] where the field cannot be coded, or players would not read the package.
@@ -62,6 +65,8 @@ pub(crate) fn encode(
     progress.stage("pictures to code by", compared.len());
     let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
+    let views = visibility_views(scene, field, CODED_SIZE);
+    let (field, snapped) = &snap(field, &views, coding);
     let (coded, steering_views) = match coding {
         Coding::Fixed => {
             let precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
@@ -71,7 +76,6 @@ pub(crate) fn encode(
         }
         Coding::Context { quality_db } => {
             let source = Source { info: &scene.info, field, plate };
-            let views = visibility_views(scene, field, CODED_SIZE);
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
                 .map_err(|error| refused(scene, error))?;
@@ -82,7 +86,7 @@ pub(crate) fn encode(
     let decoded_plate = clip.plate.as_ref().map(Field::len);
     let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
     ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
-    Ok(VerifiedPackage { coded, steering_views, judging_views })
+    Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, judging_views })
 }
 
 fn encode_once(

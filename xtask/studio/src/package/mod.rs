@@ -1,7 +1,7 @@
 //! [`package`]: a scene becomes the bytes of an `.aarc` package, and a report.
 //!
 //! ```text
-//! scene -> visible -> choose (rank, floor, render, order) -> refine -> encode in layers -> verify
+//! scene -> visible -> choose (rank, floor, render, order) -> refine -> snap and encode in layers -> verify
 //! ```
 
 mod analysis;
@@ -13,6 +13,7 @@ mod pipeline;
 mod prefix_quality;
 mod report;
 mod settings;
+mod snap;
 mod views;
 mod visible;
 
@@ -26,6 +27,7 @@ pub use pipeline::{Package, package, package_with};
 pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
+pub use snap::Snapped;
 pub(crate) use views::{
     CODED_SIZE, Places, blind_viewpoints, compared_views, render_scene, views_of, visibility_views,
 };

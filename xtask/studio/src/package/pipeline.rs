@@ -52,7 +52,7 @@ pub fn package_with(
         visible_scene(scene, settings)?;
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
     let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
-    let VerifiedPackage { coded, steering_views, judging_views } =
+    let VerifiedPackage { coded, snapped, steering_views, judging_views } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
     let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
@@ -72,6 +72,7 @@ pub fn package_with(
         whole_psnr_db,
         tried: choice.tried,
         why: choice.why,
+        snapped,
         recolor_gain_db: choice.recolor_gain_db,
         refined,
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::layer_order::TriedOrder;
 use super::lens_fragments::LensFragments;
+use super::snap::Snapped;
 use crate::fit::RefinementReport;
 
 /// What went into a package, what was left out, and how faithful the rest is.
@@ -40,6 +41,8 @@ pub struct PackageReport {
     pub recolor_gain_db: Option<f64>,
     /// Result of the refinement on photographs, if requested.
     pub refined: Option<RefinementReport>,
+    /// What was made static before coding.
+    pub snapped: Snapped,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
     /// Fragments per pixel in a headset, of the whole field and of the package.
