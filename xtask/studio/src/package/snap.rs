@@ -76,8 +76,8 @@ pub(super) fn snap(field: &Field, views: &[PosedView], coding: Coding) -> (Field
 fn pose(field: &Field, row: usize, viewers: &[Viewer], limit: f64) -> Option<Pose> {
     let temporal = field.temporal.as_ref()?;
     let opacity = constant_opacity(field, row, OPACITY_CHANGE * limit);
-    let is_moving = !temporal.is_motionless(row);
-    if !is_moving && (opacity.is_none() || temporal.s[row].is_infinite()) {
+    let moves = !temporal.is_motionless(row);
+    if !moves && (opacity.is_none() || temporal.s[row].is_infinite()) {
         return None;
     }
     let (start, end) = field.alive_interval(row)?;
@@ -96,13 +96,13 @@ fn pose(field: &Field, row: usize, viewers: &[Viewer], limit: f64) -> Option<Pos
     let turned = 2.0 * chord(start).max(chord(end));
     let size = radius(field, row);
     let moved = 0.5 * (high - low).length();
-    let is_moving_visibly = || {
+    let moves_visibly = || {
         let mut seen =
             viewers.iter().filter_map(|viewer| viewer.moved_px(center, size, moved, turned)).peekable();
         // Nothing is known of what no camera faces.
         seen.peek().is_none() || seen.any(|px| 2.0 * px >= MOTION_PX * limit)
     };
-    if is_moving && is_moving_visibly() {
+    if moves && moves_visibly() {
         return None;
     }
     Some(Pose { row, center, rotation, opacity })
@@ -215,7 +215,7 @@ mod tests {
     }
 
     /// A ball at the origin that moves by so many pixels of the first view over the clip.
-    fn moving(px: f64) -> Field {
+    fn shifted(px: f64) -> Field {
         let mut field = balls(&[[0.0; 3]]);
         temporal(&mut field).motion[0] = [0.0, (px / scale()) as f32, 0.0];
         field
@@ -223,29 +223,29 @@ mod tests {
 
     #[test]
     fn motion_below_a_tenth_of_a_pixel_over_the_life_is_none() {
-        assert_eq!(counts(&moving(0.09), AT_DEFAULT), (1, 0));
-        assert_eq!(counts(&moving(0.11), AT_DEFAULT), (0, 0));
+        assert_eq!(counts(&shifted(0.09), AT_DEFAULT), (1, 0));
+        assert_eq!(counts(&shifted(0.11), AT_DEFAULT), (0, 0));
         // Back and forth: at the ends of the clip it is where it was.
-        let mut there_and_back = moving(0.0);
+        let mut there_and_back = shifted(0.0);
         temporal(&mut there_and_back).tau[0] = 0.5;
         temporal(&mut there_and_back).motion[1] = [0.0, (4.0 * 0.11 / scale()) as f32, 0.0];
         assert_eq!(counts(&there_and_back, AT_DEFAULT), (0, 0));
         // A tenth of the motion falls into a tenth of the clip.
-        let mut short = moving(0.5);
+        let mut short = shifted(0.5);
         temporal(&mut short).s[0] = 0.01;
         assert_eq!(counts(&short, AT_DEFAULT), (0, 1));
         // A higher target allows less.
-        assert_eq!(counts(&moving(0.09), Coding::Context { quality_db: QUALITY_DB + 6.0 }), (0, 0));
-        assert_eq!(counts(&moving(0.09), Coding::Context { quality_db: 30.0 }), (1, 0));
-        assert_eq!(counts(&moving(0.09), Coding::Fixed), (1, 0));
+        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: QUALITY_DB + 6.0 }), (0, 0));
+        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: 30.0 }), (1, 0));
+        assert_eq!(counts(&shifted(0.09), Coding::Fixed), (1, 0));
         // The nearest camera decides.
         let mut far = views();
         far.truncate(1);
         far[0].camera.camera_from_world[2][3] += DISTANCE;
-        assert_eq!(snap(&moving(0.15), &far, AT_DEFAULT).1.made_static, 1);
-        assert_eq!(counts(&moving(0.15), AT_DEFAULT), (0, 0));
+        assert_eq!(snap(&shifted(0.15), &far, AT_DEFAULT).1.made_static, 1);
+        assert_eq!(counts(&shifted(0.15), AT_DEFAULT), (0, 0));
         // Nothing is known of what is behind all cameras.
-        let mut behind = moving(0.01);
+        let mut behind = shifted(0.01);
         behind.centers[0] = [2.0 * DISTANCE as f32, 0.0, -2.0 * DISTANCE as f32];
         assert_eq!(counts(&behind, AT_DEFAULT), (0, 0));
     }
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn a_window_that_changes_by_half_an_8_bit_step_is_always_on() {
         let fading = |change: f64, tau: f32| {
-            let mut field = moving(0.01);
+            let mut field = shifted(0.01);
             let away = f64::from(tau).abs().max((1.0 - f64::from(tau)).abs());
             let near = f64::from(tau - tau.clamp(0.0, 1.0)).abs();
             // o (z^2 / 2) over the clip, as wide windows change.
