@@ -127,11 +127,25 @@ impl ParameterValue {
 }
 
 impl Parameter {
-    /// The parameter with its front marked: the points that no other beats.
+    /// The parameter with its front marked: the points that no other point of the front beats. A curve that rises in
+    /// steps below the resolution so keeps a point wherever it has risen by as much.
     pub fn mark_front(mut self) -> Parameter {
-        let on_front: Vec<bool> =
-            self.points.iter().map(|point| !self.points.iter().any(|other| other.beats(point))).collect();
-        self.points.iter_mut().zip(on_front).for_each(|(point, on_front)| point.on_front = on_front);
+        let points = &self.points;
+        let mut by_cost: Vec<usize> = (0..points.len()).collect();
+        by_cost.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|i| &points[i]);
+            a.cost.median.total_cmp(&b.cost.median).then(b.psnr_db().total_cmp(&a.psnr_db()))
+        });
+        // A point is beaten only by those before it.
+        let mut front: Vec<usize> = Vec::new();
+        for i in by_cost {
+            if !front.iter().any(|&other| points[other].beats(&points[i])) {
+                front.push(i);
+            }
+        }
+        for (i, point) in self.points.iter_mut().enumerate() {
+            point.on_front = front.contains(&i);
+        }
         self
     }
 
@@ -201,6 +215,16 @@ mod tests {
         let (on_front, _) =
             front(vec![point("default", [6.0, 8.0, 9.0], 50.0), point("b", [6.5, 8.5, 9.0], 48.0)]);
         assert_eq!(on_front, [true, false]);
+    }
+
+    #[test]
+    fn a_front_of_small_steps_reaches_the_best_point() {
+        let step = |i: u32| {
+            let cost = f64::from(i);
+            point("", [cost; 3], 20.0 + 0.4 * f64::from(i) * RESOLUTION_DB)
+        };
+        let (on_front, _) = front((0..7).map(step).collect());
+        assert_eq!(on_front, [true, false, false, true, false, false, true]);
     }
 
     #[test]
