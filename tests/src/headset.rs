@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use xtask::workspace;
 
+use crate::programs::example;
 use crate::remote::Remote;
 
 /// Reason to ignore a test that needs the runtime.
@@ -168,6 +169,31 @@ impl Headset {
         command
     }
 
+    /// A command that runs `program` on this runtime made odd: the layer `xr_odd_runtime`, with `oddity` as its
+    /// `AARC_RUNTIME`, is between them.
+    ///
+    /// # Panics
+    /// If the layer cannot be built, or its description cannot be written.
+    pub fn odd(&self, program: &Path, oddity: &str) -> Command {
+        let (layer, about) = (
+            example("xr_odd_runtime"),
+            [
+                ("name", ODD_LAYER.as_ref()),
+                ("api_version", "1.0".as_ref()),
+                ("implementation_version", "1".as_ref()),
+                ("description", "an odd runtime".as_ref()),
+            ],
+        );
+        let about = [&about[..], &[path(&layer)]].concat();
+        fs::write(self.path("layers/odd.json"), manifest("api_layer", &about)).expect("files can be written");
+        let mut command = self.command(program);
+        command
+            .env("XR_API_LAYER_PATH", self.path("layers"))
+            .env("XR_ENABLE_API_LAYERS", ODD_LAYER)
+            .env("AARC_RUNTIME", oddity);
+        command
+    }
+
     /// Errors and warnings of the validation layer for the last validated program.
     ///
     /// # Errors
@@ -200,6 +226,9 @@ impl Drop for Headset {
 
 /// Name of the validation layer.
 const LAYER: &str = "XR_APILAYER_LUNARG_core_validation";
+
+/// Name of the layer that makes the runtime odd.
+const ODD_LAYER: &str = "XR_APILAYER_AARC_odd_runtime";
 
 /// A manifest of a runtime or a layer for the OpenXR loader.
 fn manifest(kind: &str, about: &[(&str, &OsStr)]) -> String {

@@ -57,6 +57,8 @@ fn main() -> ExitCode {
         trial("the validation layer reports a forbidden call", forbidden_call_is_reported),
         hand_trial("a lost device is replaced, and the clip goes on", lost_device, false),
         trial("a device that is lost at once ends the player with one sentence", device_lost_at_once),
+        trial("a runtime without two eyes ends the player with one sentence", other_eyes),
+        trial("a runtime without times, or with one projection layer, shows the clip", odd_runtimes),
         trial("too little graphics memory ends the player with one sentence", little_memory),
         trial("a skipped clip is a line on the terminal", skipped),
         trial("a killed runtime ends the player with one sentence", killed),
@@ -480,6 +482,36 @@ fn device_lost_at_once(headset: Headset) -> Result<(), String> {
         lossy(&mut command, &headset.path(""), when);
         one_sentence(&run(command.arg("--xr")), DEVICE, "stopped working")
             .map_err(|error| format!("{when}: {error}"))?;
+    }
+    Ok(())
+}
+
+/// Runtimes with one view or four report as many for two eyes, or refuse two.
+fn other_eyes(headset: Headset) -> Result<(), String> {
+    for (oddity, words) in [
+        ("views:1", "the headset has 1 view, "),
+        ("views:4", "the headset has 4 views, "),
+        ("one-eye", "each of two eyes"),
+    ] {
+        let outcome = run(headset.odd(client(), oddity).arg("--xr"));
+        one_sentence(&outcome, DEVICE, words).map_err(|error| format!("{oddity}: {error}"))?;
+    }
+    Ok(())
+}
+
+/// The clip goes on, and with a period the display's rate is known. `Good` has an inset, which the player composes.
+fn odd_runtimes(headset: Headset) -> Result<(), String> {
+    let stats = headset.path("stats.json");
+    for oddity in ["no-time", "no-period", "one-layer"] {
+        let mut command = headset.odd(client(), oddity);
+        command.args(["--xr", "--quality", "good", "--seconds", "0.2", "--stats"]).arg(&stats);
+        let outcome = run(&mut command);
+        let stats = json(&stats).map_err(|error| format!("{oddity}: {error} {outcome:?}"))?;
+        let knows_rate = stats["display_hz"].as_f64().is_some_and(|hz| hz > 0.0);
+        let seconds = stats["measured"]["seconds"].as_f64().unwrap_or_default();
+        if outcome.code != Some(0) || seconds < 0.2 || knows_rate == (oddity == "no-period") {
+            return Err(format!("{oddity}: {outcome:?} {stats}"));
+        }
     }
     Ok(())
 }

@@ -64,12 +64,14 @@ impl GpuTimer {
         })
     }
 
-    /// Collects finished measurements and returns the latest one in milliseconds.
+    /// Collects finished measurements and returns the latest one in milliseconds; `None` before the first one, and
+    /// while the device writes no time.
     pub(super) fn latest_ms(&mut self) -> Option<f64> {
         for slot in self.slots.iter_mut().filter(|slot| slot.mapped.swap(false, Ordering::Acquire)) {
             if let Ok(mapped) = slot.readback.slice(..).get_mapped_range() {
                 let ticks: &[u64] = bytemuck::cast_slice(&mapped);
-                self.latest_ms = Some(ticks[1].saturating_sub(ticks[0]) as f64 * self.period_ms);
+                self.latest_ms =
+                    elapsed_ticks([ticks[0], ticks[1]]).map(|ticks| ticks as f64 * self.period_ms);
             }
             slot.readback.unmap();
             slot.busy = false;
@@ -107,5 +109,24 @@ impl GpuTimer {
             mapped.store(result.is_ok(), Ordering::Release);
         });
         slot.busy = true;
+    }
+}
+
+/// Ticks from the first timestamp to the second; `None` if a timestamp is 0, or the second not later: some drivers offer
+/// timestamps and write none, and a frame without a duration would count as room for more quality.
+fn elapsed_ticks([begin, end]: [u64; 2]) -> Option<u64> {
+    end.checked_sub(begin).filter(|&ticks| begin > 0 && ticks > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timestamps_that_are_not_written_measure_nothing() {
+        assert_eq!(elapsed_ticks([1_000, 1_250]), Some(250));
+        for ticks in [[0, 0], [0, 1_250], [1_000, 0], [1_000, 1_000], [1_000, 999]] {
+            assert_eq!(elapsed_ticks(ticks), None, "{ticks:?}");
+        }
     }
 }

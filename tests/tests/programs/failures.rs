@@ -40,6 +40,8 @@ const FAILURES: &[Failure] = &[
     ("clip.aarc IMAGE --cutoff 7", USAGE, "'7' for '--cutoff", "[possible values: exact, 8, 5]"),
     ("clip.aarc IMAGE --target 12", USAGE, "'12' for '--target", "[possible values: 8, 16]"),
     ("clip.aarc IMAGE --sort never", USAGE, "'never' for '--sort", "[possible values: depth, radial]"),
+    ("clip.aarc IMAGE --lens quest9", USAGE, "'quest9' for '--lens", "[possible values: quest3]"),
+    ("clip.aarc IMAGE --lens quest3 --inset 2", USAGE, "'2' for '--inset", "a number from 0.1 to 0.9"),
     ("clip.aarc IMAGE --view a --camera b", USAGE, "'--view <NAME|INDEX>' cannot be used with", "--help"),
     ("clip.aarc --quality least", USAGE, "not provided: --xr", "--help"),
     ("clip.aarc IMAGE --quality least", USAGE, "'--headless' cannot be used with '--quality", "--help"),

@@ -51,6 +51,24 @@ pub(in crate::xr) struct Layers<'a> {
     pub(in crate::xr) passthrough: bool,
 }
 
+/// Display times of frames, also of those for which the runtime predicts none.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::xr) struct DisplayClock {
+    last: Option<(i64, Instant)>,
+}
+
+impl DisplayClock {
+    /// The display time of a frame that begins at `now`, in nanoseconds on the clock of the runtime. The specification
+    /// has positive times only, and a session would end with the first call that gets another one; so a
+    /// `predicted_ns` that is not positive is replaced by the last time and what has passed since.
+    fn display_ns(&mut self, predicted_ns: i64, now: Instant) -> i64 {
+        let passed = |(ns, at): (i64, Instant)| ns + now.duration_since(at).as_nanos() as i64;
+        let display_ns = if predicted_ns > 0 { predicted_ns } else { self.last.map_or(1, passed) };
+        self.last = Some((display_ns, now));
+        display_ns
+    }
+}
+
 /// The calls for frames.
 pub(in crate::xr) struct SessionFrames {
     pub(in crate::xr) waiter: xr::FrameWaiter,
@@ -58,6 +76,7 @@ pub(in crate::xr) struct SessionFrames {
     pub(in crate::xr) blends: Blends,
     pub(in crate::xr) stopwatch: Stopwatch,
     pub(in crate::xr) rate: DisplayRate,
+    pub(in crate::xr) clock: DisplayClock,
 }
 
 /// Images per second of the display, if the runtime reports them.
@@ -85,7 +104,7 @@ impl FrameCalls for SessionFrames {
     fn wait(&mut self) -> xr::Result<Timing> {
         let state = self.waiter.wait()?;
         Ok(Timing {
-            display_ns: state.predicted_display_time.as_nanos(),
+            display_ns: self.clock.display_ns(state.predicted_display_time.as_nanos(), Instant::now()),
             period_ns: self.rate.period_ns(state.predicted_display_period.as_nanos()),
             visible: state.should_render,
         })
@@ -146,5 +165,16 @@ mod tests {
         assert_eq!(rate.period_ns(11_111_111), 13_888_889);
         rate.set(0.0);
         assert_eq!(rate.period_ns(5), 5);
+    }
+
+    #[test]
+    fn frames_without_a_predicted_time_continue_the_clock() {
+        let (start, mut clock) = (Instant::now(), DisplayClock::default());
+        let mut at = |predicted_ns, ms| clock.display_ns(predicted_ns, start + Duration::from_millis(ms));
+        assert_eq!([at(0, 0), at(0, 10), at(-5, 11)], [1, 10_000_001, 11_000_001], "it never predicts");
+        assert_eq!(
+            [at(700_000_000, 20), at(0, 33), at(724_000_000, 40)],
+            [700_000_000, 713_000_000, 724_000_000]
+        );
     }
 }

@@ -56,6 +56,12 @@ pub(in crate::xr) fn sessions_dropped() -> Fault {
     Fault::Device("the OpenXR runtime drops its session at once: restart the runtime".into())
 }
 
+/// The fault of a headset with a number of `views` that is not two.
+pub(in crate::xr) fn other_eyes(views: usize) -> Fault {
+    let views = if views == 1 { "1 view".into() } else { format!("{views} views") };
+    Fault::Device(format!("the headset has {views}, and two are drawn: choose another runtime"))
+}
+
 fn fault(what: &str, code: Code) -> Fault {
     Fault::Device(match code {
         Code::ERROR_INSTANCE_LOST => return instance_lost(),
@@ -70,6 +76,9 @@ fn fault(what: &str, code: Code) -> Fault {
         }
         Code::ERROR_FORM_FACTOR_UNSUPPORTED => {
             "the OpenXR runtime knows no headset: connect one, or choose another runtime".into()
+        }
+        Code::ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED => {
+            "the headset does not show a picture to each of two eyes: choose another runtime".into()
         }
         Code::ERROR_FORM_FACTOR_UNAVAILABLE => {
             "the headset is not available: connect it and switch it on, then start again".into()

@@ -75,10 +75,7 @@ impl Runtime {
 
         let views = instance.enumerate_view_configuration_views(system, EYES).fault("counting the eyes")?;
         if views.len() != 2 {
-            let count = views.len();
-            return Err(Fault::Device(format!(
-                "the headset has {count} eyes, and two are drawn: choose another runtime"
-            )));
+            return Err(error::other_eyes(views.len()));
         }
         let sizes = views
             .iter()

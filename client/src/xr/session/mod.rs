@@ -19,7 +19,7 @@ use crate::xr::layers::passthrough::PassthroughMode;
 use crate::xr::layers::ray_layer::RayLayer;
 use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
-use crate::xr::runtime::calls::{DisplayRate, Layers, SessionFrames, Stopwatch};
+use crate::xr::runtime::calls::{DisplayClock, DisplayRate, Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt, sessions_dropped};
 use crate::xr::runtime::extensions::performance;
 use crate::xr::runtime::extensions::refresh_rate::{self, Rates};
@@ -120,6 +120,7 @@ impl Session {
                 blends: runtime.blends,
                 stopwatch: stopwatch.clone(),
                 rate: rate.clone(),
+                clock: DisplayClock::default(),
             }),
             events: xr::EventDataBuffer::new(),
             session,
