@@ -1,4 +1,4 @@
-//! A take is drawn as its field unsplit, whatever the segments that hold the instant.
+//! A take is drawn as its field unsplit, at any instant and with any segments resident.
 
 use std::sync::Arc;
 
