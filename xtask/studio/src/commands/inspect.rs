@@ -3,12 +3,14 @@
 //! Decodes the whole file, and so validates it.
 
 mod left_out;
+mod take;
 
 use std::path::{Path, PathBuf};
 
 use crate::input::read_package;
 use crate::messages::{bad_package, decimal};
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use crate::segments::TakeFile;
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, Viewpoint};
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
@@ -19,7 +21,7 @@ const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// Show the contents of a package and the parts that it lacks, and validate it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Package
+    /// Package: a clip or a take
     clip: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -27,6 +29,10 @@ pub struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let file = TakeFile::open(&args.clip)?;
+    if !file.is_clip() {
+        return take::run(&file, args.json);
+    }
     let bytes = read_package(&args.clip)?;
     let limits = Limits::default();
     let bad = |error: codec::Error| bad_package(&args.clip, &error);
@@ -69,6 +75,8 @@ struct Inspection {
     filter: &'static str,
     plate: Option<Plate>,
     layers: Vec<Layer>,
+    /// One, as a clip is a take of one segment.
+    segments: [OnlySegment; 1],
     left_out: Vec<LeftOut>,
     gpu_bytes: usize,
     /// Where the bytes of the coder `context` go; empty for the coder `fixed`.
@@ -91,6 +99,16 @@ struct Plate {
     gaussians: usize,
     sh_degree: u8,
     filter: &'static str,
+}
+
+/// The segment that an ordinary clip is.
+#[derive(Serialize)]
+struct OnlySegment {
+    start_s: f64,
+    duration_s: f64,
+    level: u8,
+    gaussians: usize,
+    bytes: usize,
 }
 
 /// Cost of playing up to and including a layer.
@@ -139,12 +157,6 @@ struct Section {
 
 fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
     let info = &clip.info;
-    let views = info.viewpoints.iter().map(|viewpoint| ViewpointRow {
-        name: viewpoint.name.clone(),
-        position: viewpoint.position,
-        target: viewpoint.target,
-        fov_y_deg: viewpoint.fov_y.to_degrees(),
-    });
     Inspection {
         format_version: format!("{}.{}", contents.version_major, contents.version_minor),
         coder: contents.coder.name(),
@@ -159,7 +171,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         up: info.up,
         metres_per_unit: info.metres_per_unit,
         bounds: clip.bounds,
-        viewpoints: views.collect(),
+        viewpoints: info.viewpoints.iter().map(ViewpointRow::from).collect(),
         sh_degree: contents.sh_degree,
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
@@ -170,6 +182,13 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
             filter: plate.filter.name(),
         }),
         layers: layers(&contents, clip.layers.len()),
+        segments: [OnlySegment {
+            start_s: 0.0,
+            duration_s: f64::from(info.duration_s),
+            level: 0,
+            gaussians: clip.len() + clip.plate.as_ref().map_or(0, Field::len),
+            bytes: bytes.len(),
+        }],
         left_out: left_out(&contents, clip),
         gpu_bytes: gpu_bytes(&contents, clip),
         attributes: attributes.into_iter().map(Attribute::from).collect(),
@@ -204,6 +223,17 @@ fn alive(clip: &Clip, t: f64) -> Alive {
         counts.alive += range.filter(|&i| is_alive(&clip.dynamic_field, i)).count();
     }
     counts
+}
+
+impl From<&Viewpoint> for ViewpointRow {
+    fn from(viewpoint: &Viewpoint) -> ViewpointRow {
+        ViewpointRow {
+            name: viewpoint.name.clone(),
+            position: viewpoint.position,
+            target: viewpoint.target,
+            fov_y_deg: viewpoint.fov_y.to_degrees(),
+        }
+    }
 }
 
 impl From<AttributeSize> for Attribute {

@@ -70,7 +70,7 @@ pub(crate) fn encode(
             (Coded { bytes, clip, fidelity, miss: None }, 0)
         }
         Coding::Context { quality_db } => {
-            let source = Source { info: &scene.info, field, plate };
+            let source = Source { info: &scene.head_info(), field, plate };
             let views = visibility_views(scene, field, CODED_SIZE);
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
@@ -92,7 +92,7 @@ fn encode_once(
     coding: Coding,
     precision: Precision,
 ) -> anyhow::Result<(Vec<u8>, Clip)> {
-    let source = Source { info: &scene.info, field, plate };
+    let source = Source { info: &scene.head_info(), field, plate };
     let options = EncodeOptions { coder: coding.coder(), layers: LAYERS.to_vec(), precision };
     let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
     let clip = codec::decode(&bytes, &Limits::default());
