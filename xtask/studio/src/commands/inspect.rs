@@ -3,6 +3,7 @@
 //! Decodes the whole file, and so validates it.
 
 mod left_out;
+mod rows;
 mod take;
 
 use std::path::{Path, PathBuf};
@@ -10,10 +11,11 @@ use std::path::{Path, PathBuf};
 use crate::input::read_package;
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, Viewpoint};
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
+use rows::{Plate, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -84,21 +86,6 @@ struct Inspection {
     alive: Vec<Alive>,
     head_bytes: usize,
     sections: Vec<Section>,
-}
-
-#[derive(Serialize)]
-struct ViewpointRow {
-    name: String,
-    position: [f32; 3],
-    target: [f32; 3],
-    fov_y_deg: f32,
-}
-
-#[derive(Serialize)]
-struct Plate {
-    gaussians: usize,
-    sh_degree: u8,
-    filter: &'static str,
 }
 
 /// The segment that an ordinary clip is.
@@ -223,17 +210,6 @@ fn alive(clip: &Clip, t: f64) -> Alive {
         counts.alive += range.filter(|&i| is_alive(&clip.dynamic_field, i)).count();
     }
     counts
-}
-
-impl From<&Viewpoint> for ViewpointRow {
-    fn from(viewpoint: &Viewpoint) -> ViewpointRow {
-        ViewpointRow {
-            name: viewpoint.name.clone(),
-            position: viewpoint.position,
-            target: viewpoint.target,
-            fov_y_deg: viewpoint.fov_y.to_degrees(),
-        }
-    }
 }
 
 impl From<AttributeSize> for Attribute {

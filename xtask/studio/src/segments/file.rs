@@ -121,7 +121,8 @@ impl TakeFile {
     pub fn contents(&self, index: usize) -> Result<Contents, Fault> {
         let segment = &self.take.segments[index];
         let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
-        let bytes = self.read_prefix(index, first_layer.min(self.available(index)))?;
+        self.check_present(index, first_layer)?;
+        let bytes = self.read_prefix(index, first_layer)?;
         let contents = codec::contents(&bytes, &Limits::default());
         match contents {
             Ok(contents) if contents.head_crc == segment.head_crc => Ok(contents),
@@ -135,6 +136,12 @@ impl TakeFile {
     /// # Errors
     /// [`Fault::Data`] that names the segment: missing, cut short in its first layer, or damaged.
     pub fn decode(&self, index: usize) -> Result<Clip, Fault> {
+        if !self.is_clip {
+            self.check_present(
+                index,
+                self.take.segments[index].layers.first().map_or(0, |layer| layer.bytes),
+            )?;
+        }
         let bytes = self.read(index)?;
         let threads = available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let clip = self.take.decode_segment(index, &bytes, &Limits::default(), threads);
@@ -142,6 +149,19 @@ impl TakeFile {
             true => bad_package(&self.path, &error),
             false => self.damaged(index, &error.to_string()),
         })
+    }
+
+    /// Checks that the first `length` bytes of a segment are in the file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment.
+    pub(super) fn check_present(&self, index: usize, length: usize) -> Result<(), Fault> {
+        match self.available(index) {
+            available if available < length => {
+                Err(self.damaged(index, &format!("cut short, {available} of {length} bytes are there")))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn damaged(&self, index: usize, what: &str) -> Fault {

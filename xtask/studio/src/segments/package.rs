@@ -4,7 +4,7 @@
 //! survey: count, compare -> budgets -> ranking, tried on three segments -> package each, to a scratch file -> take
 //! ```
 //!
-//! Memory holds one segment, whatever the length of the take. The fields are read twice, for the survey and for their
+//! Memory holds one segment and does not grow with the length of the take. The fields are read twice, for the survey and for their
 //! packages.
 
 use std::path::Path;

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use codec::Contents;
+use codec::{Contents, Take};
 use program::{Fault, output};
 
 use super::file::TakeFile;
@@ -41,54 +41,23 @@ pub struct TrimmedTake {
 /// segment that is missing or whose head is damaged, or if no segment overlaps the part.
 pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Result<TrimmedTake> {
     let take = file.take();
-    check_part(from_s, to_s, take.duration_s)?;
-    let round = |t_s: f64| (t_s * PARTS_PER_SECOND).round() / PARTS_PER_SECOND;
-    let from_s = round(from_s);
-    // The end of the take is exact.
-    let to_s = if to_s >= take.duration_s { take.duration_s } else { round(to_s) };
+    let [from_s, to_s] = part(from_s, to_s, take.duration_s)?;
     let duration_s = to_s - from_s;
-    check_part(from_s, to_s, take.duration_s)?;
-
-    let overlaps = |span: &Span| span.start_s < to_s && span.end_s() > from_s;
-    let moved = |span: Span| {
-        let mut moved = Span { start_s: span.start_s - from_s, ..span };
-        // The last instant must not fall to rounding.
-        while span.end_s() >= to_s && moved.end_s() < duration_s {
-            moved.duration_s = moved.duration_s.next_up();
-        }
-        moved
-    };
-    let kept: Vec<(usize, Span)> = take
-        .segments
-        .iter()
-        .map(Span::from)
-        .enumerate()
-        .filter(|(_, span)| overlaps(span))
-        .map(|(index, span)| (index, moved(span)))
-        .filter(|(_, span)| span.start_s < duration_s && span.end_s() > 0.0)
-        .collect();
+    let kept = overlapping(take, from_s, to_s);
     if kept.is_empty() {
         let name = file.path().display();
-        return Err(Fault::Data(format!(
-            "{name}: nothing is shown from {from_s} to {to_s} s; choose another part"
-        ))
-        .into());
+        let what = format!("{name}: nothing is shown from {from_s} to {to_s} s; choose another part");
+        return Err(Fault::Data(what).into());
     }
     let spans: Vec<Span> = kept.iter().map(|(_, span)| *span).collect();
     let order: Vec<(usize, Span)> = order_of(duration_s, &spans).into_iter().map(|i| kept[i]).collect();
     let segments = order
         .iter()
-        .map(|(index, span)| Ok((*span, file.contents(*index)?)))
+        .map(|(index, span)| {
+            file.check_present(*index, take.segments[*index].bytes())?;
+            Ok((*span, file.contents(*index)?))
+        })
         .collect::<Result<Vec<(Span, Contents)>, Fault>>()?;
-    if let Some((index, _)) =
-        order.iter().find(|(index, _)| file.available(*index) < take.segments[*index].bytes())
-    {
-        let (name, start_s) = (file.path().display(), take.segments[*index].start_s);
-        return Err(Fault::Data(format!(
-            "{name}: segment {index}, from {start_s} s, was cut short; get the file again, or choose a part without it"
-        ))
-        .into());
-    }
     let head = head(out, &take.info, duration_s, &segments)?;
     let mut bytes = head.len() as u64;
     output::write_parts(out, |output| {
@@ -114,13 +83,37 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
     })
 }
 
+/// The segments that overlap the part from `from_s` to `to_s`, with their spans in it.
+fn overlapping(take: &Take, from_s: f64, to_s: f64) -> Vec<(usize, Span)> {
+    let duration_s = to_s - from_s;
+    let moved = |span: Span| {
+        let mut moved = Span { start_s: span.start_s - from_s, ..span };
+        // The last instant must not fall to rounding.
+        while span.end_s() >= to_s && moved.end_s() < duration_s {
+            moved.duration_s = moved.duration_s.next_up();
+        }
+        moved
+    };
+    let spans = take.segments.iter().map(Span::from).enumerate();
+    spans
+        .filter(|(_, span)| span.start_s < to_s && span.end_s() > from_s)
+        .map(|(index, span)| (index, moved(span)))
+        .filter(|(_, span)| span.start_s < duration_s && span.end_s() > 0.0)
+        .collect()
+}
+
+/// The part from `from_s` to `to_s`, with both rounded.
+///
 /// # Errors
-/// [`Fault::Usage`] if the part from `from_s` to `to_s` is empty or not in a take of `take_s` seconds.
-fn check_part(from_s: f64, to_s: f64, take_s: f64) -> Result<(), Fault> {
-    // A duration in text is often rounded.
+/// [`Fault::Usage`] if it is empty or not in a take of `take_s` seconds.
+fn part(from_s: f64, to_s: f64, take_s: f64) -> Result<[f64; 2], Fault> {
+    // A duration in text is often rounded. The end of the take stays exact.
     const SLACK_S: f64 = 5e-4;
-    match 0.0 <= from_s && from_s < to_s && from_s < take_s && to_s <= take_s + SLACK_S {
-        true => Ok(()),
+    let round = |t_s: f64| (t_s * PARTS_PER_SECOND).round() / PARTS_PER_SECOND;
+    let is_end = (to_s - take_s).abs() <= SLACK_S;
+    let [first_s, last_s] = [round(from_s), if is_end { take_s } else { round(to_s) }];
+    match 0.0 <= first_s && first_s < last_s && last_s <= take_s {
+        true => Ok([first_s, last_s]),
         false => Err(Fault::Usage(format!(
             "--from {from_s} --to {to_s}: choose a part of the {take_s} s, the start before the end"
         ))),

@@ -10,7 +10,7 @@ use program::Fault;
 use serde::Serialize;
 
 use super::left_out::{LeftOut, gpu_bytes, left_out};
-use super::{Plate, ViewpointRow};
+use super::rows::{Plate, ViewpointRow};
 use crate::messages::{count, decimal};
 use crate::segments::{Course, TakeFile, course};
 
