@@ -294,6 +294,26 @@ fn segments_lie_on_the_grid() {
     assert_eq!(spans, expected);
 }
 
+/// A segment that is cut to the take holds its last instant, however its duration is rounded: 2.7 units have one that
+/// begins after the first.
+#[test]
+fn cut_segments_end_with_the_take() {
+    let mut field = static_field(1, 0, 1);
+    // From 1.8 units to beyond the end.
+    field.opacities = vec![(1f64.exp().powi(2) / 255.0) as f32];
+    field.temporal = Some(Temporal { tau: vec![1.0], s: vec![0.15], ..Temporal::default() });
+    let mut rounded = 0;
+    for unit_s in (0..1_000).map(|i| 1.0 + 0.001 * f64::from(i)) {
+        let duration_s = 2.7 * unit_s;
+        let segments = split(&field, duration_s, unit_s);
+        let [segment] = &segments[..] else { panic!("one segment") };
+        assert_eq!((segment.start_s, segment.level), (unit_s, 0));
+        assert!(segment.start_s + segment.duration_s >= duration_s, "{unit_s}");
+        rounded += usize::from(segment.duration_s != duration_s - unit_s);
+    }
+    assert!(rounded > 0, "no duration was rounded");
+}
+
 #[test]
 fn a_static_field_is_one_segment_as_it_was() {
     let field = static_field(9, 2, 1);

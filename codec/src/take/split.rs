@@ -103,9 +103,8 @@ impl Grid {
     fn place(&self, [birth, death]: [f64; 2]) -> (u8, u64) {
         let lowest = (0..self.top).find_map(|level| {
             let mut number = (birth / self.step(level)) as u64;
-            let begins = |number: u64| self.span(level, number).0;
-            // The quotient may be rounded up, and a segment begins before the take ends.
-            if number > 0 && (begins(number) > birth || begins(number) >= self.duration_s) {
+            // A segment begins before the take ends.
+            if number > 0 && self.span(level, number).0 >= self.duration_s {
                 number -= 1;
             }
             let (start, duration) = self.span(level, number);
@@ -120,7 +119,8 @@ impl Grid {
 /// Rewrites times of a clip of `duration_s` seconds in clip time of a span of it, from `start_s` for `span_s`
 /// seconds.
 ///
-/// With `t = (start + u span) / duration`, where `u` is clip time of the span, `t - tau = (u - tau') span / duration`.
+/// With `t = (start + u span) / duration`, where `u` is clip time of the span, `t - tau = (u - tau') span /
+/// duration`.
 fn retime(temporal: &mut Temporal, duration_s: f64, start_s: f64, span_s: f64) {
     let scale = span_s / duration_s;
     for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s) {

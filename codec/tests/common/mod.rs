@@ -257,13 +257,14 @@ impl TakeParts {
         for (entry, segment) in parts.entries.iter_mut().zip(&self.segments) {
             let length = entry.len();
             put_u32(entry, length - 8, segment.len());
-            if segment.len() < 88 || u32_at(segment, 8) > segment.len() {
+            // The head of a segment may be damaged.
+            let head_length = if segment.len() < 88 { 0 } else { u32_at(segment, 8) };
+            if !(88..=segment.len()).contains(&head_length) {
                 continue;
             }
-            let head_length = u32_at(segment, 8);
             put_u32(entry, 20, u32_at(segment, head_length - 4));
             let ends = layer_ends(segment);
-            for (layer, end) in ends.into_iter().enumerate().take(entry[17].max(1) as usize - 1) {
+            for (layer, end) in ends.into_iter().enumerate().take(length / 8 - 4) {
                 put_u32(entry, 24 + 8 * layer, end);
             }
         }
