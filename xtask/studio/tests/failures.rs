@@ -333,7 +333,8 @@ fn workshop() -> TempDir {
     let mip = field_file(&Field { filter: PixelFilter::Mip, ..field(40, 0, Some(1), false) }, &info());
     write("mip.ply", &mip);
     // Field folders: version, and file and start of each segment of a second.
-    let takes: [(&str, &str, &[(&str, f64)]); 7] = [
+    type Starts = &'static [(&'static str, f64)];
+    let takes: [(&str, &str, Starts); 7] = [
         ("take", r#""version": 1"#, &[("a.ply", 0.0), ("b.ply", 1.0)]),
         ("later", r#""version": 2"#, &[("a.ply", 0.0)]),
         ("versionless", r#""format": 1"#, &[("a.ply", 0.0)]),

@@ -1,6 +1,6 @@
 //! [`course`]: what a take asks of a player and of the network over time.
 
-use codec::Take;
+use codec::{Segment, Take};
 use serde::Serialize;
 
 /// Largest number of rows of the table.
@@ -42,28 +42,38 @@ pub(crate) struct CourseRow {
 
 /// The course of a take.
 pub(crate) fn course(take: &Take) -> Course {
-    let mbit = |bytes: u64| bytes as f64 * 8e-6;
+    let rows = rows(take);
+    let is_first = |segment: &&Segment| segment.start_s <= 0.0;
+    let (peak_bytes, peak_s) = peak(take);
+    Course {
+        startup_bytes: take.segments.iter().filter(is_first).map(|segment| segment.bytes() as u64).sum(),
+        resident_max: rows.iter().map(|row| row.gaussians).max().unwrap_or(0),
+        mean_mbps: mbit(take.package_bytes()) / take.duration_s,
+        peak_mbps: mbit(peak_bytes),
+        peak_s,
+        rows,
+    }
+}
+
+fn mbit(bytes: u64) -> f64 {
+    bytes as f64 * 8e-6
+}
+
+/// The rows of the table.
+fn rows(take: &Take) -> Vec<CourseRow> {
     let length = (take.duration_s / ROWS_MAX).ceil().max(1.0);
     let count = (take.duration_s / length).ceil().max(1.0) as usize;
     let row_of = |t_s: f64| ((t_s / length) as usize).min(count - 1);
-    let mut rows: Vec<CourseRow> = (0..count)
-        .map(|i| CourseRow {
-            from_s: i as f64 * length,
-            to_s: ((i + 1) as f64 * length).min(take.duration_s),
-            ..CourseRow::default()
-        })
-        .collect();
-    let mut starts: Vec<(f64, u64)> = Vec::new();
+    let row = |i: usize| {
+        let (from_s, to_s) = (i as f64 * length, ((i + 1) as f64 * length).min(take.duration_s));
+        CourseRow { from_s, to_s, ..CourseRow::default() }
+    };
+    let mut rows: Vec<CourseRow> = (0..count).map(row).collect();
     // Ends come before starts at the same second: a segment does not hold its end.
     let mut changes: Vec<(f64, bool, usize)> = Vec::new();
-    let mut startup_bytes = 0;
     for segment in &take.segments {
-        let (start_s, bytes) = (segment.start_s.max(0.0), segment.bytes() as u64);
-        match start_s > 0.0 {
-            true => starts.push((start_s, bytes)),
-            false => startup_bytes += bytes,
-        }
-        rows[row_of(start_s)].bytes += bytes;
+        let start_s = segment.start_s.max(0.0);
+        rows[row_of(start_s)].bytes += segment.bytes() as u64;
         changes.push((start_s, true, segment.gaussians()));
         if segment.end_s() < take.duration_s {
             changes.push((segment.end_s(), false, segment.gaussians()));
@@ -76,7 +86,7 @@ pub(crate) fn course(take: &Take) -> Course {
         row.gaussians = row.gaussians.max(gaussians);
     };
     for (i, &(t_s, is_start, of_segment)) in changes.iter().enumerate() {
-        // What was held up to here is held in all rows that begin before.
+        // Rows that begin before hold what was held up to here.
         while row < row_of(t_s) {
             row += 1;
             if rows[row].from_s < t_s {
@@ -94,7 +104,14 @@ pub(crate) fn course(take: &Take) -> Course {
     }
     rows.iter_mut().skip(row + 1).for_each(|row| note(row, segments, gaussians));
     rows.iter_mut().for_each(|row| row.mbps = mbit(row.bytes) / (row.to_s - row.from_s));
+    rows
+}
 
+/// Most bytes of segments that begin within one second after the first instant, and the start of that second.
+fn peak(take: &Take) -> (u64, f64) {
+    let later = take.segments.iter().filter(|segment| segment.start_s > 0.0);
+    let mut starts: Vec<(f64, u64)> =
+        later.map(|segment| (segment.start_s, segment.bytes() as u64)).collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut peak, mut peak_s, mut end, mut within) = (0, 0.0, 0, 0);
     for &(start_s, bytes) in &starts {
@@ -107,12 +124,5 @@ pub(crate) fn course(take: &Take) -> Course {
         }
         within -= bytes;
     }
-    Course {
-        startup_bytes,
-        resident_max: rows.iter().map(|row| row.gaussians).max().unwrap_or(0),
-        mean_mbps: mbit(take.package_bytes()) / take.duration_s,
-        peak_mbps: mbit(peak),
-        peak_s,
-        rows,
-    }
+    (peak, peak_s)
 }

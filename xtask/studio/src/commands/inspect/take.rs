@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
-use codec::{Contents, Segment, Take};
+use codec::{Clip, Contents, Segment, Take};
 use program::Fault;
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ struct LayerSum {
 /// [`Fault::Data`] that names the first segment that is damaged, after everything is printed. A take that was cut
 /// short plays as far as it goes, and is none.
 pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
-    let inspection = inspect(file)?;
+    let inspection = inspect(file);
     match json {
         true => println!("{}", serde_json::to_string_pretty(&inspection)?),
         false => inspection.print(file),
@@ -95,41 +95,56 @@ pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn inspect(file: &TakeFile) -> anyhow::Result<TakeInspection> {
-    let take = file.take();
-    let mut segments = Vec::new();
-    let mut parts: Vec<LeftOut> = Vec::new();
-    let (mut plates, mut segment_gpu_bytes) = (0, 0);
-    for (index, segment) in take.segments.iter().enumerate() {
-        let (available, first_layer) =
-            (file.available(index), segment.layers.first().map_or(0, |layer| layer.bytes));
+/// What decoding the segments of a take gives.
+#[derive(Default)]
+struct DecodedParts {
+    segments: Vec<SegmentRow>,
+    left_out: Vec<LeftOut>,
+    /// Gaussians of all plates.
+    plates: usize,
+    segment_gpu_bytes: usize,
+}
+
+impl DecodedParts {
+    /// Decodes a segment.
+    fn add(&mut self, file: &TakeFile, index: usize) {
+        let (take, segment) = (file.take(), &file.take().segments[index]);
+        let available = file.available(index);
+        let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
         let missing = segment.bytes() - available;
         let mut problem =
             (missing > 0).then(|| format!("{missing} of {} bytes are missing", segment.bytes()));
         let mut damaged = false;
         match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
-            Ok((contents, clip)) => {
-                plates += contents.plate_len;
-                // The player gives every segment the columns of the take.
-                let widened = widened(&contents, take);
-                segment_gpu_bytes = segment_gpu_bytes.max(gpu_bytes(&widened, &clip));
-                let on_gpu: BTreeMap<String, usize> = left_out(&widened, &clip)
-                    .into_iter()
-                    .map(|part| (part.part, part.gpu_bytes_saved))
-                    .collect();
-                for part in left_out(&contents, &clip) {
-                    let gpu_bytes_saved = on_gpu.get(&part.part).copied().unwrap_or(0);
-                    add_part(&mut parts, LeftOut { gpu_bytes_saved, ..part });
-                }
-            }
+            Ok((contents, clip)) => self.add_left_out(take, &contents, &clip),
             Err(_) if available < first_layer => {}
             Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
         }
-        segments.push(SegmentRow::new(segment, problem, damaged));
+        self.segments.push(SegmentRow::new(segment, problem, damaged));
     }
+
+    fn add_left_out(&mut self, take: &Take, contents: &Contents, clip: &Clip) {
+        self.plates += contents.plate_len;
+        // The player gives every segment the columns of the take.
+        let widened = widened(contents, take);
+        self.segment_gpu_bytes = self.segment_gpu_bytes.max(gpu_bytes(&widened, clip));
+        let on_gpu: BTreeMap<String, usize> =
+            left_out(&widened, clip).into_iter().map(|part| (part.part, part.gpu_bytes_saved)).collect();
+        for part in left_out(contents, clip) {
+            let gpu_bytes_saved = on_gpu.get(&part.part).copied().unwrap_or(0);
+            add_part(&mut self.left_out, LeftOut { gpu_bytes_saved, ..part });
+        }
+    }
+}
+
+fn inspect(file: &TakeFile) -> TakeInspection {
+    let take = file.take();
+    let mut decoded = DecodedParts::default();
+    (0..take.segments.len()).for_each(|index| decoded.add(file, index));
+    let DecodedParts { segments, left_out, plates, segment_gpu_bytes } = decoded;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
     let info = &take.info;
-    Ok(TakeInspection {
+    TakeInspection {
         format_version: format!("{}.{}", take.version_major, take.version_minor),
         coder: take.coder.name(),
         bytes: file.bytes(),
@@ -154,10 +169,10 @@ fn inspect(file: &TakeFile) -> anyhow::Result<TakeInspection> {
         layers: layer_sums(take),
         segments,
         course: course(take),
-        left_out: parts,
+        left_out,
         segment_gpu_bytes,
         head_bytes: take.head_bytes,
-    })
+    }
 }
 
 /// The contents of a segment with the columns that the take gives it.
