@@ -27,7 +27,8 @@ use crate::package::{
 use crate::progress::{StagedProgress, counting};
 use crate::scene::Scene;
 
-/// Estimated seconds of packaging a Gaussian of the source on one core, and bytes of a packaged one.
+/// Estimated seconds of packaging a Gaussian of the source on one core, and bytes of a packaged one; xtask/README.md
+/// has 0.0008 s and 14 bytes for one field.
 const SECONDS_PER_GAUSSIAN: f64 = 1e-3;
 const BYTES_PER_GAUSSIAN: f64 = 30.0;
 
