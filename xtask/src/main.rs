@@ -13,8 +13,10 @@ use program::Fault;
 use xtask::workspace;
 
 /// The host tool's commands, and what each does.
-const STUDIO: [(&str, &str); 10] = [
+const STUDIO: [(&str, &str); 12] = [
     ("package", "Make a package from a fitted field, or from a capture"),
+    ("join", "Join fields and clips, one after another, into the folder of a take"),
+    ("trim", "Cut a part out of a take, without coding it anew"),
     ("fit", "Fit a field to the photographs of a capture"),
     ("depths", "Estimate depth maps with a network"),
     ("inspect", "Show the contents of a package, and validate it"),

@@ -5,13 +5,16 @@
 //! followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use tempfile::{Builder, NamedTempFile};
+use tempfile::{Builder, NamedTempFile, TempDir};
 
 use crate::Fault;
+
+/// Beginning of the names of what is not complete.
+const TEMPORARY: &str = ".writing-";
 
 /// Checks before any work is done that a file can be written to `path`.
 ///
@@ -54,15 +57,146 @@ pub fn make_folder(path: &Path) -> Result<(), Fault> {
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Fault> {
+    write_parts(path, |file| file.write(bytes))
+}
+
+/// Writes to `path` what `fill` writes, part by part; nothing if `fill` fails.
+///
+/// # Errors
+/// [`Fault::Usage`] with the path and the reason; the error of `fill`.
+pub fn write_parts<E: From<Fault>>(
+    path: &Path,
+    fill: impl FnOnce(&mut OutputFile) -> Result<(), E>,
+) -> Result<(), E> {
     if is_special(path) {
         let open = OpenOptions::new().write(true).open(path);
-        return open.and_then(|mut file| file.write_all(bytes)).map_err(|error| failed(path, error));
+        let file = &mut open.map_err(|error| failed(path, error))?;
+        return fill(&mut OutputFile { file, path });
     }
     let (mut file, target) = temporary(path)?;
     // The file itself: errors of `NamedTempFile` name the temporary file.
-    file.as_file_mut().write_all(bytes).map_err(|error| failed(path, error))?;
+    fill(&mut OutputFile { file: file.as_file_mut(), path })?;
     file.persist(target).map_err(|error| failed(path, error.error))?;
     Ok(())
+}
+
+/// A file that is being written.
+#[derive(Debug)]
+pub struct OutputFile<'a> {
+    file: &'a mut File,
+    path: &'a Path,
+}
+
+impl OutputFile<'_> {
+    /// Appends `bytes`.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path and the reason.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+        self.file.write_all(bytes).map_err(|error| failed(self.path, error))
+    }
+}
+
+/// A nameless file beside an output, for parts of it that cannot be written in their order. It disappears when it is
+/// dropped, and when the program ends.
+#[derive(Debug)]
+pub struct Scratch {
+    file: File,
+    path: PathBuf,
+}
+
+impl Scratch {
+    /// An empty file for the output at `path`.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path and the reason.
+    pub fn beside(path: &Path) -> Result<Scratch, Fault> {
+        let file = match is_special(path) {
+            true => tempfile::tempfile().map_err(|error| failed(path, error))?,
+            false => temporary(path)?.0.into_file(),
+        };
+        Ok(Scratch { file, path: path.to_owned() })
+    }
+
+    /// Appends `bytes`.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path of the output and the reason.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+        self.file.write_all(bytes).map_err(|error| failed(&self.path, error))
+    }
+
+    /// Reads `length` bytes from `offset` on.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path of the output and the reason.
+    pub fn read(&mut self, offset: u64, length: usize) -> Result<Vec<u8>, Fault> {
+        let mut bytes = vec![0; length];
+        let read = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(&mut bytes));
+        read.map_err(|error| failed(&self.path, error))?;
+        Ok(bytes)
+    }
+}
+
+/// A folder that is written under a temporary name beside its own, which it gets when it is complete.
+#[derive(Debug)]
+pub struct OutputFolder {
+    folder: TempDir,
+    path: PathBuf,
+}
+
+impl OutputFolder {
+    /// Begins the folder `path`, at which there is nothing or an empty folder.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path and the reason.
+    pub fn begin(path: &Path) -> Result<OutputFolder, Fault> {
+        let is_free = match path.read_dir() {
+            Ok(mut entries) => entries.next().is_none(),
+            Err(_) => !path.exists(),
+        };
+        if !is_free {
+            return Err(cannot_write(path, "there is something already, name another folder"));
+        }
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !parent.is_dir() {
+            return Err(cannot_write(
+                path,
+                format!("there is no folder {}, make it first", parent.display()),
+            ));
+        }
+        let mut builder = Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o777));
+        }
+        let folder = builder.prefix(TEMPORARY).tempdir_in(parent);
+        let folder = folder.map_err(|error| failed(path, without_name(&error)))?;
+        Ok(OutputFolder { folder, path: path.to_owned() })
+    }
+
+    /// Writes a file of this name.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the file's path and the reason.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Fault> {
+        std::fs::write(self.folder.path().join(name), bytes)
+            .map_err(|error| failed(&self.path.join(name), error))
+    }
+
+    /// Gives the folder its name.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] with the path and the reason.
+    pub fn finish(self) -> Result<(), Fault> {
+        // Not every system replaces an empty folder.
+        let _ = std::fs::remove_dir(&self.path);
+        std::fs::rename(self.folder.path(), &self.path).map_err(|error| failed(&self.path, error))?;
+        // It has another name now, and stays.
+        let _ = self.folder.keep();
+        Ok(())
+    }
 }
 
 /// Writes `bytes` to `path` as [`write()`] does, so that a power loss right after leaves the whole file there.
@@ -132,7 +266,7 @@ fn temporary_in(folder: &Path, path: &Path) -> Result<NamedTempFile, Fault> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.prefix(".writing-").tempfile_in(folder).map_err(|error| failed(path, without_name(&error)))
+    builder.prefix(TEMPORARY).tempfile_in(folder).map_err(|error| failed(path, without_name(&error)))
 }
 
 /// The reason of an error of `tempfile`, which adds the name of its file to the text; no user knows that file.
@@ -283,6 +417,51 @@ mod tests {
         make_folder(&path).unwrap();
         check_folder(&path).unwrap();
         assert!(path.is_dir());
+    }
+
+    #[test]
+    fn parts_become_a_file_or_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let mut scratch = Scratch::beside(&path).unwrap();
+        scratch.write(b"later").unwrap();
+        let fill = |file: &mut OutputFile, scratch: &mut Scratch| {
+            file.write(b"first ")?;
+            file.write(&scratch.read(1, 4)?)
+        };
+        write_parts(&path, |file| fill(file, &mut scratch)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"first ater");
+        let too_far = write_parts(&path, |file| {
+            fill(file, &mut scratch)?;
+            scratch.read(3, 3).map(drop)
+        });
+        assert!(matches!(too_far, Err(Fault::Usage(_))), "{too_far:?}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"first ater");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_is_there_when_it_is_complete() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("a");
+        let count = || std::fs::read_dir(parent.path()).unwrap().count();
+        let begun = OutputFolder::begin(&path).unwrap();
+        begun.write("b", b"1").unwrap();
+        assert!(!path.exists());
+        let error = begun.write("no/b", b"1").unwrap_err().to_string();
+        assert!(error.contains("a/no/b") && !error.contains(TEMPORARY), "{error}");
+        drop(begun);
+        assert_eq!(count(), 0);
+        // An empty folder is replaced, and nothing else.
+        std::fs::create_dir(&path).unwrap();
+        let begun = OutputFolder::begin(&path).unwrap();
+        begun.write("b", b"2").unwrap();
+        begun.finish().unwrap();
+        assert_eq!((std::fs::read(path.join("b")).unwrap(), count()), (b"2".to_vec(), 1));
+        for taken in [path.clone(), path.join("b"), parent.path().join("no/a")] {
+            assert!(matches!(OutputFolder::begin(&taken), Err(Fault::Usage(_))), "{}", taken.display());
+        }
+        assert_eq!(count(), 1);
     }
 
     #[test]

@@ -72,6 +72,8 @@ impl Cli {
 #[allow(missing_docs, reason = "clap would show them in place of the commands' own help")]
 pub enum Command {
     Package(commands::package::Args),
+    Join(commands::join::Args),
+    Trim(commands::trim::Args),
     Fit(commands::fit::Args),
     Depths(commands::depths::Args),
     Inspect(commands::inspect::Args),
@@ -87,6 +89,8 @@ impl Command {
     fn run(&self) -> anyhow::Result<()> {
         match self {
             Command::Package(args) => commands::package::run(args),
+            Command::Join(args) => commands::join::run(args),
+            Command::Trim(args) => commands::trim::run(args),
             Command::Fit(args) => commands::fit::run(args),
             Command::Depths(args) => commands::depths::run(args),
             Command::Inspect(args) => commands::inspect::run(args),

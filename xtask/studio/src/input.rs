@@ -10,6 +10,7 @@ use refine::reference;
 use crate::import::FitRecord;
 use crate::messages::{bad_package, decimal, unreadable};
 use crate::scene::{Scene, frames_of};
+use crate::segments::{DecodedTake, FieldFolder, TakeFile};
 use program::Fault;
 
 /// First bytes of a package.
@@ -25,16 +26,38 @@ pub enum Input {
     Package(Box<Clip>),
     /// A fitted field, perhaps with a background.
     Scene(Box<Scene>),
+    /// A take of segments: a package, or a field folder.
+    Take(Box<DecodedTake>),
 }
 
 impl Input {
-    /// Reads a package, a fitted field file or a folder holding one; prints repairs and assumptions on
-    /// stderr.
+    /// Reads a package, a fitted field file, a folder holding one, or a field folder; prints repairs and assumptions
+    /// on stderr.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file and what is wrong with it.
     pub fn load(path: &Path) -> anyhow::Result<Input> {
+        Input::load_part(path, None)
+    }
+
+    /// Reads an input as [`Input::load`] does, but only the segments of a take that hold one of these `seconds`.
+    ///
+    /// # Errors
+    /// Those of [`Input::load`].
+    pub fn load_at(path: &Path, seconds: &[f64]) -> anyhow::Result<Input> {
+        Input::load_part(path, Some(seconds))
+    }
+
+    fn load_part(path: &Path, seconds: Option<&[f64]>) -> anyhow::Result<Input> {
+        if FieldFolder::is_one(path) {
+            let take = DecodedTake::of_folder(path, &FieldFolder::open(path)?, seconds)?;
+            return Ok(Input::Take(Box::new(take)));
+        }
         if is_package(path) {
+            let file = TakeFile::open(path)?;
+            if !file.is_clip() {
+                return Ok(Input::Take(Box::new(DecodedTake::of_file(&file, seconds)?)));
+            }
             let clip = codec::decode(&read_package(path)?, &Limits::default());
             return Ok(Input::Package(Box::new(clip.map_err(|error| bad_package(path, &error))?)));
         }
@@ -55,6 +78,7 @@ impl Input {
         match self {
             Input::Package(clip) => &clip.info,
             Input::Scene(scene) => &scene.info,
+            Input::Take(take) => &take.info,
         }
     }
 
@@ -63,13 +87,14 @@ impl Input {
         match self {
             Input::Package(clip) => Some(frames_of(&clip.info)),
             Input::Scene(scene) => scene.frames(),
+            Input::Take(take) => Some(frames_of(&take.info)),
         }
     }
 
     /// The photographs that it was fitted to, as far as a field file records them.
     pub fn fit_record(&self) -> FitRecord {
         match self {
-            Input::Package(_) => FitRecord::default(),
+            Input::Package(_) | Input::Take(_) => FitRecord::default(),
             Input::Scene(scene) => scene.subject.hints.fit.clone(),
         }
     }
@@ -79,6 +104,7 @@ impl Input {
         match self {
             Input::Package(clip) => clip.dynamic_field.is_empty(),
             Input::Scene(scene) => scene.subject.field.temporal.is_none(),
+            Input::Take(_) => false,
         }
     }
 
@@ -87,6 +113,7 @@ impl Input {
         match self {
             Input::Package(clip) => clip.plate.is_some(),
             Input::Scene(scene) => scene.plate.is_some(),
+            Input::Take(take) => take.has_plate(),
         }
     }
 
@@ -94,6 +121,7 @@ impl Input {
     pub fn to_reference(&self) -> reference::RenderScene<'_> {
         match self {
             Input::Package(clip) => (&**clip).into(),
+            Input::Take(take) => take.to_reference(),
             Input::Scene(scene) => {
                 let subject = reference::RenderScene::from(&scene.subject.field);
                 match &scene.plate {
@@ -107,6 +135,7 @@ impl Input {
     /// Number of Gaussians, the background's included.
     pub fn gaussians(&self) -> usize {
         match self {
+            Input::Take(take) => take.gaussians(),
             Input::Package(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             Input::Scene(scene) => {
                 scene.subject.field.len() + scene.plate.as_ref().map_or(0, |plate| plate.field.len())
@@ -118,6 +147,7 @@ impl Input {
     pub fn into_field(self) -> (Field, ClipInfo) {
         match self {
             Input::Package(clip) => (clip.merged(), clip.info),
+            Input::Take(take) => (take.merged().0, take.info),
             Input::Scene(scene) => (scene.subject.field, scene.info),
         }
     }
@@ -130,6 +160,7 @@ impl Input {
         let mut viewpoints = match self {
             Input::Package(clip) => clip.viewpoints(),
             Input::Scene(scene) => scene.info.viewpoints.clone(),
+            Input::Take(take) => take.viewpoints(),
         };
         let name = name.unwrap_or("0");
         let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);

@@ -19,6 +19,7 @@ pub mod playlist;
 pub mod progress;
 pub mod report;
 pub mod scene;
+pub mod segments;
 pub mod synth;
 pub mod takes;
 mod up_axis;

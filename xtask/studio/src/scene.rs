@@ -54,6 +54,9 @@ const PLATE: &str = "plate.ply";
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";
 
+/// File name that marks a field folder, a take of segments.
+pub(crate) const FIELD_FOLDER: &str = "field.json";
+
 /// What a package is made from.
 #[derive(Debug)]
 pub struct Scene {
@@ -67,6 +70,8 @@ pub struct Scene {
     pub info: ClipInfo,
     /// Keys of `scene.json` for which `info` holds the defaults.
     pub assumed: Vec<&'static str>,
+    /// Whether it is a segment of a take, whose head has the viewpoints.
+    pub is_segment: bool,
 }
 
 impl Scene {
@@ -80,6 +85,10 @@ impl Scene {
             return Ok(Scene::new(path, name_of_file(path), import(path)?, None, Overrides::default())?);
         }
         let names = list(path)?;
+        if names.iter().any(|name| name == FIELD_FOLDER) {
+            let what = "a take of several segments, where one field is expected; name a field file in it";
+            return Err(Fault::Data(format!("{}: {what}", path.display())).into());
+        }
         Scene::in_folder(path, &path.join(field_in(path, &names)?), &names)
     }
 
@@ -89,6 +98,23 @@ impl Scene {
     /// Those of [`Scene::load`].
     pub fn load_with(folder: &Path, field: &Path) -> anyhow::Result<Scene> {
         Scene::in_folder(folder, field, &list(folder)?)
+    }
+
+    /// Reads a segment of a take from its field file and that of its background; the take gives duration and frame
+    /// rate.
+    ///
+    /// # Errors
+    /// Those of [`Scene::load`].
+    pub(crate) fn of_segment(
+        field: &Path,
+        plate: Option<&Path>,
+        duration_s: f32,
+        fps: f32,
+    ) -> anyhow::Result<Scene> {
+        let plate = plate.map(load_plate).transpose()?;
+        let of_take = Overrides { duration_s: Some(duration_s), fps: Some(fps), ..Overrides::default() };
+        let scene = Scene::new(field, name_of_file(field), import(field)?, plate, of_take)?;
+        Ok(Scene { is_segment: true, ..scene })
     }
 
     /// The scene of a folder with entries `names`.
@@ -111,7 +137,8 @@ impl Scene {
     /// Whether `path` is a folder with a capture and no field.
     pub fn is_capture(path: &Path) -> bool {
         let names = if path.is_dir() { list(path).unwrap_or_default() } else { Vec::new() };
-        !names.iter().any(|name| is_field_name(name)) && names.iter().any(|name| is_capture_name(name))
+        !names.iter().any(|name| is_field_name(name) || name == FIELD_FOLDER)
+            && names.iter().any(|name| is_capture_name(name))
     }
 
     /// Combines overrides, hints and defaults, in this precedence. Errors name `source`.
@@ -151,7 +178,7 @@ impl Scene {
             Fault::Data(format!("{}: bad {field}: {value}; set another in scene.json", source.display()))
         };
         info.check().map_err(fault)?;
-        Ok(Scene { name, subject, plate, info, assumed })
+        Ok(Scene { name, subject, plate, info, assumed, is_segment: false })
     }
 
     /// Number of captured frames, the first at the start and the last at the end, if the field file records
@@ -165,7 +192,15 @@ impl Scene {
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let subject = Imported { field, hints, repairs, format: "made up", assumption: None };
-        Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new() }
+        Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new(), is_segment: false }
+    }
+
+    /// The metadata of its package.
+    pub(crate) fn head_info(&self) -> ClipInfo {
+        match self.is_segment {
+            true => ClipInfo { viewpoints: Vec::new(), ..self.info.clone() },
+            false => self.info.clone(),
+        }
     }
 }
 

@@ -124,6 +124,81 @@ const FAILURES: &[Failure] = &[
     ("package field.ply --size 24x24", USAGE, "select photographs", "add --refine, or leave them out"),
     ("package stage --refine 9 --capture stage", USAGE, "stage is a capture itself", "leave --capture out"),
     ("package --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
+    // Takes.
+    ("package later", DATA, "later/field.json: a field folder of version 2", "update it"),
+    ("package versionless", DATA, "versionless/field.json: no version", "xtask/FIELD.md describes it"),
+    (
+        "package unordered",
+        DATA,
+        "segments[2], from 0.5 s, belongs before segments[1], from 1 s",
+        "list segments by",
+    ),
+    ("package missing", DATA, "missing/b.ply: there is no such file", "check the path"),
+    ("package outside", DATA, "\"../field.ply\" is no name of a file in this folder", "move the file there"),
+    ("package elsewhere", DATA, "segments[0] lasts 1 s from 9 s, which is no part of 2 s", "correct it"),
+    ("package mixed", DATA, "b: its filter is mip, and blur in a", "fit both with the same"),
+    (
+        "package take --refine 9",
+        USAGE,
+        "--refine: take: a take has the photographs of several",
+        "leave it out",
+    ),
+    ("package take --ladder", USAGE, "--ladder: take: it compares whole clips", "leave it out"),
+    ("package take --split 1", USAGE, "--split: take: it is a take of segments already", "leave it out"),
+    ("package take --holdout odd", USAGE, "--frames: take: a take looks at no photographs", "leave it out"),
+    ("package take --budget 0", USAGE, "'0' for '--budget", "1 or more"),
+    ("package take -o no/take.aarc", USAGE, "cannot write no/take.aarc", "make it first"),
+    ("package field.ply --split 1", USAGE, "--split 1: a segment lasts twice that", "choose less"),
+    ("package field.ply --split 0", USAGE, "'0' for '--split <S>'", "seconds from 0.01"),
+    ("package stage --split 1", USAGE, "--split: stage is a capture", "fit a field first"),
+    ("join nope.ply -o out", DATA, "nope.ply: there is no such file", "check the path"),
+    ("join field.ply bare -o out", DATA, "no field in bare", "put one there"),
+    ("join field.ply short.aarc -o out", DATA, "short.aarc: package cut short", "get the file again"),
+    ("join field.ply flipped.aarc -o out", DATA, "flipped.aarc: damaged", "get the file again"),
+    ("join field.ply up -o out", DATA, "up: up is [0.0, 1.0, 0.0]", "set it in a scene.json"),
+    (
+        "join field.ply scale -o out",
+        DATA,
+        "scale: 2 metres per unit, and 0.37 in field.ply",
+        "set it in a scene.json",
+    ),
+    ("join field.ply mip.ply -o out", DATA, "mip.ply: its filter is mip, and blur in field.ply", "the same"),
+    ("join later -o out", DATA, "later/field.json: a field folder of version 2", "update it"),
+    ("join field.ply -o two", USAGE, "cannot write two: there is something already", "name another folder"),
+    ("join field.ply -o no/out", USAGE, "cannot write no/out", "make it first"),
+    ("join -o out", USAGE, "required arguments were not provided: <FIELD>", "--help"),
+    ("trim nope.aarc --from 0 --to 1 -o a.aarc", DATA, "nope.aarc: there is no such file", "check the path"),
+    (
+        "trim field.ply --from 0 --to 1 -o a.aarc",
+        DATA,
+        "field.ply: not an .aarc package",
+        "get the file again",
+    ),
+    ("trim take --from 0 --to 1 -o a.aarc", DATA, "take: not a file", "name a package (.aarc)"),
+    (
+        "trim clip.aarc --from 1 --to 1 -o a.aarc",
+        USAGE,
+        "--from 1 --to 1: choose a part",
+        "the start before the end",
+    ),
+    (
+        "trim clip.aarc --from 0 --to 9 -o a.aarc",
+        USAGE,
+        "--from 0 --to 9: choose a part",
+        "the start before the end",
+    ),
+    (
+        "trim clip.aarc --from -1 --to 1 -o a.aarc",
+        USAGE,
+        "--from -1 --to 1: choose a part",
+        "the start before",
+    ),
+    ("trim clip.aarc --from 0 --to 1 -o no/a.aarc", USAGE, "cannot write no/a.aarc", "make it first"),
+    ("render take --time 9 -o a.png", USAGE, "--time 9: choose a time in the clip", "from 0 to 2 s"),
+    ("render missing -o a.png", DATA, "missing/b.ply: there is no such file", "check the path"),
+    ("report take --rd", USAGE, "take: a take of segments, and a report is of one clip", "make it one field"),
+    ("fit stage --from take", USAGE, "--from take: a take of segments", "name a field file in it"),
+    ("inspect take", DATA, "take: not a file", "name a package (.aarc)"),
     // Packages.
     ("inspect nope.aarc", DATA, "nope.aarc: there is no such file", "check the path"),
     ("inspect bare", DATA, "bare: not a file", "name a package (.aarc)"),
@@ -240,7 +315,7 @@ fn workshop() -> TempDir {
     let mut version = clip;
     version[4] = 99;
     write("version.aarc", &version);
-    ["bare", "two", "keys", "moving", "manifest", "net"]
+    ["bare", "two", "keys", "moving", "manifest", "net", "up", "scale"]
         .iter()
         .for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");
@@ -251,6 +326,39 @@ fn workshop() -> TempDir {
     write("keys/scene.json", br#"{"colour": 1}"#);
     write("moving/field.ply", &dynamic);
     write("moving/plate.ply", &dynamic);
+    write("up/field.ply", &dynamic);
+    write("up/scene.json", br#"{"up": [0, 1, 0]}"#);
+    write("scale/field.ply", &dynamic);
+    write("scale/scene.json", br#"{"metres_per_unit": 2}"#);
+    let mip = field_file(&Field { filter: PixelFilter::Mip, ..field(40, 0, Some(1), false) }, &info());
+    write("mip.ply", &mip);
+    // Field folders: version, and file and start of each segment of a second.
+    type Starts = &'static [(&'static str, f64)];
+    let takes: [(&str, &str, Starts); 7] = [
+        ("take", r#""version": 1"#, &[("a.ply", 0.0), ("b.ply", 1.0)]),
+        ("later", r#""version": 2"#, &[("a.ply", 0.0)]),
+        ("versionless", r#""format": 1"#, &[("a.ply", 0.0)]),
+        ("unordered", r#""version": 1"#, &[("a.ply", 0.0), ("a.ply", 1.0), ("b.ply", 0.5)]),
+        ("missing", r#""version": 1"#, &[("a.ply", 0.0), ("b.ply", 1.0)]),
+        ("outside", r#""version": 1"#, &[("a.ply", 0.0), ("../field.ply", 1.0)]),
+        ("elsewhere", r#""version": 1"#, &[("a.ply", 9.0)]),
+    ];
+    for (name, version, segments) in takes {
+        fs::create_dir(path(name)).unwrap();
+        let segment = |(file, start_s): &(&str, f64)| {
+            format!(r#"{{"file": "{file}", "start_s": {start_s}, "duration_s": 1}}"#)
+        };
+        let segments = segments.iter().map(segment).collect::<Vec<_>>().join(", ");
+        let text = format!(r#"{{{version}, "duration_s": 2, "fps": 25, "segments": [{segments}]}}"#);
+        write(&format!("{name}/field.json"), text.as_bytes());
+        write(&format!("{name}/a.ply"), &dynamic);
+        write(&format!("{name}/b.ply"), &dynamic);
+    }
+    fs::remove_file(path("missing/b.ply")).unwrap();
+    fs::create_dir(path("mixed")).unwrap();
+    write("mixed/a.ply", &dynamic);
+    write("mixed/b.ply", &mip);
+    fs::copy(path("take/field.json"), path("mixed/field.json")).unwrap();
     write("noise", b"this is not what you are looking for");
     write("empty", b"");
     write("empty.txt", b"# none\n");

@@ -26,7 +26,7 @@ pub(crate) struct Colors {
 impl Colors {
     /// The matrix of the picture of `field` from `camera` at clip time `t`.
     pub(crate) fn new(field: &Field, camera: &Camera, t: f64) -> Colors {
-        let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, t);
+        let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
         sort::sort(&mut splats, Order::Depth);
         let eye = DVec3::from_array(camera.position());
         let direction = |row| (DVec3::from_array(field.position_at(row, t)) - eye).normalize_or_zero();

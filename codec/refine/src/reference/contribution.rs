@@ -43,7 +43,7 @@ impl Contribution {
 ///
 /// The result does not depend on the number of threads: rows of tiles are summed from top to bottom.
 pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Vec<Contribution> {
-    let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, t);
+    let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, order);
     let walk = Walk::new(&splats, camera.width, camera.height);
     let add = |sums: &mut [Contribution], _, fragments: &[Fragment]| {

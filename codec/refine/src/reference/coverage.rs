@@ -36,8 +36,11 @@ pub struct Coverage {
 /// [`Camera::check`].
 pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) -> Coverage {
     let mut prefixes = scene.prefixes.clone();
-    prefixes.extend(scene.plate.map(|plate| FieldPrefix { field: plate, rows: plate.len() }));
-    let alive = prefixes.iter().map(|prefix| alive::alive(prefix.field, prefix.rows, t).len()).sum();
+    prefixes.extend(&scene.plates);
+    let alive_in = |prefix: &FieldPrefix| {
+        prefix.clip_time(t).map_or(0, |t| alive::alive(prefix.field, prefix.rows, t).len())
+    };
+    let alive = prefixes.iter().map(alive_in).sum();
     let fragments_of = |splat: &Splat| fragments(splat, radius, camera.width, camera.height);
     let (drawn, fragments) = evaluate_all(&prefixes, camera, t)
         .par_iter()

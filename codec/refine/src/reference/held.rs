@@ -19,10 +19,7 @@ pub fn render_held(
     sorted_at: (&Camera, f64),
 ) -> Image {
     let mut splats = in_held_order(&scene.prefixes, camera, t, order, sorted_at);
-    if let Some(plate) = scene.plate {
-        let plate = [FieldPrefix { field: plate, rows: plate.len() }];
-        splats.append(&mut in_held_order(&plate, camera, t, order, sorted_at));
-    }
+    splats.append(&mut in_held_order(&scene.plates, camera, t, order, sorted_at));
     splat::splat(&splats, camera.width, camera.height)
 }
 
@@ -35,7 +32,8 @@ fn in_held_order(
     (earlier_camera, earlier_t): (&Camera, f64),
 ) -> Vec<Splat> {
     let visible = |prefix: &FieldPrefix, camera: &Camera, t: f64| {
-        evaluate(prefix.field, &alive::alive(prefix.field, prefix.rows, t), camera, t)
+        let at = |t| evaluate(prefix.field, &alive::alive(prefix.field, prefix.rows, t), camera, t);
+        prefix.clip_time(t).map_or_else(Vec::new, at)
     };
     let mut earlier: Vec<(usize, Splat)> = Vec::new();
     let mut now: Vec<Vec<Option<Splat>>> = Vec::new();

@@ -37,11 +37,11 @@ pub use sort::Order;
 use crate::image::Image;
 use evaluate::Splat;
 
-/// A scene to render: Gaussians that are sorted together, and an optional plate behind them.
-#[derive(Clone, Debug)]
+/// A scene to render: Gaussians that are sorted together, and plates behind them.
+#[derive(Clone, Debug, Default)]
 pub struct RenderScene<'a> {
     prefixes: Vec<FieldPrefix<'a>>,
-    plate: Option<&'a Field>,
+    plates: Vec<FieldPrefix<'a>>,
 }
 
 /// The first `rows` rows of a field.
@@ -49,31 +49,80 @@ pub struct RenderScene<'a> {
 struct FieldPrefix<'a> {
     field: &'a Field,
     rows: usize,
+    /// Place of the field's clip in the scene; `None` if the scene has the field's time.
+    span: Option<SceneSpan>,
+}
+
+impl<'a> FieldPrefix<'a> {
+    fn whole(field: &'a Field) -> FieldPrefix<'a> {
+        FieldPrefix { field, rows: field.len(), span: None }
+    }
+
+    /// Clip time of the field at clip time `t` of the scene; `None` while the field is not shown.
+    fn clip_time(&self, t: f64) -> Option<f64> {
+        self.span.map_or(Some(t), |span| span.clip_time(t))
+    }
+}
+
+/// The part of a take during which a segment is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneSpan {
+    /// Duration of the take in seconds.
+    pub take_s: f64,
+    /// Second of the take at which the segment's clip time is 0.
+    pub start_s: f64,
+    /// Seconds from the segment's clip time 0 to 1.
+    pub duration_s: f64,
+}
+
+impl SceneSpan {
+    /// Clip time of the segment at clip time `t` of the take, which is cut to `[0, 1]`; `None` while it is not shown.
+    /// The rule is that of [`codec::Take::holds`].
+    fn clip_time(&self, t: f64) -> Option<f64> {
+        let SceneSpan { take_s, start_s, duration_s } = *self;
+        let (t_s, end_s) = (t.clamp(0.0, 1.0) * take_s, start_s + duration_s);
+        let holds = start_s <= t_s && (t_s < end_s || take_s <= t_s && t_s <= end_s);
+        holds.then_some((t_s - start_s) / duration_s)
+    }
 }
 
 impl<'a> RenderScene<'a> {
     /// The first `layers` decoded layers of a clip, clamped to 1 and the number of layers, and its plate.
     pub fn from_layers(clip: &'a Clip, layers: usize) -> RenderScene<'a> {
+        let plates = clip.plate.iter().map(FieldPrefix::whole).collect();
         let end = match clip.layers.get(layers.saturating_sub(1)).or(clip.layers.last()) {
             Some(end) => *end,
-            None => return RenderScene { prefixes: Vec::new(), plate: clip.plate.as_ref() },
+            None => return RenderScene { prefixes: Vec::new(), plates },
         };
+        let prefix = |field, rows| FieldPrefix { field, rows, span: None };
         let prefixes = vec![
-            FieldPrefix { field: &clip.static_field, rows: end.static_count },
-            FieldPrefix { field: &clip.dynamic_field, rows: end.dynamic_count },
+            prefix(&clip.static_field, end.static_count),
+            prefix(&clip.dynamic_field, end.dynamic_count),
         ];
-        RenderScene { prefixes, plate: clip.plate.as_ref() }
+        RenderScene { prefixes, plates }
     }
 
     /// The same Gaussians in front of `plate`.
     pub fn with_plate(self, plate: &'a Field) -> RenderScene<'a> {
-        RenderScene { plate: Some(plate), ..self }
+        RenderScene { plates: vec![FieldPrefix::whole(plate)], ..self }
+    }
+
+    /// The union of the `segments` of a take: each is shown during its span, and all that are shown are sorted
+    /// together. The time of the scene is that of the take.
+    pub fn of_take(segments: impl IntoIterator<Item = (SceneSpan, RenderScene<'a>)>) -> RenderScene<'a> {
+        let mut union = RenderScene::default();
+        for (span, scene) in segments {
+            let placed = |prefix: FieldPrefix<'a>| FieldPrefix { span: Some(span), ..prefix };
+            union.prefixes.extend(scene.prefixes.into_iter().map(placed));
+            union.plates.extend(scene.plates.into_iter().map(placed));
+        }
+        union
     }
 }
 
 impl<'a> From<&'a Field> for RenderScene<'a> {
     fn from(field: &'a Field) -> RenderScene<'a> {
-        RenderScene { prefixes: vec![FieldPrefix { field, rows: field.len() }], plate: None }
+        RenderScene { prefixes: vec![FieldPrefix::whole(field)], plates: Vec::new() }
     }
 }
 
@@ -90,19 +139,19 @@ impl<'a> From<&'a Clip> for RenderScene<'a> {
 pub fn render(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> Image {
     let mut splats = evaluate_all(&scene.prefixes, camera, t);
     sort::sort(&mut splats, order);
-    if let Some(plate) = scene.plate {
-        let mut behind = evaluate_all(&[FieldPrefix { field: plate, rows: plate.len() }], camera, t);
-        sort::sort(&mut behind, order);
-        splats.append(&mut behind);
-    }
+    let mut behind = evaluate_all(&scene.plates, camera, t);
+    sort::sort(&mut behind, order);
+    splats.append(&mut behind);
     splat::splat(&splats, camera.width, camera.height)
 }
 
 fn evaluate_all(prefixes: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {
     let mut splats = Vec::new();
     for prefix in prefixes {
-        let alive = alive::alive(prefix.field, prefix.rows, t);
-        splats.extend(evaluate::evaluate(prefix.field, &alive, camera, t));
+        if let Some(t) = prefix.clip_time(t) {
+            let alive = alive::alive(prefix.field, prefix.rows, t);
+            splats.extend(evaluate::evaluate(prefix.field, &alive, camera, t));
+        }
     }
     splats
 }

@@ -45,11 +45,11 @@ pub fn sensitivities(
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
     let deviation = field.filter.variance().sqrt();
     for PosedView { camera, t } in views {
-        let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, *t);
+        let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, *t);
         sort::sort(&mut splats, Order::Depth);
         let subjects = splats.len();
         if let Some(plate) = plate {
-            let mut behind = evaluate_all(&[FieldPrefix { field: plate, rows: plate.len() }], camera, *t);
+            let mut behind = evaluate_all(&[FieldPrefix::whole(plate)], camera, *t);
             sort::sort(&mut behind, Order::Depth);
             splats.append(&mut behind);
         }

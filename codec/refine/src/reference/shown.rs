@@ -40,7 +40,7 @@ impl Sums {
 /// Measures what `camera` shows of `field` at clip time `t`. `camera` must satisfy [`Camera::check`]; a
 /// small picture is enough, as Gaussians thinner than a pixel are blurred to its width.
 pub fn shown(field: &Field, camera: &Camera, t: f64) -> Shown {
-    let mut splats = evaluate_all(&[FieldPrefix { field, rows: field.len() }], camera, t);
+    let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, Order::Depth);
     let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
         for (place, fragment) in fragments.iter().enumerate() {

@@ -378,8 +378,8 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
     let draw = |scene: RenderScene| render(&scene, &camera(), 0.5, Order::Depth);
     let coarse = (static_part.select(&[0]), dynamic_part.select(&[0]));
     let expected = RenderScene {
-        prefixes: vec![FieldPrefix { field: &coarse.0, rows: 1 }, FieldPrefix { field: &coarse.1, rows: 1 }],
-        plate: None,
+        prefixes: vec![FieldPrefix::whole(&coarse.0), FieldPrefix::whole(&coarse.1)],
+        plates: Vec::new(),
     };
     assert_eq!(draw(RenderScene::from_layers(&clip, 1)), draw(expected));
     assert_eq!(draw(RenderScene::from_layers(&clip, 0)), draw(RenderScene::from_layers(&clip, 1)));
@@ -395,6 +395,36 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         joined.sh.push(part.sh[row]);
     }
     assert_eq!(draw(RenderScene::from(&joined)), draw(RenderScene::from(&clip)));
+}
+
+#[test]
+fn a_take_is_the_union_of_the_segments_that_hold_the_instant() {
+    let [red, green, blue] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let balls = [red, green, blue].map(|color| field(&[Ball::at([0.0, 0.0, 2.0], constant(color))]));
+    let [first, second, plate] = &balls;
+    // Clip times 0.25 and 0.5 of a segment of 2 s from 1 s on.
+    let pulse = dynamic_field(second.clone(), 0.25, 0.05, &[[1.0, 0.0, 0.0]]);
+    let span = |start_s, duration_s| SceneSpan { take_s: 4.0, start_s, duration_s };
+    let take = RenderScene::of_take([
+        (span(-1.0, 2.0), RenderScene::from(first).with_plate(plate)),
+        (span(1.0, 2.0), RenderScene::from(&pulse)),
+        (span(3.0, 1.0), RenderScene::from(first)),
+    ]);
+    let draw = |scene: &RenderScene, t: f64| render(scene, &camera(), t, Order::Depth);
+    let seconds = |t_s: f64| draw(&take, t_s / 4.0);
+    assert_eq!(seconds(0.5), draw(&RenderScene::from(first).with_plate(plate), 0.0));
+    for t_s in [1.0, 1.5, 2.0, 2.75] {
+        assert_eq!(seconds(t_s), draw(&RenderScene::from(&pulse), (t_s - 1.0) / 2.0), "{t_s} s");
+    }
+    assert_ne!(seconds(1.5), seconds(2.0));
+    // The last instant belongs to the last segment, and times are cut to the take.
+    for t_s in [3.0, 4.0, 5.0] {
+        assert_eq!(seconds(t_s), draw(&RenderScene::from(first), 0.0), "{t_s} s");
+    }
+    assert_eq!(coverage(&take, &camera(), 0.125, Radius::Exact).alive, 2);
+    assert_eq!(coverage(&take, &camera(), 0.5, Radius::Exact).alive, 0);
+    let held = render_held(&take, &camera(), 0.375, Order::Depth, (&camera(), 0.37));
+    assert_eq!(held, seconds(1.5));
 }
 
 #[test]

@@ -34,9 +34,21 @@ pub struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     output::check(&args.out)?;
-    let input = Input::load(&args.input)?;
+    let input = match args.at {
+        Some(seconds) => Input::load_at(&args.input, &[seconds])?,
+        None => Input::load(&args.input)?,
+    };
     let (has_plate, record) = (input.has_plate(), input.fit_record());
-    let (field, info) = input.into_field();
+    let (field, info, beyond) = match input {
+        Input::Take(take) => {
+            let (field, beyond) = take.merged();
+            (field, take.info, beyond)
+        }
+        input => {
+            let (field, info) = input.into_field();
+            (field, info, 0)
+        }
+    };
     let t = args.at.map(|seconds| clip_time("--at", seconds, &info)).transpose()?;
     if args.spz && t.is_none() && field.temporal.is_some() {
         bail!(Fault::Usage("SPZ holds no motion: give a time with --at SECONDS".into()));
@@ -64,6 +76,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let lost = args.lost(&field, &info, has_plate);
     if !lost.is_empty() {
         eprintln!("note: {} does not hold {}", args.out.display(), lost.join(", "));
+    }
+    if beyond > 0 && t.is_none() {
+        eprintln!(
+            "note: {} shows {beyond} Gaussians before or after the span of their segment, where the take does not",
+            args.out.display()
+        );
     }
     println!("{}: {} Gaussians, {} bytes", args.out.display(), field.len(), bytes.len());
     Ok(())

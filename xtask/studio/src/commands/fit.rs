@@ -11,7 +11,7 @@ use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, F
 use crate::input::Input;
 use crate::messages::count;
 use crate::progress::counting;
-use crate::takes::{List, Take};
+use crate::takes::{List, ListedTake};
 use anyhow::{Context, bail};
 use clap::{Args as _, FromArgMatches, ValueEnum};
 use codec::PixelFilter;
@@ -215,7 +215,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         forget: fit::remove_checkpoint,
         json: args.json,
     };
-    takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
+    takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &ListedTake, out: &Path| {
         fit_capture(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
     })
 }
@@ -340,6 +340,10 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
 /// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
 fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
     let input = Input::load(from)?;
+    if matches!(input, Input::Take(_)) {
+        let what = "a take of segments, where one field is expected; name a field file in it";
+        bail!(Fault::Usage(format!("--from {}: {what}", from.display())));
+    }
     let source = FitSource::of(from, &input);
     let capture_files = match input.is_static() {
         true => args.selection.open(args.capture())?,

@@ -3,15 +3,19 @@
 //! Decodes the whole file, and so validates it.
 
 mod left_out;
+mod rows;
+mod take;
 
 use std::path::{Path, PathBuf};
 
 use crate::input::read_package;
 use crate::messages::{bad_package, decimal};
+use crate::segments::TakeFile;
 use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
 use serde::Serialize;
 
 use left_out::{LeftOut, gpu_bytes, left_out};
+use rows::{Plate, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -19,7 +23,7 @@ const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// Show the contents of a package and the parts that it lacks, and validate it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Package
+    /// Package: a clip or a take
     clip: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -27,6 +31,10 @@ pub struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let file = TakeFile::open(&args.clip)?;
+    if !file.is_clip() {
+        return take::run(&file, args.json);
+    }
     let bytes = read_package(&args.clip)?;
     let limits = Limits::default();
     let bad = |error: codec::Error| bad_package(&args.clip, &error);
@@ -69,6 +77,8 @@ struct Inspection {
     filter: &'static str,
     plate: Option<Plate>,
     layers: Vec<Layer>,
+    /// One, as a clip is a take of one segment.
+    segments: [OnlySegment; 1],
     left_out: Vec<LeftOut>,
     gpu_bytes: usize,
     /// Where the bytes of the coder `context` go; empty for the coder `fixed`.
@@ -78,19 +88,14 @@ struct Inspection {
     sections: Vec<Section>,
 }
 
+/// The segment that an ordinary clip is.
 #[derive(Serialize)]
-struct ViewpointRow {
-    name: String,
-    position: [f32; 3],
-    target: [f32; 3],
-    fov_y_deg: f32,
-}
-
-#[derive(Serialize)]
-struct Plate {
+struct OnlySegment {
+    start_s: f64,
+    duration_s: f64,
+    level: u8,
     gaussians: usize,
-    sh_degree: u8,
-    filter: &'static str,
+    bytes: usize,
 }
 
 /// Cost of playing up to and including a layer.
@@ -139,12 +144,6 @@ struct Section {
 
 fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
     let info = &clip.info;
-    let views = info.viewpoints.iter().map(|viewpoint| ViewpointRow {
-        name: viewpoint.name.clone(),
-        position: viewpoint.position,
-        target: viewpoint.target,
-        fov_y_deg: viewpoint.fov_y.to_degrees(),
-    });
     Inspection {
         format_version: format!("{}.{}", contents.version_major, contents.version_minor),
         coder: contents.coder.name(),
@@ -159,7 +158,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         up: info.up,
         metres_per_unit: info.metres_per_unit,
         bounds: clip.bounds,
-        viewpoints: views.collect(),
+        viewpoints: info.viewpoints.iter().map(ViewpointRow::from).collect(),
         sh_degree: contents.sh_degree,
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
@@ -170,6 +169,13 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
             filter: plate.filter.name(),
         }),
         layers: layers(&contents, clip.layers.len()),
+        segments: [OnlySegment {
+            start_s: 0.0,
+            duration_s: f64::from(info.duration_s),
+            level: 0,
+            gaussians: clip.len() + clip.plate.as_ref().map_or(0, Field::len),
+            bytes: bytes.len(),
+        }],
         left_out: left_out(&contents, clip),
         gpu_bytes: gpu_bytes(&contents, clip),
         attributes: attributes.into_iter().map(Attribute::from).collect(),

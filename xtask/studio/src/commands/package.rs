@@ -15,7 +15,8 @@ use crate::package::{
 use crate::playlist;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
-use crate::takes::{List, OutputState, Record, Take, key};
+use crate::segments::{FieldFolder, SegmentReport, SegmentSources, TakeReport, package_take};
+use crate::takes::{List, ListedTake, OutputState, Record, key};
 use anyhow::bail;
 use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
@@ -46,8 +47,9 @@ const FIELD_OF_PACKAGE: &str = "package: field";
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = SCENE_HELP, group(ArgGroup::new("pruned").args(["budget", "fragments"]).multiple(true)))]
 pub struct Args {
-    /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a capture,
-    /// to which a field is fitted first, beside the package, as `fit` does by default
+    /// Fitted field file, or a folder holding one, perhaps with plate.ply and scene.json; or a field folder, as
+    /// `join` makes it, which becomes a take; or a capture, to which a field is fitted first, beside the package, as
+    /// `fit` does by default
     #[arg(required_unless_present = "list", conflicts_with = "list")]
     scene: Option<PathBuf>,
     /// Package to write; SCENE's name with .aarc in the current folder by default
@@ -55,7 +57,7 @@ pub struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
-    /// Most Gaussians to keep; all that can be seen by default
+    /// Most Gaussians to keep, of a take at any instant; all that can be seen by default
     #[arg(long, value_name = "N", value_parser = budget)]
     budget: Option<NonZeroUsize>,
     /// Ranking that selects Gaussians for a budget: auto tries all, with and without the topology floor, and
@@ -84,10 +86,14 @@ pub struct Args {
     /// Folder of that capture; SCENE itself by default
     #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
     capture: Option<PathBuf>,
+    /// Split the field into segments, as a take: on level l one begins at every multiple of 2^l S seconds, and lasts
+    /// twice that; 1 to 2 suit windows of a few frames
+    #[arg(long, value_name = "S", value_parser = split_seconds)]
+    split: Option<f64>,
     /// Coder of the Gaussians
     #[arg(long, value_enum, default_value_t = Coder::Context)]
     coder: Coder,
-    /// Target PSNR of the coder context against the field before coding, in dB: 20 to 100
+    /// Target PSNR of the coder context against the field before coding, in dB: 20 to 100; of a take in every segment
     #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
     quality: f64,
     /// Remove a part; repeatable
@@ -116,6 +122,11 @@ struct Rank(Option<Ranking>);
 
 pub(super) fn budget(text: &str) -> Result<NonZeroUsize, String> {
     text.parse().map_err(|_| "not a number of Gaussians, 1 or more".into())
+}
+
+fn split_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.01..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "a number of seconds from 0.01 to 3600".into())
 }
 
 fn fragments(text: &str) -> Result<f64, String> {
@@ -154,6 +165,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
+    if let Some(sources) = args.take()? {
+        let written = write_take(args, &sources)?;
+        match args.json {
+            true => println!("{:#}", written.to_json()?),
+            false => written.print(start.elapsed().as_secs_f64()),
+        }
+        return Ok(());
+    }
     let written = write_package(args)?;
     if args.json {
         println!("{:#}", written.to_json()?);
@@ -181,9 +200,12 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     };
     // All shards write the same playlist, in any order.
     output::write(&folder.join(playlist::FILE), &playlist)?;
-    takes::run(&list, args.many.shard, folder, &job, &mut |take: &Take, out: &Path| {
-        let written =
-            write_package(&Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() })?;
+    takes::run(&list, args.many.shard, folder, &job, &mut |take: &ListedTake, out: &Path| {
+        let args = Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() };
+        if let Some(sources) = args.take()? {
+            return write_take(&args, &sources)?.to_json();
+        }
+        let written = write_package(&args)?;
         written.check_prefixes()?;
         written.to_json()
     })
@@ -232,6 +254,52 @@ impl Args {
         self.holdout.unwrap_or(HeldFrames::None).into()
     }
 
+    /// The segments of a field folder, or of a field to be split; `None` for what becomes an ordinary clip.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that names an option which takes do not have; those of [`SegmentSources`].
+    fn take(&self) -> anyhow::Result<Option<SegmentSources>> {
+        let (scene, is_folder) = (self.scene(), FieldFolder::is_one(self.scene()));
+        if !is_folder && self.split.is_none() {
+            return Ok(None);
+        }
+        let name = scene.display();
+        let others = [
+            (is_folder && self.split.is_some(), "--split", "it is a take of segments already"),
+            (self.refine.is_some(), "--refine", "a take has the photographs of several fits"),
+            (self.prefix_quality, "--ladder", "it compares whole clips"),
+            (
+                !(self.selection.is_default() && self.holdout.is_none()),
+                "--frames",
+                "a take looks at no photographs",
+            ),
+        ];
+        if let Some((_, option, why)) = others.into_iter().find(|(is_given, ..)| *is_given) {
+            bail!(Fault::Usage(format!("{option}: {name}: {why}; leave it out")));
+        }
+        let Some(unit_s) = self.split else { return Ok(Some(SegmentSources::of_folder(scene)?)) };
+        if Scene::is_capture(scene) {
+            bail!(Fault::Usage(format!("--split: {name} is a capture; fit a field first, and split that")));
+        }
+        Ok(Some(SegmentSources::of_scene(Scene::load(scene)?, unit_s, self.strict)?))
+    }
+
+    fn settings(&self) -> PackageSettings {
+        PackageSettings {
+            budget: self.budget.map(NonZeroUsize::get),
+            rank: self.rank.0,
+            no_floor: self.no_floor,
+            fragments: self.fragments,
+            recolor: self.recolor,
+            coding: match self.coder {
+                Coder::Context => Coding::Context { quality_db: self.quality },
+                Coder::Fixed => Coding::Fixed,
+            },
+            drop: self.drop.clone(),
+            strict: self.strict,
+        }
+    }
+
     /// The options that apply to every take.
     fn options(&self) -> Args {
         Args { scene: None, out: None, many: TakeOptions::default(), json: false, ..self.clone() }
@@ -250,19 +318,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
-    let settings = PackageSettings {
-        budget: args.budget.map(NonZeroUsize::get),
-        rank: args.rank.0,
-        no_floor: args.no_floor,
-        fragments: args.fragments,
-        recolor: args.recolor,
-        coding: match args.coder {
-            Coder::Context => Coding::Context { quality_db: args.quality },
-            Coder::Fixed => Coding::Fixed,
-        },
-        drop: args.drop.clone(),
-        strict: args.strict,
-    };
+    let settings = args.settings();
     let progress = StagedProgress::visible();
     let views = match (&captured, args.refine) {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
@@ -292,6 +348,79 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         report: package.report,
         prefix_steps,
     })
+}
+
+/// Makes and writes a take.
+fn write_take(args: &Args, sources: &SegmentSources) -> anyhow::Result<WrittenTake> {
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", sources.name)));
+    let report = package_take(sources, &args.settings(), &out)?;
+    Ok(WrittenTake { scene: format!("{}: {}", sources.name, sources.format()), out, report })
+}
+
+/// A take that was written.
+struct WrittenTake {
+    /// The source and its format.
+    scene: String,
+    out: PathBuf,
+    report: TakeReport,
+}
+
+impl WrittenTake {
+    fn to_json(&self) -> anyhow::Result<Value> {
+        let mut object = serde_json::to_value(&self.report)?;
+        object["out"] = json!(self.out);
+        Ok(object)
+    }
+
+    /// Prints the report on a take that took so many seconds to make.
+    fn print(&self, seconds: f64) {
+        let report = &self.report;
+        println!("{}", self.scene);
+        println!("{:16} {} in, {} out", "Gaussians", report.gaussians_in, report.gaussians_out);
+        print_reasons("  dropped", &report.dropped);
+        print_reasons("  repaired", &report.repaired);
+        println!("{:16} {} at the fullest instant", "resident", report.resident_max);
+        for tried in &report.tried {
+            let mark = if tried.chosen { '*' } else { ' ' };
+            println!("{:16} {mark} {:20} {:.2} dB", "ranking", tried.ranking, tried.psnr_db);
+        }
+        println!(
+            "{:>16} {:>10} {:>6} {:>10} {:>10} {:>8} {:>8}",
+            "from, s", "to, s", "level", "Gaussians", "bytes", "dB", "recall"
+        );
+        for SegmentReport { start_s, level, package, .. } in &report.segments {
+            println!(
+                "{start_s:>16.3} {:>10.3} {level:>6} {:>10} {:>10} {:>8.2} {:>8.3}",
+                start_s + f64::from(package.duration_s),
+                package.subject.gaussians_out,
+                package.bytes,
+                package.self_psnr_db,
+                package.topology.recall
+            );
+        }
+        for (i, segment) in report.segments.iter().enumerate() {
+            if let Some(miss) = &segment.package.miss {
+                println!("{:16} segment {i}: {}", "quality", miss.text);
+            }
+        }
+        for [from, to] in &report.gaps {
+            println!("{:16} from {from:.3} to {to:.3} s", "nothing is shown");
+        }
+        println!(
+            "{:16} {:.1} dB in the worst segment, number {}, {:.1} dB in the median one, by coder {}",
+            "self PSNR", report.self_psnr_db, report.worst_segment, report.median_psnr_db, report.coder
+        );
+        let mbps = report.bytes as f64 * 8e-6 / report.duration_s;
+        let per_gaussian = report.bytes as f64 / report.gaussians_out as f64;
+        println!(
+            "{:16} {}, {:.3} times those of its segments, {per_gaussian:.1} per Gaussian, {mbps:.1} Mbps over {} s",
+            "bytes",
+            report.bytes,
+            report.bytes as f64 / report.segment_bytes as f64,
+            decimal(report.duration_s, 3)
+        );
+        println!("{}, written in {seconds:.1} s", self.out.display());
+    }
 }
 
 /// The capture that a field is fitted to or refined on.

@@ -91,7 +91,7 @@ struct FrameStats {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let output = ImageOutput::check(&args.out, args.time.len() > 1)?;
     args.stats.as_deref().map_or(Ok(()), output::check)?;
-    let input = Input::load(&args.input)?;
+    let input = Input::load_at(&args.input, &args.time)?;
     let info = input.info();
     let times: Vec<f64> =
         args.time.iter().map(|&time| clip_time("--time", time, info)).collect::<Result<_, _>>()?;

@@ -1,7 +1,7 @@
 //! `--list`: runs a command for each take of a list and writes a summary.
 
 use crate::messages::count;
-use crate::takes::{List, OutputState, Record, Shard, Take, key};
+use crate::takes::{List, ListedTake, OutputState, Record, Shard, key};
 use anyhow::{anyhow, bail};
 use program::{Fault, exit_code, output};
 use serde::Serialize;
@@ -68,7 +68,7 @@ pub(super) fn run(
     shard: Option<Shard>,
     folder: &Path,
     job: &TakeCommand,
-    make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
+    make: &mut dyn FnMut(&ListedTake, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<()> {
     output::make_folder(folder)?;
     let shard = shard.unwrap_or(Shard::ALL);
@@ -129,10 +129,10 @@ pub(super) fn run(
 
 /// Makes the output of a take unless it is done.
 fn run_take(
-    take: &Take,
+    take: &ListedTake,
     out: &Path,
     job: &TakeCommand,
-    make: &mut dyn FnMut(&Take, &Path) -> anyhow::Result<Value>,
+    make: &mut dyn FnMut(&ListedTake, &Path) -> anyhow::Result<Value>,
 ) -> anyhow::Result<&'static str> {
     // A meta.json needs the images beside it.
     let is_index = take.path.file_name().is_some_and(|name| name == "meta.json");

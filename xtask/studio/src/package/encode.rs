@@ -75,7 +75,12 @@ pub(crate) fn encode(
             (Coded { bytes, clip, fidelity, miss: None }, 0)
         }
         Coding::Context { quality_db } => {
+<<<<<<< HEAD
             let source = Source { info: &scene.info, field, plate };
+=======
+            let source = Source { info: &scene.head_info(), field, plate };
+            let views = visibility_views(scene, field, CODED_SIZE);
+>>>>>>> w-studio
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
                 .map_err(|error| refused(scene, error))?;
@@ -96,7 +101,7 @@ fn encode_once(
     coding: Coding,
     precision: Precision,
 ) -> anyhow::Result<(Vec<u8>, Clip)> {
-    let source = Source { info: &scene.info, field, plate };
+    let source = Source { info: &scene.head_info(), field, plate };
     let options = EncodeOptions { coder: coding.coder(), layers: LAYERS.to_vec(), precision };
     let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
     let clip = codec::decode(&bytes, &Limits::default());

@@ -33,4 +33,4 @@ pub(crate) use views::{
 };
 #[cfg(feature = "measure")]
 pub(crate) use views::{JUDGING_PLACES, STEERING_PLACES, recolor_views};
-pub(crate) use visible::visible;
+pub(crate) use visible::{VisibleScene, check_repairs, visible, visible_scene};

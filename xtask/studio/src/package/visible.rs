@@ -11,10 +11,10 @@ use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 
 /// The visible Gaussians of a scene, without the dropped parts.
-pub(super) struct VisibleScene {
-    pub(super) field: Field,
+pub(crate) struct VisibleScene {
+    pub(crate) field: Field,
     pub(super) subject: Counts,
-    pub(super) plate: Option<Field>,
+    pub(crate) plate: Option<Field>,
     pub(super) plate_counts: Option<Counts>,
     pub(super) parts_removed: BTreeMap<&'static str, usize>,
 }
@@ -23,7 +23,7 @@ pub(super) struct VisibleScene {
 ///
 /// # Errors
 /// [`Fault::Data`] where no Gaussian is visible, or `strict` refuses a repair.
-pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result<VisibleScene, Fault> {
+pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result<VisibleScene, Fault> {
     if settings.strict {
         check_repairs(scene)?;
     }
@@ -58,7 +58,10 @@ pub(super) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
 }
 
 /// Refuses a scene of which a row was changed or left out on import.
-fn check_repairs(scene: &Scene) -> Result<(), Fault> {
+///
+/// # Errors
+/// [`Fault::Data`] that says how many and why.
+pub(crate) fn check_repairs(scene: &Scene) -> Result<(), Fault> {
     let refused = |what: &str, repairs: &Repairs| match repairs.is_empty() {
         true => Ok(()),
         false => Err(Fault::Data(format!(

@@ -30,6 +30,13 @@ impl ReportSubject {
     pub fn load(path: &Path) -> anyhow::Result<ReportSubject> {
         let scene = match Input::load(path)? {
             Input::Scene(scene) => *scene,
+            Input::Take(_) => {
+                return Err(Fault::Usage(format!(
+                    "{}: a take of segments, and a report is of one clip; make it one field with `export --ply`",
+                    path.display()
+                ))
+                .into());
+            }
             Input::Package(clip) => {
                 let name = path.file_stem().unwrap_or(OsStr::new("clip")).to_string_lossy();
                 let scene = |field| Scene::made(&name, field, clip.info.clone());

@@ -19,7 +19,7 @@ const LIST_BYTES: u64 = 4 << 20;
 
 /// One of many scenes or captures.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Take {
+pub struct ListedTake {
     /// Path of the scene or capture.
     pub path: PathBuf,
     /// Name of its output without extension, unique in the list.
@@ -32,7 +32,7 @@ pub struct List {
     /// Path of the list.
     pub path: PathBuf,
     /// At least one.
-    pub takes: Vec<Take>,
+    pub takes: Vec<ListedTake>,
 }
 
 impl List {
@@ -69,7 +69,7 @@ impl List {
                     "lines {first} and {second} would both become \"{name}\": rename one of them"
                 )));
             }
-            takes.push(Take { path: take, name });
+            takes.push(ListedTake { path: take, name });
         }
         match takes.len() {
             0 => Err(bad("names no take: write the path of one in each line".into())),
@@ -81,7 +81,7 @@ impl List {
     }
 
     /// The takes of a shard.
-    pub fn of(&self, shard: Shard) -> impl Iterator<Item = &Take> {
+    pub fn of(&self, shard: Shard) -> impl Iterator<Item = &ListedTake> {
         self.takes.iter().skip(shard.index).step_by(shard.count)
     }
 }
@@ -137,8 +137,8 @@ mod tests {
         Ok(list)
     }
 
-    fn take(path: &str, name: &str) -> Take {
-        Take { path: path.into(), name: name.into() }
+    fn take(path: &str, name: &str) -> ListedTake {
+        ListedTake { path: path.into(), name: name.into() }
     }
 
     #[test]

@@ -11,5 +11,5 @@ mod list;
 mod record;
 
 pub use key::key;
-pub use list::{List, Shard, TAKES_MAX, Take};
+pub use list::{List, ListedTake, Shard, TAKES_MAX};
 pub use record::{OutputState, Record, record_path};

@@ -1,0 +1,62 @@
+//! [`Agreement`]: what all segments of a take have in common.
+
+use codec::{ClipInfo, Field, PixelFilter};
+use program::Fault;
+
+/// Largest difference of a coordinate of two up axes that are the same.
+const UP_TOLERANCE: f32 = 1e-4;
+
+/// Axes, scale and filters of the segments seen so far.
+#[derive(Debug, Default)]
+pub(super) struct Agreement {
+    /// The first segment and its axes, scale and filter.
+    first: Option<(String, [f32; 3], f32, PixelFilter)>,
+    /// The first segment with a plate, and the filter of that.
+    plate: Option<(String, PixelFilter)>,
+}
+
+impl Agreement {
+    /// Compares a segment with those before it.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names both and what differs.
+    pub(super) fn add(
+        &mut self,
+        name: &str,
+        info: &ClipInfo,
+        field: &Field,
+        plate: Option<&Field>,
+    ) -> Result<(), Fault> {
+        let (up, scale, filter) = (info.up, info.metres_per_unit, field.filter);
+        let (first, first_up, first_scale, first_filter) =
+            self.first.get_or_insert_with(|| (name.to_owned(), up, scale, filter));
+        if up.iter().zip(&*first_up).any(|(a, b)| (a - b).abs() > UP_TOLERANCE) {
+            return Err(Fault::Data(format!(
+                "{name}: up is {up:?}, and {first_up:?} in {first}; a take has one, set it in a scene.json"
+            )));
+        }
+        if scale != *first_scale {
+            return Err(Fault::Data(format!(
+                "{name}: {scale} metres per unit, and {first_scale} in {first}; a take has one scale, set it in a scene.json"
+            )));
+        }
+        if filter != *first_filter {
+            return Err(other_filter(name, filter, first, *first_filter));
+        }
+        if let Some(plate) = plate {
+            let (first, filter) = self.plate.get_or_insert_with(|| (name.to_owned(), plate.filter));
+            if plate.filter != *filter {
+                return Err(other_filter(&format!("the plate of {name}"), plate.filter, first, *filter));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn other_filter(name: &str, filter: PixelFilter, first: &str, first_filter: PixelFilter) -> Fault {
+    Fault::Data(format!(
+        "{name}: its filter is {}, and {} in {first}; a take has one, fit both with the same",
+        filter.name(),
+        first_filter.name()
+    ))
+}

@@ -1,0 +1,255 @@
+//! [`DecodedTake`]: segments of a take in memory, for pictures and exports.
+
+use std::path::Path;
+
+use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, sh_coefficients};
+use program::Fault;
+use refine::reference::RenderScene;
+
+use super::file::TakeFile;
+use super::folder::FieldFolder;
+use super::span::Span;
+use crate::scene::Scene;
+
+/// Segments of a take, decoded.
+#[derive(Debug)]
+pub struct DecodedTake {
+    /// Metadata of the take.
+    pub info: ClipInfo,
+    /// Duration in seconds; that of `info` is this one, rounded.
+    pub duration_s: f64,
+    segments: Vec<DecodedSegment>,
+    bounds: [[f32; 3]; 2],
+}
+
+/// A segment in memory.
+#[derive(Debug)]
+struct DecodedSegment {
+    span: Span,
+    content: SegmentContent,
+}
+
+/// A segment's Gaussians.
+#[derive(Debug)]
+enum SegmentContent {
+    Clip(Box<Clip>),
+    Scene(Box<Scene>),
+}
+
+impl SegmentContent {
+    fn to_reference(&self) -> RenderScene<'_> {
+        match self {
+            SegmentContent::Clip(clip) => RenderScene::from(&**clip),
+            SegmentContent::Scene(scene) => {
+                let subject = RenderScene::from(&scene.subject.field);
+                scene.plate.as_ref().map_or(subject.clone(), |plate| subject.with_plate(&plate.field))
+            }
+        }
+    }
+
+    fn plate(&self) -> Option<&Field> {
+        match self {
+            SegmentContent::Clip(clip) => clip.plate.as_ref(),
+            SegmentContent::Scene(scene) => scene.plate.as_ref().map(|plate| &plate.field),
+        }
+    }
+
+    /// All Gaussians but the background's.
+    fn merged(&self) -> Field {
+        match self {
+            SegmentContent::Clip(clip) => clip.merged(),
+            SegmentContent::Scene(scene) => scene.subject.field.clone(),
+        }
+    }
+
+    fn len(&self) -> usize {
+        let subject = match self {
+            SegmentContent::Clip(clip) => clip.len(),
+            SegmentContent::Scene(scene) => scene.subject.field.len(),
+        };
+        subject + self.plate().map_or(0, Field::len)
+    }
+}
+
+impl DecodedTake {
+    /// Decodes the segments of a package that hold one of the `seconds`, or all without any.
+    ///
+    /// A package that was cut short has the segments whose first layer is complete; a note on standard error tells.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names a damaged segment, or if more Gaussians are asked for than are decoded at a time.
+    pub fn of_file(file: &TakeFile, seconds: Option<&[f64]>) -> Result<DecodedTake, Fault> {
+        let take = file.take();
+        let (name, mut missing, mut gaussians) = (file.path().display(), 0, 0);
+        let mut segments = Vec::new();
+        for (index, segment) in take.segments.iter().enumerate() {
+            let is_needed = seconds.is_none_or(|seconds| seconds.iter().any(|&t_s| take.holds(index, t_s)));
+            if !is_needed {
+                continue;
+            }
+            let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
+            if file.available(index) < first_layer {
+                missing += 1;
+                continue;
+            }
+            gaussians += segment.gaussians();
+            check_size(&name.to_string(), gaussians)?;
+            let content = SegmentContent::Clip(Box::new(file.decode(index)?));
+            segments.push(DecodedSegment { span: Span::from(segment), content });
+        }
+        if missing > 0 {
+            eprintln!("note: {name}: cut short, {missing} of {} segments are missing", take.segments.len());
+        }
+        let (info, duration_s, bounds) = (take.info.clone(), take.duration_s, take.bounds);
+        Ok(DecodedTake { info, duration_s, segments, bounds })
+    }
+
+    /// Reads the segments of a field folder that hold one of the `seconds`, or all without any.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names a field that cannot be read, or if more Gaussians are asked for than are read at a
+    /// time.
+    pub fn of_folder(
+        path: &Path,
+        folder: &FieldFolder,
+        seconds: Option<&[f64]>,
+    ) -> anyhow::Result<DecodedTake> {
+        let (duration_s, mut gaussians) = (folder.duration_s, 0);
+        let first = folder.scene(0)?;
+        let info = ClipInfo { duration_s: duration_s as f32, ..first.info.clone() };
+        let mut bounds = first.subject.field.bounds();
+        let mut segments = Vec::new();
+        for index in 0..folder.len() {
+            let span = folder.span(index);
+            let is_needed =
+                seconds.is_none_or(|seconds| seconds.iter().any(|&t_s| span.holds(duration_s, t_s)));
+            if !is_needed {
+                continue;
+            }
+            let scene = folder.scene(index)?;
+            if !scene.subject.repairs.is_empty() {
+                eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
+            }
+            let [low, high] = scene.subject.field.bounds();
+            let outer = |a: [f32; 3], b: [f32; 3], of: fn(f32, f32) -> f32| [0, 1, 2].map(|i| of(a[i], b[i]));
+            bounds = [outer(bounds[0], low, f32::min), outer(bounds[1], high, f32::max)];
+            let content = SegmentContent::Scene(Box::new(scene));
+            gaussians += content.len();
+            check_size(&path.display().to_string(), gaussians)?;
+            segments.push(DecodedSegment { span, content });
+        }
+        Ok(DecodedTake { info, duration_s, segments, bounds })
+    }
+
+    /// The union of the segments for the reference renderer.
+    pub fn to_reference(&self) -> RenderScene<'_> {
+        RenderScene::of_take(
+            self.segments
+                .iter()
+                .map(|segment| (segment.span.in_scene(self.duration_s), segment.content.to_reference())),
+        )
+    }
+
+    /// Number of Gaussians of the segments, backgrounds included.
+    pub fn gaussians(&self) -> usize {
+        self.segments.iter().map(|segment| segment.content.len()).sum()
+    }
+
+    /// Whether a segment has a background plate.
+    pub fn has_plate(&self) -> bool {
+        self.segments.iter().any(|segment| segment.content.plate().is_some())
+    }
+
+    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        match self.info.viewpoints.as_slice() {
+            [] => vec![Viewpoint::framing(self.bounds, self.info.up)],
+            viewpoints => viewpoints.to_vec(),
+        }
+    }
+
+    /// All Gaussians but the backgrounds' as one field, in clip time of the take, and how many of them are alive
+    /// before or after the span of their segment, where the take does not show them.
+    pub fn merged(&self) -> (Field, usize) {
+        let mut merged = Field::default();
+        let mut beyond = 0;
+        let fields: Vec<Field> = self.segments.iter().map(|segment| segment.content.merged()).collect();
+        let temporal = |field: &Field| {
+            field
+                .temporal
+                .as_ref()
+                .map_or((0, false), |temporal| (temporal.motion_order, temporal.rotation_rates.is_some()))
+        };
+        let sh_degree = fields.iter().map(|field| field.sh_degree).max().unwrap_or(0);
+        let motion_order = fields.iter().map(|field| temporal(field).0).max().unwrap_or(0);
+        let rotates = fields.iter().any(|field| temporal(field).1);
+        let spans_all = |span: &Span| span.start_s <= 0.0 && span.end_s() >= self.duration_s;
+        let is_static = self
+            .segments
+            .iter()
+            .zip(&fields)
+            .all(|(segment, field)| field.temporal.is_none() && spans_all(&segment.span));
+        let mut columns =
+            Temporal { motion_order, rotation_rates: rotates.then(Vec::new), ..Temporal::default() };
+        merged.sh_degree = sh_degree;
+        for (segment, field) in self.segments.iter().zip(fields) {
+            merged.filter = field.filter;
+            beyond +=
+                (0..field.len()).filter(|&i| is_beyond(&field, i, &segment.span, self.duration_s)).count();
+            append(&mut merged, &mut columns, field, &segment.span, self.duration_s);
+        }
+        merged.temporal = (!is_static).then_some(columns);
+        (merged, beyond)
+    }
+}
+
+/// Whether row `i` of the field of a segment is alive in the take outside its span.
+fn is_beyond(field: &Field, i: usize, span: &Span, take_s: f64) -> bool {
+    let alive_at = |t: f64| field.opacity_at(i, t) >= codec::ALPHA_MIN;
+    (span.start_s > 0.0 && alive_at(0.0)) || (span.end_s() < take_s && alive_at(1.0))
+}
+
+/// Appends the rows of the field of a segment, with times in clip time of the take.
+fn append(merged: &mut Field, columns: &mut Temporal, field: Field, span: &Span, take_s: f64) {
+    let stored = sh_coefficients(field.sh_degree);
+    let rows = sh_coefficients(merged.sh_degree);
+    for sh in field.sh.chunks_exact(stored) {
+        merged.sh.extend_from_slice(sh);
+        merged.sh.extend(std::iter::repeat_n([0.0; 3], rows - stored));
+    }
+    // One unit of clip time of the segment, in clip time of the take.
+    let unit = span.duration_s / take_s;
+    let start = span.start_s / take_s;
+    let factors = [unit, unit * unit, unit * unit * unit];
+    let scaled = |v: [f32; 3], factor: f64| v.map(|x| (f64::from(x) / factor) as f32);
+    let order = usize::from(columns.motion_order);
+    for i in 0..field.len() {
+        let temporal = field.temporal.as_ref();
+        let (tau, s) = temporal.map_or((0.0, f32::INFINITY), |temporal| (temporal.tau[i], temporal.s[i]));
+        columns.tau.push((start + f64::from(tau) * unit) as f32);
+        columns.s.push((f64::from(s) * unit) as f32);
+        let motion = temporal.map_or(&[][..], |temporal| temporal.motion_of(i));
+        let powers = (0..order).map(|k| motion.get(k).map_or([0.0; 3], |&v| scaled(v, factors[k])));
+        columns.motion.extend(powers);
+        if let Some(rates) = &mut columns.rotation_rates {
+            let rate = temporal.and_then(|temporal| temporal.rotation_rates.as_ref()).map(|rates| rates[i]);
+            rates.push(rate.map_or([0.0; 4], |rate| rate.map(|x| (f64::from(x) / unit) as f32)));
+        }
+    }
+    merged.centers.extend(field.centers);
+    merged.rotations.extend(field.rotations);
+    merged.log_scales.extend(field.log_scales);
+    merged.opacities.extend(field.opacities);
+}
+
+/// # Errors
+/// [`Fault::Data`] if a take has more Gaussians than are in memory at a time.
+fn check_size(name: &str, gaussians: usize) -> Result<(), Fault> {
+    let limit = Limits::default().max_gaussians;
+    match gaussians > limit {
+        true => Err(Fault::Data(format!(
+            "{name}: more than {limit} Gaussians, the most that this command holds; make a shorter take with `trim`"
+        ))),
+        false => Ok(()),
+    }
+}

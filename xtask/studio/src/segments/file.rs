@@ -1,0 +1,175 @@
+//! [`TakeFile`]: a package on disk, a take or an ordinary clip, of which one segment at a time is in memory.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use codec::{Clip, Contents, Error, FormatError, Limits, Package, Take};
+use program::Fault;
+
+use crate::messages::{bad_package, unreadable};
+
+/// Length of the first read of a head. Most heads are shorter.
+const HEAD_BYTES: usize = 64 << 10;
+
+/// A package on disk. An ordinary clip is a take of one segment.
+#[derive(Debug)]
+pub struct TakeFile {
+    path: PathBuf,
+    file: File,
+    bytes: u64,
+    take: Take,
+    is_clip: bool,
+}
+
+impl TakeFile {
+    /// Opens a package and reads its head.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file: missing, not a file, or with a damaged head.
+    pub fn open(path: &Path) -> Result<TakeFile, Fault> {
+        let cannot_read = |error| unreadable(path, &error);
+        let mut file = File::open(path).map_err(cannot_read)?;
+        let metadata = file.metadata().map_err(cannot_read)?;
+        if !metadata.is_file() {
+            return Err(Fault::Data(format!("{}: not a file; name a package (.aarc)", path.display())));
+        }
+        let mut head = Vec::new();
+        let mut needed = HEAD_BYTES;
+        let package = loop {
+            let more = (needed - head.len()) as u64;
+            let read = (&mut file).take(more).read_to_end(&mut head).map_err(cannot_read)?;
+            match codec::package(&head, &Limits::default()) {
+                // The file has more than was read.
+                Err(Error::Format { error: FormatError::Truncated { needed: next, .. }, .. })
+                    if read as u64 == more && next > head.len() =>
+                {
+                    needed = next;
+                }
+                result => break result.map_err(|error| bad_package(path, &error))?,
+            }
+        };
+        let bytes = metadata.len();
+        let (take, is_clip) = match package {
+            Package::Take(take) => (take, false),
+            Package::Clip(contents) => (Take::from(&contents), true),
+        };
+        if bytes > take.package_bytes() {
+            let offset = usize::try_from(take.package_bytes()).unwrap_or(usize::MAX);
+            let count = usize::try_from(bytes - take.package_bytes()).unwrap_or(usize::MAX);
+            let error = Error::Format { offset, error: FormatError::Extra { count, part: "the package" } };
+            return Err(bad_package(path, &error));
+        }
+        Ok(TakeFile { path: path.to_owned(), file, bytes, take, is_clip })
+    }
+
+    /// The head and the table of segments.
+    pub fn take(&self) -> &Take {
+        &self.take
+    }
+
+    /// Path of the file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Size of the file in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Whether it is an ordinary clip.
+    pub fn is_clip(&self) -> bool {
+        self.is_clip
+    }
+
+    /// Number of bytes of a segment that the file holds: all, unless it was cut short.
+    pub fn available(&self, index: usize) -> usize {
+        let segment = &self.take.segments[index];
+        let present = self.bytes.saturating_sub(segment.offset).min(segment.bytes() as u64);
+        usize::try_from(present).unwrap_or(usize::MAX)
+    }
+
+    /// The bytes of a segment that the file holds.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if the file cannot be read.
+    pub fn read(&self, index: usize) -> Result<Vec<u8>, Fault> {
+        self.read_prefix(index, self.available(index))
+    }
+
+    fn read_prefix(&self, index: usize, length: usize) -> Result<Vec<u8>, Fault> {
+        let mut bytes = Vec::new();
+        let mut file = &self.file;
+        let read = file.seek(SeekFrom::Start(self.take.segments[index].offset));
+        let read = read.and_then(|_| file.take(length as u64).read_to_end(&mut bytes));
+        match read {
+            Ok(count) if count == length => Ok(bytes),
+            Ok(_) => {
+                Err(Fault::Data(format!("{}: it became shorter; get the file again", self.path.display())))
+            }
+            Err(error) => Err(unreadable(&self.path, &error)),
+        }
+    }
+
+    /// The head of a segment, which is checked against the table.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment if it is missing or its head is damaged.
+    pub fn contents(&self, index: usize) -> Result<Contents, Fault> {
+        let segment = &self.take.segments[index];
+        let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
+        self.check_present(index, first_layer)?;
+        let bytes = self.read_prefix(index, first_layer)?;
+        let contents = codec::contents(&bytes, &Limits::default());
+        match contents {
+            Ok(contents) if contents.head_crc == segment.head_crc => Ok(contents),
+            Ok(_) => Err(self.damaged(index, "its head is not the one in the table")),
+            Err(error) => Err(self.damaged(index, &error.to_string())),
+        }
+    }
+
+    /// Decodes the complete layers of a segment.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment: missing, cut short in its first layer, or damaged.
+    pub fn decode(&self, index: usize) -> Result<Clip, Fault> {
+        if !self.is_clip {
+            self.check_present(
+                index,
+                self.take.segments[index].layers.first().map_or(0, |layer| layer.bytes),
+            )?;
+        }
+        let bytes = self.read(index)?;
+        let threads = available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+        let clip = self.take.decode_segment(index, &bytes, &Limits::default(), threads);
+        clip.map_err(|error| match self.is_clip {
+            true => bad_package(&self.path, &error),
+            false => self.damaged(index, &error.to_string()),
+        })
+    }
+
+    /// Checks that the first `length` bytes of a segment are in the file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment.
+    pub(super) fn check_present(&self, index: usize, length: usize) -> Result<(), Fault> {
+        match self.available(index) {
+            available if available < length => {
+                Err(self.damaged(index, &format!("cut short, {available} of {length} bytes are there")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn damaged(&self, index: usize, what: &str) -> Fault {
+        let segment = &self.take.segments[index];
+        Fault::Data(format!(
+            "{}: segment {index}, from {} s: {what}; get the file again",
+            self.path.display(),
+            segment.start_s
+        ))
+    }
+}

@@ -1,0 +1,144 @@
+//! [`Span`]: the part of a take during which a segment is shown.
+
+use codec::{Segment, take_order};
+use refine::reference::SceneSpan;
+
+/// Largest number of segments that hold one instant, as FORMAT.md has it.
+const SEGMENTS_AT_ONCE: usize = 32;
+
+/// The span of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Second of the take at which clip time of the segment is 0. Negative if the take was trimmed.
+    pub start_s: f64,
+    /// Seconds from the segment's clip time 0 to 1, above 0.
+    pub duration_s: f64,
+    /// Level on the dyadic grid.
+    pub level: u8,
+}
+
+impl Span {
+    /// Second of the take at which the segment's clip time is 1.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + self.duration_s
+    }
+
+    /// Whether the segment is shown at second `t_s` of a take of `take_s` seconds, by the rule of
+    /// [`codec::Take::holds`].
+    pub(crate) fn holds(&self, take_s: f64, t_s: f64) -> bool {
+        let t_s = t_s.clamp(0.0, take_s);
+        self.start_s <= t_s && (t_s < self.end_s() || take_s <= t_s && t_s <= self.end_s())
+    }
+
+    /// The span for the reference renderer.
+    pub(crate) fn in_scene(&self, take_s: f64) -> SceneSpan {
+        SceneSpan { take_s, start_s: self.start_s, duration_s: self.duration_s }
+    }
+}
+
+impl From<&Segment> for Span {
+    fn from(segment: &Segment) -> Span {
+        Span { start_s: segment.start_s, duration_s: segment.duration_s, level: segment.level }
+    }
+}
+
+/// The order in which a take of `take_s` seconds holds these segments.
+pub(super) fn order_of(take_s: f64, spans: &[Span]) -> Vec<usize> {
+    let pairs: Vec<(f64, f64)> = spans.iter().map(|span| (span.start_s, span.duration_s)).collect();
+    take_order(take_s, &pairs)
+}
+
+/// Checks the spans of a take of `take_s` seconds, in its order.
+///
+/// # Errors
+/// One sentence that names the first segment that breaks a rule, counted from 0, and says what to do.
+pub(super) fn check_spans(take_s: f64, spans: &[Span]) -> Result<(), String> {
+    if !(take_s.is_finite() && take_s > 0.0) {
+        return Err(format!("duration_s must be a positive number, not {take_s}"));
+    }
+    for (i, span) in spans.iter().enumerate() {
+        let Span { start_s, duration_s, .. } = *span;
+        let is_span =
+            start_s.is_finite() && duration_s > 0.0 && span.end_s().is_finite() && span.end_s() > start_s;
+        if !is_span || start_s >= take_s || span.end_s() <= 0.0 {
+            return Err(format!(
+                "segments[{i}] lasts {duration_s} s from {start_s} s, which is no part of {take_s} s; correct it"
+            ));
+        }
+    }
+    let order = order_of(take_s, spans);
+    if let Some(i) = (1..order.len()).find(|&i| order[i] < order[i - 1]) {
+        let [late, early] = [order[i - 1], order[i]];
+        return Err(format!(
+            "segments[{late}], from {} s, belongs before segments[{early}], from {} s; list segments by their start, longer \
+             ones first, and before all others those that span the whole",
+            spans[late].start_s, spans[early].start_s
+        ));
+    }
+    let mut ends: Vec<f64> = Vec::new();
+    for span in spans {
+        let start_s = span.start_s.max(0.0);
+        ends.retain(|end| *end > start_s);
+        ends.push(span.end_s());
+        if ends.len() > SEGMENTS_AT_ONCE {
+            return Err(format!(
+                "more than {SEGMENTS_AT_ONCE} segments hold {start_s} s, and players hold no more; join some of them"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The parts of a take of `take_s` seconds that no segment holds, as seconds.
+pub(super) fn gaps(take_s: f64, spans: &[Span]) -> Vec<[f64; 2]> {
+    let mut covered: Vec<[f64; 2]> = spans.iter().map(|span| [span.start_s, span.end_s()]).collect();
+    covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut gaps = Vec::new();
+    let mut end_s = 0.0;
+    for [start, end] in covered.into_iter().chain([[take_s, take_s]]) {
+        if start > end_s {
+            gaps.push([end_s, start]);
+        }
+        end_s = end.max(end_s);
+    }
+    gaps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spans(list: &[(f64, f64)]) -> Vec<Span> {
+        list.iter().map(|&(start_s, duration_s)| Span { start_s, duration_s, level: 0 }).collect()
+    }
+
+    #[test]
+    fn spans_are_checked_in_the_order_of_the_file() {
+        let refused = |list: &[(f64, f64)]| check_spans(4.0, &spans(list)).unwrap_err();
+        assert_eq!(
+            check_spans(4.0, &spans(&[(0.0, 4.0), (0.0, 2.0), (1.0, 2.0), (1.0, 1.0), (3.9, 9.0)])),
+            Ok(())
+        );
+        assert!(
+            refused(&[(0.0, 2.0), (2.0, 1.0), (1.0, 1.0)]).contains("segments[2], from 1 s, belongs before")
+        );
+        assert!(refused(&[(0.0, 2.0), (0.0, 4.0)]).contains("span the whole"));
+        for bad in
+            [(4.0, 1.0), (-1.0, 1.0), (0.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN), (0.0, f64::INFINITY)]
+        {
+            assert!(refused(&[bad]).starts_with("segments[0] lasts"), "{bad:?}");
+        }
+        assert!(refused(&[(0.0, 2.0); 33]).starts_with("more than 32"));
+        assert_eq!(check_spans(4.0, &spans(&[(0.0, 2.0); 32])), Ok(()));
+        assert!(check_spans(f64::NAN, &[]).unwrap_err().contains("duration_s"));
+    }
+
+    #[test]
+    fn gaps_are_what_no_segment_holds() {
+        assert_eq!(
+            gaps(4.0, &spans(&[(0.5, 1.0), (1.0, 1.0), (3.0, 0.5)])),
+            [[0.0, 0.5], [2.0, 3.0], [3.5, 4.0]]
+        );
+        assert_eq!(gaps(4.0, &spans(&[(-1.0, 3.0), (2.0, 3.0)])), [[0.0; 2]; 0]);
+    }
+}
