@@ -76,6 +76,20 @@ pub struct Ranges {
     pub _pad0: f32,
 }
 
+/// `Slot` of slots.wgsl: a segment of a take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Slot {
+    /// Ranges of the segment; its first dynamic row counts through all segments.
+    pub ranges: Ranges,
+    /// Clip time of the segment, rounded to `f32`.
+    pub time: f32,
+    /// Rounding error of `time`.
+    pub time_rest: f32,
+    /// Padding.
+    pub _pad0: [f32; 2],
+}
+
 /// `Gaussian` of gaussian.wgsl: the packed record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -7,10 +7,10 @@
 //! |---|---|---|---|
 //! | 0 | [`FRAME`] | [`layout::Frame`] | both |
 //! | 0 | [`VIEWS`] | array of [`layout::ViewUniform`], one per eye of the pass | vertex |
-//! | 1 | [`RANGES`] | [`layout::Ranges`] | vertex |
+//! | 1 | [`RANGES`] | [`layout::Ranges`]; with [`Features::segmented`] [`SLOTS`] of [`layout::Slot`] | vertex |
 //! | 1 | [`GAUSSIANS`] | array of [`layout::Gaussian`] | vertex |
-//! | 1 | [`ORDER`] | array of `u32`: rows to draw, back to front | vertex |
-//! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] per dynamic row | vertex |
+//! | 1 | [`ORDER`] | array of `u32`: rows to draw, back to front; with [`Features::segmented`] their slots above [`ROW_BITS`] bits | vertex |
+//! | 1 | [`MOTION`] | with [`Features::motion`]: array of `u32`, [`Motion::words`] per dynamic row; with [`Features::segmented`] per row | vertex |
 //! | 1 | [`SH`] | with [`Features::sh_degree`]: array of `u32`, [`sh_words`] per row | vertex |
 //! | 0 | [`FOVEATION`], [`WIDE`], [`INSET`], [`LINEAR`] | of the stage `foveate`: how and what it composes | fragment |
 //! | 0 | [`DRAWN`] | of the stage `linear_light`: the image that it converts | fragment |
@@ -46,7 +46,7 @@ pub const WIDTH_UNIT: f32 = 32.0;
 pub const FRAME: u32 = 0;
 /// Binding of the eyes in group 0.
 pub const VIEWS: u32 = 1;
-/// Binding of a field's ranges in group 1.
+/// Binding of a field's ranges in group 1, or of the slots of a take.
 pub const RANGES: u32 = 0;
 /// Binding of a field's records in group 1.
 pub const GAUSSIANS: u32 = 1;
@@ -58,6 +58,11 @@ pub const MOTION: u32 = 3;
 pub const SH: u32 = 4;
 /// Binding of the fragment counts in group 2.
 pub const COUNTS: u32 = 0;
+
+/// Most segments of a take in GPU memory.
+pub const SLOTS: u32 = 32;
+/// Bits of a row in an entry of a take's draw order; the bits above are its slot.
+pub const ROW_BITS: u32 = 26;
 
 /// Corners of a Gaussian's quad.
 pub const CORNERS: u32 = 4;
@@ -80,6 +85,8 @@ pub struct Features {
     pub motion: Option<Motion>,
     /// Whether the field has the mip filter, which compensates opacities.
     pub mip: bool,
+    /// Whether the Gaussians are those of several segments, each in a slot with ranges and a clip time of its own.
+    pub segmented: bool,
 }
 
 /// The temporal data of a field.
@@ -175,8 +182,29 @@ fn covering(source: String, views: u32, color: &str) -> String {
     )
 }
 
+/// What the shaders of a take read in place of what the files read, which is a clip's. The trajectory exists once, and
+/// a clip's shaders are the files as they are.
+const SEGMENTED: [(&str, &str); 5] = [
+    ("@group(1) @binding(0) var<uniform> ranges: Ranges;\n", include_str!("../slots.wgsl")),
+    ("order[place]", "row_in_slot(order[place])"),
+    // A take's motion has a record for every row: one allocation of rows places all columns of a segment.
+    ("(index - ranges.first_dynamic) * MOTION_WORDS", "index * MOTION_WORDS"),
+    ("frame.time -", "slot_time -"),
+    ("frame.time_rest;", "slot_time_rest;"),
+];
+
 /// Composes the WGSL source for a field with `features`.
 pub fn compose(features: Features, purpose: Purpose) -> String {
+    let source = compose_clip(features, purpose);
+    if !features.segmented {
+        return source;
+    }
+    let segmented = SEGMENTED.iter().fold(source, |source, (clip, take)| source.replace(clip, take));
+    format!("{segmented}const SLOTS: u32 = {SLOTS}u;\nconst ROW_BITS: u32 = {ROW_BITS}u;\n")
+}
+
+/// The source for a clip with `features`.
+fn compose_clip(features: Features, purpose: Purpose) -> String {
     let (views, foveated) = match purpose {
         Purpose::Draw { views, foveated, .. } => (views, foveated),
         Purpose::Count { foveated } => (1, foveated),

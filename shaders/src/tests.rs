@@ -5,15 +5,23 @@ use std::mem::{offset_of, size_of};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::*;
-use crate::layout::{Foveation, Frame, Gaussian, Ranges, ViewUniform};
+use crate::layout::{Foveation, Frame, Gaussian, Ranges, Slot, ViewUniform};
 
+/// All features of clips, then those of takes.
 fn all_features() -> Vec<Features> {
+    let clips = features_of_clips();
+    let takes: Vec<_> = clips.iter().map(|&features| Features { segmented: true, ..features }).collect();
+    [clips, takes].concat()
+}
+
+fn features_of_clips() -> Vec<Features> {
     let mut all = Vec::new();
     for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
-        all.push(Features { sh_degree, motion: None, mip });
+        let features = Features { sh_degree, mip, ..Features::default() };
+        all.push(features);
         for order in 0..=3 {
             for rotates in [false, true] {
-                all.push(Features { sh_degree, motion: Some(Motion { order, rotates }), mip });
+                all.push(Features { motion: Some(Motion { order, rotates }), ..features });
             }
         }
     }
@@ -104,7 +112,7 @@ fn a_shader_binds_only_the_features_of_its_field() {
             let mut expected = vec![
                 ("frame", 0, FRAME),
                 ("views", 0, VIEWS),
-                ("ranges", 1, RANGES),
+                (if features.segmented { "slots" } else { "ranges" }, 1, RANGES),
                 ("gaussians", 1, GAUSSIANS),
                 ("order", 1, ORDER),
             ];
@@ -158,6 +166,29 @@ fn structs_match_their_counterparts() {
     );
     assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_dynamic, rate_unit, motion_units });
     assert_layout!(module, Gaussian { center, rotation, rotation_scale, scales, opacity_red, green_blue });
+    let module = &parse(Features { segmented: true, ..Features::default() }, PURPOSES[0]);
+    assert_layout!(module, Slot { ranges, time, time_rest });
+    assert_layout!(module, Ranges { log_scale_min, log_scale_step, first_dynamic, rate_unit, motion_units });
+}
+
+/// Each replacement applies once to each shader that has what it replaces, so that no shader of a take reads the ranges
+/// or the instant of a clip. A clip's shaders are the files: nothing of a take is in them.
+#[test]
+fn only_shaders_of_takes_have_slots() {
+    for features in features_of_clips() {
+        for purpose in PURPOSES {
+            let clip = compose(features, purpose);
+            for taken in ["slot", "SLOTS", "ROW_BITS"] {
+                assert!(!clip.contains(taken), "{features:?} {purpose:?}: {taken}");
+            }
+            let occurrences = SEGMENTED.map(|(of_clip, _)| clip.matches(of_clip).count());
+            let in_motion = usize::from(features.motion.is_some());
+            assert_eq!(occurrences, [1, 1, in_motion, in_motion, in_motion], "{features:?} {purpose:?}");
+            let take = compose(Features { segmented: true, ..features }, purpose);
+            let wrong = ["frame.time", "uniform> ranges", "ranges.first_dynamic)"];
+            assert!(wrong.iter().all(|wrong| !take.contains(wrong)), "{features:?} {purpose:?}");
+        }
+    }
 }
 
 #[test]

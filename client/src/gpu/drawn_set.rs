@@ -1,10 +1,12 @@
 //! [`DrawnSet`]: the pipeline of one Gaussian set and its draw order in the current frame.
 
 use program::Fault;
-use shaders::{BATCH, Features, Purpose};
+use shaders::layout::Slot;
+use shaders::{BATCH, Features, Purpose, SLOTS};
 
 use super::clip::GaussianSet;
 use super::device::Gpu;
+use super::stages::evaluate::SLOTS_BYTES;
 use super::stages::sort::{Item, Sorter};
 use super::stages::splat;
 
@@ -28,6 +30,8 @@ pub(super) struct DrawnSet {
     all: u32,
     inset: u32,
     pub(super) order_buffer: wgpu::Buffer,
+    /// The segments of a take at the instant.
+    slots: Option<wgpu::Buffer>,
     pub(super) group: wgpu::BindGroup,
 }
 
@@ -48,13 +52,21 @@ impl DrawnSet {
         let features = set.buffers.features;
         let layout = set.buffers.layout(gpu);
         let groups = [Some(pass_layout), Some(&layout)];
-        let rows = set.rows.len();
+        let rows = set.buffers.rows;
         let capacity = if foveated { rows.next_multiple_of(BATCH as usize) + rows } else { rows };
         let order_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("order"),
             size: 4 * capacity.max(1) as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
+        });
+        let slots = features.segmented.then(|| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("slots"),
+                size: SLOTS_BYTES as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
         });
         let purpose = Purpose::Draw { views: eyes_per_pass, foveated, f16: gpu.caps.f16 };
         let target = wgpu::ColorTargetState {
@@ -68,7 +80,8 @@ impl DrawnSet {
             order: Vec::with_capacity(capacity),
             all: 0,
             inset: 0,
-            group: set.buffers.bind(gpu, &layout, &order_buffer),
+            group: set.buffers.bind(gpu, &layout, slots.as_ref(), &order_buffer),
+            slots,
             order_buffer,
             layout,
         })
@@ -92,9 +105,16 @@ impl DrawnSet {
         }
     }
 
-    /// Writes the order for the next submission.
-    pub(super) fn upload(&self, gpu: &Gpu) {
+    /// Writes the order, and for a take the segments of `set` at the instant `t_s`, for the next submission.
+    pub(super) fn upload(&self, gpu: &Gpu, set: &GaussianSet, t_s: f64, duration_s: f64) {
         gpu.queue.write_buffer(&self.order_buffer, 0, bytemuck::cast_slice(&self.order));
+        let Some(buffer) = &self.slots else { return };
+        let (mut slots, mut end) = ([Slot::default(); SLOTS as usize], 0);
+        for (number, segment, t) in set.at(t_s, duration_s) {
+            slots[number] = segment.uniform(t);
+            end = number + 1;
+        }
+        gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&slots[..end]));
     }
 
     /// Number of rows of `part`.

@@ -3,6 +3,8 @@
 //! Once per device, [`choose_f16`] measures whether the fragment stage may calculate in f16.
 //! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds the pipelines that the device
 //! does not have yet.
+//! Once per take, [`Renderer::new_take`] builds buffers of fixed size; while it plays, its segments are packed by a loader
+//! ([`PackedSegment::new`]), and come and go between frames ([`Slots`]).
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
@@ -25,7 +27,10 @@ mod readback;
 mod renderer;
 #[cfg(feature = "xr")]
 mod runtime_targets;
+mod segment;
 mod settings;
+mod slots;
+mod span;
 mod stages;
 #[cfg(feature = "window")]
 mod surface;
@@ -44,7 +49,10 @@ pub use half_precision::{choose_f16, f16_psnr};
 pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{FrameLayout, Renderer};
+pub use segment::{PackedSegment, PlateLayout, TakeLayout};
 pub use settings::{Cutoff, RenderSettings, SortOrder};
+pub use slots::{SlotId, Slots};
+pub use span::Span;
 pub use stages::linear_light::LinearLight;
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};

@@ -20,7 +20,7 @@ const LOG_SCALE_LIMIT: f32 = 20.0;
 /// Number of centres sampled to find the origin of a clip.
 const ORIGIN_ROWS: usize = 1000;
 
-/// The records of a clip, static rows first.
+/// The records of a clip, or of a segment, static rows first.
 pub(crate) struct Packed {
     pub(crate) features: Features,
     pub(crate) ranges: Ranges,
@@ -29,6 +29,13 @@ pub(crate) struct Packed {
     pub(crate) motion: Vec<u32>,
     /// [`sh_words`] per row.
     pub(crate) sh: Vec<u32>,
+}
+
+impl Packed {
+    /// Bytes of all columns.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.gaussians[..]) + size_of_val(&self.motion[..]) + size_of_val(&self.sh[..])
+    }
 }
 
 /// The origin of a clip: the median centre per axis. Packed centres are relative to it, so the precision does
@@ -52,9 +59,8 @@ pub(crate) fn origin(static_field: &Field, dynamic_field: &Field) -> DVec3 {
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
-/// Packs `static_field`, whose temporal columns are ignored, followed by `dynamic_field`, with centres relative to
-/// `origin`.
-pub(crate) fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -> Packed {
+/// The features that shaders need for both fields.
+pub(crate) fn features([static_field, dynamic_field]: [&Field; 2]) -> Features {
     let temporal = dynamic_field.temporal.as_ref().filter(|_| !dynamic_field.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
@@ -63,8 +69,15 @@ pub(crate) fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -
         .filter(|field| !field.is_empty())
         .map(|field| field.sh_degree);
     let field = if dynamic_field.is_empty() { static_field } else { dynamic_field };
-    let features =
-        Features { sh_degree: sh_degree.max().unwrap_or(0), motion, mip: field.filter == PixelFilter::Mip };
+    let mip = field.filter == PixelFilter::Mip;
+    Features { sh_degree: sh_degree.max().unwrap_or(0), motion, mip, segmented: false }
+}
+
+/// Packs `static_field`, whose temporal columns are ignored, followed by `dynamic_field`, with centres relative to
+/// `origin`, for shaders with `features`: at least those of the fields. What a field lacks of them is 0.
+pub(crate) fn pack([static_field, dynamic_field]: [&Field; 2], origin: DVec3, features: Features) -> Packed {
+    let motion = features.motion;
+    let temporal = dynamic_field.temporal.as_ref().filter(|_| !dynamic_field.is_empty());
     let moments: Vec<Moment> = temporal.map_or_else(Vec::new, |temporal| {
         (0..dynamic_field.len()).map(|row| Moment::of(dynamic_field, temporal, row)).collect()
     });

@@ -1,4 +1,4 @@
-//! [`Renderer`]: draws frames of a clip into any render target.
+//! [`Renderer`]: draws frames of a clip or a take into any render target.
 //!
 //! A frame has two steps. [`Renderer::prepare`] finds and sorts the visible Gaussians, for which it needs no target;
 //! [`Renderer::record`] records the passes.
@@ -18,7 +18,10 @@ use super::drawn_set::{DrawnPart, DrawnSet};
 use super::foveation::Foveation;
 use super::frame_views::{EYES_MAX, FrameViews};
 use super::pass::begin;
+use super::segment::TakeLayout;
 use super::settings::{Cutoff, RenderSettings};
+use super::slots::Slots;
+use super::stages::alive::Culler;
 use super::stages::count::Counter;
 use super::stages::linear_light::LinearLight;
 use super::stages::quads::Quads;
@@ -45,9 +48,24 @@ impl FrameLayout {
     }
 }
 
-/// The pipelines of a clip, and the memory of a frame.
+/// What a renderer draws.
+enum Drawn {
+    Clip(Arc<GpuClip>),
+    Take(Box<Slots>),
+}
+
+impl Drawn {
+    fn clip(&self) -> &Arc<GpuClip> {
+        match self {
+            Drawn::Clip(clip) => clip,
+            Drawn::Take(slots) => slots.clip(),
+        }
+    }
+}
+
+/// The pipelines of a clip or a take, and the memory of a frame.
 pub struct Renderer {
-    clip: Arc<GpuClip>,
+    drawn: Drawn,
     layout: FrameLayout,
     eyes_per_pass: u32,
     /// Uniforms of each pass that shows whole views.
@@ -72,8 +90,8 @@ struct Prepared {
 }
 
 impl Renderer {
-    /// Builds the buffers, and the pipelines that the device lacks, to draw frames of `layout` of `clip`. Both eyes are drawn in one pass if
-    /// [`Caps::multiview`](super::Caps::multiview) is set.
+    /// Builds the buffers, and the pipelines that the device lacks, to draw frames of `layout` of `clip`. Both eyes are
+    /// drawn in one pass if [`Caps::multiview`](super::Caps::multiview) is set.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
@@ -81,11 +99,27 @@ impl Renderer {
     /// # Panics
     /// If the number of eyes is neither 1 nor 2.
     pub fn new(gpu: &Gpu, clip: Arc<GpuClip>, layout: FrameLayout) -> Result<Renderer, Fault> {
+        Renderer::of(gpu, Drawn::Clip(clip), layout)
+    }
+
+    /// As [`Renderer::new`], for a take, of which no segment is resident yet.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the take does not fit the device, or there is not enough memory.
+    ///
+    /// # Panics
+    /// As for [`Renderer::new`].
+    pub fn new_take(gpu: &Gpu, take: TakeLayout, layout: FrameLayout) -> Result<Renderer, Fault> {
+        Renderer::of(gpu, Drawn::Take(Box::new(Slots::new(gpu, &take)?)), layout)
+    }
+
+    fn of(gpu: &Gpu, drawn: Drawn, layout: FrameLayout) -> Result<Renderer, Fault> {
         let FrameLayout { format, eyes, foveated } = layout;
         assert!((1..=EYES_MAX).contains(&eyes), "one eye or two");
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };
         let pass_layout = PassUniforms::layout(gpu, eyes_per_pass);
-        let rows = clip.sets().map(|set| set.rows.len()).max().unwrap_or(0);
+        let clip = drawn.clip();
+        let rows = clip.sets().map(|set| set.buffers.rows).max().unwrap_or(0);
         let (sets, passes, timer) = gpu.allocate("the renderer", || {
             let set = |set| DrawnSet::new(gpu, set, &pass_layout, format, eyes_per_pass, foveated);
             let pass = |_| PassUniforms::new(gpu, &pass_layout, eyes_per_pass);
@@ -103,15 +137,24 @@ impl Renderer {
             sorter: Sorter::new(rows),
             timer,
             counter: None,
-            clip,
+            drawn,
             prepared: None,
             has_drawn: false,
         })
     }
 
-    /// The clip.
+    /// The clip, or what is drawn of the take now. Another renderer draws it as long as it likes: what it shares stays in
+    /// memory.
     pub fn clip(&self) -> &Arc<GpuClip> {
-        &self.clip
+        self.drawn.clip()
+    }
+
+    /// The segments of the take; `None` for a clip.
+    pub fn slots(&mut self) -> Option<&mut Slots> {
+        match &mut self.drawn {
+            Drawn::Clip(_) => None,
+            Drawn::Take(slots) => Some(slots),
+        }
     }
 
     /// Number of eyes per pass, and of layers per target.
@@ -124,7 +167,7 @@ impl Renderer {
         self.sets.len()
     }
 
-    /// Finds and sorts the Gaussians to draw at clip time `t`, clamped to 0 to 1, in `views` of the same size, and
+    /// Finds and sorts the Gaussians to draw at time `t` of the clip or the take, clamped to 0 to 1, in `views` of the same size, and
     /// writes them and the views for the next submission. Follow it with [`Renderer::record`], and submit that before
     /// the next call.
     ///
@@ -138,7 +181,7 @@ impl Renderer {
         let views = FrameViews::new(views, settings.inset);
         let counts = self.sort(gpu, t, &views, settings);
         for (pass, drawn) in self.passes.iter().zip(views.drawn().chunks(self.eyes_per_pass as usize)) {
-            pass.write(gpu, t, settings.cutoff, drawn, views.blur(), self.clip.origin);
+            pass.write(gpu, t, settings.cutoff, drawn, views.blur(), self.clip().origin);
         }
         self.prepared = Some(Prepared { views, t, cutoff: settings.cutoff });
         counts
@@ -265,7 +308,7 @@ impl Renderer {
             })??,
         };
         let Prepared { views, t, cutoff } = self.prepared.expect("a frame was prepared");
-        let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip.origin);
+        let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip().origin);
         self.counter = Some(counter);
         coverage
     }
@@ -273,9 +316,15 @@ impl Renderer {
     /// Runs the stages `alive` and `sort` for all sets and uploads the sorted rows.
     fn sort(&mut self, gpu: &Gpu, t: f64, views: &FrameViews, settings: &RenderSettings) -> FrameCounts {
         let mut counts = FrameCounts::default();
-        for (set, drawn) in self.clip.sets().zip(&mut self.sets) {
+        let clip = self.drawn.clip();
+        let t_s = t * clip.duration_s;
+        for (set, drawn) in clip.sets().zip(&mut self.sets) {
             let start = Instant::now();
-            let seen = set.rows.alive(t, views, settings, &mut self.items);
+            let mut culler = Culler::new(views, settings, clip.origin, set.filter(), &mut self.items);
+            for (number, segment, t) in set.at(t_s, clip.duration_s) {
+                segment.rows.alive(t, segment.first_entry(number), &mut culler);
+            }
+            let seen = culler.seen;
             counts.alive += seen.alive;
             counts.culled += seen.culled;
             let alive_end = Instant::now();
@@ -283,7 +332,7 @@ impl Renderer {
             counts.alive_ms += (alive_end - start).as_secs_f64() * 1e3;
             counts.sort_ms += alive_end.elapsed().as_secs_f64() * 1e3;
             counts.sorted += drawn.count(DrawnPart::All);
-            drawn.upload(gpu);
+            drawn.upload(gpu, set, t_s, clip.duration_s);
         }
         counts
     }
@@ -295,7 +344,7 @@ impl Renderer {
             let mut insets = [divisions[0].inset; EYES_MAX];
             insets.iter_mut().zip(divisions).for_each(|(inset, division)| *inset = division.inset);
             let (insets, blur) = (&insets[..divisions.len()], filter_variance(false));
-            pass.write(gpu, prepared.t, prepared.cutoff, insets, blur, self.clip.origin);
+            pass.write(gpu, prepared.t, prepared.cutoff, insets, blur, self.clip().origin);
         }
         foveation.write(gpu, divisions);
     }

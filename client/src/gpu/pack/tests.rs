@@ -109,6 +109,12 @@ struct Evaluated {
     u: f64,
 }
 
+/// Packs both fields for a clip of their own.
+fn pack(static_field: &Field, dynamic_field: &Field, origin: DVec3) -> Packed {
+    let fields = [static_field, dynamic_field];
+    super::pack(fields, origin, features(fields))
+}
+
 /// Moving row `row` at clip time `t`: what evaluate.wgsl computes, in f64.
 fn evaluate(packed: &Packed, row: usize, t: f64) -> Evaluated {
     let features = packed.features.motion.expect("it moves");
@@ -309,7 +315,7 @@ fn regions_share_their_records() {
     let dynamic_field = field(4, 2, Some(Motion { order: 1, rotates: false }));
     let packed = pack(&static_field, &dynamic_field, DVec3::ZERO);
     let motion = Some(Motion { order: 1, rotates: false });
-    assert_eq!(packed.features, Features { sh_degree: 2, motion, mip: false });
+    assert_eq!(packed.features, Features { sh_degree: 2, motion, ..Features::default() });
     assert_eq!((packed.gaussians.len(), packed.ranges.first_dynamic), (7, 3));
     assert_eq!((packed.motion.len(), packed.sh.len()), (4 * 3, 7 * 9));
     // Coefficients that the static field does not have are zero.

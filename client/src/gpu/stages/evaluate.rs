@@ -3,36 +3,33 @@
 
 use std::mem::size_of;
 
-use codec::Field;
 use program::Fault;
-use shaders::layout::{Gaussian, Ranges};
-use shaders::{Features, GAUSSIANS, MOTION, ORDER, RANGES, SH, sh_words};
+use shaders::layout::{Gaussian, Ranges, Slot};
+use shaders::{Features, GAUSSIANS, MOTION, Motion, ORDER, RANGES, SH, SLOTS, sh_words};
 
 use crate::gpu::device::Gpu;
 use crate::gpu::pack::Packed;
 
 /// The packed Gaussians of a set in GPU memory.
+#[derive(Clone)]
 pub(in crate::gpu) struct Buffers {
     pub(in crate::gpu) features: Features,
-    ranges: wgpu::Buffer,
+    /// Number of rows that they hold.
+    pub(in crate::gpu) rows: usize,
+    /// Ranges of a clip; those of a take change from frame to frame and are the renderer's.
+    ranges: Option<wgpu::Buffer>,
     gaussians: wgpu::Buffer,
     motion: Option<wgpu::Buffer>,
     sh: Option<wgpu::Buffer>,
 }
 
 impl Buffers {
-    /// Checks that the records of a set fit the storage buffers of the device.
+    /// Checks that the records of `rows` Gaussians with `features` fit the storage buffers of the device.
     ///
     /// # Errors
     /// [`Fault::Device`] with both sizes.
-    pub(in crate::gpu) fn check_size(
-        gpu: &Gpu,
-        static_field: &Field,
-        dynamic_field: &Field,
-    ) -> Result<(), Fault> {
-        let sh = sh_words(static_field.sh_degree.max(dynamic_field.sh_degree)) * size_of::<u32>();
-        let per_row = size_of::<Gaussian>().max(sh) as u64;
-        let bytes = per_row * (static_field.len() + dynamic_field.len()) as u64;
+    pub(in crate::gpu) fn check_size(gpu: &Gpu, features: Features, rows: usize) -> Result<(), Fault> {
+        let bytes = size_of::<Gaussian>().max(sh_bytes(features)) as u64 * rows as u64;
         if bytes <= gpu.caps.max_buffer_bytes {
             return Ok(());
         }
@@ -60,24 +57,99 @@ impl Buffers {
         let ranges = bytemuck::bytes_of(&packed.ranges);
         Ok(Buffers {
             features: packed.features,
-            ranges: gpu.buffer("ranges of the clip", ranges, wgpu::BufferUsages::UNIFORM)?,
+            rows: packed.gaussians.len(),
+            ranges: Some(gpu.buffer("ranges of the clip", ranges, wgpu::BufferUsages::UNIFORM)?),
             gaussians: gpu.buffer("the clip", bytemuck::cast_slice(gaussians), storage)?,
             motion: words("the clip's motion", &packed.motion)?,
             sh: words("the clip's colours", &packed.sh)?,
         })
     }
 
+    /// Room for `rows` Gaussians of segments with `features`. Each row has room for motion, whether it is dynamic or
+    /// not: so a range of rows is all that a segment needs.
+    ///
+    /// # Errors
+    /// As for [`Buffers::check_size`], and [`Fault::Device`] if there is not enough memory.
+    pub(in crate::gpu) fn with_capacity(
+        gpu: &Gpu,
+        features: Features,
+        rows: usize,
+    ) -> Result<Buffers, Fault> {
+        Buffers::check_size(gpu, features, rows)?;
+        let column = |label, row_bytes: usize| {
+            (row_bytes > 0).then(|| {
+                gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size: (row_bytes * rows.max(1)) as u64,
+                    usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                })
+            })
+        };
+        gpu.allocate("the take", || {
+            Some(Buffers {
+                features,
+                rows,
+                ranges: None,
+                gaussians: column("the take", size_of::<Gaussian>())?,
+                motion: column("the take's motion", motion_bytes(features)),
+                sh: column("the take's colours", sh_bytes(features)),
+            })
+        })
+        .map(|buffers| buffers.expect("a record has bytes"))
+    }
+
+    /// Writes, for the next submission, at most `budget` bytes of `packed` from byte `start` of its columns, one after
+    /// the other, to the rows from `first` on. Returns the number of bytes, 0 at the end.
+    pub(in crate::gpu) fn write(
+        &self,
+        gpu: &Gpu,
+        packed: &Packed,
+        first: usize,
+        start: usize,
+        budget: usize,
+    ) -> usize {
+        let first_dynamic = first + packed.ranges.first_dynamic as usize;
+        let columns: [(_, &[u8], _); 3] = [
+            (Some(&self.gaussians), bytemuck::cast_slice(&packed.gaussians), first * size_of::<Gaussian>()),
+            (
+                self.motion.as_ref(),
+                bytemuck::cast_slice(&packed.motion),
+                first_dynamic * motion_bytes(self.features),
+            ),
+            (self.sh.as_ref(), bytemuck::cast_slice(&packed.sh), first * sh_bytes(self.features)),
+        ];
+        // Writes are multiples of a word.
+        let budget = budget / size_of::<u32>() * size_of::<u32>();
+        let (mut skipped, mut written) = (start, 0);
+        for (buffer, bytes, place) in columns {
+            let Some(buffer) = buffer else { continue };
+            let begin = skipped.min(bytes.len());
+            skipped -= begin;
+            let piece = &bytes[begin..bytes.len().min(begin + budget - written)];
+            if !piece.is_empty() {
+                gpu.queue.write_buffer(buffer, (place + begin) as u64, piece);
+                written += piece.len();
+            }
+        }
+        written
+    }
+
     /// GPU memory in bytes.
     pub(in crate::gpu) fn bytes(&self) -> u64 {
-        let optional = self.motion.iter().chain(&self.sh).map(wgpu::Buffer::size).sum::<u64>();
-        self.ranges.size() + self.gaussians.size() + optional
+        let optional = self.ranges.iter().chain(&self.motion).chain(&self.sh);
+        self.gaussians.size() + optional.map(wgpu::Buffer::size).sum::<u64>()
     }
 
     /// Layout of bind group 1 for the features of the set.
     pub(in crate::gpu) fn layout(&self, gpu: &Gpu) -> wgpu::BindGroupLayout {
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
+        let ranges = match self.features.segmented {
+            true => SLOTS_BYTES,
+            false => size_of::<Ranges>(),
+        };
         let mut entries = vec![
-            entry(RANGES, wgpu::BufferBindingType::Uniform, size_of::<Ranges>()),
+            entry(RANGES, wgpu::BufferBindingType::Uniform, ranges),
             entry(GAUSSIANS, storage, size_of::<Gaussian>()),
             entry(ORDER, storage, size_of::<u32>()),
         ];
@@ -89,16 +161,17 @@ impl Buffers {
         })
     }
 
-    /// Bind group 1 with the buffers and the sorted rows.
+    /// Bind group 1 with the buffers, the slots if it is a take, and the sorted rows.
     pub(in crate::gpu) fn bind(
         &self,
         gpu: &Gpu,
         layout: &wgpu::BindGroupLayout,
+        slots: Option<&wgpu::Buffer>,
         order: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let bind = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
-        let mut bound =
-            vec![bind(RANGES, &self.ranges), bind(GAUSSIANS, &self.gaussians), bind(ORDER, order)];
+        let ranges = self.ranges.as_ref().or(slots).expect("a clip has ranges, a take slots");
+        let mut bound = vec![bind(RANGES, ranges), bind(GAUSSIANS, &self.gaussians), bind(ORDER, order)];
         bound.extend(self.motion.as_ref().map(|buffer| bind(MOTION, buffer)));
         bound.extend(self.sh.as_ref().map(|buffer| bind(SH, buffer)));
         let entries: Vec<_> = bound
@@ -114,6 +187,19 @@ impl Buffers {
             entries: &entries,
         })
     }
+}
+
+/// Size in bytes of the slots of a take.
+pub(in crate::gpu) const SLOTS_BYTES: usize = SLOTS as usize * size_of::<Slot>();
+
+/// Bytes of spherical harmonics per row.
+fn sh_bytes(features: Features) -> usize {
+    size_of::<u32>() * sh_words(features.sh_degree)
+}
+
+/// Bytes of temporal data per dynamic row.
+fn motion_bytes(features: Features) -> usize {
+    size_of::<u32>() * features.motion.map_or(0, Motion::words)
 }
 
 fn entry(binding: u32, ty: wgpu::BufferBindingType, min_bytes: usize) -> wgpu::BindGroupLayoutEntry {

@@ -340,7 +340,8 @@ fn counts(clip: &Clip) -> BTreeMap<String, f64> {
     let temporal = clip.dynamic_field.temporal.as_ref().filter(|_| !clip.dynamic_field.is_empty());
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
-    let features = Features { sh_degree: clip.sh_degree(), motion, mip: clip.filter().compensates() };
+    let mip = clip.filter().compensates();
+    let features = Features { sh_degree: clip.sh_degree(), motion, mip, segmented: false };
     let shader = compose(features, Purpose::Draw { views: 1, foveated: false, f16: false });
     let bindings = shader.matches("@binding(").count();
     let tested = |t: f64| {

@@ -3,7 +3,8 @@
 //! The time index gives candidates. A candidate is alive if its temporal opacity is at least 1/255. Alive
 //! Gaussians are culled against the view frusta and by contribution; the others go to the stage `sort`.
 //! The stage runs for all candidates in every frame, so it precomputes what does not change (the ends of a
-//! window replace its exponential) and processes rows in batches.
+//! window replace its exponential) and processes rows in batches. A [`Culler`] holds what a frame culls by, and collects
+//! the [`Rows`] of one segment after another.
 
 mod columns;
 mod eye;
@@ -24,14 +25,12 @@ use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
 
-/// The columns of a clip in CPU memory that culling and sorting read.
+/// The columns of a clip, or of a segment, in CPU memory that culling and sorting read.
 pub(in crate::gpu) struct Rows {
     static_field: RowColumns,
     dynamic_field: RowColumns,
     layers: Vec<LayerEnd>,
     time_index: TimeIndex,
-    origin: DVec3,
-    filter: PixelFilter,
 }
 
 /// Counts of the stage.
@@ -51,10 +50,9 @@ impl Rows {
         layers: Vec<LayerEnd>,
         time_index: TimeIndex,
     ) -> Rows {
-        let filter = if dynamic_field.is_empty() { static_field.filter } else { dynamic_field.filter };
         let [static_field, dynamic_field] =
             [static_field, dynamic_field].map(|field| RowColumns::new(field, origin));
-        Rows { static_field, dynamic_field, layers, time_index, origin, filter }
+        Rows { static_field, dynamic_field, layers, time_index }
     }
 
     pub(in crate::gpu) fn len(&self) -> usize {
@@ -66,39 +64,18 @@ impl Rows {
         self.layers.iter().map(|end| end.total())
     }
 
-    /// Replaces `items` by the rows to draw at clip time `t` in `views` under `settings`: static rows first,
-    /// then the candidates of the time index in order. Marks those in the inset.
-    pub(in crate::gpu) fn alive(
-        &self,
-        t: f64,
-        views: &FrameViews,
-        settings: &RenderSettings,
-        items: &mut Vec<Item>,
-    ) -> CullCounts {
-        items.clear();
-        let layers = settings.layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
+    /// Culls the rows at clip time `t`: static rows first, then the candidates of the time index in order. In the draw
+    /// order they count from `first`.
+    pub(in crate::gpu) fn alive(&self, t: f64, first: u32, culler: &mut Culler<'_>) {
+        let layers = culler.layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
         let Some(end) = layers.checked_sub(1).map(|last| self.layers[last]) else {
-            return CullCounts::default();
+            return;
         };
-        let mut culler = Culler {
-            t,
-            full: Eyes::new(views.full().iter(), self.origin),
-            drawn: Eyes::new(views.drawn().iter(), self.origin),
-            insets: views
-                .divisions()
-                .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), self.origin)),
-            depth: DepthKeys::new(views.full(), self.origin, settings.sort),
-            min_contribution_px: settings.min_contribution_px,
-            filter: self.filter,
-            items,
-            seen: CullCounts::default(),
-        };
-        culler.cull(&self.static_field, 0..end.static_count, 0);
-        let first = self.static_field.len();
+        culler.cull(&self.static_field, t, 0..end.static_count, first);
+        let first = first + self.static_field.len() as u32;
         for rows in self.time_index.candidates(t, layers) {
-            culler.cull(&self.dynamic_field, rows, first);
+            culler.cull(&self.dynamic_field, t, rows, first);
         }
-        culler.seen
     }
 }
 
@@ -127,9 +104,8 @@ impl Eyes {
     }
 }
 
-/// Culls rows and collects the others in `items`.
-struct Culler<'a> {
-    t: f64,
+/// Culls rows of a frame and collects the others.
+pub(in crate::gpu) struct Culler<'a> {
     /// What the viewer sees, in which contributions are counted.
     full: Eyes,
     /// What is drawn of it, in a foveated frame with larger pixels.
@@ -137,18 +113,44 @@ struct Culler<'a> {
     insets: Option<Eyes>,
     depth: DepthKeys,
     min_contribution_px: f32,
+    layers: Option<usize>,
     filter: PixelFilter,
     items: &'a mut Vec<Item>,
-    seen: CullCounts,
+    pub(in crate::gpu) seen: CullCounts,
 }
 
-impl Culler<'_> {
-    /// Culls `rows` of `columns`; the row numbers in `items` are offset by `first`.
-    fn cull(&mut self, columns: &RowColumns, rows: Range<usize>, first: usize) {
+impl<'a> Culler<'a> {
+    /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks those in the inset;
+    /// `origin` is that of the clip, in the world of the fields, and `filter` that of the fields.
+    pub(in crate::gpu) fn new(
+        views: &FrameViews,
+        settings: &RenderSettings,
+        origin: DVec3,
+        filter: PixelFilter,
+        items: &'a mut Vec<Item>,
+    ) -> Culler<'a> {
+        items.clear();
+        Culler {
+            full: Eyes::new(views.full().iter(), origin),
+            drawn: Eyes::new(views.drawn().iter(), origin),
+            insets: views
+                .divisions()
+                .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), origin)),
+            depth: DepthKeys::new(views.full(), origin, settings.sort),
+            min_contribution_px: settings.min_contribution_px,
+            layers: settings.layers,
+            filter,
+            items,
+            seen: CullCounts::default(),
+        }
+    }
+
+    /// Culls `rows` of `columns` at clip time `t`; the row numbers in `items` are offset by `first`.
+    fn cull(&mut self, columns: &RowColumns, t: f64, rows: Range<usize>, first: u32) {
         let mut batch = Batch::EMPTY;
         for begin in rows.clone().step_by(BATCH) {
             let rows = begin..rows.end.min(begin + BATCH);
-            columns.evaluate(rows.clone(), self.t, &mut batch);
+            columns.evaluate(rows.clone(), t, &mut batch);
             let support_radius = &columns.support_radius[rows.clone()];
             let visible = self.drawn.see(&batch.places, support_radius);
             let in_inset =
@@ -170,7 +172,7 @@ impl Culler<'_> {
                         continue;
                     }
                 }
-                let item = Item::new(depths[i], (first + row) as u32);
+                let item = Item::new(depths[i], first + row as u32);
                 self.items.push(if in_inset[i] == 0 { item } else { item.in_inset() });
             }
         }

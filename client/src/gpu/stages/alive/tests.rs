@@ -42,6 +42,19 @@ fn rows(field: &Field) -> Rows {
     )
 }
 
+/// Replaces `items` by the rows to draw.
+fn alive(
+    rows: &Rows,
+    t: f64,
+    views: &FrameViews,
+    settings: &RenderSettings,
+    items: &mut Vec<Item>,
+) -> CullCounts {
+    let mut culler = Culler::new(views, settings, ORIGIN, PixelFilter::Blur, items);
+    rows.alive(t, 0, &mut culler);
+    culler.seen
+}
+
 fn camera() -> Camera {
     Camera::look_at([0.3, -0.2, -3.0], [0.0; 3], [0.0, -1.0, 0.0], 0.8, 200, 120)
 }
@@ -60,7 +73,7 @@ fn counts_alive_rows() {
     for t in [0.0, 0.21, 0.5, 1.0] {
         let expected = (0..ROWS).filter(|&row| field.opacity_at(row, t) >= ALPHA_MIN).count();
         let seen =
-            rows(&field).alive(t, &FrameViews::new(&view, None), &RenderSettings::default(), &mut items);
+            alive(&rows(&field), t, &FrameViews::new(&view, None), &RenderSettings::default(), &mut items);
         assert_eq!(seen.alive as usize, expected, "t = {t}");
         assert!(expected > 100 && expected < ROWS * 2 / 3, "many rows are not alive: {expected}");
     }
@@ -82,7 +95,8 @@ fn rows_are_sorted_back_to_front_at_the_instant() {
     let view = [View::from_camera(&camera)];
     for sort in [SortOrder::Depth, SortOrder::Radial] {
         let mut items = Vec::new();
-        rows(&field).alive(
+        alive(
+            &rows(&field),
             0.4,
             &FrameViews::new(&view, None),
             &RenderSettings { sort, ..RenderSettings::default() },
@@ -107,7 +121,7 @@ fn culled_rows_are_outside_the_image() {
     let view = View::from_camera(&camera);
     let mut items = Vec::new();
     let CullCounts { alive, culled } =
-        rows(&field).alive(0.4, &FrameViews::new(&[view], None), &RenderSettings::default(), &mut items);
+        alive(&rows(&field), 0.4, &FrameViews::new(&[view], None), &RenderSettings::default(), &mut items);
     assert_eq!(culled, 0);
     let drawn = order_of(items);
     assert!(drawn.len() < alive as usize * 3 / 4, "many rows are outside: {} of {alive}", drawn.len());
@@ -139,7 +153,7 @@ fn two_eyes_see_the_union() {
     let [left, right] = camera().stereo_pair(1.0).map(|eye| View::from_camera(&eye));
     let seen = |views: &[View]| {
         let mut items = Vec::new();
-        rows(&field).alive(0.4, &FrameViews::new(views, None), &RenderSettings::default(), &mut items);
+        alive(&rows(&field), 0.4, &FrameViews::new(views, None), &RenderSettings::default(), &mut items);
         let mut rows = order_of(items);
         rows.sort_unstable();
         rows
@@ -166,7 +180,7 @@ fn layers_are_prefixes() {
     let mut items = Vec::new();
     let mut alive = |layers| {
         let settings = RenderSettings { layers, ..RenderSettings::default() };
-        rows.alive(0.5, &FrameViews::new(&view, None), &settings, &mut items).alive
+        alive(&rows, 0.5, &FrameViews::new(&view, None), &settings, &mut items).alive
     };
     assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
 }
@@ -197,7 +211,8 @@ fn culled_contributions_are_below_the_minimum_and_counted() {
     let rows = rows(&field);
     let cull_at = |min_contribution_px: f32| {
         let mut items = Vec::new();
-        let seen = rows.alive(
+        let seen = alive(
+            &rows,
             0.4,
             &FrameViews::new(&view, None),
             &RenderSettings { min_contribution_px, ..RenderSettings::default() },
@@ -230,7 +245,7 @@ fn rows_in_the_inset_are_marked() {
     let inset = FrameViews::new(&[view], Some(0.4)).divisions().unwrap()[0].inset;
     let drawn = |views: &FrameViews| {
         let mut items = Vec::new();
-        rows.alive(0.4, views, &RenderSettings::default(), &mut items);
+        alive(&rows, 0.4, views, &RenderSettings::default(), &mut items);
         order_of(items).into_iter().map(Item::split).collect::<Vec<_>>()
     };
     let marked: Vec<u32> = drawn(&FrameViews::new(&[view], Some(0.4)))
