@@ -11,6 +11,7 @@
 //! decides what to load and what to show; `controller` joins it with the thread.
 
 mod advice;
+mod content;
 #[cfg_attr(
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
@@ -34,6 +35,7 @@ mod url;
 mod worker;
 
 pub(crate) use advice::advice;
+pub use content::Content;
 pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
 #[cfg(all(feature = "xr", any(target_os = "android", test)))]
@@ -62,3 +64,4 @@ pub(crate) use url::redacted;
 pub(crate) use url::title;
 #[cfg(feature = "net")]
 pub(crate) use url::{has_user_info, is_secure, resolve};
+pub(crate) use worker::{Report, Worker};

@@ -71,6 +71,7 @@ impl Bench {
             lowered: false,
             passthrough: Some(false),
             has_next: true,
+            buffered: &[],
             statistics: &[("Gaussians", "40000".into()), ("GPU", "5.1 ms".into())],
             notice: self.notice,
         };
