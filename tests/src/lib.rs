@@ -16,5 +16,6 @@ pub mod remote;
 pub mod server;
 pub mod slurm;
 pub mod soak;
+pub mod takes;
 
 pub use measure::scene;

@@ -149,3 +149,94 @@ fn unexpected(span: Span, what: &str) -> Fault {
         span.start_s
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use codec::{ClipInfo, Temporal};
+
+    use super::*;
+
+    const LAYOUT: TakeLayout = TakeLayout {
+        sh_degree: 1,
+        motion_order: 1,
+        rotates: false,
+        filter: PixelFilter::Blur,
+        origin: DVec3::ZERO,
+        rows: 10,
+        duration_s: 4.0,
+        plate: None,
+    };
+
+    const SPAN: Span = Span { start_s: 1.5, duration_s: 2.0 };
+
+    /// One static Gaussian.
+    fn field(sh_degree: u8) -> Field {
+        Field {
+            centers: vec![[0.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[0.0; 3]],
+            opacities: vec![0.5],
+            sh_degree,
+            sh: vec![[0.0; 3]; codec::sh_coefficients(sh_degree)],
+            ..Field::default()
+        }
+    }
+
+    fn dynamic(motion_order: u8, rotates: bool) -> Field {
+        let temporal = Temporal {
+            tau: vec![0.5],
+            s: vec![0.1],
+            motion_order,
+            motion: vec![[1.0; 3]; motion_order.into()],
+            rotation_rates: rotates.then(|| vec![[0.0, 1.0, 0.0, 0.0]]),
+        };
+        Field { temporal: Some(temporal), ..field(0) }
+    }
+
+    fn clip(static_field: Field, dynamic_field: Field) -> Clip {
+        let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        Clip {
+            info: ClipInfo::default(),
+            bounds: [[0.0; 3]; 2],
+            time_index: TimeIndex::of_candidates(dynamic_field.len()),
+            static_field,
+            dynamic_field,
+            layers: vec![end],
+            layers_announced: 1,
+            plate: None,
+        }
+    }
+
+    #[test]
+    fn a_segment_with_less_than_its_take_is_widened() {
+        for (clip, motion_words) in
+            [(clip(field(0), Field::default()), 0), (clip(field(1), dynamic(0, false)), 3)]
+        {
+            let packed = PackedSegment::new(&clip, SPAN, &LAYOUT).unwrap();
+            let columns = &packed.clip.packed;
+            assert_eq!(columns.features, LAYOUT.features());
+            assert_eq!((columns.motion.len(), columns.sh.len()), (motion_words, 4 * clip.len()));
+            assert_eq!(packed.bytes(), 32 * clip.len() + 4 * (motion_words + 4 * clip.len()));
+            assert_eq!(packed.gaussians(), clip.len());
+        }
+    }
+
+    #[test]
+    fn a_segment_with_more_than_its_take_is_refused() {
+        let mip = Field { filter: PixelFilter::Mip, ..field(0) };
+        let none = Field::default;
+        let with_plate = Clip { plate: Some(field(0)), ..clip(field(0), none()) };
+        for (clip, what) in [
+            (clip(field(2), none()), "spherical harmonics of a higher degree"),
+            (clip(none(), dynamic(2, false)), "motion of a higher order"),
+            (clip(none(), dynamic(1, true)), "Gaussians that rotate"),
+            (clip(mip, none()), "another filter"),
+            (with_plate, "a plate"),
+        ] {
+            let Err(fault) = PackedSegment::new(&clip, SPAN, &LAYOUT) else { panic!("{what}") };
+            let expected =
+                format!("the segment at 1.500 s has {what}, unlike the head of its take: package it again");
+            assert_eq!((fault.to_string(), fault.exit_code()), (expected, 3));
+        }
+    }
+}

@@ -16,6 +16,7 @@ use shaders::{ROW_BITS, SLOTS};
 
 use super::clip::{GaussianSet, GpuClip, GpuSegment, NO_SLOTS, Slot};
 use super::device::Gpu;
+use super::pack::Packed;
 use super::segment::{PackedPart, PackedSegment, TakeLayout};
 use super::span::Span;
 use super::stages::evaluate::Buffers;
@@ -59,7 +60,7 @@ struct Part {
     segment: Arc<GpuSegment>,
     rows: Range<usize>,
     /// What is uploaded, until all of it is, and the number of bytes that are.
-    upload: Option<(Box<super::pack::Packed>, usize)>,
+    upload: Option<(Box<Packed>, usize)>,
 }
 
 impl Slots {
@@ -94,13 +95,13 @@ impl Slots {
 
     /// Takes a slot and rows for `packed`, which [`Slots::upload`] then writes. `None` if there is no room.
     pub fn insert(&mut self, packed: PackedSegment) -> Option<SlotId> {
-        self.insert_part_of(packed, None)
+        self.insert_in_place_of(packed, None)
     }
 
     /// Inserts `packed` in place of `old`, which is drawn until `packed` is complete and removed then: the same segment
     /// with more layers. `None` if there is no room for both; `old` then stays.
     pub fn replace(&mut self, old: SlotId, packed: PackedSegment) -> Option<SlotId> {
-        self.insert_part_of(packed, Some(old))
+        self.insert_in_place_of(packed, Some(old))
     }
 
     /// Whether there is room for `packed`.
@@ -147,7 +148,7 @@ impl Slots {
         self.sweep();
     }
 
-    fn insert_part_of(&mut self, packed: PackedSegment, replaces: Option<SlotId>) -> Option<SlotId> {
+    fn insert_in_place_of(&mut self, packed: PackedSegment, replaces: Option<SlotId>) -> Option<SlotId> {
         let (number, firsts) = self.place(&packed)?;
         let serial = self.inserted;
         self.inserted += 1;
@@ -166,12 +167,12 @@ impl Slots {
     fn place(&mut self, packed: &PackedSegment) -> Option<(usize, [usize; 2])> {
         self.sweep();
         let number = self.taken.iter().position(Option::is_none)?;
-        let taken = || self.taken.iter().flatten();
-        let clip = first_gap(taken().map(|taken| &taken.clip), packed.clip.rows.len(), &self.clip.clip)?;
+        let taken = self.taken.iter().flatten();
+        let ranges = taken.clone().map(|taken| taken.clip.rows.clone());
+        let clip = first_gap(ranges, packed.clip.rows.len(), self.clip.clip.buffers.rows)?;
+        let ranges = taken.filter_map(|taken| taken.plate.as_ref()).map(|plate| plate.rows.clone());
         let plate = match (&packed.plate, &self.clip.plate) {
-            (Some(plate), Some(set)) => {
-                first_gap(taken().filter_map(|taken| taken.plate.as_ref()), plate.rows.len(), set)?
-            }
+            (Some(plate), Some(set)) => first_gap(ranges, plate.rows.len(), set.buffers.rows)?,
             (None, _) => 0,
             (Some(_), None) => return None,
         };
@@ -246,18 +247,29 @@ impl Part {
     }
 }
 
-/// The first row of the first gap of `count` rows that no part of `parts` has in `set`.
-fn first_gap<'a>(
-    parts: impl Iterator<Item = &'a Part> + Clone,
-    count: usize,
-    set: &GaussianSet,
-) -> Option<usize> {
+/// The first row of the first gap of `count` of `rows` rows that no range of `taken` is in.
+fn first_gap(taken: impl Iterator<Item = Range<usize>> + Clone, count: usize, rows: usize) -> Option<usize> {
     let mut first = 0;
-    // Each round passes at least one of the parts.
-    while let Some(in_the_way) =
-        parts.clone().map(|part| &part.rows).find(|rows| first < rows.end && rows.start < first + count)
+    // A gap cannot begin before the end of a range that is in its way, so each round passes one for good.
+    while let Some(in_the_way) = taken.clone().find(|range| first < range.end && range.start < first + count)
     {
         first = in_the_way.end;
     }
-    (first + count <= set.buffers.rows).then_some(first)
+    (first + count <= rows).then_some(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_gap_that_is_large_enough() {
+        // In the order of slots, not of rows.
+        let taken = [40..50, 0..10, 13..30];
+        let gap = |count, rows| first_gap(taken.iter().cloned(), count, rows);
+        assert_eq!([1, 3, 4, 10, 11].map(|count| gap(count, 61)), [10, 10, 30, 30, 50].map(Some));
+        assert_eq!([gap(12, 61), gap(11, 60), gap(11, 61)], [None, None, Some(50)]);
+        assert_eq!(first_gap([].into_iter(), 7, 7), Some(0));
+        assert_eq!(first_gap([].into_iter(), 8, 7), None);
+    }
 }

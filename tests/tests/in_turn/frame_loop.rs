@@ -8,9 +8,10 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
+use aarc_tests::takes::SplitTake;
 use client::gpu::{
-    ChannelDepth, Cutoff, Foveation, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer,
-    SortOrder,
+    ChannelDepth, Cutoff, Foveation, FrameLayout, Gpu, GpuClip, Offscreen, PackedSegment, RenderSettings,
+    Renderer, SortOrder,
 };
 use client::view::View;
 use glam::UVec2;
@@ -27,27 +28,79 @@ const ROUNDS: usize = 42;
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![gpu::trial("one eye, then two", Passes::Shared, |_| {
-        // Its own device: objects of other tests would be counted.
-        let gpu = Gpu::new_headless().map_err(|fault| fault.to_string())?;
-        steady(&gpu, 1).and_then(|()| steady(&gpu, 2))
-    })]
+    // Their own devices: objects of other tests would be counted.
+    let opened = || Gpu::new_headless().map_err(|fault| fault.to_string());
+    vec![
+        gpu::trial("one eye, then two", Passes::Shared, move |_| {
+            let gpu = opened()?;
+            clip(&gpu, 1).and_then(|()| clip(&gpu, 2))
+        }),
+        gpu::trial("segments come and go, one eye, then two", Passes::Shared, move |_| {
+            let gpu = opened()?;
+            take(&gpu, 1).and_then(|()| take(&gpu, 2))
+        }),
+    ]
 }
 
-fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
+fn clip(gpu: &Gpu, eyes: usize) -> Result<(), String> {
     let recipe =
         Recipe { count: 800, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 4 };
     let plate = Recipe { motion: Motion::Static, turning: false, count: 100, ..recipe };
     let clip = decoded_with(&recipe.field(), Some(&plate.field()), &[200, 500]);
     let fault = |fault: program::Fault| fault.to_string();
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let renderer = Renderer::new(gpu, uploaded, frames(eyes)).map_err(fault)?;
+    steady(gpu, eyes, renderer, |_, frame| f64::from(frame) / f64::from(FRAMES))
+}
+
+/// Frames of `eyes` eyes.
+fn frames(eyes: usize) -> FrameLayout {
+    FrameLayout { format: ChannelDepth::Eight.format(), eyes, foveated: true }
+}
+
+/// Before each frame one of two segments gives its place to another one, which the frame then draws.
+fn take(gpu: &Gpu, eyes: usize) -> Result<(), String> {
+    let recipe =
+        Recipe { count: 800, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 4 };
+    let take = SplitTake::new(&recipe, 24.0, 1.5);
+    let fault = |fault: program::Fault| fault.to_string();
+    let layout = take.layout(take.resident_max() * 2);
+    let renderer = Renderer::new_take(gpu, layout, frames(eyes)).map_err(fault)?;
+    // In a player, a loader's thread packs.
+    let packed = |segment: usize| {
+        let (span, clip) = &take.segments[segment % take.segments.len()];
+        PackedSegment::new(clip, *span, &layout).map_err(fault).map(|packed| (packed, *span))
+    };
+    let mut resident = Vec::with_capacity(2);
+    let mut changes = 0;
+    steady(gpu, eyes, renderer, |renderer, frame| {
+        let slots = renderer.slots().expect("it draws a take");
+        if resident.len() == 2 {
+            slots.remove(resident.remove(0));
+        }
+        let (packed, span) = packed(frame as usize).expect("it is a segment of the take");
+        resident.push(slots.insert(packed).expect("room for two"));
+        assert!(slots.upload(gpu, 1 << 20) > 0);
+        changes += 1;
+        (span.start_s + 0.4 * span.duration_s) / take.duration_s
+    })?;
+    assert_eq!(changes, (WARM_UP + ROUNDS) as u32 * FRAMES);
+    Ok(())
+}
+
+/// Draws rounds of frames of `renderer`; `instant` prepares each and returns its time.
+fn steady(
+    gpu: &Gpu,
+    eyes: usize,
+    mut renderer: Renderer,
+    mut instant: impl FnMut(&mut Renderer, u32) -> f64,
+) -> Result<(), String> {
+    let fault = |fault: program::Fault| fault.to_string();
     let (format, size) = (ChannelDepth::Eight.format(), UVec2::new(96, 64));
-    let layout = FrameLayout { format, eyes, foveated: true };
-    let mut renderer = Renderer::new(gpu, uploaded.clone(), layout).map_err(fault)?;
     let foveation = Foveation::new(gpu, format, eyes, size, 0.5).map_err(fault)?;
     let target = Offscreen::new(gpu, size, eyes as u32, ChannelDepth::Eight).map_err(fault)?;
     let targets = target.targets(renderer.eyes_per_pass());
-    let settled = (gpu.objects(), uploaded.bytes());
+    let settled = (gpu.objects(), renderer.clip().bytes());
 
     let mut heap = Vec::with_capacity(WARM_UP + ROUNDS);
     for round in 0..WARM_UP + ROUNDS {
@@ -55,7 +108,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         for frame in 0..FRAMES {
             let (views, settings) = inputs(eyes, frame);
             let mut encoder = gpu.encoder();
-            let t = f64::from(frame) / f64::from(FRAMES);
+            let t = instant(&mut renderer, frame);
             renderer.prepare(gpu, t, &views, &settings);
             renderer.record(gpu, &mut encoder, &targets, Some(&foveation), None);
             gpu.submit(encoder);
@@ -66,7 +119,7 @@ fn steady(gpu: &Gpu, eyes: usize) -> Result<(), String> {
         // The graphics API holds what the GPU uses until then.
         gpu.wait().map_err(fault)?;
         heap.push(HEAP.current_usage());
-        let held = (gpu.objects(), uploaded.bytes());
+        let held = (gpu.objects(), renderer.clip().bytes());
         if held != settled {
             return Err(format!(
                 "after {round} rounds of {FRAMES} frames {held:?} are held, {settled:?} before"

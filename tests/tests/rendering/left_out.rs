@@ -6,8 +6,9 @@ use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
-use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Renderer};
-use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source, Temporal, sh_coefficients};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, PlateLayout, Renderer, TakeLayout};
+use codec::{Clip, Coder, EncodeOptions, Field, Limits, PixelFilter, Source, Temporal, sh_coefficients};
+use glam::DVec3;
 use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
@@ -16,6 +17,7 @@ use shaders::sh_words;
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         gpu::trial("GPU memory and pipelines", Passes::Shared, |_| memory_and_pipelines()),
+        gpu::trial("GPU memory and pipelines of takes", Passes::Shared, takes),
         Trial::test("columns that say nothing", columns_that_say_nothing),
     ]
 }
@@ -49,6 +51,37 @@ fn memory_and_pipelines() -> Result<(), String> {
     let plate = Recipe { sh_degree: 1, ..BARE }.field();
     let bytes = 2 * least + COUNT * WORD * sh_words(1);
     expect("plate", &decoded_with(&BARE.field(), Some(&plate), &[]), bytes, 2)
+}
+
+/// A take has the columns of its layout, and a second pipeline for a plate alone.
+fn takes(gpu: &Gpu) -> Result<(), String> {
+    let bare = TakeLayout {
+        sh_degree: 0,
+        motion_order: 0,
+        rotates: false,
+        filter: PixelFilter::Blur,
+        origin: DVec3::ZERO,
+        rows: COUNT,
+        duration_s: 60.0,
+        plate: None,
+    };
+    let plate = PlateLayout { sh_degree: 1, filter: PixelFilter::Blur, rows: 7 };
+    for (layout, words_of_plate, pipelines) in [
+        (bare, 0, 1),
+        (TakeLayout { sh_degree: 2, motion_order: 1, ..bare }, 0, 1),
+        (TakeLayout { motion_order: 3, rotates: true, plate: Some(plate), ..bare }, 8 + sh_words(1), 2),
+    ] {
+        let motion = shaders::Motion { order: layout.motion_order, rotates: layout.rotates };
+        let row = size_of::<Gaussian>() + WORD * (motion.words() + sh_words(layout.sh_degree));
+        let bytes = (COUNT * row + 7 * WORD * words_of_plate) as u64;
+        let renderer = Renderer::new_take(gpu, layout, FrameLayout::plain(ChannelDepth::Eight.format(), 1))
+            .map_err(|fault| fault.to_string())?;
+        let found = (renderer.clip().bytes(), renderer.pipelines());
+        if found != (bytes, pipelines) {
+            return Err(format!("{layout:?}: {found:?} for {:?}", (bytes, pipelines)));
+        }
+    }
+    Ok(())
 }
 
 /// Columns that hold only defaults are not packaged: the package is the same as without them.

@@ -15,6 +15,7 @@ mod linear_light;
 mod pipelines;
 mod prefixes;
 mod real_data;
+mod takes;
 
 fn main() -> ExitCode {
     gpu::run([
@@ -28,5 +29,6 @@ fn main() -> ExitCode {
         ("pipelines", pipelines::trials()),
         ("prefixes", prefixes::trials()),
         ("real_data", real_data::trials()),
+        ("takes", takes::trials()),
     ])
 }

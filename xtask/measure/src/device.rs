@@ -51,7 +51,7 @@ pub fn draw(
     Drawing::new(gpu, clip, cameras, depth)?.frame(t, settings)
 }
 
-/// What drawing several frames of a clip for the same cameras takes.
+/// What drawing several frames of a clip or a take for the same cameras takes.
 pub struct Drawing<'a> {
     gpu: &'a Gpu,
     renderer: Renderer,
@@ -70,15 +70,32 @@ impl<'a> Drawing<'a> {
         cameras: &[Camera],
         depth: ChannelDepth,
     ) -> Result<Drawing<'a>, Fault> {
+        Drawing::by(gpu, cameras, depth, |layout| Renderer::new(gpu, clip, layout))
+    }
+
+    /// Sets drawing up by the renderer that `renderer` makes for the frames.
+    ///
+    /// # Errors
+    /// What the renderer reports.
+    pub fn by(
+        gpu: &'a Gpu,
+        cameras: &[Camera],
+        depth: ChannelDepth,
+        renderer: impl FnOnce(FrameLayout) -> Result<Renderer, Fault>,
+    ) -> Result<Drawing<'a>, Fault> {
         let size = UVec2::new(cameras[0].width, cameras[0].height);
-        let layout = FrameLayout { format: depth.format(), eyes: cameras.len(), foveated: true };
         Ok(Drawing {
             gpu,
-            renderer: Renderer::new(gpu, clip, layout)?,
+            renderer: renderer(FrameLayout { format: depth.format(), eyes: cameras.len(), foveated: true })?,
             target: Offscreen::new(gpu, size, cameras.len() as u32, depth)?
                 .foveated(gpu, Level::INSET_MAX)?,
             views: cameras.iter().map(View::from_camera).collect(),
         })
+    }
+
+    /// The renderer.
+    pub fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
     }
 
     /// Turns to other cameras, as many and with images of the same size.

@@ -1,0 +1,350 @@
+//! A take is drawn as its field unsplit, whatever the segments that hold the instant.
+
+use std::sync::Arc;
+
+use aarc_tests::gpu::{self, Drawing, Passes};
+use aarc_tests::image::{Tolerance, check, difference};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
+use aarc_tests::takes::{Player, SplitTake, clip_of, layout_of};
+use client::gpu::{
+    ChannelDepth, Gpu, GpuClip, PackedSegment, RenderSettings, Renderer, SlotId, Span, TakeLayout,
+};
+use codec::{Camera, Clip, Field, PixelFilter};
+use libtest_mimic::Trial;
+use program::Fault;
+use refine::image::Image;
+use refine::reference::{Order, RenderScene, render};
+
+/// As in the other comparisons with the reference.
+const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
+
+const SIZE: (u32, u32) = (160, 120);
+
+/// Bytes of an upload; no multiple of a record.
+const PIECE: usize = 5000;
+
+const RECIPE: Recipe =
+    Recipe { count: 1200, sh_degree: 1, motion: Motion::Dynamic, motion_order: 3, turning: true, seed: 12 };
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        gpu::trial("a take of one segment is its clip", Passes::Shared, one_segment),
+        gpu::trial("a field split into levels, one eye", Passes::Shared, |gpu| split(gpu, false)),
+        gpu::multiview_trial("a field split into levels, two eyes in one pass", |gpu| split(gpu, true)),
+        gpu::trial("a field split into levels, two eyes in two passes", Passes::PerEye, |gpu| {
+            split(gpu, true)
+        }),
+        gpu::trial("a field split into levels, foveated, and counted", Passes::Shared, foveated),
+        gpu::trial("an instant after an hour is as exact as one at the start", Passes::Shared, hour),
+        gpu::trial("uploads in pieces", Passes::Shared, pieces),
+        gpu::trial("a segment replaces itself with more layers", Passes::Shared, replaced),
+        gpu::trial("room is used again", Passes::Shared, room),
+        gpu::trial("a picture of a take outlives its segments", Passes::Shared, shared),
+    ]
+}
+
+fn text(fault: Fault) -> String {
+    fault.to_string()
+}
+
+/// A drawing of a take without segments.
+fn drawing<'a>(gpu: &'a Gpu, layout: TakeLayout, cameras: &[Camera]) -> Result<Drawing<'a>, String> {
+    Drawing::by(gpu, cameras, ChannelDepth::Sixteen, |frame| Renderer::new_take(gpu, layout, frame))
+        .map_err(text)
+}
+
+fn whole() -> Camera {
+    camera(Place::Whole, SIZE.0, SIZE.1)
+}
+
+/// Inserts a segment and uploads all of it.
+fn insert(
+    gpu: &Gpu,
+    drawing: &mut Drawing<'_>,
+    (clip, span): (&Clip, Span),
+    layout: &TakeLayout,
+) -> Result<SlotId, String> {
+    let packed = PackedSegment::new(clip, span, layout).map_err(text)?;
+    let slots = drawing.renderer().slots().ok_or("no take")?;
+    let id = slots.insert(packed).ok_or("no room")?;
+    slots.upload(gpu, usize::MAX);
+    if slots.is_ready(id) { Ok(id) } else { Err("it is not ready".into()) }
+}
+
+fn frame(drawing: &mut Drawing<'_>, t: f64) -> Result<Image, String> {
+    Ok(drawing.frame(t, &RenderSettings::default()).map_err(text)?.remove(0))
+}
+
+fn is_black(image: &Image) -> bool {
+    image.pixels.iter().all(|pixel| *pixel == [0.0; 4])
+}
+
+/// Of static and dynamic fields, with a plate and layers. Centres have another origin than those of a clip, so their
+/// rounding differs, and pixels by up to two steps of 16-bit floats below 1.
+fn one_segment(gpu: &Gpu) -> Result<(), String> {
+    for (motion, filter) in [
+        (Motion::Static, PixelFilter::Blur),
+        (Motion::Mixed, PixelFilter::Mip),
+        (Motion::Dynamic, PixelFilter::Blur),
+    ] {
+        let field = Field { filter, ..Recipe { sh_degree: 2, motion, ..RECIPE }.field() };
+        let plate = Recipe { motion: Motion::Static, count: 100, seed: 5, ..RECIPE }.field();
+        let clip = decoded_with(&field, Some(&plate), &[300, 700]);
+        let (layout, span) = (layout_of(&clip, 2.5), Span { start_s: 0.0, duration_s: 2.5 });
+        let mut take = drawing(gpu, layout, &[whole()])?;
+        insert(gpu, &mut take, (&clip, span), &layout)?;
+        let on_gpu = Arc::new(GpuClip::upload(gpu, &clip).map_err(text)?);
+        let mut alone = Drawing::new(gpu, on_gpu, &[whole()], ChannelDepth::Sixteen).map_err(text)?;
+        for (t, layers) in [(0.0, None), (0.37, Some(1)), (0.5, None), (1.0, Some(2))] {
+            let settings = RenderSettings { layers, ..RenderSettings::default() };
+            let [take, alone] = [&mut take, &mut alone]
+                .map(|drawing| drawing.frame(t, &settings).map_err(text).map(|mut images| images.remove(0)));
+            let (take, alone) = (take?, alone?);
+            let found = difference(&take, &alone);
+            println!("{motion:?}, t = {t}: {found}");
+            if found.max_diff > 0.25 || alone.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() < 500 {
+                return Err(format!("{motion:?}, t = {t}: {found}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Played with room for what holds an instant, and little more: segments come and go, and rows are used again.
+fn split(gpu: &Gpu, stereo: bool) -> Result<(), String> {
+    let take = SplitTake::new(&RECIPE, 24.0, 1.5);
+    let cameras = if stereo { whole().stereo_pair(0.065).to_vec() } else { vec![whole()] };
+    let layout = take.layout(take.resident_max() * 3 / 2);
+    if layout.rows >= take.field.len() {
+        return Err("all segments are resident, so no row is used again".into());
+    }
+    let mut drawing = drawing(gpu, layout, &cameras)?;
+    let mut player = Player::new(layout, take.segments.len());
+    let scene = RenderScene::from(&take.field);
+    // On cuts, between them, forwards and back.
+    let steps = if stereo { 9 } else { 61 };
+    let times = (0..steps).map(|i| take.duration_s * f64::from(i) / f64::from(steps - 1));
+    let (mut changes, mut before, mut pictures) = (0, None::<Image>, 0);
+    for t_s in times.chain([7.77, 1.5, 20.2, 2.999_999, 3.0]) {
+        let t = t_s / take.duration_s;
+        changes += player.seek(gpu, drawing.renderer(), &take, t_s, PIECE).map_err(text)?;
+        let images = drawing.frame(t, &RenderSettings::default()).map_err(text)?;
+        for (eye, (image, camera)) in images.iter().zip(&cameras).enumerate() {
+            let expected = render(&scene, camera, t, Order::Depth);
+            let name = format!("take, {} eyes, {}, eye {eye}, {t_s} s", cameras.len(), gpu.caps.multiview);
+            check(&name, image, &expected, TOLERANCE.on(gpu))?;
+            let differs = |before: Image| before.psnr(&expected) < 40.0;
+            pictures += u32::from(eye == 0 && before.replace(expected.clone()).is_some_and(differs));
+        }
+    }
+    if changes < 2 * take.segments.len() || pictures < steps - 1 {
+        return Err(format!(
+            "{changes} changes of {} segments, {pictures} pictures differ from the one before",
+            take.segments.len()
+        ));
+    }
+    Ok(())
+}
+
+/// Against the field unsplit, drawn as a clip.
+fn foveated(gpu: &Gpu) -> Result<(), String> {
+    let take = SplitTake::new(&RECIPE, 24.0, 1.5);
+    let camera = camera(Place::Near, SIZE.0, SIZE.1);
+    let layout = take.layout(take.resident_max() * 3 / 2);
+    let mut split = drawing(gpu, layout, std::slice::from_ref(&camera))?;
+    let mut player = Player::new(layout, take.segments.len());
+    let on_gpu = Arc::new(GpuClip::upload(gpu, &clip_of(&take.field)).map_err(text)?);
+    let mut unsplit =
+        Drawing::new(gpu, on_gpu, std::slice::from_ref(&camera), ChannelDepth::Sixteen).map_err(text)?;
+    for (t_s, inset) in [(0.7, Some(0.4)), (6.0, Some(0.4)), (11.3, None), (23.9, Some(0.3))] {
+        let settings = RenderSettings { inset, ..RenderSettings::default() };
+        player.seek(gpu, split.renderer(), &take, t_s, PIECE).map_err(text)?;
+        let draw = |drawing: &mut Drawing<'_>| {
+            let image = drawing.frame(t_s / take.duration_s, &settings).map_err(text)?.remove(0);
+            Ok::<_, String>((image, drawing.renderer().count(gpu).map_err(text)?))
+        };
+        let ((image, coverage), (expected, whole)) = (draw(&mut split)?, draw(&mut unsplit)?);
+        check(&format!("take, foveated, {t_s} s"), &image, &expected, TOLERANCE.on(gpu))?;
+        // Quads differ by the rounding of their windows.
+        let near = |a: u64, b: u64| a.abs_diff(b) * 200 <= b;
+        if !near(coverage.fragments, whole.fragments)
+            || !near(coverage.drawn.into(), whole.drawn.into())
+            || whole.drawn < 100
+        {
+            return Err(format!("{t_s} s: {coverage:?} for {whole:?}"));
+        }
+    }
+    Ok(())
+}
+
+/// The same segment at the start of a take and at the end of its hour, at the same instants of its own.
+fn hour(gpu: &Gpu) -> Result<(), String> {
+    let hour_s = 3600.0;
+    let field = SplitTake::new(&RECIPE, 2.0, 2.0).field;
+    let clip = clip_of(&field);
+    let layout = TakeLayout { rows: 2 * clip.len(), ..layout_of(&clip, hour_s) };
+    let mut drawing = drawing(gpu, layout, &[whole()])?;
+    let starts = [0.0, hour_s - 2.0];
+    for start_s in starts {
+        insert(gpu, &mut drawing, (&clip, Span { start_s, duration_s: 2.0 }), &layout)?;
+    }
+    for since_s in [0.0, 0.333, 1.0, 1.0 + 1.0 / 4096.0, 1.99] {
+        let expected = render(&RenderScene::from(&field), &whole(), since_s / 2.0, Order::Depth);
+        let mut images = Vec::new();
+        for start_s in starts {
+            let image = frame(&mut drawing, (start_s + since_s) / hour_s)?;
+            check(&format!("hour, {start_s} s, {since_s} s"), &image, &expected, TOLERANCE.on(gpu))?;
+            images.push(image);
+        }
+        let found = difference(&images[1], &images[0]);
+        if found.max_diff > 0.5 {
+            return Err(format!("{since_s} s into the segment: {found}"));
+        }
+    }
+    // Between the segments nothing is drawn; at the last instant the last one is.
+    if !is_black(&frame(&mut drawing, 0.5)?) || is_black(&frame(&mut drawing, 1.0)?) {
+        return Err("spans".into());
+    }
+    Ok(())
+}
+
+/// No upload writes more than it may; a segment is drawn when it is complete, not before.
+fn pieces(gpu: &Gpu) -> Result<(), String> {
+    let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
+    let span = Span { start_s: 0.0, duration_s: 2.0 };
+    let layout = TakeLayout { rows: 2 * clip.len(), ..layout_of(&clip, 2.0) };
+    let mut take = drawing(gpu, layout, &[whole()])?;
+    let mut ids = Vec::new();
+    let mut total = 0;
+    for _ in 0..2 {
+        let packed = PackedSegment::new(&clip, span, &layout).map_err(text)?;
+        total += packed.bytes();
+        ids.push(take.renderer().slots().and_then(|slots| slots.insert(packed)).ok_or("no room")?);
+    }
+    let (mut written, mut uploads, mut ready) = (0, 0, 0);
+    let mut alone = None;
+    loop {
+        let slots = take.renderer().slots().ok_or("no take")?;
+        let bytes = slots.upload(gpu, PIECE);
+        let now = ids.iter().filter(|id| slots.is_ready(**id)).count();
+        (written, uploads) = (written + bytes, uploads + 1);
+        if bytes > PIECE || (bytes < PIECE - PIECE % 4 && written < total) {
+            return Err(format!("{bytes} bytes of {PIECE}"));
+        }
+        if now != ready || uploads == 3 {
+            let image = frame(&mut take, 0.5)?;
+            if is_black(&image) != (now == 0) {
+                return Err(format!("{now} segments are ready"));
+            }
+            // The second is the same once more, so the picture is denser.
+            if now == 2 && alone.as_ref().is_some_and(|alone: &Image| alone.psnr(&image) > 40.0) {
+                return Err("the second segment is not drawn".into());
+            }
+            alone = Some(image);
+            ready = now;
+        }
+        if bytes == 0 {
+            break;
+        }
+    }
+    if (written, ready, uploads) != (total, 2, total.div_ceil(PIECE - PIECE % 4) + 1) {
+        return Err(format!("{written} of {total} bytes in {uploads} uploads, {ready} are ready"));
+    }
+    Ok(())
+}
+
+/// At no instant are both drawn, or none.
+fn replaced(gpu: &Gpu) -> Result<(), String> {
+    let field = Recipe { motion: Motion::Mixed, ..RECIPE }.field();
+    let clip = decoded_with(&field, None, &[200]);
+    let first = {
+        let bytes = aarc_tests::scene::packaged(&field, None, &[200]);
+        let end = codec::contents(&bytes, &codec::Limits::default()).map_err(|error| error.to_string())?;
+        codec::decode(&bytes[..end.layer_bytes()[0]], &codec::Limits::default())
+            .map_err(|error| error.to_string())?
+    };
+    if first.len() != 200 {
+        return Err(format!("{} Gaussians in the first layer", first.len()));
+    }
+    let span = Span { start_s: 0.0, duration_s: 2.0 };
+    let layout = TakeLayout { rows: clip.len() + first.len(), ..layout_of(&clip, 2.0) };
+    let mut take = drawing(gpu, layout, &[whole()])?;
+    let old = insert(gpu, &mut take, (&first, span), &layout)?;
+    let coarse = frame(&mut take, 0.5)?;
+    let packed = PackedSegment::new(&clip, span, &layout).map_err(text)?;
+    let new = take.renderer().slots().and_then(|slots| slots.replace(old, packed)).ok_or("no room")?;
+    let mut seen = Vec::new();
+    loop {
+        let slots = take.renderer().slots().ok_or("no take")?;
+        let bytes = slots.upload(gpu, PIECE);
+        seen.push([slots.is_ready(old), slots.is_ready(new)]);
+        let expected = if slots.is_ready(new) {
+            render(&RenderScene::from(&clip), &whole(), 0.5, Order::Depth)
+        } else {
+            coarse.clone()
+        };
+        let image = frame(&mut take, 0.5)?;
+        check("take, replaced", &image, &expected, TOLERANCE.on(gpu))?;
+        if bytes == 0 {
+            break;
+        }
+    }
+    seen.dedup();
+    if seen == [[true, false], [false, true]] { Ok(()) } else { Err(format!("{seen:?}")) }
+}
+
+/// What is removed leaves room at once; ids of segments that are gone have no effect.
+fn room(gpu: &Gpu) -> Result<(), String> {
+    let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
+    let span = Span { start_s: 0.0, duration_s: 2.0 };
+    let layout = TakeLayout { rows: 2 * clip.len() + clip.len() / 2, ..layout_of(&clip, 2.0) };
+    let mut take = drawing(gpu, layout, &[whole()])?;
+    let a = insert(gpu, &mut take, (&clip, span), &layout)?;
+    let expected = frame(&mut take, 0.4)?;
+    let b = insert(gpu, &mut take, (&clip, span), &layout)?;
+    let slots = take.renderer().slots().ok_or("no take")?;
+    let packed = || PackedSegment::new(&clip, span, &layout).map_err(text);
+    if slots.has_room(&packed()?) || slots.insert(packed()?).is_some() {
+        return Err("there is room for three".into());
+    }
+    slots.remove(a);
+    slots.remove(a);
+    if slots.is_ready(a) || !slots.is_ready(b) || !slots.has_room(&packed()?) {
+        return Err("the first is removed, the second is not".into());
+    }
+    // One that is removed while it is uploaded.
+    let c = slots.insert(packed()?).ok_or("no room")?;
+    slots.upload(gpu, PIECE);
+    slots.remove(c);
+    let d = slots.insert(packed()?).ok_or("no room")?;
+    slots.remove(c);
+    slots.remove(b);
+    slots.upload(gpu, usize::MAX);
+    if !slots.is_ready(d) || slots.is_ready(c) {
+        return Err("the last is resident".into());
+    }
+    check("take, room", &frame(&mut take, 0.4)?, &expected, TOLERANCE.on(gpu)).map(|_| ())
+}
+
+/// A screenshot draws from another renderer, while the take plays on.
+fn shared(gpu: &Gpu) -> Result<(), String> {
+    let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
+    let other = clip_of(&SplitTake::new(&Recipe { seed: 77, ..RECIPE }, 2.0, 2.0).field);
+    let span = Span { start_s: 0.0, duration_s: 2.0 };
+    let layout = layout_of(&clip, 2.0);
+    let mut take = drawing(gpu, layout, &[whole()])?;
+    let id = insert(gpu, &mut take, (&clip, span), &layout)?;
+    let expected = frame(&mut take, 0.4)?;
+    let picture = take.renderer().clip().clone();
+    let mut screenshot = Drawing::new(gpu, picture, &[whole()], ChannelDepth::Sixteen).map_err(text)?;
+    take.renderer().slots().ok_or("no take")?.remove(id);
+    if insert(gpu, &mut take, (&other, span), &layout).is_ok() || !is_black(&frame(&mut take, 0.4)?) {
+        return Err("rows that are drawn are written again".into());
+    }
+    if difference(&frame(&mut screenshot, 0.4)?, &expected).max_diff > 0.0 {
+        return Err("the picture of the take has changed".into());
+    }
+    drop(screenshot);
+    insert(gpu, &mut take, (&other, span), &layout).map(|_| ())
+}
