@@ -1,4 +1,4 @@
-//! Decodes a package and lists it: metadata, layers, sections and the sizes of all columns.
+//! Decodes a package and lists it: metadata, layers, sections and the sizes of all columns; of a take, its segments.
 //!
 //! `cargo run -p codec --example list -- assets/demo.aarc`
 //!
@@ -8,11 +8,11 @@ use std::num::NonZero;
 use std::process::ExitCode;
 use std::{env, fs, thread};
 
-use codec::{Clip, Contents, Error, Field, Limits, contents, decode_parallel};
+use codec::{Clip, ClipInfo, Contents, Error, Field, Limits, Package, Take, decode_parallel, package};
 
 fn main() -> ExitCode {
     let Some(path) = env::args_os().nth(1) else {
-        eprintln!("usage: list CLIP.aarc");
+        eprintln!("usage: list PACKAGE.aarc");
         return ExitCode::from(2);
     };
     let bytes = match fs::read(&path) {
@@ -34,22 +34,66 @@ fn main() -> ExitCode {
 fn list(bytes: &[u8]) -> Result<(), Error> {
     // The head needs no decoding: a menu of clips can be built from the first kilobytes of each.
     let limits = Limits::default();
-    let head = contents(bytes, &limits)?;
-    list_head(&head);
+    let head = package(bytes, &limits)?;
     // Every chunk of 4096 Gaussians decodes independently.
     let threads = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    list_clip(&decode_parallel(bytes, &limits, threads)?);
+    match head {
+        Package::Clip(head) => {
+            list_head(&head);
+            list_clip(&decode_parallel(bytes, &limits, threads)?);
+        }
+        Package::Take(take) => list_take(&take, bytes, threads)?,
+    }
     Ok(())
 }
 
-fn list_head(head: &Contents) {
-    let info = &head.info;
-    println!("format {}.{}, coder {}", head.version_major, head.version_minor, head.coder.name());
-    println!("duration {} s, {} frames/s", info.duration_s, info.fps);
-    println!("up {:?}, {} m per unit, bounds {:?}", info.up, info.metres_per_unit, head.bounds);
-    for viewpoint in &info.viewpoints {
-        println!("viewpoint {:?} at {:?} towards {:?}", viewpoint.name, viewpoint.position, viewpoint.target);
+/// Lists the table of a take, and decodes one segment after the other; a damaged one is named and skipped.
+///
+/// # Errors
+/// The first error of a segment, after the others were listed.
+fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), Error> {
+    println!("format {}.{}, coder {}", take.version_major, take.version_minor, take.coder.name());
+    println!(
+        "take of {} s, {} segments, at most {} Gaussians at an instant",
+        take.duration_s,
+        take.segments.len(),
+        take.resident_max()
+    );
+    list_info(&take.info, take.bounds);
+    println!("segment    start      end level      offset    bytes gaussians");
+    for (index, segment) in take.segments.iter().enumerate() {
+        println!(
+            "{index:7} {:8.3} {:8.3} {:5} {:11} {:8} {:9}",
+            segment.start_s,
+            segment.end_s(),
+            segment.level,
+            segment.offset,
+            segment.bytes(),
+            segment.gaussians(),
+        );
     }
+    let mut first_error = None;
+    for (index, segment) in take.segments.iter().enumerate() {
+        // A file that was cut short ends within a segment, or before it.
+        let start = usize::try_from(segment.offset).map_or(bytes.len(), |offset| offset.min(bytes.len()));
+        let end = (start + segment.bytes()).min(bytes.len());
+        match take.decode_segment(index, &bytes[start..end], &Limits::default(), threads) {
+            Ok(clip) => {
+                println!("segment {index}, {} of {} layers", clip.layers.len(), clip.layers_announced);
+                list_clip(&clip);
+            }
+            Err(error) => {
+                println!("segment {index}: {error}");
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    first_error.map_or(Ok(()), Err)
+}
+
+fn list_head(head: &Contents) {
+    println!("format {}.{}, coder {}", head.version_major, head.version_minor, head.coder.name());
+    list_info(&head.info, head.bounds);
     println!("layer   static  dynamic  (up to its end)  bytes");
     for ((layer, end), bytes) in head.layers.iter().enumerate().zip(head.layer_bytes()) {
         println!("{layer:5} {:8} {:8} {bytes:24}", end.static_count, end.dynamic_count);
@@ -66,6 +110,14 @@ fn list_head(head: &Contents) {
             section.length,
             section.raw_length,
         );
+    }
+}
+
+fn list_info(info: &ClipInfo, bounds: [[f32; 3]; 2]) {
+    println!("duration {} s, {} frames/s", info.duration_s, info.fps);
+    println!("up {:?}, {} m per unit, bounds {bounds:?}", info.up, info.metres_per_unit);
+    for viewpoint in &info.viewpoints {
+        println!("viewpoint {:?} at {:?} towards {:?}", viewpoint.name, viewpoint.position, viewpoint.target);
     }
 }
 

@@ -6,7 +6,7 @@
 //! counts instead of trusted.
 
 #[cfg(feature = "encode")]
-use crate::preamble::{finish_head, u32_of, write_viewpoints};
+use crate::preamble::{Preamble, finish_head, u32_of, write_viewpoints};
 use crate::{
     ClipInfo, Coder, Error, LayerEnd, Limits, PixelFilter,
     columns::{PackageColumns, TemporalColumns},
@@ -15,7 +15,7 @@ use crate::{
     fixed,
     format::{CHUNK_ROWS, ENTRY_BYTES, LAYERS_OFFSET},
     limits::Budget,
-    preamble::{Head, Preamble, read_viewpoints},
+    preamble::{Head, read_viewpoints},
     section::{Region, Section, SectionKind},
 };
 

@@ -1,8 +1,10 @@
-//! 4D Gaussian fields and the `.aarc` clip package.
+//! 4D Gaussian fields and the `.aarc` package.
 //!
 //! A [`Field`] is a set of Gaussians that move along cubic trajectories and fade in and out of
 //! temporal windows. A package stores a field for streaming: its Gaussians come in *layers*, the
-//! most important first, so that any prefix with the first layer plays.
+//! most important first, so that any prefix with the first layer plays. A [`Take`] is a package of
+//! minutes: *segments* that overlap in time, each a clip package, of which a player needs only those
+//! that hold the present instant.
 //!
 //! This crate does no I/O and has no unsafe code. On any bytes it neither panics nor allocates beyond
 //! [`Limits`], and every [`Error`] names a byte offset. FORMAT.md, beside the
@@ -14,20 +16,24 @@
 //! |---|---|---|
 //! | read the head of a package: metadata, layers, sections | [`contents`] | |
 //! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
+//! | read the head of a clip or a take; an ordinary clip as a take | [`package`](package()), [`Take::from`] | |
+//! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`] | |
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
 //! | package a field | `encode`, `encode_parallel` | `encode` |
+//! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
 //!
-//! `examples/list.rs` lists a package, `examples/stream.rs` plays its layers as bytes arrive.
+//! `examples/list.rs` lists a clip or a take, `examples/stream.rs` plays the layers of a clip as bytes arrive.
 //!
 //! # Conventions
 //!
 //! - Lengths are in the units of the source, axes are those of the source; [`ClipInfo`] has the up
 //!   vector and the scale in metres.
-//! - Clip time runs from 0 to 1; [`ClipInfo::duration_s`] converts it to seconds.
+//! - Clip time runs from 0 to 1; [`ClipInfo::duration_s`] converts it to seconds. Times of a take are in
+//!   seconds; [`Segment::clip_time`] converts them.
 //! - Quaternions are `w, x, y, z`. Colours are display-referred.
 //! - Row `i` of all columns of a [`Field`] is one Gaussian.
 //!
@@ -64,6 +70,26 @@
 //! // The first layer plays without the second.
 //! let prefix = decode(&package[..package.len() - 1], &Limits::default())?;
 //! assert_eq!((prefix.len(), prefix.layers.len(), prefix.layers_announced), (1, 1, 2));
+//!
+//! // A take of 3 seconds: the clip plays in its first two and, again, in its last two.
+//! use codec::{Package, SegmentPackage, contents, encode_take_head};
+//! let head = contents(&package, &Limits::default())?;
+//! let segments =
+//!     [0.0, 1.0].map(|start_s| SegmentPackage { start_s, duration_s: 2.0, level: 0, contents: &head });
+//! let mut bytes = encode_take_head(&info, 3.0, &segments)?;
+//! segments.iter().for_each(|_| bytes.extend_from_slice(&package));
+//!
+//! let Package::Take(take) = codec::package(&bytes, &Limits::default())? else { unreachable!() };
+//! assert_eq!(take.at(0.5).collect::<Vec<_>>(), [0]);
+//! assert_eq!(take.at(1.5).collect::<Vec<_>>(), [0, 1]);
+//! let segment = &take.segments[1];
+//! let clip = take.decode_segment(
+//!     1,
+//!     &bytes[segment.offset as usize..][..segment.bytes()],
+//!     &Limits::default(),
+//!     std::num::NonZero::<usize>::MIN,
+//! )?;
+//! assert_eq!((clip.len(), segment.clip_time(1.5)), (2, 0.25));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]

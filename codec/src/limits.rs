@@ -4,12 +4,16 @@ use crate::{Error, format::COUNTS_OFFSET};
 
 /// Bounds on what decoding may produce. Decoding beyond one fails with [`Error::Limits`] before
 /// it allocates.
+///
+/// They bound what is in memory, not the length of the file: a clip, or the table of a take with one segment. A
+/// player that holds several segments at once bounds their sum itself: [`Take::resident_max`](crate::Take::resident_max)
+/// is the largest number of Gaussians that an instant needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Largest number of Gaussians, the plate included.
     pub max_gaussians: usize,
-    /// Largest number of bytes allocated at a time: the section table, the decoded clip and the decoder's work
-    /// space.
+    /// Largest number of bytes allocated at a time: the tables of sections and segments, the decoded clip and the
+    /// decoder's work space.
     pub max_bytes: usize,
 }
 

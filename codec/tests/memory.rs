@@ -5,8 +5,8 @@ mod common;
 
 use std::num::NonZero;
 
-use codec::{Clip, Coder, Error, Field, Limits, decode, decode_parallel};
-use common::{Parts, Shape, field, options, package, static_field};
+use codec::{Clip, Coder, Error, Field, Limits, Package, Take, decode, decode_parallel};
+use common::{Parts, Shape, field, options, package, segment_package, static_field, take_package};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -47,8 +47,65 @@ fn smallest_limits(bytes: &[u8]) -> Limits {
     limits(enough)
 }
 
+/// Segments of a take, decoded in more columns than they have.
+fn memory_of_segments_is_bounded() {
+    for coder in Coder::ALL {
+        let few = Shape { sh_degree: 0, motion_order: 1, rotation_rates: false, ..Shape::full(20_000) };
+        let segment = |field: &Field| segment_package(field, None, &options(coder, &[5_000]), 1.0);
+        let (narrow, wide) = (segment(&field(few, 1)), segment(&field(Shape::full(200), 2)));
+        let mut segments = vec![(0.0, 1.0, 0, narrow.clone())];
+        segments.extend((1..2_000).map(|start| (f64::from(start), 1.0, 0, wide.clone())));
+        let head = take_package(2_000.0, &segments);
+        let (long, table) = peak_of(|| package_head(&head, &Limits::default()));
+        assert!(table > 2_000 * 48, "{table} bytes of table");
+        let short = package_head(&take_package(2.0, &segments[..2]), &Limits::default());
+        for threads in [1, 4] {
+            let threads = NonZero::new(threads).unwrap();
+            let (clip, peak) =
+                peak_of(|| short.decode_segment(0, &narrow, &Limits::default(), threads).unwrap());
+            assert_eq!((clip.dynamic_field.sh_degree, clip.dynamic_field.motion_order()), (3, 3));
+            let decoded = bytes_of(&clip.static_field) + bytes_of(&clip.dynamic_field);
+            let ratio = peak as f64 / decoded as f64;
+            println!("{coder:?}, a segment in more columns, {threads} threads: peak {ratio:.3}");
+            assert!((1.0..=RATIO_MAX).contains(&ratio), "peak is {ratio} times the decoded size");
+        }
+        // The table counts towards the limits of a segment, and columns that it has not do too.
+        let fits = |take: &Take, max_bytes: usize| {
+            let limits = Limits { max_bytes, ..Limits::default() };
+            let (result, peak) =
+                peak_of(|| take.decode_segment(0, &narrow, &limits, NonZero::<usize>::MIN).is_ok());
+            assert!(peak <= max_bytes + UNCOUNTED_BYTES, "peak {peak} of {max_bytes}");
+            result
+        };
+        let least = |take: &Take| {
+            let (mut too_few, mut enough) = (0, 64 << 20);
+            while enough - too_few > 1 {
+                let midpoint = usize::midpoint(too_few, enough);
+                *(if fits(take, midpoint) { &mut enough } else { &mut too_few }) = midpoint;
+            }
+            enough
+        };
+        let [long, short] = [&long, &short].map(least);
+        let difference = long - short;
+        assert!(
+            difference * 9 / 10 <= table && table <= difference * 11 / 10,
+            "{difference} for {table} bytes"
+        );
+        let narrow_limits = smallest_limits(&narrow).max_bytes;
+        assert!(short > 2 * narrow_limits, "{short} bytes in all columns, {narrow_limits} in its own");
+    }
+}
+
+fn package_head(bytes: &[u8], limits: &Limits) -> Take {
+    match codec::package(bytes, limits).unwrap() {
+        Package::Take(take) => take,
+        Package::Clip(_) => panic!("a clip"),
+    }
+}
+
 #[test]
 fn memory_is_bounded() {
+    memory_of_segments_is_bounded();
     for (coder, sh_degree) in [(Coder::Fixed, 0), (Coder::Fixed, 3), (Coder::Context, 0), (Coder::Context, 3)]
     {
         let field = field(Shape { sh_degree, ..Shape::full(40_000) }, 1);

@@ -3,7 +3,7 @@
 
 use std::{fs, path::Path};
 
-use properties::{LIMITS, check_decoding, check_round_trip};
+use properties::{LIMITS, check_decoding, check_package, check_round_trip};
 
 #[path = "../fuzz/src/properties.rs"]
 #[allow(dead_code, unreachable_pub, reason = "a module of the fuzz targets")]
@@ -25,7 +25,10 @@ fn replay(target: &str, check: impl Fn(&[u8])) {
 
 #[test]
 fn packages_decode_to_a_valid_clip_or_an_error() {
-    replay("decode", |bytes| check_decoding(bytes, &codec::decode(bytes, &LIMITS)));
+    replay("decode", |bytes| {
+        check_decoding(bytes, &codec::decode(bytes, &LIMITS));
+        check_package(bytes, |_, _| ());
+    });
 }
 
 #[test]

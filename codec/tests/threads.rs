@@ -7,9 +7,9 @@ use std::collections::HashSet;
 use std::num::NonZero;
 use std::ops::Range;
 
-use codec::{Coder, Field, LayerEnd, Limits, Region, SectionKind, Source};
+use codec::{Coder, Field, LayerEnd, Limits, Package, Region, SectionKind, Source};
 use codec::{contents, decode, decode_parallel, encode, encode_parallel};
-use common::{Parts, Shape, field, info, options, put_u32, static_field};
+use common::{Parts, Shape, field, info, options, put_u32, segment_package, static_field, take_package};
 
 /// Numbers of threads that share the work of one: some, an odd number, and more than there are chunks.
 fn threads() -> impl Iterator<Item = NonZero<usize>> {
@@ -48,6 +48,26 @@ fn any_number_of_threads_reads_the_same_clip() {
                 let clip = decode_parallel(&package[..length], &Limits::default(), threads).unwrap();
                 assert!(clip == expected, "{coder:?}, {threads} threads, {length} bytes");
             }
+        }
+    }
+}
+
+/// A segment of a take is the same clip on any number of threads, and damaged the same error.
+#[test]
+fn any_number_of_threads_reads_the_same_segment() {
+    for coder in Coder::ALL {
+        let options = options(coder, &[1_000, 5_000]);
+        let few = Shape { sh_degree: 0, rotation_rates: false, ..Shape::full(12_000) };
+        let large = segment_package(&field(few, 1), Some(&static_field(4_200, 0, 2)), &options, 2.0);
+        let wide = segment_package(&field(Shape::full(10), 3), None, &options, 1.0);
+        let bytes = take_package(2.0, &[(0.0, 2.0, 1, large.clone()), (0.0, 1.0, 0, wide)]);
+        let Ok(Package::Take(take)) = codec::package(&bytes, &Limits::default()) else { panic!("a take") };
+        let mut damaged = large.clone();
+        damaged[large.len() / 2] ^= 1;
+        for bytes in [large, damaged] {
+            let decode = |threads| take.decode_segment(0, &bytes, &Limits::default(), threads);
+            let expected = decode(NonZero::<usize>::MIN);
+            assert!(threads().all(|threads| decode(threads) == expected), "{coder:?}");
         }
     }
 }

@@ -2,11 +2,11 @@
 //!
 //! The first checksum refuses most changes of a byte. So a package is taken apart, one or two of its
 //! parts are mutated, compressed ones after decompression, and joined with valid checksums, offsets and
-//! compression.
+//! compression. Parts of a take are its head, the entries of its table and its segments, which are packages.
 
 use libfuzzer_sys::fuzzer_mutate;
 
-use crate::common::{Parts, Rng, put_u32, u32_at};
+use crate::common::{Parts, Rng, TakeParts, put_u32, u32_at};
 
 /// Length of the head before the counts per layer: the shortest head, without its checksum.
 const FIXED_BYTES: usize = 76;
@@ -28,14 +28,10 @@ const GROWTH: usize = 32;
 pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     let mut rng = Rng(seed.into());
     // One in sixteen is mutated as plain bytes, checksums included.
-    if rng.below(16) == 0 || !is_splittable(&data[..size]) {
+    let mutated = if rng.below(16) == 0 { None } else { mutated_package(&data[..size], &mut rng) };
+    let Some(mut package) = mutated else {
         return fuzzer_mutate(data, size, max_size);
-    }
-    let mut parts = Parts::of(&data[..size]);
-    for _ in 0..1 + rng.below(2) {
-        mutate_part(&mut parts, &mut rng);
-    }
-    let mut package = parts.join();
+    };
     if rng.below(16) == 0 {
         package.truncate(rng.below(package.len()));
     }
@@ -44,6 +40,56 @@ pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize
     }
     data[..package.len()].copy_from_slice(&package);
     package.len()
+}
+
+/// The package with one or two mutated parts; nothing if it cannot be taken apart.
+fn mutated_package(package: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
+    if let Some(mut take) = TakeParts::of(package) {
+        for _ in 0..1 + rng.below(2) {
+            mutate_take(&mut take, rng);
+        }
+        // Rarely the table contradicts the segments.
+        return Some(if rng.below(8) == 0 { take.join_as_they_are() } else { take.join() });
+    }
+    if !is_splittable(package) {
+        return None;
+    }
+    let mut parts = Parts::of(package);
+    for _ in 0..1 + rng.below(2) {
+        mutate_part(&mut parts, rng);
+    }
+    Some(parts.join())
+}
+
+/// Mutates one part of a take.
+fn mutate_take(take: &mut TakeParts, rng: &mut Rng) {
+    let count = take.entries.len();
+    if count == 0 || rng.below(5) == 0 {
+        mutate_in_place(&mut take.head[PREFIX_BYTES..]);
+        return;
+    }
+    let i = rng.below(count);
+    match rng.below(8) {
+        0 => mutate_in_place(&mut take.entries[i]),
+        1 => {
+            let other = rng.below(count);
+            take.entries.swap(i, other);
+            take.segments.swap(i, other);
+        }
+        2 => take.segments.swap(i, rng.below(count)),
+        3 => {
+            take.entries.remove(i);
+            take.segments.remove(i);
+        }
+        4 => {
+            take.entries.insert(i, take.entries[i].clone());
+            take.segments.insert(i, take.segments[i].clone());
+        }
+        _ => {
+            let segment = &mut take.segments[i];
+            *segment = mutated_package(segment, rng).unwrap_or_else(|| mutated(segment));
+        }
+    }
 }
 
 /// Whether [`Parts::of`] can take `package` apart: all lengths and offsets lie within it.

@@ -1,10 +1,12 @@
 //! Properties of every input of the fuzz targets. Tests of `codec` check them on the regressions.
 
+use std::num::NonZero;
 use std::ops::Range;
 
 use codec::{
-    ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, LayerEnd, Limits, Precision,
-    SH_C0, Sensitivity, Source, Temporal, contents, decode, encode, sh_coefficients,
+    ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, FormatError, LayerEnd, Limits,
+    Package, Precision, SH_C0, Segment, Sensitivity, Source, Take, Temporal, contents, decode, encode,
+    package, sh_coefficients,
 };
 
 /// Limits that small, fast inputs can reach and exceed.
@@ -30,7 +32,7 @@ const ROWS_MAX: usize = 24;
 pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     let head = contents(bytes, &LIMITS);
     match (decoded, &head) {
-        (Ok(clip), Ok(head)) => check_clip(clip, head, bytes.len()),
+        (Ok(clip), Ok(head)) => check_clip(clip, head, &Take::from(head), bytes.len()),
         (Err(error), Ok(_)) => assert!(error.to_string().contains("at byte "), "no offset in: {error}"),
         (decoded, Err(error)) => {
             assert!(error.to_string().contains("at byte "), "no offset in: {error}");
@@ -39,17 +41,111 @@ pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     }
 }
 
-fn check_clip(clip: &Clip, head: &Contents, available: usize) {
+/// Reads `bytes` as a package of either kind, decodes each segment that has begun within [`LIMITS`], and checks the
+/// results. `segment` receives every result, by the number of the segment.
+///
+/// # Panics
+/// If an error has no offset in its segment, a table breaks a rule, or a clip breaks an invariant or contradicts its
+/// head or that of the take.
+pub fn check_package(bytes: &[u8], mut segment: impl FnMut(usize, Result<Clip, Error>)) {
+    let head = contents(bytes, &LIMITS);
+    let is_take = Err(Error::Format { offset: 64, error: FormatError::Take });
+    let take = match package(bytes, &LIMITS) {
+        Err(error) => {
+            assert!(error.to_string().contains("at byte "), "no offset in: {error}");
+            return assert!(head == is_take || head == Err(error), "both read the same head: {head:?}");
+        }
+        Ok(Package::Clip(clip)) => {
+            assert_eq!(head.as_ref(), Ok(&clip), "both read the same head");
+            Take::from(&clip)
+        }
+        Ok(Package::Take(take)) => {
+            assert_eq!(head, is_take);
+            check_table(&take, bytes.len());
+            take
+        }
+    };
+    for (index, entry) in take.segments.iter().enumerate() {
+        let Some(rest) = usize::try_from(entry.offset).ok().and_then(|offset| bytes.get(offset..)) else {
+            break;
+        };
+        let alone = &rest[..entry.bytes().min(rest.len())];
+        let decoded = take.decode_segment(index, alone, &LIMITS, NonZero::<usize>::MIN);
+        match &decoded {
+            Ok(clip) => {
+                let head = contents(alone, &LIMITS).expect("a decoded segment has a head");
+                check_clip(clip, &head, &take, alone.len());
+                check_prefix(clip, entry);
+            }
+            Err(Error::Format { offset, .. } | Error::Limits { offset, .. }) => {
+                let range = entry.offset..=entry.offset + entry.bytes() as u64;
+                assert!(range.contains(&(*offset as u64)), "byte {offset} of {range:?}");
+            }
+            Err(error) => panic!("{error} has an offset in another file"),
+        }
+        segment(index, decoded);
+    }
+}
+
+/// Checks the rules of a table, in ways of its own.
+fn check_table(take: &Take, available: usize) {
+    assert_eq!(take.info.duration_s, take.duration_s as f32);
+    assert_eq!(take.info.check(), Ok(()));
+    assert!((1..=65_536).contains(&take.segments.len()));
+    let mut offset = take.head_bytes as u64;
+    for segment in &take.segments {
+        assert_eq!(segment.offset, offset);
+        offset += segment.bytes() as u64;
+        assert!(
+            segment.start_s < segment.end_s()
+                && segment.duration_s > 0.0
+                && segment.end_s().is_finite()
+                && segment.start_s.is_finite()
+        );
+        assert!(segment.start_s < take.duration_s && segment.end_s() > 0.0, "{segment:?} is never seen");
+        assert!((1..=16).contains(&segment.layers.len()));
+        assert!(segment.layers.is_sorted_by(|a, b| a.bytes < b.bytes && a.gaussians < b.gaussians));
+        assert!(segment.layers[0].gaussians > 0);
+    }
+    assert_eq!(take.package_bytes(), offset);
+    assert!(available as u64 <= offset);
+    let spans_take = |segment: &Segment| segment.start_s <= 0.0 && segment.end_s() >= take.duration_s;
+    assert!(take.segments.is_sorted_by_key(|segment| !spans_take(segment)));
+    for group in take.segments.chunk_by(|a, b| spans_take(a) == spans_take(b)) {
+        assert!(group.is_sorted_by_key(|segment| (segment.start_s, -segment.duration_s)));
+    }
+    // The picture changes where a segment begins.
+    let starts = take.segments.iter().map(|segment| segment.start_s.max(0.0));
+    let residents = starts.map(|t_s| {
+        assert!(take.at(t_s).count() <= 32);
+        take.at(t_s).map(|index| take.segments[index].gaussians()).sum::<usize>()
+    });
+    assert_eq!(residents.max(), Some(take.resident_max()));
+}
+
+/// Checks that a clip has the Gaussians that the table announces for its layers.
+fn check_prefix(clip: &Clip, entry: &Segment) {
+    assert_eq!(clip.layers_announced, entry.layers.len());
+    let plate = clip.plate.as_ref().map_or(0, Field::len);
+    assert_eq!(clip.len() + plate, entry.layers[clip.layers.len() - 1].gaussians);
+}
+
+/// Checks the clip of a package with this head, decoded in the columns of `take`.
+fn check_clip(clip: &Clip, head: &Contents, take: &Take, available: usize) {
     for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
         field.check().expect("decoded fields are valid");
     }
-    assert_eq!((clip.static_field.sh_degree, clip.dynamic_field.sh_degree), (head.sh_degree, head.sh_degree));
+    assert_eq!((clip.static_field.sh_degree, clip.dynamic_field.sh_degree), (take.sh_degree, take.sh_degree));
+    assert_eq!((clip.static_field.filter, clip.dynamic_field.filter), (take.filter, take.filter));
     assert_eq!(clip.static_field.temporal, None);
     let temporal = clip.dynamic_field.temporal.as_ref().expect("the dynamic region has temporal columns");
-    assert_eq!(temporal.motion_order, head.motion_order);
-    assert_eq!(temporal.rotation_rates.is_some(), head.rotation_rates);
+    assert_eq!(temporal.motion_order, take.motion_order);
+    assert_eq!(temporal.rotation_rates.is_some(), take.rotation_rates);
     let plate = clip.plate.as_ref().map_or((0, None), |plate| (plate.len(), plate.temporal.as_ref()));
     assert_eq!(plate, (head.plate_len, None));
+    if let Some(plate) = &clip.plate {
+        assert_eq!((plate.sh_degree, plate.filter), (take.plate_sh_degree, take.plate_filter));
+    }
 
     assert_eq!(clip.layers, head.layers[..clip.layers.len()]);
     assert_eq!(clip.layers_announced, head.layers.len());

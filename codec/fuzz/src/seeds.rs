@@ -1,10 +1,10 @@
 //! The initial corpus: small fields of every combination of columns, as packages and as inputs of the
 //! round trip.
 
-use codec::Coder;
+use codec::{Coder, split};
 
 use crate::{
-    common::{Shape, field, options, package, static_field},
+    common::{Shape, field, options, package, segment_package, small_take, static_field, take_package},
     properties::RoundTripInput,
 };
 
@@ -24,6 +24,17 @@ pub fn packages() -> Vec<(String, Vec<u8>)> {
         let field = static_field(1, sh_degree, 2).select(&[0; 8193]);
         let package = package(&field, None, &options(Coder::Fixed, &[]));
         packages.push((format!("flood-sh{sh_degree}.aarc"), package));
+    }
+    for coder in Coder::ALL {
+        packages.push((format!("take-{}.aarc", coder.name()), small_take(coder)));
+        // Of many small segments.
+        let segments = split(&field(Shape { sh_degree: 0, ..Shape::full(12) }, 1), 4.0, 0.5);
+        let package = |segment: &codec::SplitSegment| {
+            let package = segment_package(&segment.field, None, &options(coder, &[]), segment.duration_s);
+            (segment.start_s, segment.duration_s, segment.level, package)
+        };
+        let segments: Vec<_> = segments.iter().map(package).collect();
+        packages.push((format!("take-{}-split.aarc", coder.name()), take_package(4.0, &segments)));
     }
     packages
 }

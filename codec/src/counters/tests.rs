@@ -5,10 +5,16 @@ use std::num::NonZero;
 
 use super::COUNTS;
 use crate::{
-    Coder, EncodeOptions, Limits, Precision, Source, Viewpoint, contents, decode_parallel, encode,
-    format::{CHUNK_ROWS, ENTRY_BYTES, LAYERS_MAX, NAME_BYTES_MAX, VIEWPOINTS_MAX},
+    Coder, EncodeOptions, Limits, Package, Precision, Source, Take, Viewpoint, contents, decode_parallel,
+    encode,
+    format::{
+        CHUNK_ROWS, ENTRY_BYTES, LAYERS_MAX, NAME_BYTES_MAX, RESIDENT_MAX, SEGMENTS_MAX, VIEWPOINTS_MAX,
+    },
 };
-use common::{Parts, Rng, Shape, field, info, options, package, static_field};
+use common::{
+    Parts, Rng, Shape, TakeParts, field, info, options, package, segment_package, small_take, static_field,
+    take_package,
+};
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -183,6 +189,66 @@ fn damage_under_valid_checksums() {
                 _ => change(&mut parts.sections[section], &mut rng),
             }
             work(&parts.join());
+        }
+    }
+}
+
+/// Reads the head of a take on one thread, and returns its work.
+fn work_of_head(take: &[u8]) -> (Take, [usize; 4]) {
+    COUNTS.set([0; 4]);
+    let Ok(Package::Take(read)) = crate::package(take, &Limits::default()) else { panic!("a take") };
+    (read, COUNTS.get())
+}
+
+#[test]
+fn many_segments() {
+    // As many segments as may hold an instant, and one after the other.
+    for overlap in [1.0, RESIDENT_MAX as f64] {
+        let of_segments = |count: usize| {
+            let mut parts = TakeParts::of(&small_take(Coder::Fixed)).unwrap();
+            let entry = parts.entries[1].clone();
+            parts.segments = Vec::new();
+            parts.head[12..16].copy_from_slice(&1e5f32.to_le_bytes());
+            parts.head[76..84].copy_from_slice(&1e5f64.to_le_bytes());
+            let at = |i: usize| {
+                let mut entry = entry.clone();
+                entry[..8].copy_from_slice(&(i as f64).to_le_bytes());
+                entry[8..16].copy_from_slice(&overlap.to_le_bytes());
+                entry
+            };
+            parts.entries = (0..count).map(at).collect();
+            let bytes = parts.join_as_they_are();
+            let (take, counts) = work_of_head(&bytes);
+            assert_eq!(take.segments.len(), count);
+            let [read, visits, ..] = counts;
+            assert!(read <= 2 * bytes.len(), "{read} bytes of {}", bytes.len());
+            assert!(visits <= (3 + RESIDENT_MAX) * count, "{visits} visits to {count} segments");
+            COUNTS.set([0; 4]);
+            assert!(take.resident_max() > 0);
+            let visits = COUNTS.get()[1];
+            assert!(visits <= (2 + RESIDENT_MAX) * count, "{visits} visits to {count} segments");
+            counts
+        };
+        check_growth(of_segments(SEGMENTS_MAX / 16), of_segments(SEGMENTS_MAX), 16);
+    }
+}
+
+/// Decoding a segment takes the work of its own package, however long the take.
+#[test]
+fn segments_of_a_long_take() {
+    for coder in Coder::ALL {
+        let segment = segment_package(&field(Shape::full(300), 1), None, &options(coder, &[100]), 1.0);
+        let alone = work(&segment);
+        for count in [1, 1000] {
+            let segments: Vec<_> = (0..count).map(|i| (i as f64, 1.0, 0, segment.clone())).collect();
+            let (take, _) = work_of_head(&take_package(count as f64, &segments));
+            COUNTS.set([0; 4]);
+            take.decode_segment(count - 1, &segment, &Limits::default(), NonZero::<usize>::MIN).unwrap();
+            let counts = COUNTS.get();
+            // The table of a segment is read twice more: for its prefixes.
+            let sections = 2 * (contents(&segment, &Limits::default()).unwrap().sections.len() + 1);
+            assert_eq!([counts[0], counts[2], counts[3]], [alone[0], alone[2], alone[3]]);
+            assert!(counts[1] <= alone[1] + sections, "{counts:?} in place of {alone:?}");
         }
     }
 }

@@ -6,8 +6,8 @@
 use std::num::NonZero;
 
 use crate::{
-    Clip, Contents, Error, FormatError, Limits, Take, decode::decode_contents, header::contents_of,
-    limits::Budget, preamble::Head, take::table::prefixes,
+    Clip, Contents, Error, FormatError, Limits, PixelFilter, Take, decode::decode_contents,
+    format::LAYERS_OFFSET, header::contents_of, limits::Budget, preamble::Head, take::table::prefixes,
 };
 
 impl Take {
@@ -19,7 +19,7 @@ impl Take {
     /// must add up their sizes itself.
     ///
     /// # Errors
-    /// As [`decode`](crate::decode()); also [`FormatError::Segment`] if the package is not the one in the table, and
+    /// As [`decode`](crate::decode()), where [`FormatError::Truncated`] counts bytes of the segment; also [`FormatError::Segment`] if the package is not the one in the table, and
     /// [`FormatError::Take`] if it is a take. Offsets count from the start of the take.
     ///
     /// # Panics
@@ -45,6 +45,11 @@ impl Take {
     ) -> Result<Clip, Error> {
         let mut budget = Budget::new(limits);
         budget.spend(self.table_bytes)?;
+        let (needed, available) =
+            (self.segments[index].layers.first().map_or(0, |layer| layer.bytes), bytes.len());
+        if available < needed {
+            return Err(Error::format(available, FormatError::Truncated { needed, available }));
+        }
         let head = Head::checked(bytes)?;
         let announced = self.segments[index].head_crc;
         if head.crc != announced {
@@ -53,7 +58,7 @@ impl Take {
             return Err(Error::format(head.bytes() - 4, error));
         }
         if head.is_take() {
-            return Err(Error::format(crate::format::LAYERS_OFFSET, FormatError::Take));
+            return Err(Error::format(LAYERS_OFFSET, FormatError::Take));
         }
         let contents = contents_of(&head, bytes.len(), limits, &mut budget)?;
         self.check_segment(index, &contents)?;
@@ -77,8 +82,7 @@ impl Take {
         if contents.filter != self.filter
             || contents.plate_len > 0 && contents.plate_filter != self.plate_filter
         {
-            let filters =
-                |a: crate::PixelFilter, b: crate::PixelFilter| format!("filters {}, {}", a.name(), b.name());
+            let filters = |a: PixelFilter, b: PixelFilter| format!("filters {}, {}", a.name(), b.name());
             let expected = filters(self.filter, self.plate_filter);
             return error(63, expected, filters(contents.filter, contents.plate_filter));
         }

@@ -5,6 +5,7 @@
 
 use crate::{
     Error, Segment, SegmentLayer, Take,
+    counters::Work,
     error::FormatError,
     format::{FIXED_BYTES, SEGMENT_BYTES, SEGMENT_LAYER_BYTES, SEGMENTS_MAX},
     limits::Budget,
@@ -39,6 +40,7 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
     let mut segments = budget.vec(count)?;
     let mut offset = head.bytes() as u64;
     for _ in 0..count {
+        Work::Sections.count(1);
         let (start_s, duration_s) = (reader.f64()?, reader.f64()?);
         let (level, layer_count) = (reader.u8()?, usize::from(reader.u8()?));
         let at = reader.at();

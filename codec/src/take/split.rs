@@ -31,7 +31,7 @@ pub struct SplitSegment {
 /// f64 and rounded to f32 once. Gaussians that are never alive go to a short segment near their window.
 ///
 /// # Panics
-/// If the duration or the unit is not a positive number, or the field breaks its invariants.
+/// If the duration or the unit is not between 1e-9 and 1e9 seconds, or the field breaks its invariants.
 pub fn split(field: &Field, duration_s: f64, unit_s: f64) -> Vec<SplitSegment> {
     let grid = Grid::new(duration_s, unit_s);
     let mut places: BTreeMap<(u8, u64), Vec<usize>> = BTreeMap::new();
@@ -73,10 +73,10 @@ struct Grid {
 
 impl Grid {
     fn new(duration_s: f64, unit_s: f64) -> Grid {
-        let is_positive = |x: f64| x.is_finite() && x > 0.0;
-        assert!(is_positive(duration_s) && is_positive(unit_s), "{duration_s} s and {unit_s} s are positive");
+        let is_valid = |seconds: f64| (1e-9..=1e9).contains(&seconds);
+        assert!(is_valid(duration_s) && is_valid(unit_s), "{duration_s} s and {unit_s} s are 1e-9 to 1e9 s");
         let mut grid = Grid { duration_s, unit_s, top: 0 };
-        while 2.0 * grid.step(grid.top) < duration_s && grid.top < u8::MAX {
+        while 2.0 * grid.step(grid.top) < duration_s {
             grid.top += 1;
         }
         grid
@@ -103,9 +103,8 @@ impl Grid {
     fn place(&self, [birth, death]: [f64; 2]) -> (u8, u64) {
         let lowest = (0..self.top).find_map(|level| {
             let mut number = (birth / self.step(level)) as u64;
-            let begins = |number: u64| self.span(level, number).0;
-            // The quotient may be rounded up, and a segment begins before the take ends.
-            if number > 0 && (begins(number) > birth || begins(number) >= self.duration_s) {
+            // A segment begins before the take ends.
+            if number > 0 && self.span(level, number).0 >= self.duration_s {
                 number -= 1;
             }
             let (start, duration) = self.span(level, number);

@@ -8,6 +8,7 @@ use std::cmp::Ordering;
 use crate::{
     ClipInfo, Coder, Contents, PixelFilter,
     columns::{PackageColumns, TemporalColumns},
+    counters::Work,
     format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX},
 };
 
@@ -120,7 +121,7 @@ impl Take {
     /// If there is no such segment.
     pub fn holds(&self, index: usize, t_s: f64) -> bool {
         let segment = &self.segments[index];
-        let t_s = t_s.clamp(0.0, self.duration_s);
+        let t_s = t_s.max(0.0).min(self.duration_s);
         segment.start_s <= t_s && (t_s < segment.end_s() || self.duration_s <= t_s && t_s <= segment.end_s())
     }
 
@@ -140,7 +141,7 @@ impl Take {
     pub fn resident_max(&self) -> usize {
         let (mut resident, mut largest) = (Resident::default(), 0);
         for segment in &self.segments {
-            resident.enter(segment.start_s.max(0.0), segment.end_s(), segment.gaussians());
+            resident.enter(segment.start_s, segment.end_s(), segment.gaussians());
             largest = largest.max(resident.gaussians());
         }
         largest
@@ -173,7 +174,8 @@ impl Take {
         let mut previous: Option<(f64, f64)> = None;
         for (i, segment) in self.segments.iter().enumerate() {
             let Segment { start_s, duration_s, .. } = *segment;
-            let is_span = start_s.is_finite() && duration_s > 0.0 && segment.end_s().is_finite();
+            // A short duration may vanish in the sum.
+            let is_span = duration_s.is_finite() && start_s < segment.end_s() && segment.end_s().is_finite();
             if !is_span || start_s >= self.duration_s || segment.end_s() <= 0.0 {
                 return broken(Some(i), "span of a segment (start, duration)", &segment.span());
             }
@@ -193,7 +195,7 @@ impl Take {
                 return broken(Some(i), "order of segments", &segment.span());
             }
             previous = Some(segment.span());
-            resident.enter(start_s.max(0.0), segment.end_s(), segment.gaussians());
+            resident.enter(start_s, segment.end_s(), segment.gaussians());
             if resident.0.len() > RESIDENT_MAX {
                 return broken(Some(i), "number of segments that hold one instant", &resident.0.len());
             }
@@ -281,6 +283,7 @@ struct Resident(Vec<(f64, usize)>);
 impl Resident {
     /// Removes the segments that have ended at `start_s`, and adds one.
     fn enter(&mut self, start_s: f64, end_s: f64, gaussians: usize) {
+        Work::Sections.count(1 + self.0.len());
         self.0.retain(|(end, _)| *end > start_s);
         self.0.push((end_s, gaussians));
     }

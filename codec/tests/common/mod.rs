@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "every test file uses a part")]
 
 use codec::{
-    Clip, ClipInfo, Coder, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint, decode, encode,
-    sh_coefficients,
+    Clip, ClipInfo, Coder, Contents, EncodeOptions, Field, Limits, SegmentPackage, Source, Temporal,
+    Viewpoint, contents, decode, encode, encode_take_head, sh_coefficients,
 };
 
 pub(crate) mod precision;
@@ -211,6 +211,148 @@ impl Parts {
     pub(crate) fn find(&self, kind: u8, region: u8) -> usize {
         self.table.iter().position(|entry| entry[0] == kind && entry[3] == region).unwrap()
     }
+}
+
+/// A take package taken apart as FORMAT.md says, without the crate's own parser. [`TakeParts::join`] recomputes
+/// everything in the table that the segments determine, so that a test's change is the only error.
+#[derive(Clone)]
+pub(crate) struct TakeParts {
+    /// The head before the table of segments.
+    pub(crate) head: Vec<u8>,
+    /// The first 24 bytes of each entry, then 8 for each layer.
+    pub(crate) entries: Vec<Vec<u8>>,
+    /// The package of each segment.
+    pub(crate) segments: Vec<Vec<u8>>,
+}
+
+impl TakeParts {
+    /// The parts of a take; nothing if a length or a count leads out of it.
+    pub(crate) fn of(package: &[u8]) -> Option<TakeParts> {
+        if package.get(64) != Some(&0) || package.len() < 88 {
+            return None;
+        }
+        let head_length = u32_at(package, 8);
+        let table_end = head_length.checked_sub(4)?;
+        let mut at = 84;
+        for _ in 0..package[65] {
+            at += 29 + usize::from(*package.get(at + 28)?);
+        }
+        let mut parts =
+            TakeParts { head: package.get(..at)?.to_vec(), entries: Vec::new(), segments: Vec::new() };
+        let mut offset = head_length;
+        for _ in 0..u32_at(package, 72) {
+            let length = 24 + 8 * usize::from(*package.get(at + 17)?);
+            let entry = package.get(at..at + length).filter(|_| at + length <= table_end && length > 24)?;
+            let bytes = u32_at(entry, length - 8);
+            parts.entries.push(entry.to_vec());
+            parts.segments.push(package.get(offset..offset + bytes)?.to_vec());
+            (at, offset) = (at + length, offset + bytes);
+        }
+        (at == table_end).then_some(parts)
+    }
+
+    /// Joins the parts, after writing into each entry what its segment determines.
+    pub(crate) fn join(&self) -> Vec<u8> {
+        let mut parts = self.clone();
+        for (entry, segment) in parts.entries.iter_mut().zip(&self.segments) {
+            let length = entry.len();
+            put_u32(entry, length - 8, segment.len());
+            // The head of a segment may be damaged.
+            let head_length = if segment.len() < 88 { 0 } else { u32_at(segment, 8) };
+            if !(88..=segment.len()).contains(&head_length) {
+                continue;
+            }
+            put_u32(entry, 20, u32_at(segment, head_length - 4));
+            let ends = layer_ends(segment);
+            for (layer, end) in ends.into_iter().enumerate().take(length / 8 - 4) {
+                put_u32(entry, 24 + 8 * layer, end);
+            }
+        }
+        parts.join_as_they_are()
+    }
+
+    /// Joins the parts with the table as it is; recomputes only length, number of segments and checksum.
+    pub(crate) fn join_as_they_are(&self) -> Vec<u8> {
+        let mut package = self.head.clone();
+        let head_length = self.head.len() + self.entries.iter().map(Vec::len).sum::<usize>() + 4;
+        put_u32(&mut package, 8, head_length);
+        put_u32(&mut package, 72, self.entries.len());
+        self.entries.iter().for_each(|entry| package.extend_from_slice(entry));
+        let crc = crc32fast::hash(&package);
+        package.extend_from_slice(&crc.to_le_bytes());
+        self.segments.iter().for_each(|segment| package.extend_from_slice(segment));
+        package
+    }
+
+    /// Offset of entry `i`, or of the checksum after the last one.
+    pub(crate) fn entry_at(&self, i: usize) -> usize {
+        self.head.len() + self.entries[..i].iter().map(Vec::len).sum::<usize>()
+    }
+}
+
+/// Ends of the layers of a clip package, by its section table; none if it leads out of the head.
+fn layer_ends(package: &[u8]) -> Vec<usize> {
+    let (head_length, count) = (u32_at(package, 8), u32_at(package, 72));
+    let mut ends = Vec::new();
+    let Some(table_at) = count.checked_mul(24).and_then(|table| (head_length - 4).checked_sub(table)) else {
+        return ends;
+    };
+    for entry in package[table_at..head_length - 4].chunks(24).filter(|entry| entry[1] & 1 != 0) {
+        let layer = usize::from(entry[2]).min(15);
+        ends.resize(ends.len().max(layer + 1), 0);
+        ends[layer] = u32_at(entry, 8).saturating_add(u32_at(entry, 12)).min(u32::MAX as usize);
+    }
+    ends
+}
+
+/// A segment of a take: start and duration in seconds, level, and package.
+pub(crate) type TakeSegment = (f64, f64, u8, Vec<u8>);
+
+/// Packages a take of `duration_s` seconds with [`info`].
+pub(crate) fn take_package(duration_s: f64, segments: &[TakeSegment]) -> Vec<u8> {
+    let heads: Vec<Contents> =
+        segments.iter().map(|segment| contents(&segment.3, &Limits::default()).unwrap()).collect();
+    let entries: Vec<SegmentPackage> = segments
+        .iter()
+        .zip(&heads)
+        .map(|(&(start_s, duration_s, level, _), contents)| SegmentPackage {
+            start_s,
+            duration_s,
+            level,
+            contents,
+        })
+        .collect();
+    let mut bytes = encode_take_head(&info(), duration_s, &entries).unwrap();
+    segments.iter().for_each(|segment| bytes.extend_from_slice(&segment.3));
+    bytes
+}
+
+/// The package of a segment that lasts `duration_s` seconds.
+pub(crate) fn segment_package(
+    field: &Field,
+    plate: Option<&Field>,
+    options: &EncodeOptions,
+    duration_s: f64,
+) -> Vec<u8> {
+    let info = ClipInfo { duration_s: duration_s as f32, viewpoints: Vec::new(), ..info() };
+    encode(&Source { info: &info, field, plate }, options).unwrap()
+}
+
+/// A take of 3.5 s of three small segments: one that spans it, with a plate and of two layers; one with few columns;
+/// and one with all.
+pub(crate) fn small_take(coder: Coder) -> Vec<u8> {
+    let few = Shape { sh_degree: 0, motion_order: 1, rotation_rates: false, ..Shape::full(4) };
+    let all = Shape { sh_degree: 1, motion_order: 2, ..Shape::full(5) };
+    let segments = [
+        (static_field(4, 0, 1), Some(static_field(2, 0, 2)), &[2][..], (0.0, 3.5, 2)),
+        (field(few, 3), None, &[], (0.0, 2.0, 0)),
+        (field(all, 4), None, &[2], (1.0, 2.5, 0)),
+    ];
+    let segments = segments.map(|(field, plate, layers, (start, duration, level))| {
+        let package = segment_package(&field, plate.as_ref(), &options(coder, layers), duration);
+        (start, duration, level, package)
+    });
+    take_package(3.5, &segments)
 }
 
 pub(crate) fn u32_at(bytes: &[u8], at: usize) -> usize {

@@ -1,10 +1,10 @@
-//! Fuzz target: decodes any bytes. The result must be an error with an offset or a valid clip, and peak
-//! memory, counted at the allocator, within the limits.
+//! Fuzz target: decodes any bytes, as a clip and as a take. The results must be errors with offsets or valid clips,
+//! and peak memory, counted at the allocator, within the limits.
 #![no_main]
 
 use codec_fuzz::{
     mutation::mutate,
-    properties::{LIMITS, check_decoding},
+    properties::{LIMITS, check_decoding, check_package},
 };
 use libfuzzer_sys::{fuzz_mutator, fuzz_target};
 use peak_alloc::PeakAlloc;
@@ -24,6 +24,14 @@ fuzz_target!(|bytes: &[u8]| {
     let allowed = LIMITS.max_bytes + 3 * bytes.len() + UNCOUNTED_BYTES;
     assert!(peak <= allowed, "{peak} bytes allocated at once, {allowed} allowed");
     check_decoding(bytes, &decoded);
+    drop(decoded);
+
+    ALLOCATOR.reset_peak_usage();
+    check_package(bytes, |_, _| ());
+    let peak = ALLOCATOR.peak_usage() - before;
+    // The checks read each head once more.
+    let allowed = LIMITS.max_bytes + 2 * (3 * bytes.len() + UNCOUNTED_BYTES);
+    assert!(peak <= allowed, "{peak} bytes allocated at once for a take, {allowed} allowed");
 });
 
 fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
