@@ -53,6 +53,8 @@ pub struct TakeStats {
     pub segments: usize,
     /// Number of segments in GPU memory at the end.
     pub resident: usize,
+    /// Number of segments that were loaded, again ones included.
+    pub loaded: usize,
     /// Seconds from the last position that play on without loading.
     pub buffered_s: f64,
     /// Most bytes uploaded in a frame.
@@ -61,8 +63,8 @@ pub struct TakeStats {
 
 impl From<TakeCounts> for TakeStats {
     fn from(counts: TakeCounts) -> TakeStats {
-        let TakeCounts { segments, resident, buffered_s, uploaded_bytes_max, .. } = counts;
-        TakeStats { segments, resident, buffered_s, uploaded_bytes_max }
+        let TakeCounts { segments, resident, loaded, buffered_s, uploaded_bytes_max, .. } = counts;
+        TakeStats { segments, resident, loaded, buffered_s, uploaded_bytes_max }
     }
 }
 

@@ -19,6 +19,8 @@ pub(super) enum SegmentEvent {
     Packed(Want, Box<PackedSegment>),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
+    /// The read of a segment was ended for the sake of others.
+    Overtaken(Want),
     /// Nothing is left to load.
     Idle,
 }
@@ -28,10 +30,13 @@ pub(super) enum SegmentEvent {
 struct Wants {
     queue: VecDeque<Want>,
     under_way: Vec<Want>,
+    /// Whether the read under way was told to end.
+    is_cancelled: bool,
 }
 
 /// The loader of a take.
 pub(super) struct SegmentLoader {
+    opened: Arc<OpenTake>,
     wants: Arc<Mutex<Wants>>,
     worker: Worker<(), SegmentEvent>,
     is_idle: bool,
@@ -48,17 +53,20 @@ impl SegmentLoader {
         wake: impl Fn() + Send + 'static,
     ) -> Result<SegmentLoader, Fault> {
         let wants = Arc::new(Mutex::new(Wants::default()));
-        let shared = wants.clone();
+        let (shared, loaded) = (wants.clone(), opened.clone());
         let work = move |(), report: crate::clips::Report<'_, SegmentEvent>| {
             loop {
                 let want = {
                     let mut wants = lock(&shared);
                     let Some(want) = wants.queue.pop_front() else { break };
                     wants.under_way.push(want);
+                    wants.is_cancelled = false;
+                    loaded.resume();
                     want
                 };
-                let event = match opened.load(want, &layout) {
+                let event = match loaded.load(want, &layout) {
                     Ok(packed) => SegmentEvent::Packed(want, Box::new(packed)),
+                    Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) => SegmentEvent::Failed(want, fault),
                 };
                 if report(event).is_break() {
@@ -69,12 +77,17 @@ impl SegmentLoader {
         };
         let worker = Worker::new(work, wake)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
-        Ok(SegmentLoader { wants, worker, is_idle: true })
+        Ok(SegmentLoader { opened, wants, worker, is_idle: true })
     }
 
-    /// Replaces the list of wants. Those under way are left out.
+    /// Replaces the list of wants. Those under way are left out. A server that still sends what is in no list is told to
+    /// stop.
     pub(super) fn set(&mut self, list: Vec<Want>) {
         let mut wants = lock(&self.wants);
+        if wants.under_way.last().is_some_and(|want| !list.is_empty() && !list.contains(want)) {
+            wants.is_cancelled = true;
+            self.opened.cancel();
+        }
         wants.queue = list.into_iter().filter(|want| !wants.under_way.contains(want)).collect();
         let is_needed = !wants.queue.is_empty();
         drop(wants);
@@ -108,7 +121,7 @@ impl SegmentLoader {
     /// Takes in an event of the thread; `None` if it was idle.
     fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
         match &event {
-            SegmentEvent::Packed(want, _) | SegmentEvent::Failed(want, _) => {
+            SegmentEvent::Packed(want, _) | SegmentEvent::Failed(want, _) | SegmentEvent::Overtaken(want) => {
                 lock(&self.wants).under_way.retain(|other| other != want);
                 Some(event)
             }
@@ -128,6 +141,14 @@ impl SegmentLoader {
         self.is_idle = true;
         let why = "it could not be loaded because of a defect of the player: report it with the player's log";
         want.map_or(SegmentEvent::Idle, |want| SegmentEvent::Failed(want, Fault::Defect(why.into())))
+    }
+}
+
+impl Drop for SegmentLoader {
+    /// Ends a read, so that the thread ends soon.
+    fn drop(&mut self) {
+        lock(&self.wants).queue.clear();
+        self.opened.cancel();
     }
 }
 

@@ -17,4 +17,6 @@ mod player;
 mod source;
 
 pub use opened::OpenTake;
-pub(crate) use player::{TakeCounts, TakePlayer};
+pub use player::{TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
+#[cfg(feature = "net")]
+pub(crate) use source::TakeSource;

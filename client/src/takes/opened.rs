@@ -38,8 +38,15 @@ impl OpenTake {
     ///
     /// # Errors
     /// [`Fault::Data`] if it is a take that cannot be read, or one too large for `limits`.
-    pub(crate) fn open(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
-        let source = TakeSource::open(path)?;
+    pub fn open(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+        OpenTake::of(TakeSource::open(path)?, limits)
+    }
+
+    /// As [`OpenTake::open`], of any source.
+    ///
+    /// # Errors
+    /// As there; [`Fault::Network`] if its head does not arrive.
+    pub(crate) fn of(source: TakeSource, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
         let fault = |reason: String| Fault::Data(format!("{}: {reason}", source.name()));
         let mut head = source.read(0..HEAD_BYTES)?;
         let found = match package(&head, limits) {
@@ -58,7 +65,8 @@ impl OpenTake {
             Err(_) if !looks_like_take(&head) => return Ok(None),
             Err(error) => return Err(fault(format!("{error}: {}", advice(&error, "copy it again")))),
         };
-        let (length, package_bytes) = (source.len()?, take.package_bytes());
+        let package_bytes = take.package_bytes();
+        let length = source.length()?.unwrap_or(package_bytes);
         if length > package_bytes {
             let rest = length - package_bytes;
             return Err(fault(format!("{rest} bytes follow the last segment: copy it again")));
@@ -173,19 +181,31 @@ impl OpenTake {
         }
     }
 
+    /// Ends a read that waits for a server, and those that follow, until [`OpenTake::resume`].
+    pub(super) fn cancel(&self) {
+        self.source.cancel();
+    }
+
+    /// Takes back [`OpenTake::cancel`].
+    pub(super) fn resume(&self) {
+        self.source.resume();
+    }
+
     /// Reads, decodes and packs the first layers of a segment.
     ///
     /// # Errors
-    /// [`Fault::Data`] with the place of the segment in the take.
+    /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
     pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<PackedSegment, Fault> {
         let span = span(&self.take.segments[want.segment]);
-        let packed = self.decode(want).and_then(|clip| PackedSegment::new(&clip, span, layout));
-        packed.map_err(|fault| fault.about(&self.name()))
+        let clip = self.decode(want)?;
+        PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))
     }
 
     fn decode(&self, want: Want) -> Result<Clip, Fault> {
         let segment = &self.take.segments[want.segment];
-        let fault = |reason: String| Fault::Data(format!("segment at {:.3} s: {reason}", segment.start_s));
+        let fault = |reason: String| {
+            Fault::Data(format!("{}: segment at {:.3} s: {reason}", self.name(), segment.start_s))
+        };
         let length = segment.layers[want.layers - 1].bytes;
         let bytes = self.source.read(segment.offset..segment.offset.saturating_add(length as u64))?;
         if bytes.len() < length {
@@ -226,3 +246,6 @@ fn layers_within(take: &Take, length: u64) -> Vec<usize> {
     };
     take.segments.iter().map(layers).collect()
 }
+
+#[cfg(test)]
+mod tests;

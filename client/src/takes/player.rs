@@ -6,6 +6,7 @@
 //! ([`TakePlayer::shown_s`]).
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use codec::Take;
 use program::Fault;
@@ -18,7 +19,10 @@ use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeL
 use crate::player::Player;
 
 /// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
-pub(crate) const UPLOAD_BYTES_MAX: usize = 256 << 10;
+pub const UPLOAD_BYTES_MAX: usize = 256 << 10;
+
+/// Wait before segments are asked for again that did not arrive after all retries of the network.
+const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 /// A segment with a place in GPU memory.
 struct Resident {
@@ -36,22 +40,25 @@ type Packed = (Want, Box<PackedSegment>);
 
 /// Counts of a frame for statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct TakeCounts {
+pub struct TakeCounts {
     /// Number of segments of the take.
-    pub(crate) segments: usize,
+    pub segments: usize,
     /// Number of segments in GPU memory.
-    pub(crate) resident: usize,
+    pub resident: usize,
+    /// Number of segments that were loaded so far, again ones included.
+    pub loaded: usize,
     /// Seconds that play on without loading, from the position in the direction of play.
-    pub(crate) buffered_s: f64,
-    /// Bytes uploaded in the latest frame, and the most in any frame.
-    pub(crate) uploaded_bytes: usize,
-    pub(crate) uploaded_bytes_max: usize,
+    pub buffered_s: f64,
+    /// Bytes uploaded in the latest frame.
+    pub uploaded_bytes: usize,
+    /// The most in any frame.
+    pub uploaded_bytes_max: usize,
 }
 
 impl TakeCounts {
     /// Rows of names and values for a viewer.
     pub(crate) fn rows(&self) -> [(&'static str, String); 3] {
-        let TakeCounts { segments, resident, buffered_s, uploaded_bytes, uploaded_bytes_max } = self;
+        let TakeCounts { segments, resident, buffered_s, uploaded_bytes, uploaded_bytes_max, .. } = self;
         let kilobytes = |bytes: &usize| bytes.div_ceil(1000);
         [
             ("segments", format!("{resident} of {segments}")),
@@ -65,7 +72,7 @@ impl TakeCounts {
 }
 
 /// The segments of a take in GPU memory.
-pub(crate) struct TakePlayer {
+pub struct TakePlayer {
     opened: Arc<OpenTake>,
     loader: SegmentLoader,
     layout: TakeLayout,
@@ -75,6 +82,8 @@ pub(crate) struct TakePlayer {
     plan: Plan,
     residents: Vec<Resident>,
     waiting: Option<Packed>,
+    /// After a failure of the network, when to ask for segments again.
+    retry_at: Option<Instant>,
     /// Whether everything was removed for the present plan to close gaps.
     was_cleared: bool,
     buffered: Buffered,
@@ -91,7 +100,7 @@ impl TakePlayer {
     ///
     /// # Errors
     /// [`Fault::Device`] if the take does not fit the device.
-    pub(crate) fn new(
+    pub fn new(
         gpu: &Gpu,
         opened: Arc<OpenTake>,
         layout: FrameLayout,
@@ -112,6 +121,7 @@ impl TakePlayer {
             plan: Plan::default(),
             residents: Vec::new(),
             waiting: None,
+            retry_at: None,
             was_cleared: false,
             buffered,
             shown_s: 0.0,
@@ -125,7 +135,7 @@ impl TakePlayer {
 
     /// Takes in the position of `player`, and what was loaded, and uploads at most [`UPLOAD_BYTES_MAX`] for the next
     /// submission. Call it once a frame, after a frame was submitted and before the next one is prepared.
-    pub(crate) fn update(&mut self, gpu: &Gpu, renderer: &mut Renderer, player: &Player) {
+    pub fn update(&mut self, gpu: &Gpu, renderer: &mut Renderer, player: &Player) {
         let t_s = player.position_s();
         let direction = match player.is_playing() {
             true => Direction::Forward,
@@ -140,8 +150,9 @@ impl TakePlayer {
     /// Waits until everything at `t_s` seconds is complete, apart from segments that cannot be loaded.
     ///
     /// # Errors
-    /// [`Fault::Device`] if what holds the instant does not fit the device's memory.
-    pub(crate) fn wait(&mut self, gpu: &Gpu, renderer: &mut Renderer, t_s: f64) -> Result<(), Fault> {
+    /// [`Fault::Device`] if what holds the instant does not fit the device's memory; [`Fault::Network`] if it does not
+    /// arrive.
+    pub fn wait(&mut self, gpu: &Gpu, renderer: &mut Renderer, t_s: f64) -> Result<(), Fault> {
         self.move_to(Playhead { t_s, ..Playhead::default() });
         loop {
             self.load(gpu, renderer, usize::MAX);
@@ -150,6 +161,7 @@ impl TakePlayer {
                 return Ok(());
             }
             match self.loader.wait() {
+                Some(SegmentEvent::Failed(_, fault @ Fault::Network(_))) => return Err(fault),
                 Some(event) => self.take_in(slots_of(renderer), event),
                 None if self.waiting.is_some() => {
                     return Err(Fault::Device(format!(
@@ -194,14 +206,20 @@ impl TakePlayer {
     fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
         match event {
             SegmentEvent::Packed(want, packed) => {
+                self.counts.loaded += 1;
                 self.waiting = Some((want, packed));
                 self.place(slots);
+            }
+            // It is asked for again after a while.
+            SegmentEvent::Failed(_, Fault::Network(why)) => {
+                self.notes.push(why);
+                self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
             // Its first layer may be whole.
             SegmentEvent::Failed(want, fault) => {
                 self.give_up(want, want.layers.min(2) - 1, &fault.to_string())
             }
-            SegmentEvent::Idle => {}
+            SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}
         }
     }
 
@@ -298,6 +316,10 @@ impl TakePlayer {
 
     /// Tells the loader what is missing.
     fn request(&mut self) {
+        if self.retry_at.is_some_and(|retry_at| Instant::now() < retry_at) {
+            return;
+        }
+        self.retry_at = None;
         let waiting = self.waiting.as_ref().map(|(want, _)| *want);
         let here = |segment: usize| {
             let waiting = waiting.filter(|want| want.segment == segment).map_or(0, |want| want.layers);
@@ -322,7 +344,7 @@ impl TakePlayer {
     }
 
     /// Whether a segment that can be loaded is not drawn at `t_s` seconds.
-    pub(crate) fn is_missing(&self, t_s: f64) -> bool {
+    pub fn is_missing(&self, t_s: f64) -> bool {
         let is_missing = |segment: usize| !self.resident(segment).is_some_and(Resident::is_drawn);
         if self.plan.is_for(t_s) {
             return self.plan.held().iter().any(|&segment| is_missing(segment));
@@ -334,32 +356,32 @@ impl TakePlayer {
 
     /// The instant to draw while the clock is at `t_s` seconds: that one if nothing of it is missing, else the latest
     /// complete one, as long as nothing of that was removed.
-    pub(crate) fn shown_s(&self, t_s: f64) -> f64 {
+    pub fn shown_s(&self, t_s: f64) -> f64 {
         if self.is_missing(t_s) && !self.is_missing(self.shown_s) { self.shown_s } else { t_s }
     }
 
     /// Whether the next frame uploads a part of a segment.
-    pub(crate) fn is_uploading(&self) -> bool {
+    pub fn is_uploading(&self) -> bool {
         self.residents.iter().any(|resident| !resident.is_ready)
     }
 
     /// A number that changes with the segments that are drawn.
-    pub(crate) fn revision(&self) -> u64 {
+    pub fn revision(&self) -> u64 {
         self.revision
     }
 
     /// The parts of the take that play without loading, as seconds (from, to), ascending.
-    pub(crate) fn buffered(&self) -> &[(f64, f64)] {
+    pub fn buffered(&self) -> &[(f64, f64)] {
         self.buffered.ranges()
     }
 
     /// Counts for statistics.
-    pub(crate) fn counts(&self) -> TakeCounts {
+    pub fn counts(&self) -> TakeCounts {
         self.counts
     }
 
     /// The remarks since the last call.
-    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+    pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
 }

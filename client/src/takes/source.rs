@@ -8,11 +8,17 @@ use std::sync::{Mutex, PoisonError};
 
 use program::{Fault, read_error};
 
-/// A file of a take. It stays open: a file that takes its place later changes nothing.
+#[cfg(feature = "net")]
+use crate::net::RemoteFile;
+
+/// Where the bytes of a take come from.
 #[derive(Debug)]
-pub(crate) struct TakeSource {
-    path: PathBuf,
-    file: Mutex<File>,
+pub(crate) enum TakeSource {
+    /// A file. It stays open: a file that takes its place later changes nothing.
+    File { path: PathBuf, file: Mutex<File> },
+    /// A file on a server.
+    #[cfg(feature = "net")]
+    Remote(Box<RemoteFile>),
 }
 
 impl TakeSource {
@@ -23,39 +29,73 @@ impl TakeSource {
     pub(crate) fn open(path: &Path) -> Result<TakeSource, Fault> {
         let file = File::open(path)
             .map_err(|error| Fault::Data(format!("{}: {}", path.display(), read_error(&error))))?;
-        Ok(TakeSource { path: path.to_owned(), file: Mutex::new(file) })
+        Ok(TakeSource::File { path: path.to_owned(), file: Mutex::new(file) })
     }
 
     /// Name of the source for messages.
     pub(crate) fn name(&self) -> String {
-        self.path.display().to_string()
+        match self {
+            TakeSource::File { path, .. } => path.display().to_string(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.name(),
+        }
     }
 
-    /// Length in bytes.
+    /// Length in bytes; `None` if a server does not say, or nothing was read of it yet.
     ///
     /// # Errors
     /// [`Fault::Data`] if it cannot be read.
-    pub(crate) fn len(&self) -> Result<u64, Fault> {
-        let file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        file.metadata().map(|metadata| metadata.len()).map_err(|error| self.unreadable(&error))
+    pub(crate) fn length(&self) -> Result<Option<u64>, Fault> {
+        match self {
+            TakeSource::File { path, file } => {
+                let file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                file.metadata().map(|metadata| Some(metadata.len())).map_err(|error| unreadable(path, &error))
+            }
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => Ok(file.total()),
+        }
     }
 
     /// Reads `range`; less at the end of the file.
     ///
     /// # Errors
-    /// [`Fault::Data`] if it cannot be read.
+    /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
     pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut bytes = Vec::new();
-        file.seek(SeekFrom::Start(range.start))
-            .and_then(|_| (&mut *file).take(range.end - range.start).read_to_end(&mut bytes))
-            .map_err(|error| self.unreadable(&error))?;
-        Ok(bytes)
+        match self {
+            TakeSource::File { path, file } => {
+                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut bytes = Vec::new();
+                file.seek(SeekFrom::Start(range.start))
+                    .and_then(|_| (&mut *file).take(range.end - range.start).read_to_end(&mut bytes))
+                    .map_err(|error| unreadable(path, &error))?;
+                Ok(bytes)
+            }
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.read(range).map_err(|fault| fault.about(&file.name())),
+        }
     }
 
-    fn unreadable(&self, error: &io::Error) -> Fault {
-        Fault::Data(format!("{}: {}", self.name(), read_error(error)))
+    /// Ends a read that waits for a server, and those that follow, until [`TakeSource::resume`].
+    pub(crate) fn cancel(&self) {
+        match self {
+            TakeSource::File { .. } => {}
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.cancel(),
+        }
     }
+
+    /// Takes back [`TakeSource::cancel`].
+    pub(crate) fn resume(&self) {
+        match self {
+            TakeSource::File { .. } => {}
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.resume(),
+        }
+    }
+}
+
+fn unreadable(path: &Path, error: &io::Error) -> Fault {
+    Fault::Data(format!("{}: {}", path.display(), read_error(error)))
 }
 
 #[cfg(test)]
@@ -68,7 +108,7 @@ mod tests {
         let path = folder.path().join("a");
         std::fs::write(&path, b"0123456789").unwrap();
         let source = TakeSource::open(&path).unwrap();
-        assert_eq!(source.len().unwrap(), 10);
+        assert_eq!(source.length().unwrap(), Some(10));
         for (range, bytes) in
             [(0..4, &b"0123"[..]), (7..9, b"78"), (8..20, b"89"), (30..40, b""), (3..3, b"")]
         {
@@ -77,7 +117,7 @@ mod tests {
         // A file that takes its place is another one.
         std::fs::write(folder.path().join("b"), b"abcdefghijk").unwrap();
         std::fs::rename(folder.path().join("b"), &path).unwrap();
-        assert_eq!((source.read(0..2).unwrap(), source.len().unwrap()), (b"01".to_vec(), 10));
+        assert_eq!((source.read(0..2).unwrap(), source.length().unwrap()), (b"01".to_vec(), Some(10)));
         let missing = TakeSource::open(&folder.path().join("c")).unwrap_err();
         assert!(missing.to_string().contains("c: "), "{missing}");
     }
