@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -39,6 +40,8 @@ pub(crate) struct RemoteFile {
     /// Where a file goes that the server sends whole.
     folder: Option<PathBuf>,
     state: Mutex<State>,
+    /// Whether the server sends the file whole.
+    is_whole: AtomicBool,
     /// For waits between requests, which a cancellation ends.
     pause: (Mutex<()>, Condvar),
 }
@@ -84,7 +87,8 @@ impl RemoteFile {
             Server::new(url, retry, servers, &watch).map_err(|error| Fault::Network(error.text()))?;
         let folder = cache.as_ref().map(|cache| cache.folder().to_owned());
         let (state, pause) = (Mutex::default(), (Mutex::default(), Condvar::new()));
-        Ok(RemoteFile { url: url.into(), server, watch, retry, cache, folder, state, pause })
+        let is_whole = AtomicBool::new(false);
+        Ok(RemoteFile { url: url.into(), server, watch, retry, cache, folder, state, is_whole, pause })
     }
 
     /// The URL without secrets, for messages.
@@ -97,8 +101,16 @@ impl RemoteFile {
         self.lock().total
     }
 
-    /// Ends the read under way, and those that follow, with an error until [`RemoteFile::resume`].
+    /// Ends the read of a part, and those that follow, with an error until [`RemoteFile::resume`]. A file that the server
+    /// sends whole goes on: all that follows needs it.
     pub(crate) fn cancel(&self) {
+        if !self.is_whole.load(Ordering::Relaxed) {
+            self.close();
+        }
+    }
+
+    /// Ends the read under way, and those that follow, with an error.
+    pub(crate) fn close(&self) {
         self.watch.cancel();
         drop(self.pause.0.lock());
         self.pause.1.notify_all();
@@ -206,6 +218,7 @@ impl RemoteFile {
         let request = transfer.next_request();
         transfer.on_response(&request, &head);
         (state.etag, state.total) = (head.etag, head.length);
+        self.is_whole.store(true, Ordering::Relaxed);
         state.whole = Some(WholeFile { disk, written: 0, body: Some(body), transfer });
         Ok(())
     }

@@ -335,6 +335,33 @@ mod tests {
     }
 
     #[test]
+    fn parts_are_of_the_version_of_the_first_one() {
+        let part = |offset, etag: Option<&str>, total| {
+            Transfer::part(RetryPolicy::default(), offset, etag.map(String::from), total)
+        };
+        let mut first = part(0, None, None);
+        let request = first.next_request().up_to(50);
+        assert_eq!((request.range().as_deref(), &request.if_range), (Some("bytes=0-49"), &None));
+        assert_eq!(first.on_response(&request, &range(0, 100, "\"a\"")), Action::Read { skip: 0 });
+        assert_eq!((first.etag(), first.total()), (Some("\"a\""), Some(100)));
+
+        let etag = Some("\"a\"");
+        let answered = |head: Head| {
+            let mut transfer = part(40, etag, Some(100));
+            let request = transfer.next_request().up_to(60);
+            assert_eq!((request.range().as_deref(), request.if_range.as_deref()), (Some("bytes=40-59"), etag));
+            transfer.on_response(&request, &head)
+        };
+        assert_eq!(answered(range(40, 100, "\"a\"")), Action::Read { skip: 0 });
+        assert_eq!(answered(whole(100, "\"a\"")), Action::Read { skip: 40 }, "a server without ranges");
+        assert_eq!(answered(whole(100, "\"b\"")), Action::StartOver, "the file changed");
+        assert!(matches!(answered(range(40, 100, "\"b\"")), Action::Retry(..)), "against the rules");
+        // Checksums tell versions where the server does not.
+        let request = part(40, None, Some(100)).next_request().up_to(60);
+        assert_eq!((request.range().as_deref(), request.if_range), (Some("bytes=40-59"), None));
+    }
+
+    #[test]
     fn a_server_without_ranges_sends_all_again_and_received_bytes_are_skipped() {
         let mut transfer = broken("\"a\"");
         let request = transfer.next_request();

@@ -148,7 +148,7 @@ impl Drop for SegmentLoader {
     /// Ends a read, so that the thread ends soon.
     fn drop(&mut self) {
         lock(&self.wants).queue.clear();
-        self.opened.cancel();
+        self.opened.close();
     }
 }
 

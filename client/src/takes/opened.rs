@@ -186,6 +186,11 @@ impl OpenTake {
         self.source.cancel();
     }
 
+    /// Ends a read that waits for a server for good.
+    pub(super) fn close(&self) {
+        self.source.close();
+    }
+
     /// Takes back [`OpenTake::cancel`].
     pub(super) fn resume(&self) {
         self.source.resume();

@@ -31,8 +31,10 @@ struct Resident {
     layers: usize,
     slot: SlotId,
     is_ready: bool,
-    /// Whether an earlier version is drawn until this one is complete.
-    is_refined: bool,
+    /// Earlier versions, one of which may be drawn until this one is complete.
+    earlier: Vec<SlotId>,
+    /// Whether a version is drawn.
+    is_drawn: bool,
 }
 
 /// A segment that is packed, and waits for room.
@@ -272,12 +274,20 @@ impl TakePlayer {
             None => slots.insert(*packed),
         };
         let Some(slot) = slot else { return };
-        let is_refined = old.is_some_and(|old| self.residents[old].is_drawn());
-        let resident =
-            Resident { segment: want.segment, layers: want.layers, slot, is_ready: false, is_refined };
         match old {
-            Some(old) => self.residents[old] = resident,
-            None => self.residents.push(resident),
+            Some(old) => {
+                let resident = &mut self.residents[old];
+                resident.earlier.push(std::mem::replace(&mut resident.slot, slot));
+                (resident.layers, resident.is_ready) = (want.layers, false);
+            }
+            None => self.residents.push(Resident {
+                segment: want.segment,
+                layers: want.layers,
+                slot,
+                is_ready: false,
+                earlier: Vec::new(),
+                is_drawn: false,
+            }),
         }
     }
 
@@ -285,7 +295,7 @@ impl TakePlayer {
     fn remove(&mut self, slots: &mut Slots, segment: usize) {
         let Some(at) = self.residents.iter().position(|resident| resident.segment == segment) else { return };
         let resident = self.residents.swap_remove(at);
-        slots.remove(resident.slot);
+        resident.earlier.into_iter().chain([resident.slot]).for_each(|slot| slots.remove(slot));
         self.change();
     }
 
@@ -294,7 +304,12 @@ impl TakePlayer {
         let mut has_changed = false;
         for resident in self.residents.iter_mut().filter(|resident| !resident.is_ready) {
             resident.is_ready = slots.is_ready(resident.slot);
-            has_changed |= resident.is_ready;
+            if resident.is_ready {
+                resident.earlier.clear();
+            }
+            let was_drawn = resident.is_drawn;
+            resident.is_drawn = resident.is_ready || resident.earlier.iter().any(|slot| slots.is_ready(*slot));
+            has_changed |= resident.is_ready || resident.is_drawn != was_drawn;
         }
         if has_changed {
             self.change();
@@ -304,7 +319,7 @@ impl TakePlayer {
     /// Takes in that other segments are drawn.
     fn change(&mut self) {
         self.revision += 1;
-        let drawn = self.residents.iter().filter(|resident| resident.is_drawn());
+        let drawn = self.residents.iter().filter(|resident| resident.is_drawn);
         self.buffered.update(drawn.map(|resident| resident.segment));
     }
 
@@ -345,7 +360,7 @@ impl TakePlayer {
 
     /// Whether a segment that can be loaded is not drawn at `t_s` seconds.
     pub fn is_missing(&self, t_s: f64) -> bool {
-        let is_missing = |segment: usize| !self.resident(segment).is_some_and(Resident::is_drawn);
+        let is_missing = |segment: usize| !self.resident(segment).is_some_and(|resident| resident.is_drawn);
         if self.plan.is_for(t_s) {
             return self.plan.held().iter().any(|&segment| is_missing(segment));
         }
@@ -383,13 +398,6 @@ impl TakePlayer {
     /// The remarks since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
-    }
-}
-
-impl Resident {
-    /// Whether a version of it is drawn.
-    fn is_drawn(&self) -> bool {
-        self.is_ready || self.is_refined
     }
 }
 

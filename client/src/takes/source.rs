@@ -84,6 +84,15 @@ impl TakeSource {
         }
     }
 
+    /// Ends a read that waits for a server for good.
+    pub(crate) fn close(&self) {
+        match self {
+            TakeSource::File { .. } => {}
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.close(),
+        }
+    }
+
     /// Takes back [`TakeSource::cancel`].
     pub(crate) fn resume(&self) {
         match self {

@@ -44,6 +44,9 @@ const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(720, 360);
 /// Interval between looks whether a hidden window is visible again.
 const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
+/// Interval between looks whether a part of a take has come, while the clip pauses.
+const LOADING_RETRY: Duration = Duration::from_millis(100);
+
 /// How long a part of a take may be missing before the window says so: shorter waits are barely seen.
 const LOADING_PATIENCE: Duration = Duration::from_millis(250);
 
@@ -393,7 +396,9 @@ impl Session {
         self.is_continuous = next_change == Some(Duration::ZERO);
         let repaint =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
-        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint) {
+        // A part that did not arrive is asked for again.
+        let loading = self.loading_since.map_or(Duration::MAX, |_| LOADING_RETRY);
+        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint).min(loading) {
             // The statistics are those of the previous frame.
             _ if outdated || self.playing.take.as_ref().is_some_and(TakePlayer::is_uploading) => Next::Now,
             Duration::ZERO => Next::Now,
