@@ -349,7 +349,10 @@ mod tests {
         let answered = |head: Head| {
             let mut transfer = part(40, etag, Some(100));
             let request = transfer.next_request().up_to(60);
-            assert_eq!((request.range().as_deref(), request.if_range.as_deref()), (Some("bytes=40-59"), etag));
+            assert_eq!(
+                (request.range().as_deref(), request.if_range.as_deref()),
+                (Some("bytes=40-59"), etag)
+            );
             transfer.on_response(&request, &head)
         };
         assert_eq!(answered(range(40, 100, "\"a\"")), Action::Read { skip: 0 });

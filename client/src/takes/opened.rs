@@ -69,7 +69,7 @@ impl OpenTake {
         let length = source.length()?.unwrap_or(package_bytes);
         if length > package_bytes {
             let rest = length - package_bytes;
-            return Err(fault(format!("{rest} bytes follow the last segment: copy it again")));
+            return Err(fault(format!("{rest} extra bytes after the last segment: copy it again")));
         }
         let most = limits.max_bytes / MEMORY_PARTS;
         if let Some(segment) = take.segments.iter().find(|segment| segment.bytes() > most) {

@@ -51,7 +51,7 @@ pub struct TakeCounts {
     pub loaded: usize,
     /// Seconds that play on without loading, from the position in the direction of play.
     pub buffered_s: f64,
-    /// Bytes uploaded in the latest frame.
+    /// Bytes uploaded in the latest frame. What is uploaded before a take is shown is in none.
     pub uploaded_bytes: usize,
     /// The most in any frame.
     pub uploaded_bytes_max: usize,
@@ -146,7 +146,9 @@ impl TakePlayer {
             false => self.head.direction,
         };
         self.move_to(Playhead { t_s, direction, looping: player.is_looping() });
-        self.load(gpu, renderer, UPLOAD_BYTES_MAX);
+        let written = self.load(gpu, renderer, UPLOAD_BYTES_MAX);
+        self.counts.uploaded_bytes = written;
+        self.counts.uploaded_bytes_max = self.counts.uploaded_bytes_max.max(written);
     }
 
     /// Waits until everything at `t_s` seconds is complete, apart from segments that cannot be loaded.
@@ -162,8 +164,10 @@ impl TakePlayer {
             if self.plan.held().iter().all(is_complete) {
                 return Ok(());
             }
+            if self.retry_at.take().is_some() {
+                return Err(Fault::Network(self.notes.pop().unwrap_or_default()));
+            }
             match self.loader.wait() {
-                Some(SegmentEvent::Failed(_, fault @ Fault::Network(_))) => return Err(fault),
                 Some(event) => self.take_in(slots_of(renderer), event),
                 None if self.waiting.is_some() => {
                     return Err(Fault::Device(format!(
@@ -184,8 +188,8 @@ impl TakePlayer {
         }
     }
 
-    /// Takes in what was loaded, and uploads at most `budget` bytes.
-    fn load(&mut self, gpu: &Gpu, renderer: &mut Renderer, budget: usize) {
+    /// Takes in what was loaded, and uploads at most `budget` bytes. Returns how many.
+    fn load(&mut self, gpu: &Gpu, renderer: &mut Renderer, budget: usize) -> usize {
         let slots = slots_of(renderer);
         self.place(slots);
         while self.waiting.is_none()
@@ -195,14 +199,13 @@ impl TakePlayer {
         }
         self.request();
         let written = slots.upload(gpu, budget);
-        self.counts.uploaded_bytes = written;
-        self.counts.uploaded_bytes_max = self.counts.uploaded_bytes_max.max(written);
         self.settle(slots);
         if !self.is_missing(self.head.t_s) {
             self.shown_s = self.head.t_s;
         }
         self.counts.resident = self.residents.len();
         self.counts.buffered_s = self.buffered.from(self.head.t_s, self.head.direction);
+        written
     }
 
     fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
@@ -308,7 +311,8 @@ impl TakePlayer {
                 resident.earlier.clear();
             }
             let was_drawn = resident.is_drawn;
-            resident.is_drawn = resident.is_ready || resident.earlier.iter().any(|slot| slots.is_ready(*slot));
+            resident.is_drawn =
+                resident.is_ready || resident.earlier.iter().any(|slot| slots.is_ready(*slot));
             has_changed |= resident.is_ready || resident.is_drawn != was_drawn;
         }
         if has_changed {

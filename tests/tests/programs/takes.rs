@@ -1,15 +1,22 @@
 //! Takes, as a user plays them: images at any instant, and files that are damaged or cut short.
 
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use aarc_tests::display::{self, Display};
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::outcome::{DATA, NETWORK, Outcome, USAGE};
 use aarc_tests::programs::{Folder, client, run};
-use aarc_tests::scene::{Motion, Recipe, lasting};
+use aarc_tests::scene::{Motion, Recipe, ball, lasting};
 use aarc_tests::server::{Answer, Request, Server};
 use aarc_tests::take_files::{SegmentFile, take_package};
 use client::gpu::Gpu;
 use libtest_mimic::Trial;
 use refine::image::Image;
+
+use crate::playlist::{CenterColor, center_color};
 
 /// Centres of a take have another origin than those of its clips, so their rounding differs; images have 8 bits.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 40, psnr: 54.0 };
@@ -32,6 +39,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("from a URL only what is seen is fetched, and once", Passes::Shared, from_url),
         gpu::trial("a server without ranges plays as well", Passes::Shared, without_ranges),
         gpu::trial("servers that fail are one sentence", Passes::Shared, failing_servers),
+        display::trial("in a window nothing comes between two segments, over and over", window),
     ]
 }
 
@@ -282,4 +290,44 @@ fn failing_servers(_: &Gpu) -> Result<(), String> {
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
     fetched(&folder, &goes.url("take.aarc"), 3.0).refuses(NETWORK, "there is no such file", "check the URL")
+}
+
+/// Plays a take of red and blue clips in turn, two times around, and seeks back to its start.
+fn window(display: &Display) -> Result<(), String> {
+    const HOME: u32 = 0xff50;
+    let folder = Folder::default();
+    let [red, blue] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| lasting(&ball(rgb), 0.7, 10.0));
+    let segment = |i: u32| SegmentFile {
+        start_s: 0.7 * f64::from(i),
+        duration_s: 0.7,
+        package: if i.is_multiple_of(2) { red.clone() } else { blue.clone() },
+    };
+    // Begins and ends in red.
+    let (bytes, _) = take_package(0.7 * 5.0, 10.0, &(0..5).map(segment).collect::<Vec<_>>());
+    folder.write("turns.aarc", &bytes);
+    let mut command = display.command(client());
+    command.arg(folder.path("turns.aarc")).args(["--size", "800x600"]).current_dir(folder.path(""));
+    let player = display.open(command.stderr(Stdio::inherit()), "turns.aarc")?;
+    let window = player.window;
+    let is_red = |screen: &display::Screenshot| center_color(screen) == CenterColor::Red;
+    display.wait_until(window, is_red).ok_or("the first segment is not drawn")?;
+    let (mut order, start) = (vec![CenterColor::Red], Instant::now());
+    while order.len() < 10 {
+        if start.elapsed() > Duration::from_secs(60) {
+            return Err(format!("the next segment does not come: {order:?}"));
+        }
+        let screen = display.screenshot(window).ok_or("the window went away")?;
+        match center_color(&screen) {
+            CenterColor::Other(color) => return Err(format!("{color:?} between two segments, {order:?}")),
+            color if order.last() != Some(&color) => order.push(color),
+            _ => {}
+        }
+        sleep(Duration::from_millis(2));
+    }
+    display.focus(window);
+    for _ in 0..100 {
+        display.press(HOME);
+    }
+    display.wait_until(window, is_red).ok_or("it does not go to its start")?;
+    player.close()
 }

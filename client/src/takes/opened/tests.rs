@@ -96,7 +96,7 @@ fn bad_takes_are_refused_with_one_sentence() {
     let small = Limits { max_gaussians: 69, ..Limits::default() };
     for (bytes, limits, why) in [
         (&damaged[..], Limits::default(), "copy it again"),
-        (&longer[..], Limits::default(), "1 bytes follow the last segment"),
+        (&longer[..], Limits::default(), "1 extra bytes after the last segment"),
         (&whole[..100], Limits::default(), "copy it again"),
         (&whole[..codec_head(&whole)], Limits::default(), "cut short before its first layer"),
         (&whole[..], small, "70 Gaussians at one instant, and at most 69"),
@@ -107,6 +107,17 @@ fn bad_takes_are_refused_with_one_sentence() {
         let text = fault.to_string();
         assert!(matches!(fault, Fault::Data(_)) && text.contains(why) && text.contains("a.aarc: "), "{text}");
     }
+}
+
+#[test]
+fn a_long_file_with_bytes_after_its_end_is_refused() {
+    let clips: Vec<Vec<u8>> = (0..40).map(|i| clip(i as f32, 400, &[])).collect();
+    let mut bytes = take(&clips);
+    assert!(bytes.len() as u64 > 2 * HEAD_BYTES, "its end is not read with its head");
+    assert_eq!(open(&written(&bytes)).layers(), [1; 40]);
+    bytes.extend_from_slice(b"more");
+    let text = OpenTake::open(&written(&bytes).path, &Limits::default()).unwrap_err().to_string();
+    assert!(text.contains("4 extra bytes after the last segment"), "{text}");
 }
 
 /// Length of the head of a take.

@@ -17,7 +17,7 @@ use glam::UVec2;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
-use crate::takes::TakePlayer;
+use crate::takes::{TakeCounts, TakePlayer};
 use crate::xr::interaction::{Command, Hands, Haptics, Pose, Similarity};
 use crate::xr::pacing::FrameTimer;
 use crate::xr::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
@@ -403,16 +403,25 @@ impl Show {
         self.notices.outcome()
     }
 
+    /// Counts of the segments of a take.
+    pub(super) fn take_counts(&self) -> Option<TakeCounts> {
+        self.take().map(TakePlayer::counts)
+    }
+
+    /// The segments of the take on display.
+    fn take(&self) -> Option<&TakePlayer> {
+        self.playing.as_ref().and_then(|playing| playing.clip.take.as_ref())
+    }
+
     /// Whether a clip is being loaded, or a segment of a take uploaded.
     pub(super) fn is_loading(&self) -> bool {
-        let take = self.playing.as_ref().and_then(|playing| playing.clip.take.as_ref());
-        self.clips.is_loading() || take.is_some_and(TakePlayer::is_uploading)
+        self.clips.is_loading() || self.take().is_some_and(TakePlayer::is_uploading)
     }
 
     /// Normalised time of the picture: of a take, the latest complete one while a part of it is being loaded.
     pub(super) fn shown_time(&self) -> f64 {
         let player = &self.player;
-        match self.playing.as_ref().and_then(|playing| playing.clip.take.as_ref()) {
+        match self.take() {
             Some(take) if player.duration_s() > 0.0 => {
                 take.shown_s(player.position_s()) / player.duration_s()
             }
