@@ -11,6 +11,10 @@
 //! decides what to load and what to show; `controller` joins it with the thread.
 
 mod advice;
+#[cfg_attr(
+    not(all(feature = "window", feature = "xr")),
+    allow(dead_code, reason = "each display uses a part of it")
+)]
 mod content;
 #[cfg_attr(
     not(feature = "xr"),

@@ -57,6 +57,7 @@ pub struct TakeCounts {
     pub uploaded_bytes_max: usize,
 }
 
+#[cfg(any(feature = "window", feature = "xr"))]
 impl TakeCounts {
     /// Rows of names and values for a viewer.
     pub(crate) fn rows(&self) -> [(&'static str, String); 3] {
