@@ -112,8 +112,7 @@ fn frame(c: &mut Criterion) {
     segment(&gpu, &clip);
 }
 
-/// Prints what a frame of `clip` costs as the one segment of a take over what it costs as a clip: the median of ratios of
-/// frames that are drawn one after the other.
+/// Prints what `clip` costs as the one segment of a take: its upload, and its frames over those of the clip.
 fn segment(gpu: &Gpu, clip: &Clip) {
     let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).expect("memory for the clip"));
@@ -148,11 +147,20 @@ fn segment(gpu: &Gpu, clip: &Clip) {
         uploads.len(),
         median(&mut uploads),
     );
+    compare(gpu, clip, &mut alone, &mut split);
+    let start = Instant::now();
+    split.slots().expect("a take").remove(id);
+    eprintln!("removed in {:.3} ms", start.elapsed().as_secs_f64() * 1e3);
+}
+
+/// Prints what frames of the renderer `split` cost over those of `alone`: medians of ratios of frames that are drawn one
+/// after the other.
+fn compare(gpu: &Gpu, clip: &Clip, alone: &mut Renderer, split: &mut Renderer) {
     for side in [SMALL, 512] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
         let views = [View::from_camera(&camera)];
         let image = Offscreen::new(gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
-        let mut frame = |renderer: &mut Renderer, t: f64| {
+        let frame = |renderer: &mut Renderer, t: f64| {
             let start = Instant::now();
             let rendered = image.render(gpu, renderer, t, &views, &RenderSettings::default());
             let counts = rendered.expect("a working device");
@@ -163,11 +171,11 @@ fn segment(gpu: &Gpu, clip: &Clip) {
                 let t = f64::from(i) / f64::from(PAIRS);
                 // Each is first in every other pair.
                 if i % 2 == 0 {
-                    let alone = frame(&mut alone, t);
-                    [alone, frame(&mut split, t)]
+                    let alone = frame(alone, t);
+                    [alone, frame(split, t)]
                 } else {
-                    let split = frame(&mut split, t);
-                    [frame(&mut alone, t), split]
+                    let split = frame(split, t);
+                    [frame(alone, t), split]
                 }
             })
             .collect();
@@ -180,9 +188,6 @@ fn segment(gpu: &Gpu, clip: &Clip) {
              {sorted:.3}"
         );
     }
-    let start = Instant::now();
-    split.slots().expect("a take").remove(id);
-    eprintln!("removed in {:.3} ms", start.elapsed().as_secs_f64() * 1e3);
 }
 
 /// Bytes of an upload, what a frame of a player may write.

@@ -43,8 +43,8 @@ struct Taken {
     span: Span,
     replaces: Option<SlotId>,
     state: State,
-    clip: Part,
-    plate: Option<Part>,
+    clip: ResidentRows,
+    plate: Option<ResidentRows>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ enum State {
 }
 
 /// A segment's rows in the buffers of a set.
-struct Part {
+struct ResidentRows {
     segment: Arc<GpuSegment>,
     rows: Range<usize>,
     /// What is uploaded, until all of it is, and the number of bytes that are.
@@ -157,8 +157,8 @@ impl Slots {
             span: packed.span,
             replaces,
             state: State::Uploading,
-            clip: Part::new(packed.clip, firsts[0]),
-            plate: packed.plate.map(|plate| Part::new(plate, firsts[1])),
+            clip: ResidentRows::new(packed.clip, firsts[0]),
+            plate: packed.plate.map(|plate| ResidentRows::new(plate, firsts[1])),
         });
         Some(SlotId { number, serial })
     }
@@ -192,7 +192,7 @@ impl Slots {
     fn finish(&mut self, number: usize) {
         let taken = self.taken[number].as_mut().expect("it was uploaded");
         taken.state = State::Ready;
-        let slot = |part: &Part| Slot { span: taken.span, segment: part.segment.clone() };
+        let slot = |part: &ResidentRows| Slot { span: taken.span, segment: part.segment.clone() };
         let clip = Arc::make_mut(&mut self.clip);
         clip.clip.slots[number] = Some(slot(&taken.clip));
         if let Some(plate) = &mut clip.plate {
@@ -206,7 +206,7 @@ impl Slots {
     /// Frees the slots of removed segments that nothing draws.
     fn sweep(&mut self) {
         for taken in &mut self.taken {
-            let is_free = |part: &Part| Arc::strong_count(&part.segment) == 1;
+            let is_free = |part: &ResidentRows| Arc::strong_count(&part.segment) == 1;
             if taken.as_ref().is_some_and(|taken| taken.state == State::Leaving && taken.parts().all(is_free))
             {
                 *taken = None;
@@ -220,14 +220,14 @@ impl Slots {
 }
 
 impl Taken {
-    fn parts(&self) -> impl Iterator<Item = &Part> {
+    fn parts(&self) -> impl Iterator<Item = &ResidentRows> {
         [&self.clip].into_iter().chain(&self.plate)
     }
 }
 
-impl Part {
-    fn new(PackedPart { packed, rows }: PackedPart, first: usize) -> Part {
-        Part {
+impl ResidentRows {
+    fn new(PackedPart { packed, rows }: PackedPart, first: usize) -> ResidentRows {
+        ResidentRows {
             rows: first..first + rows.len(),
             // Rows are at most 2^26.
             segment: Arc::new(GpuSegment { rows, first: first as u32, ranges: packed.ranges }),

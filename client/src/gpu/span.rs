@@ -56,7 +56,7 @@ mod tests {
         let span = Span { start_s: 3598.5, duration_s: 1.5 };
         assert_eq!([3598.5, 3599.0, 3600.0].map(|t_s| span.clip_time(t_s)), [0.0, 1.0 / 3.0, 1.0]);
         // As a player gives the instant: a fraction of the take.
-        let t_s = 3599.123_456 / 3600.0 * 3600.0;
+        let t_s = 3_599.123_456 / 3600.0 * 3600.0;
         assert!((span.clip_time(t_s) - 0.623_456 / 1.5).abs() < 1e-12);
         let trimmed = Span { start_s: -0.5, duration_s: 1.0 };
         assert!(trimmed.holds(0.0, 2.0) && trimmed.clip_time(0.0) == 0.5 && !trimmed.holds(0.5, 2.0));
