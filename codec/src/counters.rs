@@ -5,7 +5,8 @@
 pub(crate) enum Work {
     /// Bytes that were read or checksummed.
     Bytes,
-    /// Visits to entries of the tables of sections and segments, to the sections that the counts require, and to the
+    /// Visits to entries of the tables of sections and segments, to the sections that the counts require, and
+    /// to the
     /// segments that hold an instant.
     Sections,
     /// Symbols of the range coder.

@@ -54,6 +54,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 ///
 /// # Errors
 /// See [`decode`].
+// Long: the steps of decoding, in their order.
 pub(crate) fn decode_contents(
     bytes: &[u8],
     contents: Contents,

@@ -22,7 +22,7 @@ use crate::{
 /// The head of a package: metadata, counts and section table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// Major version of the format, one of [`VERSIONS`].
+    /// Major version of the format, one of [`VERSIONS`](crate::VERSIONS).
     pub version_major: u16,
     /// Minor version of the format.
     pub version_minor: u16,
@@ -64,7 +64,7 @@ pub struct Contents {
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
 ///   With [`FormatError::Truncated`], `bytes` is too short to tell.
-/// - [`Error::Version`] if the major version is none of [`VERSIONS`].
+/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
 /// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
 ///   table needs more memory.
 pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {

@@ -6,7 +6,8 @@ use crate::{Error, format::COUNTS_OFFSET};
 /// it allocates.
 ///
 /// They bound what is in memory, not the length of the file: a clip, or the table of a take with one segment. A
-/// player that holds several segments at once bounds their sum itself: [`Take::resident_max`](crate::Take::resident_max)
+/// player that holds several segments at once bounds their sum itself:
+/// [`Take::resident_max`](crate::Take::resident_max)
 /// is the largest number of Gaussians that an instant needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {

@@ -11,7 +11,8 @@ use crate::{
 };
 
 impl Take {
-    /// Decodes segment `index` from the bytes of its package, or its complete layers from a prefix, on up to `threads`
+    /// Decodes segment `index` from the bytes of its package, or its complete layers from a prefix, on up to
+    /// `threads`
     /// threads.
     ///
     /// The clip has the SH degrees, motion order and rotation rates of the take; columns that the segment lacks are
@@ -19,7 +20,8 @@ impl Take {
     /// must add up their sizes itself.
     ///
     /// # Errors
-    /// As [`decode`](crate::decode()), where [`FormatError::Truncated`] counts bytes of the segment; also [`FormatError::Segment`] if the package is not the one in the table, and
+    /// As [`decode`](crate::decode()), where [`FormatError::Truncated`] counts bytes of the segment; also
+    /// [`FormatError::Segment`] if the package is not the one in the table, and
     /// [`FormatError::Take`] if it is a take. Offsets count from the start of the take.
     ///
     /// # Panics

@@ -5,6 +5,7 @@
 
 use crate::{
     Error, Segment, SegmentLayer, Take,
+    bytes::Reader,
     counters::Work,
     error::FormatError,
     format::{FIXED_BYTES, SEGMENT_BYTES, SEGMENT_LAYER_BYTES, SEGMENTS_MAX},
@@ -40,20 +41,7 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
     let mut segments = budget.vec(count)?;
     let mut offset = head.bytes() as u64;
     for _ in 0..count {
-        Work::Sections.count(1);
-        let (start_s, duration_s) = (reader.f64()?, reader.f64()?);
-        let (level, layer_count) = (reader.u8()?, usize::from(reader.u8()?));
-        let at = reader.at();
-        let reserved = reader.u16()?;
-        if reserved != 0 {
-            return Err(Error::value(at, "reserved bytes", reserved));
-        }
-        let head_crc = reader.u32()?;
-        let mut layers = budget.vec(layer_count)?;
-        for _ in 0..layer_count {
-            layers.push(SegmentLayer { bytes: reader.u32()? as usize, gaussians: reader.u32()? as usize });
-        }
-        let segment = Segment { start_s, duration_s, level, offset, head_crc, layers };
+        let segment = read_entry(&mut reader, offset, budget)?;
         // At most 2^16 times 2^32 bytes.
         offset += segment.bytes() as u64;
         segments.push(segment);
@@ -93,6 +81,24 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
     Ok(take)
 }
 
+/// Reads an entry of the table, of a segment that begins at `offset`.
+fn read_entry(reader: &mut Reader, offset: u64, budget: &mut Budget) -> Result<Segment, Error> {
+    Work::Sections.count(1);
+    let (start_s, duration_s) = (reader.f64()?, reader.f64()?);
+    let (level, layer_count) = (reader.u8()?, usize::from(reader.u8()?));
+    let at = reader.at();
+    let reserved = reader.u16()?;
+    if reserved != 0 {
+        return Err(Error::value(at, "reserved bytes", reserved));
+    }
+    let head_crc = reader.u32()?;
+    let mut layers = budget.vec(layer_count)?;
+    for _ in 0..layer_count {
+        layers.push(SegmentLayer { bytes: reader.u32()? as usize, gaussians: reader.u32()? as usize });
+    }
+    Ok(Segment { start_s, duration_s, level, offset, head_crc, layers })
+}
+
 /// Length of an entry of the table in bytes.
 fn entry_bytes(segment: &Segment) -> usize {
     SEGMENT_BYTES + segment.layers.len() * SEGMENT_LAYER_BYTES
@@ -123,7 +129,8 @@ mod encode {
         pub contents: &'a Contents,
     }
 
-    /// Writes the head of a take of `duration_s` seconds. The packages of the segments follow it in the file, in the
+    /// Writes the head of a take of `duration_s` seconds. The packages of the segments follow it in the file,
+    /// in the
     /// same order and without gaps; only their heads are needed here, so a writer need not hold them in memory.
     ///
     /// `info` gives everything but the duration: [`ClipInfo::duration_s`] does not matter.
@@ -175,6 +182,27 @@ mod encode {
         Ok(())
     }
 
+    /// Why clips cannot be segments of one take: different coders or filters, or two plates at an instant.
+    fn contradiction(segments: &[SegmentPackage]) -> Option<String> {
+        let differ = |number: fn(&Contents) -> u8, segments: &[&SegmentPackage]| {
+            segments.windows(2).any(|pair| number(pair[0].contents) != number(pair[1].contents))
+        };
+        let all: Vec<&SegmentPackage> = segments.iter().collect();
+        if differ(|head| head.coder.id(), &all) {
+            return Some("its segments have different coders".into());
+        }
+        if differ(|head| head.filter as u8, &all) {
+            return Some("its segments have different filters".into());
+        }
+        let mut plates: Vec<_> = segments.iter().filter(|segment| segment.contents.plate_len > 0).collect();
+        if differ(|head| head.plate_filter as u8, &plates) {
+            return Some("its plates have different filters".into());
+        }
+        plates.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        let overlap = plates.windows(2).find(|pair| pair[1].start_s < pair[0].start_s + pair[0].duration_s);
+        overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
+    }
+
     /// The take of these segments, without the lengths that its head gives it.
     fn describe(info: &ClipInfo, duration_s: f64, segments: &[SegmentPackage]) -> Result<Take, EncodeError> {
         let refused = |reason: String| Err(EncodeError::Take { reason });
@@ -184,25 +212,11 @@ mod encode {
         let Some(first) = heads().next() else {
             return refused("it has no segments".into());
         };
-        if heads().any(|head| head.coder != first.coder) {
-            return refused("its segments have different coders".into());
+        if let Some(reason) = contradiction(segments) {
+            return refused(reason);
         }
-        if heads().any(|head| head.filter != first.filter) {
-            return refused("its segments have different filters".into());
-        }
-        let plates = || heads().filter(|head| head.plate_len > 0);
-        let plate_filter = plates().next().map_or(PixelFilter::default(), |head| head.plate_filter);
-        if plates().any(|head| head.plate_filter != plate_filter) {
-            return refused("its plates have different filters".into());
-        }
-        let with_plate = segments.iter().filter(|segment| segment.contents.plate_len > 0);
-        let mut end_s = f64::NEG_INFINITY;
-        for segment in with_plate {
-            if segment.start_s < end_s {
-                return refused(format!("two segments have a plate at {} s", segment.start_s));
-            }
-            end_s = end_s.max(segment.start_s + segment.duration_s);
-        }
+        let plate = heads().find(|head| head.plate_len > 0);
+        let plate_filter = plate.map_or(PixelFilter::default(), |head| head.plate_filter);
         let columns = heads().map(Contents::columns).fold(PackageColumns::default(), PackageColumns::union);
         let corner = |end: usize, outer: fn(f32, f32) -> f32| {
             let corners = heads().map(|head| head.bounds[end]);

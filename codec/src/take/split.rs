@@ -119,7 +119,8 @@ impl Grid {
 /// Rewrites times of a clip of `duration_s` seconds in clip time of a span of it, from `start_s` for `span_s`
 /// seconds.
 ///
-/// With `t = (start + u span) / duration`, where `u` is clip time of the span, `t - tau = (u - tau') span / duration`.
+/// With `t = (start + u span) / duration`, where `u` is clip time of the span, `t - tau = (u - tau') span /
+/// duration`.
 fn retime(temporal: &mut Temporal, duration_s: f64, start_s: f64, span_s: f64) {
     let scale = span_s / duration_s;
     for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s) {

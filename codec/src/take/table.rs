@@ -114,7 +114,8 @@ impl Segment {
 }
 
 impl Take {
-    /// Whether segment `index` is seen at time `t_s` of the take, which is cut to `[0, duration_s]`: if its span holds
+    /// Whether segment `index` is seen at time `t_s` of the take, which is cut to `[0, duration_s]`: if its
+    /// span holds
     /// the time, or ends with the take and the time is the last of it.
     ///
     /// # Panics
@@ -125,7 +126,8 @@ impl Take {
         segment.start_s <= t_s && (t_s < segment.end_s() || self.duration_s <= t_s && t_s <= segment.end_s())
     }
 
-    /// Numbers of the segments that are seen at time `t_s` of the take, which is cut to `[0, duration_s]`, ascending.
+    /// Numbers of the segments that are seen at time `t_s` of the take, which is cut to `[0, duration_s]`,
+    /// ascending.
     pub fn at(&self, t_s: f64) -> impl Iterator<Item = usize> + '_ {
         (0..self.segments.len()).filter(move |&index| self.holds(index, t_s))
     }
@@ -267,7 +269,8 @@ fn compare_spans(duration_s: f64, a: (f64, f64), b: (f64, f64)) -> Ordering {
     spans_take(b).cmp(&spans_take(a)).then(order(a.0, b.0)).then(order(b.1, a.1))
 }
 
-/// Returns the order in which a take of `duration_s` seconds stores segments with these spans, `(start, duration)` in
+/// Returns the order in which a take of `duration_s` seconds stores segments with these spans, `(start,
+/// duration)` in
 /// seconds, as numbers of spans.
 #[cfg(feature = "encode")]
 pub fn take_order(duration_s: f64, spans: &[(f64, f64)]) -> Vec<usize> {
