@@ -223,8 +223,7 @@ fn take(headset: Headset) -> Result<(), String> {
     fs::write(&path, bytes).map_err(|error| error.to_string())?;
     let played = play(&headset, Some(&path), Level::Exact)?;
     let counts = &played.stats["take"];
-    if counts["segments"] != 3 || counts["uploaded_bytes_max"].as_u64().is_none_or(|bytes| bytes > 256 << 10)
-    {
+    if counts["segments"] != 3 || counts["uploaded_bytes_max"].as_u64().is_none_or(|bytes| bytes > 256_000) {
         return Err(format!("{counts}"));
     }
     let [(left, time, left_image), (right, _, right_image)] = &played.eyes;

@@ -80,8 +80,7 @@ impl SegmentLoader {
         Ok(SegmentLoader { opened, wants, worker, is_idle: true })
     }
 
-    /// Replaces the list of wants. Those under way are left out. A server that still sends what is in no list is told to
-    /// stop.
+    /// Replaces the list of wants. Those under way are left out. Ends the read of a segment that is not in the list.
     pub(super) fn set(&mut self, list: Vec<Want>) {
         let mut wants = lock(&self.wants);
         if wants.under_way.last().is_some_and(|want| !list.is_empty() && !list.contains(want)) {

@@ -19,7 +19,7 @@ use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeL
 use crate::player::Player;
 
 /// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
-pub const UPLOAD_BYTES_MAX: usize = 256 << 10;
+pub const UPLOAD_BYTES_MAX: usize = 256_000;
 
 /// Wait before segments are asked for again that did not arrive after all retries of the network.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
