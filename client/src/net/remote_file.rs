@@ -27,8 +27,8 @@ use crate::clips::{Servers, redacted};
 /// Bytes per read.
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// Number of parts whose bytes are kept for a longer part with the same start: the first layers of what is drawn.
-const KEPT_PARTS: usize = 4;
+/// Number of parts whose bytes stay in memory for a longer part with the same start: the first layers of what is drawn.
+const RECENT_PARTS: usize = 4;
 
 /// A file on a server.
 pub(crate) struct RemoteFile {
@@ -51,7 +51,7 @@ struct State {
     etag: Option<String>,
     total: Option<u64>,
     /// Start and bytes of the latest parts.
-    kept: VecDeque<(u64, Vec<u8>)>,
+    recent: VecDeque<(u64, Vec<u8>)>,
     /// Bytes of file that arrived, if the server knows no ranges.
     whole: Option<WholeFile>,
 }
@@ -143,8 +143,8 @@ impl RemoteFile {
 
     /// Reads a part by range requests; `None` if the server knows none, and sends the file whole.
     fn read_part(&self, state: &mut State, range: &Range<u64>) -> Result<Option<Vec<u8>>, Fault> {
-        let kept = state.kept.iter().position(|(start, _)| *start == range.start);
-        let mut bytes = kept.and_then(|at| state.kept.remove(at)).map_or_else(Vec::new, |(_, bytes)| bytes);
+        let at = state.recent.iter().position(|(start, _)| *start == range.start);
+        let mut bytes = at.and_then(|at| state.recent.remove(at)).map_or_else(Vec::new, |(_, bytes)| bytes);
         bytes.truncate((range.end - range.start) as usize);
         let start = range.start + bytes.len() as u64;
         let mut transfer = Transfer::part(self.retry, start, state.etag.clone(), state.total);
@@ -178,9 +178,9 @@ impl RemoteFile {
                 Err(Trouble::Failed(fault)) => return Err(fault),
             }
         }
-        state.kept.push_back((range.start, bytes.clone()));
-        if state.kept.len() > KEPT_PARTS {
-            state.kept.pop_front();
+        state.recent.push_back((range.start, bytes.clone()));
+        if state.recent.len() > RECENT_PARTS {
+            state.recent.pop_front();
         }
         Ok(Some(bytes))
     }

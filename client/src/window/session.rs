@@ -396,9 +396,7 @@ impl Session {
         self.is_continuous = next_change == Some(Duration::ZERO);
         let repaint =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
-        // A part that did not arrive is asked for again.
-        let loading = self.loading_since.map_or(Duration::MAX, |_| LOADING_RETRY);
-        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint).min(loading) {
+        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint).min(self.loading_retry()) {
             // The statistics are those of the previous frame.
             _ if outdated || self.playing.take.as_ref().is_some_and(TakePlayer::is_uploading) => Next::Now,
             Duration::ZERO => Next::Now,
@@ -439,6 +437,11 @@ impl Session {
                 }
             }
         }
+    }
+
+    /// Time until the next look whether a part of a take has come, or is to be asked for again.
+    fn loading_retry(&self) -> Duration {
+        self.loading_since.map_or(Duration::MAX, |_| LOADING_RETRY)
     }
 
     /// Normalised time of the picture: of a take, the latest complete one while a part of it is being loaded.
