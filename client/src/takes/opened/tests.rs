@@ -71,10 +71,7 @@ fn segments_are_loaded_in_any_order_and_in_layers() {
     // What holds an instant, the two after it, and a second version of the largest.
     assert_eq!(opened.layout().rows, 180 + 70);
     let subject = opened.subject();
-    assert!(
-        subject.ground.x > 20.0 && subject.ground.x < 40.0,
-        "by the first layer at the start: {subject:?}"
-    );
+    assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
 }
 
 #[test]
@@ -100,7 +97,7 @@ fn bad_takes_are_refused_with_one_sentence() {
         (&whole[..100], Limits::default(), "copy it again"),
         (&whole[..codec_head(&whole)], Limits::default(), "cut short before its first layer"),
         (&whole[..], small, "70 Gaussians at one instant, and at most 69"),
-        (&whole[..], Limits { max_bytes: 2000, ..Limits::default() }, "smaller --budget"),
+        (&whole[..], Limits { max_bytes: 1500, ..Limits::default() }, "smaller --budget"),
     ] {
         let file = written(bytes);
         let fault = OpenTake::open(&file.path, &limits).unwrap_err();
@@ -111,7 +108,7 @@ fn bad_takes_are_refused_with_one_sentence() {
 
 #[test]
 fn a_long_file_with_bytes_after_its_end_is_refused() {
-    let clips: Vec<Vec<u8>> = (0..40).map(|i| clip(i as f32, 400, &[])).collect();
+    let clips: Vec<Vec<u8>> = (0..40).map(|i| clip(i as f32, 900, &[])).collect();
     let mut bytes = take(&clips);
     assert!(bytes.len() as u64 > 2 * HEAD_BYTES, "its end is not read with its head");
     assert_eq!(open(&written(&bytes)).layers(), [1; 40]);

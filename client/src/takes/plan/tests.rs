@@ -276,7 +276,7 @@ fn ten_thousand_segments_are_planned_anywhere() {
     for step in 0..200 {
         let t_s = 4999.9 * f64::from(step * 37 % 200) / 200.0;
         let plan = plan(&take, t_s, Direction::Forward, false);
-        assert!(plan.held().len() > 20 && plan.wants.len() < 80, "{t_s}");
+        assert!((13..=25).contains(&plan.held().len()) && plan.wants.len() < 90, "{t_s}");
     }
     plays_without_waiting(&dyadic(1.0, 300), Direction::Forward, true, 0.9);
 }
