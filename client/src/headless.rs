@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use codec::{Camera, Clip};
+use codec::Camera;
 use glam::{UVec2, uvec2};
 use image::RgbImage;
 use program::images::{ImageOutput, tiled};
@@ -14,14 +14,15 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, cache_dir, playlist, redacted,
-    too_few_layers,
+    Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir, playlist,
+    redacted, too_few_layers,
 };
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
     Renderer, choose_f16,
 };
-use crate::stats::{FrameStats, LoadingStats, Stats, Summary};
+use crate::stats::{FrameStats, LoadingStats, Stats, Summary, TakeStats};
+use crate::takes::TakePlayer;
 use crate::terminal::Reporter;
 use crate::view::View;
 use crate::{clips, viewpoint};
@@ -92,11 +93,11 @@ impl Device {
     }
 }
 
-/// A clip on the device, and its renderer for the views of `args`.
+/// A clip or a take on the device, and its renderer for the views of `args`.
 struct ClipRenderer<'a> {
     args: &'a Args,
     device: &'a mut Device,
-    clip: Arc<Clip>,
+    clip: Content,
     views: Vec<View>,
     settings: RenderSettings,
     state: DeviceState,
@@ -106,28 +107,40 @@ struct ClipRenderer<'a> {
 struct DeviceState {
     image: Offscreen,
     renderer: Renderer,
+    /// The segments of a take.
+    take: Option<TakePlayer>,
     upload_ms: f64,
 }
 
 impl DeviceState {
-    fn new(gpu: &Gpu, clip: &Clip, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
+    fn new(gpu: &Gpu, clip: &Content, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
         let mut image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let inset = args.settings().inset;
         if let Some(side) = inset {
             image = image.foveated(gpu, side)?;
         }
-        let start = Instant::now();
-        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
-        let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         let layout =
             FrameLayout { format: args.target.format(), eyes: views.len(), foveated: inset.is_some() };
-        let renderer = Renderer::new(gpu, on_gpu, layout)?;
-        Ok(DeviceState { image, renderer, upload_ms })
+        let start = Instant::now();
+        match clip {
+            Content::Clip(clip) => {
+                let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+                let upload_ms = start.elapsed().as_secs_f64() * 1e3;
+                let renderer = Renderer::new(gpu, on_gpu, layout)?;
+                Ok(DeviceState { image, renderer, take: None, upload_ms })
+            }
+            Content::Take(opened) => {
+                let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, || ())?;
+                take.wait(gpu, &mut renderer, 0.0)?;
+                let upload_ms = start.elapsed().as_secs_f64() * 1e3;
+                Ok(DeviceState { image, renderer, take: Some(take), upload_ms })
+            }
+        }
     }
 }
 
 impl<'a> ClipRenderer<'a> {
-    fn new(device: &'a mut Device, clip: Arc<Clip>, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
+    fn new(device: &'a mut Device, clip: Content, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
         let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
         let state = match DeviceState::new(&device.gpu, &clip, &views, args) {
             Err(fault) => {
@@ -149,7 +162,12 @@ impl<'a> ClipRenderer<'a> {
 
     fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
         let t = clip_time(&self.clip, time_s);
-        let DeviceState { image, renderer, .. } = &mut self.state;
+        let DeviceState { image, renderer, take, .. } = &mut self.state;
+        if let Some(take) = take {
+            take.wait(&self.device.gpu, renderer, time_s)?;
+            let mut reporter = Reporter::new();
+            take.take_notes().into_iter().for_each(|note| reporter.print(&LoadEvent::Note(note)));
+        }
         image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
@@ -197,7 +215,7 @@ impl<'a> ClipRenderer<'a> {
 
     fn stats(&self, loading: LoadingStats, frames: Vec<FrameStats>) -> Stats {
         let ClipRenderer { device: Device { gpu, .. }, clip, views, state, .. } = self;
-        let DeviceState { renderer, upload_ms, .. } = state;
+        let DeviceState { renderer, take, upload_ms, .. } = state;
         Stats {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
@@ -205,8 +223,9 @@ impl<'a> ClipRenderer<'a> {
             height: views[0].size.y,
             eyes: views.len(),
             passes: renderer.passes(),
-            gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            gaussians: clip.gaussians(),
             gpu_bytes: renderer.clip().bytes(),
+            take: take.as_ref().map(|take| TakeStats::from(take.counts())),
             pipelines: renderer.pipelines(),
             loading,
             upload_ms: *upload_ms,
@@ -222,12 +241,13 @@ impl<'a> ClipRenderer<'a> {
 
 fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     let (clip, loading) = load(args)?;
-    let times = times(args, clip.info.fps.into());
-    check_times(&times, clip.info.duration_s.into(), clip.info.fps.into())?;
+    let fps = clip.info().fps.into();
+    let times = times(args, fps);
+    check_times(&times, clip.duration_s(), fps)?;
     views(args, &clip)?;
     settings(args, &clip)?;
     let mut device = Device::open(args.target)?;
-    let mut renderer = ClipRenderer::new(&mut device, Arc::new(clip), args)?;
+    let mut renderer = ClipRenderer::new(&mut device, clip, args)?;
     let mut frames = Vec::new();
     for (i, &time_s) in times.iter().enumerate() {
         if args.stats.is_some() {
@@ -253,13 +273,13 @@ struct HeadlessTarget {
 }
 
 impl ClipTarget for HeadlessTarget {
-    type Ready = Arc<Clip>;
+    type Ready = Content;
 
-    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Arc<Clip>, Fault> {
+    fn prepare(&self, entry: &Entry, clip: Content) -> Result<Content, Fault> {
         views(&self.args, &clip)
             .and_then(|_| settings(&self.args, &clip))
             .map_err(|fault| named(fault, entry))?;
-        Ok(clip.into())
+        Ok(clip)
     }
 }
 
@@ -315,7 +335,7 @@ struct PlaylistRun<'a> {
     /// Where the next clip starts, in seconds.
     start_s: f64,
     /// The clip before.
-    last: Option<Arc<Clip>>,
+    last: Option<Content>,
 }
 
 /// The images left after a clip.
@@ -331,15 +351,15 @@ impl PlaylistRun<'_> {
     ///
     /// # Errors
     /// [`Fault::Usage`] if a time is before the start.
-    fn take_times(&mut self, clip: &Clip) -> Result<Vec<(usize, f64)>, Fault> {
+    fn take_times(&mut self, clip: &Content) -> Result<Vec<(usize, f64)>, Fault> {
         if self.last.is_none() {
-            let times = times(self.args, clip.info.fps.into());
+            let times = times(self.args, clip.info().fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
                 return Err(Fault::Usage(format!("time {time} s is before the start: give 0 or later")));
             }
             self.pending = times.into_iter().enumerate().collect();
         }
-        let end_s = self.start_s + f64::from(clip.info.duration_s);
+        let end_s = self.start_s + clip.duration_s();
         let is_here = |&(_, time_s): &(usize, f64)| time_s < end_s - CHANGE_TOLERANCE_S;
         let (here, later) = self.pending.iter().partition(|image| is_here(image));
         self.pending = later;
@@ -347,12 +367,7 @@ impl PlaylistRun<'_> {
     }
 
     /// Renders the images `times` of `clip`. If it cannot be uploaded, the next clip takes its place.
-    fn render(
-        &mut self,
-        entry: &Entry,
-        clip: Arc<Clip>,
-        times: Vec<(usize, f64)>,
-    ) -> Result<Rendered, Fault> {
+    fn render(&mut self, entry: &Entry, clip: Content, times: Vec<(usize, f64)>) -> Result<Rendered, Fault> {
         if !times.is_empty() {
             let device = opened(&mut self.device, self.args.target)?;
             match ClipRenderer::new(device, clip.clone(), self.args) {
@@ -371,7 +386,7 @@ impl PlaylistRun<'_> {
                 }
             }
         }
-        (self.start_s, self.last) = (self.start_s + f64::from(clip.info.duration_s), Some(clip));
+        (self.start_s, self.last) = (self.start_s + clip.duration_s(), Some(clip));
         Ok(if self.pending.is_empty() { Rendered::All } else { Rendered::More })
     }
 
@@ -379,13 +394,13 @@ impl PlaylistRun<'_> {
     ///
     /// # Errors
     /// [`Fault::Usage`] if a time is beyond the end.
-    fn render_end(&mut self, clip: Arc<Clip>) -> Result<(), Fault> {
-        let (fps, duration_s) = (clip.info.fps, clip.info.duration_s);
+    fn render_end(&mut self, clip: Content) -> Result<(), Fault> {
+        let (fps, duration_s) = (clip.info().fps, clip.duration_s());
         let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
         check_times(&times, self.start_s, fps.into())?;
         let mut renderer = ClipRenderer::new(opened(&mut self.device, self.args.target)?, clip, self.args)?;
         for &(i, _) in &self.pending {
-            write_image(self.output, i, &renderer.pixels(duration_s.into())?)?;
+            write_image(self.output, i, &renderer.pixels(duration_s)?)?;
         }
         Ok(())
     }
@@ -406,7 +421,7 @@ fn opened(device: &mut Option<Device>, target: ChannelDepth) -> Result<&mut Devi
 fn next_clip(
     clips: &mut ClipController<HeadlessTarget>,
     reporter: &mut Reporter,
-) -> Result<Option<(Entry, Arc<Clip>)>, Fault> {
+) -> Result<Option<(Entry, Content)>, Fault> {
     loop {
         match clips.follow().or_else(|| clips.wait()) {
             None => return Ok(None),
@@ -420,12 +435,12 @@ fn next_clip(
 }
 
 /// Loads the complete clip, and prints progress.
-fn load(args: &Args) -> Result<(Clip, LoadingStats), Fault> {
+fn load(args: &Args) -> Result<(Content, LoadingStats), Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
     let clip = clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(None, |event| {
-        if let LoadEvent::Clip(_) = event {
+        if let LoadEvent::Clip(_) | LoadEvent::Take(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
         reporter.print(event);
@@ -460,13 +475,13 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
 }
 
 /// Normalised clip time at `time` seconds, 1 beyond the end.
-fn clip_time(clip: &Clip, time: f64) -> f64 {
-    let duration = f64::from(clip.info.duration_s);
+fn clip_time(clip: &Content, time: f64) -> f64 {
+    let duration = clip.duration_s();
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
 /// The views of the eyes.
-fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
+fn views(args: &Args, clip: &Content) -> Result<Vec<View>, Fault> {
     if let Some(path) = &args.camera {
         let camera = read_camera(path)?;
         let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
@@ -478,16 +493,21 @@ fn views(args: &Args, clip: &Clip) -> Result<Vec<View>, Fault> {
     Ok(match args.lens {
         Some(lens) => {
             let size = args.size.map_or(lens.size(), |size| size.to_array());
-            lens.cameras(clip, viewpoint, args.standpoint(), size).iter().map(View::from_camera).collect()
+            let (subject, up) = (clip.subject(), clip.info().up);
+            let cameras = lens.cameras_at(&subject, up, viewpoint, args.standpoint(), size);
+            cameras.iter().map(View::from_camera).collect()
         }
-        None => eyes(args, clip, viewpoint::camera(clip, viewpoint, args.size.unwrap_or(DEFAULT_SIZE))),
+        None => {
+            let size = args.size.unwrap_or(DEFAULT_SIZE);
+            eyes(args, clip, viewpoint.camera(clip.info().up, size.x, size.y))
+        }
     })
 }
 
 /// The view of `camera`, or with --stereo those of two eyes.
-fn eyes(args: &Args, clip: &Clip, camera: Camera) -> Vec<View> {
+fn eyes(args: &Args, clip: &Content, camera: Camera) -> Vec<View> {
     if args.stereo {
-        let distance = Camera::EYE_DISTANCE_M / f64::from(clip.info.metres_per_unit);
+        let distance = Camera::EYE_DISTANCE_M / f64::from(clip.info().metres_per_unit);
         camera.stereo_pair(distance).iter().map(View::from_camera).collect()
     } else {
         vec![View::from_camera(&camera)]
@@ -498,10 +518,10 @@ fn eyes(args: &Args, clip: &Clip, camera: Camera) -> Vec<View> {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the clip has fewer layers than `--layer`.
-pub(crate) fn settings(args: &Args, clip: &Clip) -> Result<RenderSettings, Fault> {
+pub(crate) fn settings(args: &Args, clip: &Content) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
-        Some(layers) if layers > clip.layers.len() => Err(too_few_layers(layers, "the clip", clip)),
+        Some(layers) if layers > clip.layers() => Err(too_few_layers(layers, "the clip", clip)),
         _ => Ok(settings),
     }
 }

@@ -1,6 +1,6 @@
 //! Player of 4D Gaussian clips.
 //!
-//! [`clips`] loads clips and orders those of a playlist. [`gpu`] uploads a decoded clip once and renders its
+//! [`clips`] loads clips and orders those of a playlist, [`takes`] the segments of a take. [`gpu`] uploads a decoded clip once and renders its
 //! frames. `headless` writes them to images, `window` shows them on a screen, `xr` in a headset. Android has
 //! `xr` alone, which also holds the library's entry point there. Only [`gpu`] names the graphics API; it
 //! names neither files nor windows.
@@ -17,6 +17,7 @@ pub mod net;
 pub mod pipeline_folder;
 pub mod player;
 pub mod stats;
+pub mod takes;
 #[cfg(not(target_os = "android"))]
 mod terminal;
 pub mod view;

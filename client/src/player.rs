@@ -27,6 +27,8 @@ pub struct Player {
     overrun_s: Option<f64>,
     /// Whether the clip started over since [`Player::take_started_over`].
     started_over: bool,
+    /// Whether the clip waits for what it shows next.
+    waiting: bool,
 }
 
 impl Player {
@@ -44,6 +46,7 @@ impl Player {
             has_next: false,
             overrun_s: None,
             started_over: false,
+            waiting: false,
         }
     }
 
@@ -67,6 +70,16 @@ impl Player {
         self.overrun_s = self.overrun_s.filter(|_| has_next);
     }
 
+    /// Sets whether the clip waits, while it plays, for what its position shows. Time spent waiting does not count.
+    pub fn set_waiting(&mut self, waiting: bool) {
+        self.waiting = waiting;
+    }
+
+    /// Whether the clip plays and waits for what its position shows.
+    pub fn is_waiting(&self) -> bool {
+        self.waiting && self.is_advancing()
+    }
+
     /// Seconds of the clip by which the last step passed the end; `None` unless the clip waits there for the
     /// next one.
     pub fn overrun_s(&self) -> Option<f64> {
@@ -81,7 +94,7 @@ impl Player {
     /// Advances by `elapsed_s` seconds of real time. At its end, a clip waits for the next one if there is
     /// one; otherwise it starts over if it loops, and stops if not.
     pub fn advance(&mut self, elapsed_s: f64) {
-        if !self.is_advancing() || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
+        if !self.is_advancing() || self.waiting || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
             return;
         }
         let position = self.position_s + elapsed_s * self.speed;
@@ -260,6 +273,21 @@ mod tests {
         // The machine slept for a night.
         player.advance(36_000.7);
         assert!((0.0..2.0).contains(&player.position_s()), "{player:?}");
+    }
+
+    #[test]
+    fn waiting_holds_the_position_and_loses_no_time() {
+        let mut player = player();
+        player.advance(0.5);
+        player.set_waiting(true);
+        player.advance(10.0);
+        assert!(near(player.position_s(), 0.5) && player.is_waiting() && player.is_advancing());
+        player.set_playing(false);
+        assert!(!player.is_waiting(), "paused");
+        player.set_playing(true);
+        player.set_waiting(false);
+        player.advance(0.1);
+        assert!(near(player.position_s(), 0.6) && !player.is_waiting());
     }
 
     #[test]

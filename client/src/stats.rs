@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::takes::TakeCounts;
+
 /// Counts and timings of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stats {
@@ -21,6 +23,9 @@ pub struct Stats {
     pub gaussians: usize,
     /// GPU memory of the clip in bytes.
     pub gpu_bytes: u64,
+    /// The segments of a take; absent for a clip.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub take: Option<TakeStats>,
     /// Number of pipelines.
     pub pipelines: usize,
     /// Time to load the clip.
@@ -39,6 +44,28 @@ pub struct Stats {
     pub draw_ms: Summary,
     /// The frames.
     pub frames: Vec<FrameStats>,
+}
+
+/// Counts of the segments of a take.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TakeStats {
+    /// Number of segments.
+    pub segments: usize,
+    /// Number of segments in GPU memory at the end.
+    pub resident: usize,
+    /// Number of segments that were loaded, again ones included.
+    pub loaded: usize,
+    /// Seconds from the last position that play on without loading.
+    pub buffered_s: f64,
+    /// Most bytes uploaded in a frame.
+    pub uploaded_bytes_max: usize,
+}
+
+impl From<TakeCounts> for TakeStats {
+    fn from(counts: TakeCounts) -> TakeStats {
+        let TakeCounts { segments, resident, loaded, buffered_s, uploaded_bytes_max, .. } = counts;
+        TakeStats { segments, resident, loaded, buffered_s, uploaded_bytes_max }
+    }
 }
 
 /// Milliseconds from the start of loading a clip, with decoding.

@@ -1,7 +1,6 @@
-//! The camera of a clip, from one of its viewpoints.
+//! [`find`]: a viewpoint of a clip by its name or number.
 
-use codec::{Camera, Clip, Viewpoint};
-use glam::UVec2;
+use codec::Viewpoint;
 use program::Fault;
 
 /// Index of the viewpoint named `name`, or else of the one whose index `name` is.
@@ -17,9 +16,4 @@ pub fn find(viewpoints: &[Viewpoint], name: &str) -> Result<usize, Fault> {
         let list = list.collect::<Vec<_>>().join(", ");
         Fault::Usage(format!("there is no viewpoint \"{name}\": give one of {list}"))
     })
-}
-
-/// The camera of `viewpoint` for images of `size` pixels.
-pub fn camera(clip: &Clip, viewpoint: &Viewpoint, size: UVec2) -> Camera {
-    viewpoint.camera(clip.info.up, size.x, size.y)
 }

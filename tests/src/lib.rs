@@ -16,6 +16,7 @@ pub mod remote;
 pub mod server;
 pub mod slurm;
 pub mod soak;
+pub mod take_files;
 pub mod takes;
 
 pub use measure::scene;

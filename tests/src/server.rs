@@ -24,6 +24,12 @@ impl Request {
         self.headers.get(name).map(String::as_str)
     }
 
+    /// A header `Range: bytes=FIRST-LAST`, as the range that it stands for.
+    pub fn part(&self) -> Option<Range<usize>> {
+        let (first, last) = self.header("range")?.strip_prefix("bytes=")?.split_once('-')?;
+        Some(first.parse().ok()?..last.parse::<usize>().ok()? + 1)
+    }
+
     /// `FIRST` of a header `Range: bytes=FIRST-`.
     pub fn first_byte(&self) -> Option<usize> {
         self.header("range")?.strip_prefix("bytes=")?.strip_suffix('-')?.parse().ok()
@@ -57,6 +63,19 @@ impl Answer<'_> {
     pub fn file(&mut self, request: &Request, file: &[u8], etag: &str, end: usize) {
         let first = self.file_head(request, file, etag);
         self.bytes(file, first..end.max(first));
+    }
+
+    /// Sends the requested part of `file`, or all of it if none is requested, or one of another version than `etag`.
+    pub fn part(&mut self, request: &Request, file: &[u8], etag: &str) {
+        let same = request.header("if-range").is_none_or(|version| version == etag);
+        let Some(part) = request.part().filter(|part| same && part.start < file.len()) else {
+            return self.file(&Request::default(), file, etag, file.len());
+        };
+        let part = part.start..part.end.min(file.len());
+        let range = format!("bytes {}-{}/{}", part.start, part.end - 1, file.len());
+        let length = part.len().to_string();
+        self.head(206, &[("Content-Length", &length), ("Content-Range", &range), ("ETag", etag)]);
+        self.bytes(file, part);
     }
 
     /// Sends the headers of [`Answer::file`] and returns the requested first byte.

@@ -19,8 +19,9 @@ use aarc_tests::lossy::lossy;
 use aarc_tests::outcome::{DATA, DEVICE, NETWORK, Outcome};
 use aarc_tests::programs::{client, example, run};
 use aarc_tests::remote::Remote;
-use aarc_tests::scene::{decoded, lasting, packaged};
+use aarc_tests::scene::{Motion, Recipe, decoded, lasting, packaged};
 use aarc_tests::server::Server;
+use aarc_tests::take_files::{SegmentFile, take_package};
 use client::gpu::{
     ChannelDepth, FrameLayout, Gpu, GpuClip, Level, Offscreen, RenderSettings, Renderer, SortOrder,
 };
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
             Passes::Shared,
             levels,
         ),
+        trial("a take plays, and each eye sees the segment of the instant", take),
         trial("a lower quality draws a smaller image correctly", lower_quality),
         hand_trial("the panel reports a damaged clip and starts the next one", damaged_then_next, false),
         hand_trial("without a clip the panel still exits", no_clip, false),
@@ -201,6 +203,41 @@ fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
         return Err(format!("the images of both eyes are nearly equal: {apart}"));
     }
     Ok(())
+}
+
+/// Plays a take of three clips in a loop. The eyes must show what the renderer alone draws of the clip at the instant.
+fn take(headset: Headset) -> Result<(), String> {
+    const SEGMENT_S: f64 = 0.5;
+    let gpu = device(Passes::Shared).map_err(|fault| fault.to_string())?;
+    let field = |seed| {
+        let motion = Motion::Dynamic;
+        Recipe { count: 300, sh_degree: 1, motion, motion_order: 2, turning: true, seed }.field()
+    };
+    let fields = [1, 2, 3].map(field);
+    let segment = |(field, i): (&Field, u32)| SegmentFile {
+        start_s: SEGMENT_S * f64::from(i),
+        duration_s: SEGMENT_S,
+        package: lasting(field, SEGMENT_S as f32, 30.0),
+    };
+    let segments: Vec<SegmentFile> = fields.iter().zip(0..).map(segment).collect();
+    let path = headset.path("take.aarc");
+    let (bytes, _) = take_package(3.0 * SEGMENT_S, 30.0, &segments);
+    fs::write(&path, bytes).map_err(|error| error.to_string())?;
+    let played = play(&headset, Some(&path), Level::Exact)?;
+    let counts = &played.stats["take"];
+    if counts["segments"] != 3 || counts["uploaded_bytes_max"].as_u64().is_none_or(|bytes| bytes > 256_000) {
+        return Err(format!("{counts}"));
+    }
+    let [(left, time, left_image), (right, _, right_image)] = &played.eyes;
+    let segment = &segments[((time / SEGMENT_S) as usize).min(2)];
+    let clip = codec::decode(&segment.package, &Limits::default()).map_err(|error| error.to_string())?;
+    let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };
+    let t = (time - segment.start_s) / SEGMENT_S;
+    let cameras = [left.clone(), right.clone()];
+    let expected =
+        draw(gpu, &clip, &cameras, t, &settings, ChannelDepth::Eight).map_err(|fault| fault.to_string())?;
+    check("headset-take-left", left_image, &expected[0], TOLERANCE)?;
+    check("headset-take-right", right_image, &expected[1], TOLERANCE).map(drop)
 }
 
 /// Measures the demo with `cargo xtask headset`. A script starts the player, which needs the runtime's libraries.

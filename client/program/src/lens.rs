@@ -57,19 +57,30 @@ impl Lens {
         clip: &Clip,
         viewpoint: &Viewpoint,
         standpoint: Option<Standpoint>,
+        size: [u32; 2],
+    ) -> [Camera; 2] {
+        self.cameras_at(&Subject::of(clip), clip.info.up, viewpoint, standpoint, size)
+    }
+
+    /// As [`Lens::cameras`], of a viewer of `subject`; `up` is that of its clip.
+    pub fn cameras_at(
+        self,
+        subject: &Subject,
+        up: [f32; 3],
+        viewpoint: &Viewpoint,
+        standpoint: Option<Standpoint>,
         [width, height]: [u32; 2],
     ) -> [Camera; 2] {
-        let subject = Subject::of(clip);
         let head = match standpoint {
-            Some(standpoint) => standpoint.camera(&subject, clip.info.up),
-            None => viewpoint.camera(clip.info.up, 1, 1),
+            Some(standpoint) => standpoint.camera(subject, up),
+            None => viewpoint.camera(up, 1, 1),
         };
-        let [outer, inner, up, down] = self.degrees().map(|angle| angle.to_radians().tan());
-        let focal = [f64::from(width) / (outer + inner), f64::from(height) / (up + down)];
+        let [outer, inner, upper, lower] = self.degrees().map(|angle| angle.to_radians().tan());
+        let focal = [f64::from(width) / (outer + inner), f64::from(height) / (upper + lower)];
         let mut eyes = head.stereo_pair(Camera::EYE_DISTANCE_M / subject.metres_per_unit);
         for (eye, left) in eyes.iter_mut().zip([outer, inner]) {
             (eye.width, eye.height) = (width, height);
-            eye.k = [[focal[0], 0.0, left * focal[0]], [0.0, focal[1], up * focal[1]], [0.0, 0.0, 1.0]];
+            eye.k = [[focal[0], 0.0, left * focal[0]], [0.0, focal[1], upper * focal[1]], [0.0, 0.0, 1.0]];
         }
         eyes
     }

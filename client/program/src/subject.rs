@@ -29,9 +29,13 @@ pub struct Subject {
 impl Subject {
     /// The subject of a clip.
     pub fn of(clip: &Clip) -> Subject {
-        let centers = visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field));
         let info = &clip.info;
-        Subject::from_parts(centers, info.up, info.metres_per_unit, &clip.viewpoints()[0])
+        Subject::from_parts(Subject::centers(clip), info.up, info.metres_per_unit, &clip.viewpoints()[0])
+    }
+
+    /// The centres of `clip` that [`Subject::of`] counts.
+    pub fn centers(clip: &Clip) -> impl Iterator<Item = DVec3> {
+        visible_centers(&clip.static_field).chain(visible_centers(&clip.dynamic_field))
     }
 
     /// The subject whose Gaussians are at `centers`, see [`Subject::of`]; `up` and `metres_per_unit` are those of the

@@ -1,8 +1,7 @@
 //! [`ClipController`]: plays clips and playlists on a [`ClipTarget`], with a loader on a thread of its own.
 //!
 //! Window, headset and images drive it alike: they open a name, take in [`Change`]s, and say when a clip
-//! is over. A take player of many segments will sit between the loader's source and the target, and ask
-//! for segments as this asks for clips.
+//! is over. A take is shown as a clip is; its segments come and go while it is on display.
 
 use super::event::LoadEvent;
 use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
@@ -183,11 +182,9 @@ mod tests {
     use std::sync::mpsc::channel;
     use std::time::Duration;
 
-    use codec::Clip;
-
     use super::*;
     use crate::clips::state::Transition;
-    use crate::clips::{Entry, SourceOptions};
+    use crate::clips::{Content, Entry, SourceOptions};
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -202,7 +199,7 @@ mod tests {
     impl ClipTarget for Defective {
         type Ready = ();
 
-        fn prepare(&self, _: &Entry, _: Box<Clip>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content) -> Result<(), Fault> {
             panic!("of the test")
         }
     }
@@ -233,7 +230,7 @@ mod tests {
     impl ClipTarget for Display {
         type Ready = ();
 
-        fn prepare(&self, _: &Entry, _: Box<Clip>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content) -> Result<(), Fault> {
             Ok(())
         }
     }

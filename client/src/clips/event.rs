@@ -1,12 +1,15 @@
 //! [`LoadEvent`]: what loading a clip reports, from the network up to the window.
 
+use std::sync::Arc;
+
 use codec::Clip;
 
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
+use crate::takes::OpenTake;
 use program::Fault;
 
-/// A report about a clip that is being loaded. A source produces the first three; the loader adds the
+/// A report about a clip that is being loaded. A source produces the first four; the loader adds the
 /// others.
 #[derive(Debug)]
 pub enum LoadEvent<C = Box<Clip>> {
@@ -16,6 +19,8 @@ pub enum LoadEvent<C = Box<Clip>> {
     Note(String),
     /// A version of the clip that plays. Better ones may follow; the last one is the best.
     Clip(C),
+    /// The name stands for a take, which loads while it plays. The only version.
+    Take(Arc<OpenTake>),
     /// The request names this playlist.
     Playlist(Queue),
     /// The request names a clip, and this one follows it in its folder; reported before the clip is read.

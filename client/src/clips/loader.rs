@@ -5,8 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use codec::Clip;
-
+use super::content::Content;
 use super::event::{LoadEvent, Version};
 use super::file::clips_in;
 use super::playlist;
@@ -22,11 +21,12 @@ pub(crate) trait ClipTarget: Clone + Send + 'static {
     /// A clip that is ready to be shown.
     type Ready: Send + 'static;
 
-    /// Makes a clip ready, usually by uploading it. Runs on the loader's thread.
+    /// Makes a clip ready, usually by uploading it, or a take, usually by uploading what its start needs. Runs on the
+    /// loader's thread.
     ///
     /// # Errors
     /// Why the clip cannot be shown.
-    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Self::Ready, Fault>;
+    fn prepare(&self, entry: &Entry, content: Content) -> Result<Self::Ready, Fault>;
 }
 
 /// How clips are loaded.
@@ -140,17 +140,18 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn versions(&self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
         let min_layers = self.options.min_layers;
         // The best version, until it is reported.
-        let mut latest: Option<Box<Clip>> = None;
+        let mut latest: Option<Content> = None;
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(clip) => latest = Some(clip),
+                LoadEvent::Clip(clip) => latest = Some(Content::Clip(Arc::from(clip))),
+                LoadEvent::Take(take) => latest = Some(Content::Take(take)),
                 event => flow = self.pass_on(event),
             }
             if flow.is_continue()
                 && !self.options.is_complete
                 && self.is_blocking.load(Ordering::Relaxed)
-                && let Some(clip) = latest.take_if(|clip| clip.layers.len() >= min_layers)
+                && let Some(clip) = latest.take_if(|clip| clip.layers() >= min_layers)
             {
                 flow = self.version(entry, clip, is_first)?;
             }
@@ -160,15 +161,15 @@ impl<T: ClipTarget> Loading<'_, T> {
         }
         match latest {
             None => Ok(ControlFlow::Continue(())),
-            Some(clip) if clip.layers.len() < min_layers => {
+            Some(clip) if clip.layers() < min_layers => {
                 Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &clip))
             }
             Some(clip) => self.version(entry, clip, is_first),
         }
     }
 
-    fn version(&self, entry: &Entry, clip: Box<Clip>, is_first: &mut bool) -> Flow {
-        let clip = self.target.prepare(entry, clip)?;
+    fn version(&self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
+        let clip = self.target.prepare(entry, content)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
         Ok((self.report)(LoadEvent::Clip(version)))
@@ -185,8 +186,8 @@ impl<T: ClipTarget> Loading<'_, T> {
 }
 
 /// The fault of a clip with fewer than the `asked` layers; `subject` is its name.
-pub(crate) fn too_few_layers(asked: usize, subject: &str, clip: &Clip) -> Fault {
-    let has = counted(clip.layers.len(), "layer");
+pub(crate) fn too_few_layers(asked: usize, subject: &str, content: &Content) -> Fault {
+    let has = counted(content.layers(), "layer");
     Fault::Usage(format!("--layer {asked}: {subject} has {has}: give no larger number"))
 }
 
@@ -220,10 +221,10 @@ mod tests {
     impl ClipTarget for Target {
         type Ready = usize;
 
-        fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<usize, Fault> {
+        fn prepare(&self, entry: &Entry, clip: Content) -> Result<usize, Fault> {
             match self.too_large == Some(entry.number) {
                 true => Err(Fault::Device("too large".into())),
-                false => Ok(clip.layers.len()),
+                false => Ok(clip.layers()),
             }
         }
     }
@@ -251,7 +252,10 @@ mod tests {
                 LoadEvent::Failed(fault) => format!(" {fault}"),
                 LoadEvent::Playlist(queue) => format!("{} ", queue.len()),
                 LoadEvent::Done => ".".into(),
-                LoadEvent::Progress(_) | LoadEvent::Note(_) | LoadEvent::NextInFolder(_) => String::new(),
+                LoadEvent::Progress(_)
+                | LoadEvent::Note(_)
+                | LoadEvent::Take(_)
+                | LoadEvent::NextInFolder(_) => String::new(),
             });
             ControlFlow::Continue(())
         });

@@ -12,6 +12,11 @@
 
 mod advice;
 #[cfg_attr(
+    not(all(feature = "window", feature = "xr")),
+    allow(dead_code, reason = "each display uses a part of it")
+)]
+mod content;
+#[cfg_attr(
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
 )]
@@ -34,6 +39,7 @@ mod url;
 mod worker;
 
 pub(crate) use advice::advice;
+pub use content::Content;
 pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
 #[cfg(all(feature = "xr", any(target_os = "android", test)))]
@@ -62,3 +68,4 @@ pub(crate) use url::redacted;
 pub(crate) use url::title;
 #[cfg(feature = "net")]
 pub(crate) use url::{has_user_info, is_secure, resolve};
+pub(crate) use worker::{Report, Worker};

@@ -1,10 +1,12 @@
 //! [`open`]: a clip from a file, from a URL, or the built-in demo, as an [`Arrival`].
 
 use std::path::Path;
+use std::sync::Arc;
 
-use codec::Clip;
+use codec::{Clip, Limits};
 use program::Fault;
 
+use super::content::Content;
 use super::demo;
 use super::event::LoadEvent;
 use super::file::{decode, load_file, truncation};
@@ -13,8 +15,9 @@ use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
+use crate::takes::OpenTake;
 
-/// A clip that is in memory or being downloaded. Iterating waits for the next event; it ends after the
+/// A clip that is in memory or being downloaded, or a take. Iterating waits for the next event; it ends after the
 /// complete clip or the first error.
 #[derive(Debug)]
 pub enum Arrival {
@@ -24,6 +27,13 @@ pub enum Arrival {
         note: Option<String>,
         /// The clip.
         clip: Option<Box<Clip>>,
+    },
+    /// A take, until it is taken, after what there is to say of it.
+    Take {
+        /// A remark for the viewer.
+        note: Option<String>,
+        /// The take.
+        take: Option<Arc<OpenTake>>,
     },
     /// From the network.
     #[cfg(feature = "net")]
@@ -39,6 +49,10 @@ impl Iterator for Arrival {
                 let note = note.take().map(LoadEvent::Note);
                 note.or_else(|| clip.take().map(LoadEvent::Clip)).map(Ok)
             }
+            Arrival::Take { note, take } => {
+                let note = note.take().map(LoadEvent::Note);
+                note.or_else(|| take.take().map(LoadEvent::Take)).map(Ok)
+            }
             #[cfg(feature = "net")]
             Arrival::Download(download) => download.next(),
         }
@@ -46,8 +60,8 @@ impl Iterator for Arrival {
 }
 
 impl Arrival {
-    /// Waits for the complete clip, or for its first version with `layers` layers. Passes every event up to
-    /// then to `on_event`.
+    /// Waits for the complete clip, or for its first version with `layers` layers, or for a take. Passes every event
+    /// up to then to `on_event`.
     ///
     /// # Errors
     /// Why the clip does not arrive.
@@ -55,22 +69,26 @@ impl Arrival {
         &mut self,
         layers: Option<usize>,
         mut on_event: impl FnMut(&LoadEvent),
-    ) -> Result<Clip, Fault> {
+    ) -> Result<Content, Fault> {
         let mut latest = None;
         for event in self {
             let event = event?;
             on_event(&event);
-            if let LoadEvent::Clip(clip) = event {
-                if layers.is_some_and(|layers| clip.layers.len() >= layers) {
-                    return Ok(*clip);
+            match event {
+                LoadEvent::Clip(clip) => {
+                    let is_enough = layers.is_some_and(|layers| clip.layers.len() >= layers);
+                    let clip = Content::Clip(Arc::from(clip));
+                    if is_enough {
+                        return Ok(clip);
+                    }
+                    latest = Some(clip);
                 }
-                latest = Some(clip);
+                LoadEvent::Take(take) => latest = Some(Content::Take(take)),
+                _ => {}
             }
         }
         // A download ends with a clip or an error.
-        latest
-            .map(|clip| *clip)
-            .ok_or_else(|| Fault::Defect("no clip came: report this defect of the player".into()))
+        latest.ok_or_else(|| Fault::Defect("no clip came: report this defect of the player".into()))
     }
 }
 
@@ -92,9 +110,17 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
         }
         Some(path) => {
             let path = Path::new(path);
+            if let Some(take) = open_take(path, &options.limits)? {
+                return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });
+            }
             load_file(path, &options.limits).map(|clip| loaded(truncation(path, &clip), clip))
         }
     }
+}
+
+/// Opens a file if it is a take. What is wrong with other files, [`load_file`] says.
+fn open_take(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+    if path.is_file() { OpenTake::open(path, limits) } else { Ok(None) }
 }
 
 /// Opens a clip of a playlist, or one that was named alone, as [`open`] does.
@@ -145,9 +171,7 @@ mod tests {
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
         let clip = open(None, &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
-        assert!(
-            !clip.dynamic_field.is_empty() && clip.info.duration_s > 0.0 && !clip.info.viewpoints.is_empty()
-        );
+        assert!(!clip.is_static() && clip.duration_s() > 0.0 && !clip.info().viewpoints.is_empty());
     }
 
     #[test]

@@ -180,6 +180,8 @@ impl<C> QueueState<C> {
                 None
             }
             LoadEvent::Clip(version) => self.on_version(version),
+            // The loader makes a version of it.
+            LoadEvent::Take(_) => None,
             LoadEvent::Failed(fault) => Some(self.on_failure(fault)),
             LoadEvent::Done => {
                 self.finish();

@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// A thread that carries out requests `R` and reports events `E`. A new request overtakes the one before.
-pub(super) struct Worker<R, E> {
+pub(crate) struct Worker<R, E> {
     /// `None` while the worker is dropped, which ends the thread.
     requests: Option<Sender<(u64, R)>>,
     shared: Arc<Shared<E>>,
@@ -19,10 +19,10 @@ pub(super) struct Worker<R, E> {
 }
 
 /// Reports an event; breaks once the request was overtaken.
-pub(super) type Report<'a, E> = &'a dyn Fn(E) -> ControlFlow<()>;
+pub(crate) type Report<'a, E> = &'a dyn Fn(E) -> ControlFlow<()>;
 
 /// What the work on the latest request panicked with; no event of it follows.
-pub(super) type Panic = Box<dyn Any + Send>;
+pub(crate) type Panic = Box<dyn Any + Send>;
 
 /// What both threads share.
 struct Shared<E> {
@@ -72,7 +72,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     ///
     /// # Errors
     /// If the system refuses another thread.
-    pub(super) fn new(
+    pub(crate) fn new(
         work: impl Fn(R, Report<'_, E>) + Send + 'static,
         wake: impl Fn() + Send + 'static,
     ) -> std::io::Result<Worker<R, E>> {
@@ -99,7 +99,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     }
 
     /// Hands over a request, which overtakes all before it.
-    pub(super) fn request(&mut self, request: R) {
+    pub(crate) fn request(&mut self, request: R) {
         let number = self.shared.overtake(|latest| latest + 1);
         if let Some(requests) = &self.requests {
             requests.send((number, request)).expect("the thread catches panics");
@@ -110,7 +110,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     ///
     /// # Errors
     /// What the work panicked with.
-    pub(super) fn poll(&self) -> Result<Option<E>, Panic> {
+    pub(crate) fn poll(&self) -> Result<Option<E>, Panic> {
         let event = self.shared.lock().event.take();
         self.shared.changed.notify_all();
         event.transpose()
@@ -120,8 +120,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     ///
     /// # Errors
     /// What the work panicked with.
-    #[cfg(any(not(target_os = "android"), test))]
-    pub(super) fn wait(&self) -> Result<E, Panic> {
+    pub(crate) fn wait(&self) -> Result<E, Panic> {
         let is_empty = |state: &mut State<E>| state.event.is_none();
         let waited = self.shared.changed.wait_while(self.shared.lock(), is_empty);
         let event = waited.unwrap_or_else(PoisonError::into_inner).event.take();

@@ -109,6 +109,11 @@ impl Cache {
         }
     }
 
+    /// The folder.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     fn path(&self, url: &str) -> PathBuf {
         let name: String = Sha256::digest(url).iter().map(|byte| format!("{byte:02x}")).collect();
         self.folder.join(name).with_extension(ENTRY)

@@ -72,7 +72,9 @@ pub(crate) fn document(
             Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note }))
         }
         (Outcome::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
-        (Outcome::Unchanged, None) => Err(Fault::Network(format!("{}: {NOT_UNDERSTOOD}", redacted(url)))),
+        (Outcome::Unchanged, None) | (Outcome::Take, _) => {
+            Err(Fault::Network(format!("{}: {NOT_UNDERSTOOD}", redacted(url))))
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! [`Download`]: fetches a clip, decodes its layers as they arrive, and caches it.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use codec::{Clip, Limits};
@@ -9,8 +10,10 @@ use program::Fault;
 use super::cache::{Cache, CachedFile};
 use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
+use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
 use crate::clips::{LoadEvent, Servers, decode, redacted};
+use crate::takes::{OpenTake, TakeSource};
 
 /// Time between two reports of progress: short, and still long enough to read the numbers.
 pub(super) const REPORT_INTERVAL: Duration = Duration::from_millis(250);
@@ -177,6 +180,7 @@ impl Download {
     fn on_outcome(&mut self, outcome: Outcome, package: Vec<u8>, playable_bytes: usize) -> Flow {
         match outcome {
             Outcome::Unchanged => ControlFlow::Continue(()),
+            Outcome::Take => self.open_take(),
             Outcome::Complete { etag } => match self.decode(&package) {
                 Ok(clip) => {
                     self.stage = Stage::Store { etag: etag.unwrap_or_default(), package };
@@ -198,6 +202,19 @@ impl Download {
                 }
             }
             Outcome::Failed { fault, .. } => self.fail(fault),
+        }
+    }
+
+    /// Opens the file as a take.
+    fn open_take(&self) -> Flow {
+        let Options { cache, retry, servers, limits } = self.options.clone();
+        let take = RemoteFile::new(&self.url, retry, servers, cache)
+            .and_then(|file| OpenTake::of(TakeSource::Remote(Box::new(file)), &limits));
+        match take {
+            Ok(Some(take)) => ControlFlow::Break(Ok(LoadEvent::Take(Arc::new(take)))),
+            Ok(None) => self.fail(Fault::Data("the file changed on the server: open it again".into())),
+            // It names the URL.
+            Err(fault) => ControlFlow::Break(Err(fault)),
         }
     }
 

@@ -28,6 +28,8 @@ const BUFFER_BYTES: usize = 64 << 10;
 pub(super) enum Outcome {
     /// The file is complete; `etag` is its version, if the server names one.
     Complete { etag: Option<String> },
+    /// The file is a take, which is read in parts instead.
+    Take,
     /// The cached version is current.
     Unchanged,
     /// `is_transient`: a later attempt may succeed.
@@ -119,7 +121,9 @@ impl Fetch {
             let FetchOptions { url, retry, servers, max_bytes, cached } = options;
             let transfer = Transfer::new(retry, max_bytes as u64, cached);
             match Server::new(&url, retry, servers, &shared.watch) {
-                Ok(server) => Exchange { server, transfer, shared, has_responded: false }.run(),
+                Ok(server) => {
+                    Exchange { server, transfer, shared, has_responded: false, too_large: None }.run()
+                }
                 Err(error) => Some(failed(error.text(), false)),
             }
         })
@@ -182,6 +186,15 @@ impl Drop for Fetch {
 /// Why an answer that fits no request ends a fetch.
 pub(super) const NOT_UNDERSTOOD: &str = "the server's answer was not understood: try again later";
 
+fn too_large(why: String) -> Outcome {
+    Outcome::Failed { fault: Fault::Data(why), is_transient: false }
+}
+
+/// Whether a file is no clip but a take.
+fn is_take(error: &codec::Error) -> bool {
+    matches!(error, codec::Error::Format { error: codec::FormatError::Take, .. })
+}
+
 /// The fault of a download that cannot be decoded.
 pub(super) fn undecodable(error: &codec::Error) -> Fault {
     Fault::Data(format!("{error}: {}", advice(error, "upload it again")))
@@ -212,7 +225,7 @@ impl From<Action> for AfterRequest {
             Action::Unchanged => Outcome::Unchanged,
             Action::GiveUp(why) => failed(why, true),
             Action::Refused(why) => failed(why, false),
-            Action::TooLarge(why) => Outcome::Failed { fault: Fault::Data(why), is_transient: false },
+            Action::TooLarge(why) => too_large(why),
             Action::Read { .. } | Action::StartOver => failed(NOT_UNDERSTOOD.into(), true),
         })
     }
@@ -224,6 +237,8 @@ struct Exchange<'a> {
     transfer: Transfer,
     shared: &'a Shared,
     has_responded: bool,
+    /// Why a clip of the announced length is refused, until its head tells whether it is a take.
+    too_large: Option<String>,
 }
 
 impl Exchange<'_> {
@@ -278,6 +293,11 @@ impl Exchange<'_> {
                 self.shared.lock().file.clear();
                 self.read(body, 0)
             }
+            // A take may be: its head tells.
+            Action::TooLarge(why) if !self.shared.lock().file.is_document() => {
+                self.too_large = Some(why);
+                self.read(body, 0)
+            }
             action => action.into(),
         }
     }
@@ -310,7 +330,15 @@ impl Exchange<'_> {
         }
         self.shared.watch.count(Instant::now(), bytes.len() as u64);
         let mut state = self.shared.lock();
-        if let Err(error) = state.file.push(bytes) {
+        let pushed = state.file.push(bytes);
+        if pushed.as_ref().is_err_and(is_take) {
+            return Some(AfterRequest::End(Outcome::Take));
+        }
+        let is_known = pushed.is_err() || state.file.package_bytes().is_some();
+        if let Some(why) = self.too_large.take_if(|_| is_known) {
+            return Some(AfterRequest::End(too_large(why)));
+        }
+        if let Err(error) = pushed {
             return Some(AfterRequest::End(match state.file.is_web_page() {
                 true => web_page(),
                 false => Outcome::Failed { fault: undecodable(&error), is_transient: false },
@@ -386,7 +414,7 @@ mod tests {
         for has_responded in [false, true] {
             let server = Server::new("http://host/", retry, Servers::All, &shared.watch).unwrap();
             let transfer = Transfer::new(retry, 1000, None);
-            let mut exchange = Exchange { server, transfer, shared: &shared, has_responded };
+            let mut exchange = Exchange { server, transfer, shared: &shared, has_responded, too_large: None };
             match exchange.on_error(RequestError::UnknownHost("unknown".into())) {
                 AfterRequest::Retry(..) => assert!(has_responded),
                 AfterRequest::End(Outcome::Failed { .. }) => assert!(!has_responded),

@@ -11,6 +11,8 @@
 //! A `watch` ends a cancelled fetch, and a request whose bytes come too slowly; `wire` asks it below HTTP and
 //! TLS. `addresses` keeps what a server on the internet leads to off private networks.
 //!
+//! A take is no download: `remote_file` reads parts of it as playing needs them.
+//!
 //! A cached clip plays at once while the server is asked for a newer version. [`codec::Limits`] bounds
 //! memory: a longer file is not fetched, and while the rest arrives, at most the bytes being decoded exist
 //! twice.
@@ -23,6 +25,7 @@ mod fetch;
 mod head;
 mod meter;
 mod partial_file;
+mod remote_file;
 mod request;
 mod request_error;
 mod retry;
@@ -33,4 +36,5 @@ mod wire;
 pub use cache::{CACHE_BYTES, Cache};
 pub(crate) use document::document;
 pub use download::{Download, Options};
+pub(crate) use remote_file::RemoteFile;
 pub use retry::RetryPolicy;

@@ -110,8 +110,8 @@ impl Server {
             return Err(Error::HostNotFound);
         }
         let mut request = self.agent.get(uri);
-        if file.offset > 0 {
-            request = request.header(header::RANGE, format!("bytes={}-", file.offset));
+        if let Some(range) = file.range() {
+            request = request.header(header::RANGE, range);
         }
         let conditions = [(header::IF_RANGE, &file.if_range), (header::IF_NONE_MATCH, &file.if_none_match)];
         for (name, etag) in conditions {

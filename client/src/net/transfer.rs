@@ -23,10 +23,28 @@ const RETRY_AFTER_MAX: Duration = Duration::from_secs(30);
 pub(super) struct FileRequest {
     /// Offset of the first byte to send; 0 requests the whole file.
     pub(super) offset: u64,
+    /// Where to stop, before the end of the file.
+    pub(super) end: Option<u64>,
     /// The version of which to send the rest; the server sends another version whole.
     pub(super) if_range: Option<String>,
     /// The version in the cache.
     pub(super) if_none_match: Option<String>,
+}
+
+impl FileRequest {
+    /// The same for the bytes up to `end` only.
+    pub(super) fn up_to(self, end: u64) -> FileRequest {
+        FileRequest { end: Some(end), ..self }
+    }
+
+    /// The value of the header `Range`, unless the whole file is requested.
+    pub(super) fn range(&self) -> Option<String> {
+        let offset = self.offset;
+        match self.end {
+            Some(end) => Some(format!("bytes={offset}-{}", end.saturating_sub(1))),
+            None => (offset > 0).then(|| format!("bytes={offset}-")),
+        }
+    }
 }
 
 /// What to do next. Sentences are for the viewer.
@@ -64,6 +82,8 @@ pub(super) struct Transfer {
     cached: Option<String>,
     /// Whether the server can send the rest of a file.
     ranges: bool,
+    /// Whether checksums tell bytes of another version, so that ranges need no strong ETag.
+    is_checked: bool,
     requests: u32,
     /// Broken connections since the last progress.
     breaks: u32,
@@ -83,10 +103,31 @@ impl Transfer {
             etag: None,
             cached,
             ranges: true,
+            is_checked: false,
             requests: 0,
             breaks: 0,
             furthest: 0,
             progress: 0,
+        }
+    }
+
+    /// A transfer of a part that begins at `offset`, of the version `etag` of a file of `total` bytes, as far as these
+    /// are known. Checksums in the part tell if it is of another version.
+    pub(super) fn part(
+        retry: RetryPolicy,
+        offset: u64,
+        etag: Option<String>,
+        total: Option<u64>,
+    ) -> Transfer {
+        let whole = Transfer::new(retry, u64::MAX, None);
+        Transfer {
+            received: offset,
+            furthest: offset,
+            progress: offset,
+            etag,
+            total,
+            is_checked: true,
+            ..whole
         }
     }
 
@@ -95,7 +136,12 @@ impl Transfer {
         self.requests += 1;
         let if_none_match = self.cached.clone().filter(|_| self.received == 0);
         match self.strong_etag().filter(|_| self.ranges && self.received > 0) {
-            Some(etag) => FileRequest { offset: self.received, if_range: Some(etag), if_none_match },
+            Some(etag) => {
+                FileRequest { offset: self.received, end: None, if_range: Some(etag), if_none_match }
+            }
+            None if self.is_checked && self.ranges => {
+                FileRequest { offset: self.received, ..FileRequest::default() }
+            }
             None => FileRequest { if_none_match, ..FileRequest::default() },
         }
     }
@@ -126,9 +172,9 @@ impl Transfer {
         }
         match head.status {
             200 => self.on_whole_file(head),
-            206 if request.offset > 0 => self.on_range(request, head),
+            206 if request.range().is_some() => self.on_range(request, head),
             304 if request.if_none_match.is_some() => Action::Unchanged,
-            416 if request.offset > 0 => {
+            416 if request.range().is_some() => {
                 self.ranges = false;
                 self.on_break("the file changed on the server")
             }
@@ -166,12 +212,16 @@ impl Transfer {
     fn on_range(&mut self, request: &FileRequest, head: &Head) -> Action {
         let (offset, total) = head.range.unwrap_or((u64::MAX, None));
         let same_total = total.is_none() || self.total.is_none() || total == self.total;
-        let same_etag = head.etag.is_none() || head.etag == self.etag;
+        let is_first = self.is_checked && self.etag.is_none() && self.total.is_none();
+        let same_etag = head.etag.is_none() || head.etag == self.etag || is_first;
         if offset != request.offset || !same_total || !same_etag {
             self.ranges = false;
             return self.on_break("the server sent another part than requested");
         }
         self.total = total.or(self.total);
+        if is_first {
+            self.etag.clone_from(&head.etag);
+        }
         match self.check_limit(self.total.unwrap_or(0)) {
             Err(action) => action,
             Ok(()) => Action::Read { skip: 0 },
@@ -275,10 +325,43 @@ mod tests {
     fn after_a_break_the_rest_of_the_same_version_is_requested() {
         let mut transfer = broken("\"a\"");
         let request = transfer.next_request();
-        assert_eq!(request, FileRequest { offset: 40, if_range: Some("\"a\"".into()), if_none_match: None });
+        assert_eq!(
+            request,
+            FileRequest { offset: 40, if_range: Some("\"a\"".into()), ..FileRequest::default() }
+        );
         assert_eq!(transfer.on_response(&request, &range(40, 100, "\"a\"")), Action::Read { skip: 0 });
         transfer.count(60).unwrap();
         assert_eq!((transfer.received, transfer.total()), (100, Some(100)));
+    }
+
+    #[test]
+    fn parts_are_of_the_version_of_the_first_one() {
+        let part = |offset, etag: Option<&str>, total| {
+            Transfer::part(RetryPolicy::default(), offset, etag.map(String::from), total)
+        };
+        let mut first = part(0, None, None);
+        let request = first.next_request().up_to(50);
+        assert_eq!((request.range().as_deref(), &request.if_range), (Some("bytes=0-49"), &None));
+        assert_eq!(first.on_response(&request, &range(0, 100, "\"a\"")), Action::Read { skip: 0 });
+        assert_eq!((first.etag(), first.total()), (Some("\"a\""), Some(100)));
+
+        let etag = Some("\"a\"");
+        let answered = |head: Head| {
+            let mut transfer = part(40, etag, Some(100));
+            let request = transfer.next_request().up_to(60);
+            assert_eq!(
+                (request.range().as_deref(), request.if_range.as_deref()),
+                (Some("bytes=40-59"), etag)
+            );
+            transfer.on_response(&request, &head)
+        };
+        assert_eq!(answered(range(40, 100, "\"a\"")), Action::Read { skip: 0 });
+        assert_eq!(answered(whole(100, "\"a\"")), Action::Read { skip: 40 }, "a server without ranges");
+        assert_eq!(answered(whole(100, "\"b\"")), Action::StartOver, "the file changed");
+        assert!(matches!(answered(range(40, 100, "\"b\"")), Action::Retry(..)), "against the rules");
+        // Checksums tell versions where the server does not.
+        let request = part(40, None, Some(100)).next_request().up_to(60);
+        assert_eq!((request.range().as_deref(), request.if_range), (Some("bytes=40-59"), None));
     }
 
     #[test]

@@ -53,7 +53,12 @@ impl Watch {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the caller has dropped the fetch.
+    /// Takes back [`Watch::cancel`].
+    pub(super) fn resume(&self) {
+        self.is_cancelled.store(false, Ordering::Relaxed);
+    }
+
+    /// Whether the caller has ended the fetch.
     pub(super) fn is_cancelled(&self) -> bool {
         self.is_cancelled.load(Ordering::Relaxed)
     }

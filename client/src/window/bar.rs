@@ -3,7 +3,8 @@
 use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{
-    Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Response, RichText, Sense, Slider, Ui, vec2,
+    Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Rect, Response, RichText, Sense, Slider, Ui,
+    vec2,
 };
 
 use super::icons::{Symbol, symbol_button};
@@ -20,6 +21,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) is_scrubbing: &'a mut bool,
     /// Whether the clip has no timeline.
     pub(crate) is_static: bool,
+    /// Parts of a take that play without loading, as seconds (from, to).
+    pub(crate) buffered: &'a [(f64, f64)],
     /// Number of layers of the clip.
     pub(crate) layers: usize,
     pub(crate) viewpoints: &'a [Viewpoint],
@@ -36,7 +39,7 @@ pub(crate) fn show(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Comma
         bottom: 8,
     });
     Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
-        *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.player);
+        *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.player, controls.buffered);
         ui.horizontal(|ui| {
             if !controls.is_static {
                 transport(ui, controls.player, commands);
@@ -46,8 +49,11 @@ pub(crate) fn show(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Comma
     });
 }
 
-/// Shows the slider over the clip; returns whether the pointer holds it.
-fn timeline(ui: &mut Ui, player: &mut Player) -> bool {
+/// Height of the marks of what is buffered, in points.
+const BUFFERED_HEIGHT: f32 = 2.0;
+
+/// Shows the slider over the clip, and below it what is `buffered`; returns whether the pointer holds it.
+fn timeline(ui: &mut Ui, player: &mut Player, buffered: &[(f64, f64)]) -> bool {
     let mut position_s = player.position_s();
     let has_duration = player.duration_s() > 0.0;
     let slider = Slider::new(&mut position_s, 0.0..=player.duration_s().max(f64::MIN_POSITIVE))
@@ -57,6 +63,12 @@ fn timeline(ui: &mut Ui, player: &mut Player) -> bool {
     let response = ui.add_enabled_ui(has_duration, |ui| clickable(ui, slider)).inner;
     if response.changed() {
         player.seek(position_s);
+    }
+    let (track, y) = (response.rect, response.rect.bottom());
+    let x = |seconds: f64| track.left() + track.width() * (seconds / player.duration_s()) as f32;
+    for &(from_s, to_s) in buffered.iter().filter(|_| has_duration) {
+        let mark = Rect::from_x_y_ranges(x(from_s)..=x(to_s), y - BUFFERED_HEIGHT..=y);
+        ui.painter().rect_filled(mark, 0.0, style::ACCENT.gamma_multiply(0.6));
     }
     response.is_pointer_button_down_on()
 }

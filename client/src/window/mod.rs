@@ -20,7 +20,6 @@ mod viewer;
 
 use std::time::Instant;
 
-use codec::Clip;
 use program::Fault;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
@@ -28,7 +27,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
-use crate::clips::{Arrival, Entry, LoadEvent, Queue, cache_dir, playlist};
+use crate::clips::{Arrival, Content, Entry, LoadEvent, Queue, cache_dir, playlist};
 use crate::gpu::DEVICE_REPLACED;
 use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
@@ -60,7 +59,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 /// The clip that plays first.
 struct First {
     entry: Entry,
-    clip: Clip,
+    clip: Content,
     /// Its better versions, which are still being loaded.
     rest: Arrival,
     queue: Option<Queue>,

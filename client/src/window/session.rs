@@ -10,7 +10,6 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use codec::Clip;
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
 use glam::UVec2;
@@ -27,12 +26,13 @@ use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{Requests, Viewer};
 use crate::clips::{
-    Arrival, Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, Queue, SourceOptions,
-    Transition, title,
+    Arrival, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, Queue,
+    SourceOptions, Transition, title,
 };
 use crate::gpu::{
     Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
 };
+use crate::takes::TakePlayer;
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -44,11 +44,17 @@ const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(720, 360);
 /// Interval between looks whether a hidden window is visible again.
 const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
+/// Interval between looks whether a part of a take has come, while the clip pauses.
+const LOADING_RETRY: Duration = Duration::from_millis(100);
+
+/// How long a part of a take may be missing before the window says so: shorter waits are barely seen.
+const LOADING_PATIENCE: Duration = Duration::from_millis(250);
+
 /// What to open a window with.
 pub(super) struct Start {
     /// The clip to show, and its better versions, which are still being loaded.
     pub(super) entry: Entry,
-    pub(super) clip: Clip,
+    pub(super) clip: Content,
     pub(super) rest: Arrival,
     /// The playlist of the clip, at its entry.
     pub(super) queue: Option<Queue>,
@@ -85,32 +91,39 @@ pub(super) enum Next {
 struct WindowTarget {
     gpu: Weak<Gpu>,
     format: Format,
+    proxy: EventLoopProxy<Event>,
 }
 
 impl WindowTarget {
-    fn of(screen: &Screen) -> WindowTarget {
-        WindowTarget { gpu: Arc::downgrade(&screen.gpu), format: screen.surface.format() }
+    fn of(screen: &Screen, proxy: &EventLoopProxy<Event>) -> WindowTarget {
+        WindowTarget {
+            gpu: Arc::downgrade(&screen.gpu),
+            format: screen.surface.format(),
+            proxy: proxy.clone(),
+        }
     }
 }
 
 impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
 
-    fn prepare(&self, entry: &Entry, clip: Box<Clip>) -> Result<Box<Playing>, Fault> {
+    fn prepare(&self, entry: &Entry, content: Content) -> Result<Box<Playing>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        Playing::new(&gpu, self.format, entry, &clip).map(Box::new)
+        Playing::new(&gpu, self.format, &self.proxy, entry, &content).map(Box::new)
     }
 }
 
-/// A clip that is ready to be drawn.
+/// A clip or a take that is ready to be drawn.
 struct Playing {
     title: String,
     viewed: ViewedClip,
     /// `None` once its device was lost.
     renderer: Option<Renderer>,
+    /// The segments of a take, as long as there is a renderer.
+    take: Option<TakePlayer>,
     /// Number of Gaussians, plate included.
     gaussians: usize,
     /// Number of layers that the package announces; a truncated file has fewer.
@@ -118,22 +131,45 @@ struct Playing {
 }
 
 impl Playing {
-    /// Uploads a clip and builds its renderer.
-    fn new(gpu: &Gpu, format: Format, entry: &Entry, clip: &Clip) -> Result<Playing, Fault> {
-        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+    /// Uploads a clip, or what the start of a take needs, and builds its renderer.
+    fn new(
+        gpu: &Gpu,
+        format: Format,
+        proxy: &EventLoopProxy<Event>,
+        entry: &Entry,
+        content: &Content,
+    ) -> Result<Playing, Fault> {
+        let layout = FrameLayout::plain(format, 1);
+        let (renderer, take) = match content {
+            Content::Clip(clip) => (Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?, None),
+            Content::Take(opened) => {
+                let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, waker(proxy))?;
+                take.wait(gpu, &mut renderer, 0.0)?;
+                (renderer, Some(take))
+            }
+        };
         Ok(Playing {
             title: title(entry.name.as_deref()),
-            viewed: ViewedClip::new(clip),
-            renderer: Some(Renderer::new(gpu, on_gpu, FrameLayout::plain(format, 1))?),
-            gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
-            layers_announced: clip.layers_announced,
+            viewed: ViewedClip::new(content),
+            renderer: Some(renderer),
+            take,
+            gaussians: content.gaussians(),
+            layers_announced: content.layers_announced(),
         })
     }
+}
+
+/// Tells the event loop that a loader has something. The event loop has ended where that fails.
+fn waker(proxy: &EventLoopProxy<Event>) -> impl Fn() + Send + 'static {
+    let proxy = proxy.clone();
+    move || drop(proxy.send_event(Event::Loading))
 }
 
 /// The inputs of a picture of a clip.
 #[derive(Clone, Copy, PartialEq)]
 struct PictureState {
+    /// Of the segments of a take.
+    revision: u64,
     /// Normalised clip time.
     t: f64,
     view: View,
@@ -154,6 +190,8 @@ pub(super) struct Session {
     is_continuous: bool,
     clips: ClipController<WindowTarget>,
     reporter: Reporter,
+    /// Since when a part of the take is missing at the position, and whether that was said.
+    loading_since: Option<(Instant, bool)>,
     saving: Option<JoinHandle<()>>,
     proxy: EventLoopProxy<Event>,
     screen: Screen,
@@ -181,17 +219,12 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let playing = Playing::new(&screen.gpu, screen.surface.format(), &start.entry, &start.clip)?;
+        let playing = Playing::new(&screen.gpu, screen.surface.format(), &proxy, &start.entry, &start.clip)?;
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
-        let wake = {
-            let proxy = proxy.clone();
-            // The event loop has ended where this fails.
-            move || drop(proxy.send_event(Event::Loading))
-        };
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
-        let mut clips = ClipController::new(options, true, wake)?;
-        clips.adopt(WindowTarget::of(&screen), start.entry, start.queue, start.rest);
+        let mut clips = ClipController::new(options, true, waker(&proxy))?;
+        clips.adopt(WindowTarget::of(&screen, &proxy), start.entry, start.queue, start.rest);
         window.request_redraw();
         Ok(Session {
             viewer,
@@ -202,6 +235,7 @@ impl Session {
             is_continuous: false,
             clips,
             reporter: start.reporter,
+            loading_since: None,
             saving: None,
             proxy,
             playing,
@@ -284,6 +318,7 @@ impl Session {
             Transition::Refine => self.viewer.update_clip(viewed),
         }
         self.window.set_title(&playing.title);
+        self.viewer.buffered.clear();
         self.playing = playing;
         self.drawn = None;
         self.window.request_redraw();
@@ -320,6 +355,7 @@ impl Session {
             self.frame_times.push(elapsed_s);
         }
 
+        self.update_take(now);
         let looping = self.viewer.player.is_looping();
         self.viewer.player.set_has_next(self.clips.is_followed(looping));
         let ctx = self.screen.input.egui_ctx().clone();
@@ -333,7 +369,8 @@ impl Session {
 
         let [width, height] = frame.size;
         let state = PictureState {
-            t: self.viewer.clip_time(),
+            revision: self.playing.take.as_ref().map_or(0, TakePlayer::revision),
+            t: self.shown_time(),
             view: View::from_camera(&self.viewer.camera(width, height)),
             settings: self.viewer.settings,
         };
@@ -359,13 +396,63 @@ impl Session {
         self.is_continuous = next_change == Some(Duration::ZERO);
         let repaint =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
-        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint) {
+        Ok(match next_change.unwrap_or(Duration::MAX).min(repaint).min(self.loading_retry()) {
             // The statistics are those of the previous frame.
-            _ if outdated => Next::Now,
+            _ if outdated || self.playing.take.as_ref().is_some_and(TakePlayer::is_uploading) => Next::Now,
             Duration::ZERO => Next::Now,
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
+    fn update_take(&mut self, now: Instant) {
+        let (Some(take), Some(renderer)) = (&mut self.playing.take, &mut self.playing.renderer) else {
+            self.viewer.player.set_waiting(false);
+            self.loading_since = None;
+            return;
+        };
+        let player = &mut self.viewer.player;
+        take.update(&self.screen.gpu, renderer, player);
+        let is_missing = take.is_missing(player.position_s());
+        player.set_waiting(is_missing);
+        if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
+            self.viewer.buffered = take.buffered().to_vec();
+        }
+        for note in take.take_notes() {
+            self.apply(Change::Note(note));
+        }
+        match (is_missing, &mut self.loading_since) {
+            (true, None) => self.loading_since = Some((now, false)),
+            (true, Some((since, said))) if !*said && now - *since > LOADING_PATIENCE => {
+                *said = true;
+                self.set_message(Message::Working("Loading this part of the take".into()));
+            }
+            (true, Some(_)) | (false, None) => {}
+            (false, Some((_, said))) => {
+                let said = *said;
+                self.loading_since = None;
+                if said {
+                    self.clear_progress();
+                }
+            }
+        }
+    }
+
+    /// Time until the next look whether a part of a take has come, or is to be asked for again.
+    fn loading_retry(&self) -> Duration {
+        self.loading_since.map_or(Duration::MAX, |_| LOADING_RETRY)
+    }
+
+    /// Normalised time of the picture: of a take, the latest complete one while a part of it is being loaded.
+    fn shown_time(&self) -> f64 {
+        let player = &self.viewer.player;
+        match &self.playing.take {
+            Some(take) if player.duration_s() > 0.0 => {
+                take.shown_s(player.position_s()) / player.duration_s()
+            }
+            _ => self.viewer.clip_time(),
+        }
     }
 
     /// Shows the picture and the interface over it.
@@ -389,7 +476,7 @@ impl Session {
         if self.screen.picture.size != size {
             self.screen.picture = Picture::new(&self.screen.gpu, self.screen.surface.format(), size)?;
         }
-        let PictureState { t, view, settings } = state;
+        let PictureState { t, view, settings, .. } = state;
         // A new picture is black.
         if let Some(renderer) = &mut self.playing.renderer {
             let Screen { gpu, picture, .. } = &self.screen;
@@ -446,10 +533,10 @@ impl Session {
         }
         self.finish_saving();
         self.screen = Screen::open(&self.window)?;
-        self.playing.renderer = None;
+        (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
-        self.clips.set_target(WindowTarget::of(&self.screen));
+        self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy));
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }
@@ -469,6 +556,9 @@ impl Session {
             let there = self.viewer.layers();
             let drawn = self.viewer.settings.layers.unwrap_or(there).min(there);
             rows.insert(1, ("layers", format!("{drawn} of {announced}")));
+        }
+        if let Some(take) = &self.playing.take {
+            rows.extend(take.counts().rows());
         }
         if let Some(queue) = self.clips.queue() {
             rows.insert(0, ("clip", format!("{} of {}", queue.position() + 1, queue.len())));

@@ -1,6 +1,8 @@
 //! [`ViewedClip`]: the properties of a clip that its viewer needs.
 
-use codec::{Clip, Viewpoint};
+use codec::Viewpoint;
+
+use crate::clips::Content;
 
 /// The properties of a clip that its viewer needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,15 +20,15 @@ pub(crate) struct ViewedClip {
 
 impl ViewedClip {
     /// The properties of `clip`. A clip without viewpoints gets one that frames its bounds.
-    pub(crate) fn new(clip: &Clip) -> ViewedClip {
-        let info = &clip.info;
+    pub(crate) fn new(clip: &Content) -> ViewedClip {
+        let info = clip.info();
         ViewedClip {
-            duration_s: info.duration_s.into(),
+            duration_s: clip.duration_s(),
             fps: info.fps.into(),
-            is_static: clip.dynamic_field.is_empty(),
+            is_static: clip.is_static(),
             up: info.up,
             viewpoints: clip.viewpoints(),
-            layers: clip.layers.len().max(1),
+            layers: clip.layers().max(1),
         }
     }
 }

@@ -29,6 +29,8 @@ pub(crate) struct Viewer {
     pub(crate) player: Player,
     pub(crate) settings: RenderSettings,
     pub(crate) message: Option<Message>,
+    /// Parts of a take that play without loading, as seconds (from, to).
+    pub(crate) buffered: Vec<(f64, f64)>,
     /// Whether the pointer holds the timeline.
     is_scrubbing: bool,
     clip: ViewedClip,
@@ -51,6 +53,7 @@ impl Viewer {
             player: Player::new(clip.duration_s, clip.fps),
             settings,
             message: None,
+            buffered: Vec::new(),
             is_scrubbing: false,
             camera: CameraControl::new(&clip.viewpoints[viewpoint], clip.up),
             clip,
@@ -134,6 +137,7 @@ impl Viewer {
                 settings: &mut self.settings,
                 is_scrubbing: &mut self.is_scrubbing,
                 is_static: self.clip.is_static,
+                buffered: &self.buffered,
                 layers: self.clip.layers,
                 viewpoints: &self.clip.viewpoints,
                 viewpoint: self.viewpoint,

@@ -15,7 +15,7 @@ use super::show::Show;
 use super::tracking::eye;
 use crate::args::Args;
 use crate::gpu::{Coverage, FrameCounts, Gpu, Level, Pixels, RenderSettings};
-use crate::stats::{FrameStats, Summary};
+use crate::stats::{FrameStats, Summary, TakeStats};
 use crate::view::View;
 
 /// File names of the eyes.
@@ -365,6 +365,7 @@ impl Report {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
             f16: gpu.caps.f16,
+            take: show.take_counts().map(TakeStats::from),
             width: runtime.eye_size.x,
             height: runtime.eye_size.y,
             passes,
@@ -453,6 +454,9 @@ struct XrStats {
     /// Size of an eye's image in pixels.
     width: u32,
     height: u32,
+    /// The segments of a take; absent for a clip.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    take: Option<TakeStats>,
     /// Render passes for both eyes.
     passes: usize,
     /// Number of Gaussians of the clip, plate included.

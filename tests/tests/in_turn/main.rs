@@ -10,6 +10,7 @@ mod frame_loop;
 mod playing;
 mod soak;
 mod stability;
+mod takes;
 
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
@@ -18,6 +19,7 @@ fn main() -> ExitCode {
     gpu::run_in_turn([
         ("footprint", footprint::trials()),
         ("frame_loop", frame_loop::trials()),
+        ("takes", takes::trials()),
         // Before most others: what drivers keep of them looks like growth, or hides it.
         ("soak", soak::trials()),
         ("playing", playing::trials()),

@@ -13,6 +13,7 @@ mod headset;
 mod job_array;
 mod net_programs;
 mod playlist;
+mod takes;
 mod window;
 mod workshop;
 
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         ("headset", headset::trials()),
         ("net_programs", net_programs::trials()),
         ("playlist", playlist::trials()),
+        ("takes", takes::trials()),
         ("window", window::trials()),
     ])
 }

@@ -178,13 +178,13 @@ fn faults(_: &Gpu) -> Result<(), String> {
 
 /// Colour at the center of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum CenterColor {
+pub(crate) enum CenterColor {
     Red,
     Blue,
     Other([u8; 3]),
 }
 
-fn center_color(screen: &Screenshot) -> CenterColor {
+pub(crate) fn center_color(screen: &Screenshot) -> CenterColor {
     let at = 3 * (screen.height / 2 * screen.width + screen.width / 2) as usize;
     match screen.rgb[at..at + 3] {
         [r, _, b] if r > 180 && b < 60 => CenterColor::Red,

@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn the_demo_clip_stands_before_the_viewer() {
         let clip = clips::open(None, &Default::default()).unwrap().wait(None, |_| ()).unwrap();
-        let subject = Subject::of(&clip);
+        let subject = clip.subject();
         let head = head(0.3);
         let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);
         let target = DVec3::from(clip.viewpoints()[0].target.map(f64::from));

@@ -63,7 +63,8 @@ impl Bench {
 }
 
 fn subject() -> Subject {
-    let mut clip = crate::clips::open(None, &Default::default()).unwrap().wait(None, |_| ()).unwrap();
+    let demo = include_bytes!("../../../../assets/demo.aarc");
+    let mut clip = codec::decode(demo, &Default::default()).unwrap();
     clip.info.viewpoints = vec![Viewpoint {
         name: "front".into(),
         position: [0.0, 1.0, 4.0],

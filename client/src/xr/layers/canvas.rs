@@ -66,7 +66,7 @@ impl Canvas {
             let view = |i: usize| eye::view(&eyes.poses[i], eyes.views[i].fov.into(), size, &stage_from_clip);
             Some([view(0)?, view(1)?])
         });
-        let (t, settings) = (show.player().clip_time(), show.quality().settings());
+        let (t, settings) = (show.shown_time(), show.quality().settings());
         // The runtime may yet read the image: what needs none comes first.
         let drawn = views.zip(show.renderer()).map(|(views, renderer)| {
             let counts = renderer.prepare(&self.gpu, t, &views, &settings);

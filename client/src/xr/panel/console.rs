@@ -78,6 +78,11 @@ fn timeline(ui: &Ui, area: Rect, state: &PanelState, commands: &mut Vec<Command>
     let track = Rect::from_x_y_ranges(left - 8.0..=right + 8.0, y - 7.0..=y + 7.0);
     let hovered = response.hovered() || held;
     painter.rect_filled(track, 7.0, if hovered { style::BUTTON_PRESSED } else { style::BUTTON_HOVERED });
+    let x = |seconds: f64| left + (right - left) * (seconds / player.duration_s()) as f32;
+    for &(from_s, to_s) in state.buffered.iter().filter(|_| !is_static) {
+        let mark = Rect::from_x_y_ranges(x(from_s)..=x(to_s), track.bottom() + 4.0..=track.bottom() + 8.0);
+        painter.rect_filled(mark, 2.0, style::ACCENT.gamma_multiply(0.6));
+    }
     if !is_static {
         painter.rect_filled(track.with_max_x(handle.x), 7.0, style::ACCENT);
         painter.circle_filled(handle, radius, if hovered { Color32::WHITE } else { style::TEXT });

@@ -249,6 +249,9 @@ impl Panel {
         (self.page, self.leaving_until_s.is_some(), state.title).hash(&mut hasher);
         if state.has_timeline() {
             ((player.position_s() * TIMELINE_RATE) as u64, player.duration_s().to_bits()).hash(&mut hasher);
+            let ends =
+                state.buffered.iter().map(|(from_s, to_s)| [from_s, to_s].map(|end_s| end_s.to_bits()));
+            ends.for_each(|ends| ends.hash(&mut hasher));
         }
         (player.is_playing(), player.is_looping(), player.speed().to_bits()).hash(&mut hasher);
         (state.qualities, state.quality, state.lowered).hash(&mut hasher);

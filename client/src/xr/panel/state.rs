@@ -37,6 +37,8 @@ pub struct PanelState<'a> {
     pub passthrough: Option<bool>,
     /// Whether there is another clip to play.
     pub has_next: bool,
+    /// Parts of a take that play without loading, as seconds (from, to).
+    pub buffered: &'a [(f64, f64)],
     /// Rows of names and values.
     pub statistics: &'a [(&'a str, String)],
     /// Message above the console.

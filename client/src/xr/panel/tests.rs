@@ -19,6 +19,7 @@ struct Bench {
     inputs: Inputs,
     hands: Hands,
     notice: Option<Notice<'static>>,
+    buffered: Vec<(f64, f64)>,
     commands: Vec<Command>,
     haptics: Haptics,
     on_panel: [bool; 2],
@@ -34,6 +35,7 @@ impl Bench {
             inputs: Inputs::default(),
             hands: Hands::default(),
             notice: None,
+            buffered: Vec::new(),
             commands: Vec::new(),
             haptics: Haptics::default(),
             on_panel: [false; 2],
@@ -71,6 +73,7 @@ impl Bench {
             lowered: false,
             passthrough: Some(false),
             has_next: true,
+            buffered: &self.buffered,
             statistics: &[("Gaussians", "40000".into()), ("GPU", "5.1 ms".into())],
             notice: self.notice,
         };
@@ -355,6 +358,10 @@ fn the_panel_is_painted_only_after_a_change() {
     bench.frame();
     bench.frame();
     assert!(!bench.painted);
+    bench.buffered.push((0.0, 2.0));
+    bench.frame();
+    assert!(bench.painted, "more is buffered");
+    bench.frame();
     let at = bench.place("Play");
     bench.aim(Side::Right, at);
     bench.frame();

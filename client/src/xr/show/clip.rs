@@ -6,10 +6,11 @@
 
 use std::sync::{Arc, Weak};
 
-use codec::{Clip, ClipInfo};
+use codec::ClipInfo;
 
-use crate::clips::{ClipTarget, Entry};
+use crate::clips::{ClipTarget, Content, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
+use crate::takes::TakePlayer;
 use program::Fault;
 use program::Subject;
 
@@ -23,20 +24,34 @@ pub(super) struct HeadsetTarget {
 impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
 
-    fn prepare(&self, _: &Entry, clip: Box<Clip>) -> Result<Box<ReadyClip>, Fault> {
+    fn prepare(&self, _: &Entry, content: Content) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
+        let (renderer, take, layer_ends) = match &content {
+            Content::Clip(clip) => {
+                let on_gpu = Arc::new(GpuClip::upload(&gpu, clip)?);
+                let layer_ends = on_gpu.layer_ends();
+                (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
+            }
+            Content::Take(opened) => {
+                // A frame of the headset follows in any case: it needs nothing to wake it.
+                let (mut renderer, mut take) = TakePlayer::new(&gpu, opened.clone(), layout, || ())?;
+                take.wait(&gpu, &mut renderer, 0.0)?;
+                (renderer, Some(take), opened.layer_ends())
+            }
+        };
         Ok(Box::new(ReadyClip {
-            subject: Subject::of(&clip),
-            layer_ends: on_gpu.layer_ends(),
-            renderer: Some(Renderer::new(&gpu, on_gpu, layout)?),
-            gaussians: clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
-            is_static: clip.dynamic_field.is_empty(),
-            info: clip.info,
+            subject: content.subject(),
+            layer_ends,
+            renderer: Some(renderer),
+            take,
+            gaussians: content.gaussians(),
+            is_static: content.is_static(),
+            duration_s: content.duration_s(),
+            info: content.info().clone(),
         }))
     }
 }
@@ -46,8 +61,11 @@ pub(super) struct ReadyClip {
     pub(super) subject: Subject,
     /// `None` once its device was lost.
     pub(super) renderer: Option<Renderer>,
+    /// The segments of a take, as long as there is a renderer.
+    pub(super) take: Option<TakePlayer>,
     /// Whether the image is the same at all times.
     pub(super) is_static: bool,
+    pub(super) duration_s: f64,
     pub(super) info: ClipInfo,
     /// Number of Gaussians in the first k layers, for each k.
     pub(super) layer_ends: Vec<usize>,

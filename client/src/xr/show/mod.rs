@@ -17,6 +17,7 @@ use glam::UVec2;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
+use crate::takes::{TakeCounts, TakePlayer};
 use crate::xr::interaction::{Command, Hands, Haptics, Pose, Similarity};
 use crate::xr::pacing::FrameTimer;
 use crate::xr::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
@@ -26,6 +27,9 @@ use place::Place;
 use program::Fault;
 use quality::{Punctuality, Quality};
 use statistics::{FrameCost, Statistics};
+
+/// How long a part of a take may be missing before the panel says so: shorter waits are barely seen.
+const LOADING_PATIENCE_S: f64 = 0.25;
 
 /// What the viewer sees and does.
 pub(super) struct Show {
@@ -46,6 +50,8 @@ pub(super) struct Show {
     recentre_at_ns: Option<i64>,
     /// Whether the room is seen behind the clip; `None` if the headset cannot show it.
     passthrough: Option<bool>,
+    /// Seconds for which a part of the take has been missing at the position.
+    missing_s: f64,
     notices: Notices,
     statistics: Statistics,
 }
@@ -110,6 +116,7 @@ impl Show {
             commands: Vec::new(),
             recentre_at_ns: None,
             passthrough: None,
+            missing_s: 0.0,
             notices,
             statistics: Statistics::default(),
         })
@@ -152,6 +159,7 @@ impl Show {
         if let Some(playing) = &mut self.playing
             && playing.clip.renderer.take().is_some()
         {
+            playing.clip.take = None;
             self.notices.work("Loading the clip for another graphics device".into());
         }
         self.device = None;
@@ -191,7 +199,7 @@ impl Show {
     fn show(&mut self, entry: &Entry, mut clip: ReadyClip, transition: Transition) {
         self.quality.change_clip(std::mem::take(&mut clip.layer_ends));
         self.notices.on_clip();
-        let (duration_s, fps) = (clip.info.duration_s.into(), clip.info.fps.into());
+        let (duration_s, fps) = (clip.duration_s, clip.info.fps.into());
         match (transition, &mut self.playing) {
             (Transition::Refine, Some(playing)) if playing.clip.info == clip.info => {
                 // What hands hold stays where it is.
@@ -247,6 +255,7 @@ impl Show {
         commands.clear();
         self.commands = commands;
         self.player.set_has_next(self.clips.is_followed(self.player.is_looping()));
+        self.update_take(elapsed_s);
         if !scrubbing {
             self.player.advance(elapsed_s);
         }
@@ -256,6 +265,31 @@ impl Show {
             log::warn!("{fault}");
         }
         moved
+    }
+
+    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
+    fn update_take(&mut self, elapsed_s: f64) {
+        let device = self.device.as_ref();
+        let playing = self.playing.as_mut().map(|playing| &mut playing.clip);
+        let Some((device, ReadyClip { take: Some(take), renderer: Some(renderer), .. })) =
+            device.zip(playing)
+        else {
+            self.player.set_waiting(false);
+            return;
+        };
+        take.update(&device.gpu, renderer, &self.player);
+        let is_missing = take.is_missing(self.player.position_s());
+        self.player.set_waiting(is_missing);
+        for note in take.take_notes() {
+            self.notices.note(note);
+        }
+        let was_said = self.missing_s > LOADING_PATIENCE_S;
+        self.missing_s = if is_missing { self.missing_s + elapsed_s } else { 0.0 };
+        match (was_said, self.missing_s > LOADING_PATIENCE_S) {
+            (false, true) => self.notices.work("Loading this part of the take".into()),
+            (true, false) => self.notices.clear_progress(),
+            _ => {}
+        }
     }
 
     /// Takes in the hands, on the panel and on the clip; whether one of them scrubs.
@@ -300,6 +334,11 @@ impl Show {
             lowered: self.quality.is_lowered(),
             passthrough: self.passthrough,
             has_next: self.clips.has_next(),
+            buffered: self
+                .playing
+                .as_ref()
+                .and_then(|playing| playing.clip.take.as_ref())
+                .map_or(&[], TakePlayer::buffered),
             statistics: &self.statistics.rows,
             notice: self.notices.line(),
         };
@@ -342,9 +381,11 @@ impl Show {
         let gpu_ms = self.renderer().and_then(Renderer::gpu_ms);
         let (settings, layers) = (self.quality.settings(), self.quality.layers());
         let period_ms = period_ns as f64 * 1e-6;
-        self.statistics.latest = Some(FrameCost { counts, settings, layers, size, gpu_ms, period_ms });
+        let take =
+            self.playing.as_ref().and_then(|playing| playing.clip.take.as_ref()).map(TakePlayer::counts);
+        self.statistics.latest = Some(FrameCost { counts, settings, layers, size, gpu_ms, period_ms, take });
         // Loading takes time of the CPU, which no level gives back.
-        let missed = missed && !self.is_loading();
+        let missed = missed && !self.clips.is_loading();
         self.quality.measure(Punctuality { gpu_ms, period_ms, missed });
         gpu_ms
     }
@@ -362,9 +403,30 @@ impl Show {
         self.notices.outcome()
     }
 
-    /// Whether a clip is being loaded.
+    /// Counts of the segments of a take.
+    pub(super) fn take_counts(&self) -> Option<TakeCounts> {
+        self.take().map(TakePlayer::counts)
+    }
+
+    /// The segments of the take on display.
+    fn take(&self) -> Option<&TakePlayer> {
+        self.playing.as_ref().and_then(|playing| playing.clip.take.as_ref())
+    }
+
+    /// Whether a clip is being loaded, or a segment of a take uploaded.
     pub(super) fn is_loading(&self) -> bool {
-        self.clips.is_loading()
+        self.clips.is_loading() || self.take().is_some_and(TakePlayer::is_uploading)
+    }
+
+    /// Normalised time of the picture: of a take, the latest complete one while a part of it is being loaded.
+    pub(super) fn shown_time(&self) -> f64 {
+        let player = &self.player;
+        match self.take() {
+            Some(take) if player.duration_s() > 0.0 => {
+                take.shown_s(player.position_s()) / player.duration_s()
+            }
+            _ => player.clip_time(),
+        }
     }
 
     /// From clip to stage; `None` before the clip has a place.

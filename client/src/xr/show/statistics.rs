@@ -3,6 +3,7 @@
 use glam::UVec2;
 
 use crate::gpu::{Cutoff, FrameCounts, RenderSettings};
+use crate::takes::TakeCounts;
 
 /// Seconds between updates of the numbers: as fast as they can be read.
 const UPDATE_S: f64 = 0.5;
@@ -26,6 +27,8 @@ pub(super) struct FrameCost {
     /// For both eyes; `None` if the GPU has no timestamps.
     pub(super) gpu_ms: Option<f64>,
     pub(super) period_ms: f64,
+    /// Of the segments of a take.
+    pub(super) take: Option<TakeCounts>,
 }
 
 impl Statistics {
@@ -34,7 +37,7 @@ impl Statistics {
         self.age_s += elapsed_s;
         let Some(latest) = self.latest.as_ref().filter(|_| self.age_s >= UPDATE_S) else { return };
         self.age_s = 0.0;
-        let FrameCost { counts, settings, layers, size, gpu_ms, period_ms } = latest;
+        let FrameCost { counts, settings, layers, size, gpu_ms, period_ms, take } = latest;
         let gpu = gpu_ms.map_or("unknown".into(), |ms| format!("{ms:.1} of {period_ms:.1} ms"));
         let cutoff = match settings.cutoff {
             Cutoff::Exact => "all of it",
@@ -56,5 +59,6 @@ impl Statistics {
             ("reach", cutoff.into()),
             ("layers", format!("{} of {layers}", settings.layers.unwrap_or(*layers))),
         ]);
+        self.rows.extend(take.iter().flat_map(TakeCounts::rows));
     }
 }

@@ -1,0 +1,83 @@
+//! [`Content`]: what a name can stand for, a clip or a take, and what displays ask of either.
+
+use std::sync::Arc;
+
+use codec::{Clip, ClipInfo, Viewpoint};
+use program::Subject;
+
+use crate::takes::OpenTake;
+
+/// A clip or a take.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// All of it is in memory.
+    Clip(Arc<Clip>),
+    /// Its head is in memory.
+    Take(Arc<OpenTake>),
+}
+
+impl Content {
+    /// Axes, frames per second, viewpoints.
+    pub(crate) fn info(&self) -> &ClipInfo {
+        match self {
+            Content::Clip(clip) => &clip.info,
+            Content::Take(opened) => &opened.take.info,
+        }
+    }
+
+    /// Duration in seconds.
+    pub(crate) fn duration_s(&self) -> f64 {
+        match self {
+            Content::Clip(clip) => clip.info.duration_s.into(),
+            Content::Take(opened) => opened.take.duration_s,
+        }
+    }
+
+    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
+    pub(crate) fn viewpoints(&self) -> Vec<Viewpoint> {
+        match self {
+            Content::Clip(clip) => clip.viewpoints(),
+            Content::Take(opened) => opened.viewpoints(),
+        }
+    }
+
+    /// Number of layers; of a take, the most of a segment.
+    pub(crate) fn layers(&self) -> usize {
+        match self {
+            Content::Clip(clip) => clip.layers.len(),
+            Content::Take(opened) => opened.layer_ends().len(),
+        }
+    }
+
+    /// Number of layers that the package announces; a clip that is cut short has fewer.
+    pub(crate) fn layers_announced(&self) -> usize {
+        match self {
+            Content::Clip(clip) => clip.layers_announced,
+            Content::Take(_) => self.layers(),
+        }
+    }
+
+    /// Number of Gaussians, plates included.
+    pub(crate) fn gaussians(&self) -> usize {
+        match self {
+            Content::Clip(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            Content::Take(opened) => opened.layer_ends().last().copied().unwrap_or(0),
+        }
+    }
+
+    /// Whether the image is the same at all times.
+    pub(crate) fn is_static(&self) -> bool {
+        match self {
+            Content::Clip(clip) => clip.dynamic_field.is_empty(),
+            Content::Take(_) => false,
+        }
+    }
+
+    /// The upright frame of it, at the start of a take.
+    pub(crate) fn subject(&self) -> Subject {
+        match self {
+            Content::Clip(clip) => Subject::of(clip),
+            Content::Take(opened) => opened.subject(),
+        }
+    }
+}

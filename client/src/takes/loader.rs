@@ -1,0 +1,156 @@
+//! [`SegmentLoader`]: the thread that reads, decodes and packs segments, the most urgent first.
+//!
+//! The player changes the list of wants while the thread works: the thread takes the first of them whenever it has
+//! finished a segment. So a new plan waits for one segment at most, and no work is lost that is still wanted.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use program::Fault;
+
+use super::opened::OpenTake;
+use super::plan::Want;
+use crate::clips::Worker;
+use crate::gpu::{PackedSegment, TakeLayout};
+
+/// What the thread reports.
+pub(super) enum SegmentEvent {
+    /// A segment is packed.
+    Packed(Want, Box<PackedSegment>),
+    /// A segment cannot be loaded.
+    Failed(Want, Fault),
+    /// The read of a segment was ended for the sake of others.
+    Overtaken(Want),
+    /// Nothing is left to load.
+    Idle,
+}
+
+/// The wants, and those that were taken and not yet received by the player.
+#[derive(Default)]
+struct Wants {
+    queue: VecDeque<Want>,
+    under_way: Vec<Want>,
+    /// Whether the read under way was told to end.
+    is_cancelled: bool,
+}
+
+/// The loader of a take.
+pub(super) struct SegmentLoader {
+    opened: Arc<OpenTake>,
+    wants: Arc<Mutex<Wants>>,
+    worker: Worker<(), SegmentEvent>,
+    is_idle: bool,
+}
+
+impl SegmentLoader {
+    /// Starts the thread. It calls `wake` whenever [`SegmentLoader::poll`] may have an event.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the system refuses another thread.
+    pub(super) fn new(
+        opened: Arc<OpenTake>,
+        layout: TakeLayout,
+        wake: impl Fn() + Send + 'static,
+    ) -> Result<SegmentLoader, Fault> {
+        let wants = Arc::new(Mutex::new(Wants::default()));
+        let (shared, loaded) = (wants.clone(), opened.clone());
+        let work = move |(), report: crate::clips::Report<'_, SegmentEvent>| {
+            loop {
+                let want = {
+                    let mut wants = lock(&shared);
+                    let Some(want) = wants.queue.pop_front() else { break };
+                    wants.under_way.push(want);
+                    wants.is_cancelled = false;
+                    loaded.resume();
+                    want
+                };
+                let event = match loaded.load(want, &layout) {
+                    Ok(packed) => SegmentEvent::Packed(want, Box::new(packed)),
+                    Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
+                    Err(fault) => SegmentEvent::Failed(want, fault),
+                };
+                if report(event).is_break() {
+                    return;
+                }
+            }
+            let _ = report(SegmentEvent::Idle);
+        };
+        let worker = Worker::new(work, wake)
+            .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        Ok(SegmentLoader { opened, wants, worker, is_idle: true })
+    }
+
+    /// Replaces the list of wants. Those under way are left out. Ends the read of a segment that is not in the list.
+    pub(super) fn set(&mut self, list: Vec<Want>) {
+        let mut wants = lock(&self.wants);
+        if wants.under_way.last().is_some_and(|want| !list.is_empty() && !list.contains(want)) {
+            wants.is_cancelled = true;
+            self.opened.cancel();
+        }
+        wants.queue = list.into_iter().filter(|want| !wants.under_way.contains(want)).collect();
+        let is_needed = !wants.queue.is_empty();
+        drop(wants);
+        if self.is_idle && is_needed {
+            self.is_idle = false;
+            self.worker.request(());
+        }
+    }
+
+    /// The next segment, if one was loaded or has failed. Does not block.
+    pub(super) fn poll(&mut self) -> Option<SegmentEvent> {
+        loop {
+            let event = self.worker.poll().unwrap_or_else(|_| Some(self.panicked()))?;
+            if let Some(event) = self.take_in(event) {
+                return Some(event);
+            }
+        }
+    }
+
+    /// Waits for the next segment; `None` if nothing is left to load.
+    pub(super) fn wait(&mut self) -> Option<SegmentEvent> {
+        while !self.is_idle {
+            let event = self.worker.wait().unwrap_or_else(|_| self.panicked());
+            if let Some(event) = self.take_in(event) {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    /// Takes in an event of the thread; `None` if it was idle.
+    fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
+        match &event {
+            SegmentEvent::Packed(want, _) | SegmentEvent::Failed(want, _) | SegmentEvent::Overtaken(want) => {
+                lock(&self.wants).under_way.retain(|other| other != want);
+                Some(event)
+            }
+            SegmentEvent::Idle => {
+                // Wants may have come after it last looked.
+                self.is_idle = true;
+                let list = lock(&self.wants).queue.drain(..).collect();
+                self.set(list);
+                None
+            }
+        }
+    }
+
+    /// The failure of the segment whose loading panicked: the last one that was taken. The thread takes further requests.
+    fn panicked(&mut self) -> SegmentEvent {
+        let want = lock(&self.wants).under_way.last().copied();
+        self.is_idle = true;
+        let why = "it could not be loaded because of a defect of the player: report it with the player's log";
+        want.map_or(SegmentEvent::Idle, |want| SegmentEvent::Failed(want, Fault::Defect(why.into())))
+    }
+}
+
+impl Drop for SegmentLoader {
+    /// Ends a read, so that the thread ends soon.
+    fn drop(&mut self) {
+        lock(&self.wants).queue.clear();
+        self.opened.close();
+    }
+}
+
+fn lock(wants: &Mutex<Wants>) -> MutexGuard<'_, Wants> {
+    wants.lock().unwrap_or_else(PoisonError::into_inner)
+}

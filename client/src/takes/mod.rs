@@ -1,0 +1,22 @@
+//! Takes: clips of minutes, of which only what playing needs is in memory.
+//!
+//! ```text
+//! file --source--> opened (head, table) --> loader (a thread) --packed segments--> player --> slots of the renderer
+//!                         |                     ^  most urgent first                 |
+//!                         +------> plan --------+------------------------------------+
+//! ```
+//!
+//! `plan` says which segments a position needs; it is pure. `player` is between two frames: it gives the loader the
+//! missing ones, makes room, and uploads a bounded number of bytes.
+
+mod buffered;
+mod loader;
+mod opened;
+mod plan;
+mod player;
+mod source;
+
+pub use opened::OpenTake;
+pub use player::{TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
+#[cfg(feature = "net")]
+pub(crate) use source::TakeSource;

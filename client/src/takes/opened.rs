@@ -1,0 +1,256 @@
+//! [`OpenTake`]: a take whose head is in memory, and whose segments are read and decoded one at a time.
+
+use std::num::NonZero;
+use std::path::Path;
+use std::thread;
+
+use codec::{Clip, Error, FormatError, Limits, Package, Take, Viewpoint, package};
+use glam::DVec3;
+use program::{Fault, Subject};
+
+use super::plan::{Want, rows_wanted, span};
+use super::source::TakeSource;
+use crate::clips::advice;
+use crate::gpu::{PackedSegment, PlateLayout, TakeLayout};
+
+/// Bytes that are read to find a head: heads of clips, and of takes of some 500 segments.
+const HEAD_BYTES: u64 = 32 << 10;
+
+/// Parts of the memory that a decoder may use: what is resident, one segment that waits for room, one that waits for
+/// the player, and one that is decoded.
+const MEMORY_PARTS: usize = 4;
+
+/// Plates that are resident at once: the one that is drawn, and the next.
+const PLATES: usize = 2;
+
+/// A take whose head is in memory.
+#[derive(Debug)]
+pub struct OpenTake {
+    pub(crate) take: Take,
+    source: TakeSource,
+    /// Number of layers of each segment that the file holds; 0 for a segment beyond its end.
+    layers: Vec<usize>,
+    limits: Limits,
+}
+
+impl OpenTake {
+    /// Opens a file if it is a take; `None` if it is anything else.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if it is a take that cannot be read, or one too large for `limits`.
+    pub fn open(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+        OpenTake::of(TakeSource::open(path)?, limits)
+    }
+
+    /// As [`OpenTake::open`], of any source.
+    ///
+    /// # Errors
+    /// As there; [`Fault::Network`] if its head does not arrive.
+    pub(crate) fn of(source: TakeSource, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+        let fault = |reason: String| Fault::Data(format!("{}: {reason}", source.name()));
+        let mut head = source.read(0..HEAD_BYTES)?;
+        let found = match package(&head, limits) {
+            Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
+                if needed > head.len() && needed <= limits.max_bytes =>
+            {
+                head = source.read(0..needed as u64)?;
+                package(&head, limits)
+            }
+            found => found,
+        };
+        let take = match found {
+            Ok(Package::Take(take)) => take,
+            // What is wrong with anything else, a clip's decoder says.
+            Ok(Package::Clip(_)) => return Ok(None),
+            Err(_) if !looks_like_take(&head) => return Ok(None),
+            Err(error) => return Err(fault(format!("{error}: {}", advice(&error, "copy it again")))),
+        };
+        let package_bytes = take.package_bytes();
+        let length = source.length()?.unwrap_or(package_bytes);
+        if length > package_bytes {
+            let rest = length - package_bytes;
+            return Err(fault(format!("{rest} extra bytes after the last segment: copy it again")));
+        }
+        let most = limits.max_bytes / MEMORY_PARTS;
+        if let Some(segment) = take.segments.iter().find(|segment| segment.bytes() > most) {
+            return Err(fault(format!(
+                "the segment at {:.3} s has {} MiB, and at most {} are read: package it with a smaller --budget",
+                segment.start_s,
+                segment.bytes() >> 20,
+                most >> 20
+            )));
+        }
+        if take.resident_max() > limits.max_gaussians {
+            return Err(fault(format!(
+                "{} Gaussians at one instant, and at most {} are played: package it with a smaller --budget",
+                take.resident_max(),
+                limits.max_gaussians
+            )));
+        }
+        let layers = layers_within(&take, length);
+        if layers.iter().all(|layers| *layers == 0) {
+            return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
+        }
+        Ok(Some(OpenTake { take, source, layers, limits: *limits }))
+    }
+
+    /// Name of the take for messages.
+    pub(crate) fn name(&self) -> String {
+        self.source.name()
+    }
+
+    /// Number of layers of each segment that can be loaded; 0 for a segment that is missing.
+    pub(crate) fn layers(&self) -> &[usize] {
+        &self.layers
+    }
+
+    /// Says that the file is cut short, if it is.
+    pub(crate) fn truncation(&self) -> Option<String> {
+        let all = |(segment, layers): (&codec::Segment, &usize)| segment.layers.len() == *layers;
+        let (count, whole) = (
+            self.layers.len(),
+            self.take.segments.iter().zip(&self.layers).filter(|pair| all(*pair)).count(),
+        );
+        (whole < count).then(|| {
+            let name = self.name();
+            format!(
+                "{name}: the file is cut short, {whole} of {count} segments are whole: copy it again for the rest"
+            )
+        })
+    }
+
+    /// Number of Gaussians of all segments in their first k layers, for k from 1; plates are counted in each.
+    pub(crate) fn layer_ends(&self) -> Vec<usize> {
+        let most = self.take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
+        let end = |layers: usize| {
+            let ends = self.take.segments.iter().filter_map(|segment| {
+                segment.layers.get(layers - 1).or(segment.layers.last()).map(|layer| layer.gaussians)
+            });
+            ends.fold(0, usize::saturating_add)
+        };
+        (1..=most).map(end).collect()
+    }
+
+    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
+    pub(crate) fn viewpoints(&self) -> Vec<Viewpoint> {
+        match self.take.info.viewpoints.as_slice() {
+            [] => vec![Viewpoint::framing(self.take.bounds, self.take.info.up)],
+            viewpoints => viewpoints.to_vec(),
+        }
+    }
+
+    /// The subject at the start of the take, by the first layers there; by the bounds where none can be decoded.
+    pub(crate) fn subject(&self) -> Subject {
+        let at_start = |index: &usize| {
+            let segment = &self.take.segments[*index];
+            self.layers[*index] > 0 && span(segment).holds(0.0, self.take.duration_s)
+        };
+        let clips: Vec<Clip> = (0..self.layers.len())
+            .filter(at_start)
+            .filter_map(|segment| self.decode(Want { segment, layers: 1 }).ok())
+            .collect();
+        let info = &self.take.info;
+        let mut centers: Vec<DVec3> = clips.iter().flat_map(Subject::centers).collect();
+        if centers.is_empty() {
+            centers.extend(self.take.bounds.map(|corner| DVec3::from(corner.map(f64::from))));
+        }
+        let viewpoint = &self.viewpoints()[0];
+        Subject::from_parts(centers.into_iter(), info.up, info.metres_per_unit, viewpoint)
+    }
+
+    /// The layout of the take in GPU memory: rows for what playing wants at any instant, and for a second version of
+    /// its largest segment.
+    pub(crate) fn layout(&self) -> TakeLayout {
+        let Take { segments, bounds: [low, high], .. } = &self.take;
+        let largest = segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
+        let rows = rows_wanted(&self.take).saturating_add(largest);
+        let middle = |axis: usize| 0.5 * (f64::from(low[axis]) + f64::from(high[axis]));
+        TakeLayout {
+            sh_degree: self.take.sh_degree,
+            motion_order: self.take.motion_order,
+            rotates: self.take.rotation_rates,
+            filter: self.take.filter,
+            origin: DVec3::from_array([0, 1, 2].map(middle)),
+            rows: rows.min(self.limits.max_gaussians).max(self.take.resident_max()),
+            duration_s: self.take.duration_s,
+            plate: (self.take.plate_len > 0).then(|| PlateLayout {
+                sh_degree: self.take.plate_sh_degree,
+                filter: self.take.plate_filter,
+                rows: PLATES * self.take.plate_len,
+            }),
+        }
+    }
+
+    /// Ends a read that waits for a server, and those that follow, until [`OpenTake::resume`].
+    pub(super) fn cancel(&self) {
+        self.source.cancel();
+    }
+
+    /// Ends a read that waits for a server for good.
+    pub(super) fn close(&self) {
+        self.source.close();
+    }
+
+    /// Takes back [`OpenTake::cancel`].
+    pub(super) fn resume(&self) {
+        self.source.resume();
+    }
+
+    /// Reads, decodes and packs the first layers of a segment.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
+    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<PackedSegment, Fault> {
+        let span = span(&self.take.segments[want.segment]);
+        let clip = self.decode(want)?;
+        PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))
+    }
+
+    fn decode(&self, want: Want) -> Result<Clip, Fault> {
+        let segment = &self.take.segments[want.segment];
+        let fault = |reason: String| {
+            Fault::Data(format!("{}: segment at {:.3} s: {reason}", self.name(), segment.start_s))
+        };
+        let length = segment.layers[want.layers - 1].bytes;
+        let bytes = self.source.read(segment.offset..segment.offset.saturating_add(length as u64))?;
+        if bytes.len() < length {
+            // Its first layers alone would decode without an error.
+            return Err(fault("the file was cut short while it played: open it again".into()));
+        }
+        let limits = Limits { max_bytes: self.limits.max_bytes / MEMORY_PARTS, ..self.limits };
+        self.take.decode_segment(want.segment, &bytes, &limits, threads()).map_err(|error| {
+            let advice = match error {
+                Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
+                    "the file is another one or damaged: open it again"
+                }
+                _ => advice(&error, "copy it again"),
+            };
+            fault(format!("{error}: {advice}"))
+        })
+    }
+}
+
+/// Threads that decode: all but the one that draws.
+fn threads() -> NonZero<usize> {
+    let all = thread::available_parallelism().map_or(1, NonZero::get);
+    NonZero::new(all - 1).unwrap_or(NonZero::<usize>::MIN)
+}
+
+/// Whether `bytes` begin as a take does, right or wrong.
+fn looks_like_take(bytes: &[u8]) -> bool {
+    const LAYERS_OFFSET: usize = 64;
+    bytes.starts_with(b"AARC") && bytes.get(4..6) != Some(&[1, 0]) && bytes.get(LAYERS_OFFSET) == Some(&0)
+}
+
+/// Number of layers of each segment in the first `length` bytes of a take.
+fn layers_within(take: &Take, length: u64) -> Vec<usize> {
+    let layers = |segment: &codec::Segment| {
+        let is_within =
+            |layer: &&codec::SegmentLayer| segment.offset.saturating_add(layer.bytes as u64) <= length;
+        segment.layers.iter().take_while(is_within).count()
+    };
+    take.segments.iter().map(layers).collect()
+}
+
+#[cfg(test)]
+mod tests;

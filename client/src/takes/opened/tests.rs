@@ -1,0 +1,171 @@
+//! Tests of opening takes and loading segments: damaged, cut short, and changed while they play.
+
+use std::path::PathBuf;
+
+use codec::{ClipInfo, EncodeOptions, Field, SegmentPackage, Source, contents, encode, encode_take_head};
+use tempfile::TempDir;
+
+use super::*;
+
+/// A clip of `count` Gaussians in a row from `x` on, in layers that end at `layers`.
+fn clip(x: f32, count: usize, layers: &[usize]) -> Vec<u8> {
+    let field = Field {
+        centers: (0..count).map(|i| [x + i as f32, 0.0, 0.0]).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+        log_scales: vec![[-2.0; 3]; count],
+        opacities: vec![0.9; count],
+        sh: vec![[0.3; 3]; count],
+        ..Field::default()
+    };
+    let options = EncodeOptions { layers: layers.to_vec(), ..EncodeOptions::default() };
+    encode(&Source { info: &ClipInfo::default(), field: &field, plate: None }, &options).unwrap()
+}
+
+/// A take of clips of a second each, one after the other.
+fn take(clips: &[Vec<u8>]) -> Vec<u8> {
+    let limits = Limits::default();
+    let heads: Vec<_> = clips.iter().map(|clip| contents(clip, &limits).unwrap()).collect();
+    let starts = (0..).map(f64::from);
+    let segments: Vec<_> = heads
+        .iter()
+        .zip(starts)
+        .map(|(contents, start_s)| SegmentPackage { start_s, duration_s: 1.0, level: 0, contents })
+        .collect();
+    let info = ClipInfo::default();
+    [encode_take_head(&info, clips.len() as f64, &segments).unwrap(), clips.concat()].concat()
+}
+
+fn three() -> Vec<u8> {
+    take(&[clip(0.0, 60, &[20]), clip(100.0, 50, &[]), clip(200.0, 70, &[30, 50])])
+}
+
+struct Written {
+    path: PathBuf,
+    _folder: TempDir,
+}
+
+fn written(bytes: &[u8]) -> Written {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.aarc");
+    std::fs::write(&path, bytes).unwrap();
+    Written { path, _folder: folder }
+}
+
+fn open(file: &Written) -> OpenTake {
+    OpenTake::open(&file.path, &Limits::default()).unwrap().expect("it is a take")
+}
+
+fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, Fault> {
+    opened.load(Want { segment, layers }, &opened.layout()).map(|packed| packed.gaussians())
+}
+
+#[test]
+fn segments_are_loaded_in_any_order_and_in_layers() {
+    let file = written(&three());
+    let opened = open(&file);
+    assert_eq!((opened.layers(), opened.truncation()), (&[2, 1, 3][..], None));
+    for (segment, layers, count) in [(2, 3, 70), (0, 1, 20), (1, 1, 50), (2, 2, 50), (0, 2, 60), (2, 1, 30)] {
+        assert_eq!(gaussians(&opened, segment, layers).unwrap(), count, "{segment}, {layers}");
+    }
+    assert_eq!(opened.layer_ends(), [100, 160, 180]);
+    // What holds an instant, the two after it, and a second version of the largest.
+    assert_eq!(opened.layout().rows, 180 + 70);
+    let subject = opened.subject();
+    assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
+}
+
+#[test]
+fn what_is_no_take_is_left_to_others() {
+    for bytes in
+        [&clip(0.0, 5, &[])[..], b"", b"AARC", b"ply\n", include_bytes!("../../../../assets/demo.aarc")]
+    {
+        let file = written(bytes);
+        assert!(OpenTake::open(&file.path, &Limits::default()).unwrap().is_none(), "{} bytes", bytes.len());
+    }
+}
+
+#[test]
+fn bad_takes_are_refused_with_one_sentence() {
+    let whole = three();
+    let mut damaged = whole.clone();
+    damaged[90] ^= 1;
+    let longer = [&whole[..], b"x"].concat();
+    let small = Limits { max_gaussians: 69, ..Limits::default() };
+    for (bytes, limits, why) in [
+        (&damaged[..], Limits::default(), "copy it again"),
+        (&longer[..], Limits::default(), "1 extra bytes after the last segment"),
+        (&whole[..100], Limits::default(), "copy it again"),
+        (&whole[..codec_head(&whole)], Limits::default(), "cut short before its first layer"),
+        (&whole[..], small, "70 Gaussians at one instant, and at most 69"),
+        (&whole[..], Limits { max_bytes: 1500, ..Limits::default() }, "smaller --budget"),
+    ] {
+        let file = written(bytes);
+        let fault = OpenTake::open(&file.path, &limits).unwrap_err();
+        let text = fault.to_string();
+        assert!(matches!(fault, Fault::Data(_)) && text.contains(why) && text.contains("a.aarc: "), "{text}");
+    }
+}
+
+#[test]
+fn a_long_file_with_bytes_after_its_end_is_refused() {
+    let clips: Vec<Vec<u8>> = (0..200).map(|i| clip(i as f32, 900, &[])).collect();
+    let mut bytes = take(&clips);
+    assert!(bytes.len() as u64 > 2 * HEAD_BYTES, "its end is not read with its head");
+    assert_eq!(open(&written(&bytes)).layers(), [1; 200]);
+    bytes.extend_from_slice(b"more");
+    let text = OpenTake::open(&written(&bytes).path, &Limits::default()).unwrap_err().to_string();
+    assert!(text.contains("4 extra bytes after the last segment"), "{text}");
+}
+
+/// Length of the head of a take.
+fn codec_head(bytes: &[u8]) -> usize {
+    match package(bytes, &Limits::default()).unwrap() {
+        Package::Take(take) => take.head_bytes,
+        Package::Clip(_) => unreachable!("it is a take"),
+    }
+}
+
+#[test]
+fn of_a_file_that_is_cut_short_whole_layers_play() {
+    let whole = three();
+    let last = open(&written(&whole)).take.segments[2].clone();
+    let cut = last.offset as usize + last.layers[1].bytes;
+    for (length, layers) in [(cut, [2, 1, 2]), (cut - 1, [2, 1, 1]), (last.offset as usize + 1, [2, 1, 0])] {
+        let file = written(&whole[..length]);
+        let opened = open(&file);
+        assert_eq!(opened.layers(), layers);
+        let note = opened.truncation().unwrap();
+        assert!(note.ends_with("2 of 3 segments are whole: copy it again for the rest"), "{note}");
+        for (segment, &layers) in layers.iter().enumerate().filter(|(_, layers)| **layers > 0) {
+            assert!(gaussians(&opened, segment, layers).is_ok(), "{segment}");
+        }
+    }
+}
+
+#[test]
+fn a_damaged_segment_is_refused_alone() {
+    let mut bytes = three();
+    let middle = open(&written(&bytes)).take.segments[1].clone();
+    let at = middle.offset as usize + middle.bytes() - 20;
+    bytes[at] ^= 0x40;
+    let file = written(&bytes);
+    let opened = open(&file);
+    let text = gaussians(&opened, 1, 1).unwrap_err().to_string();
+    assert!(text.contains("a.aarc: segment at 1.000 s: ") && text.contains("copy it again"), "{text}");
+    assert!(gaussians(&opened, 0, 2).is_ok() && gaussians(&opened, 2, 3).is_ok());
+}
+
+#[test]
+fn a_file_that_changes_while_it_plays_is_noticed() {
+    let file = written(&three());
+    let opened = open(&file);
+    // Other clips in its place, of the same lengths or not.
+    let other = take(&[clip(5.0, 60, &[20]), clip(105.0, 50, &[]), clip(205.0, 70, &[30, 50])]);
+    for bytes in [&other[..], &vec![0; other.len()], &other[..other.len() / 2], b""] {
+        std::fs::write(&file.path, bytes).unwrap();
+        let text = gaussians(&opened, 2, 3).unwrap_err().to_string();
+        assert!(text.contains("segment at 2.000 s: ") && text.contains("open it again"), "{text}");
+    }
+    std::fs::write(&file.path, three()).unwrap();
+    assert!(gaussians(&opened, 2, 3).is_ok(), "the same again");
+}

@@ -1,0 +1,412 @@
+//! [`TakePlayer`]: keeps the segments of a take in GPU memory that playing needs.
+//!
+//! Once a frame, between two frames, [`TakePlayer::update`] takes in what the loader has packed, makes room for it by
+//! removing what is least needed, and uploads a part of it. It never waits. An instant of which a segment is missing is
+//! not drawn: the clock waits ([`TakePlayer::is_missing`]), and the latest complete instant stays on display
+//! ([`TakePlayer::shown_s`]).
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use codec::Take;
+use program::Fault;
+
+use super::buffered::Buffered;
+use super::loader::{SegmentEvent, SegmentLoader};
+use super::opened::OpenTake;
+use super::plan::{Direction, Plan, Playhead, Want, span};
+use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
+use crate::player::Player;
+
+/// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
+pub const UPLOAD_BYTES_MAX: usize = 256_000;
+
+/// Wait before segments are asked for again that did not arrive after all retries of the network.
+const RETRY_AFTER: Duration = Duration::from_secs(2);
+
+/// A segment with a place in GPU memory.
+struct Resident {
+    segment: usize,
+    /// The latest version: number of layers, place, and whether it is complete.
+    layers: usize,
+    slot: SlotId,
+    is_ready: bool,
+    /// Earlier versions, one of which may be drawn until this one is complete.
+    earlier: Vec<SlotId>,
+    /// Whether a version is drawn.
+    is_drawn: bool,
+}
+
+/// A segment that is packed, and waits for room.
+type Packed = (Want, Box<PackedSegment>);
+
+/// Counts of a frame for statistics.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TakeCounts {
+    /// Number of segments of the take.
+    pub segments: usize,
+    /// Number of segments in GPU memory.
+    pub resident: usize,
+    /// Number of segments that were loaded so far, again ones included.
+    pub loaded: usize,
+    /// Seconds that play on without loading, from the position in the direction of play.
+    pub buffered_s: f64,
+    /// Bytes uploaded in the latest frame. What is uploaded before a take is shown is in none.
+    pub uploaded_bytes: usize,
+    /// The most in any frame.
+    pub uploaded_bytes_max: usize,
+}
+
+#[cfg(any(feature = "window", feature = "xr"))]
+impl TakeCounts {
+    /// Rows of names and values for a viewer.
+    pub(crate) fn rows(&self) -> [(&'static str, String); 3] {
+        let TakeCounts { segments, resident, buffered_s, uploaded_bytes, uploaded_bytes_max, .. } = self;
+        let kilobytes = |bytes: &usize| bytes.div_ceil(1000);
+        [
+            ("segments", format!("{resident} of {segments}")),
+            ("buffered", format!("{buffered_s:.1} s")),
+            (
+                "uploaded, most",
+                format!("{}, {} kB", kilobytes(uploaded_bytes), kilobytes(uploaded_bytes_max)),
+            ),
+        ]
+    }
+}
+
+/// The segments of a take in GPU memory.
+pub struct TakePlayer {
+    opened: Arc<OpenTake>,
+    loader: SegmentLoader,
+    layout: TakeLayout,
+    /// Layers of each segment that can be loaded; 0 for a segment that is missing or damaged.
+    layers: Vec<usize>,
+    head: Playhead,
+    plan: Plan,
+    residents: Vec<Resident>,
+    waiting: Option<Packed>,
+    /// After a failure of the network, when to ask for segments again.
+    retry_at: Option<Instant>,
+    /// Whether everything was removed for the present plan to close gaps.
+    was_cleared: bool,
+    buffered: Buffered,
+    shown_s: f64,
+    /// Grows whenever the picture of an instant may change.
+    revision: u64,
+    notes: Vec<String>,
+    counts: TakeCounts,
+}
+
+impl TakePlayer {
+    /// A player of `opened` at its start, and its renderer for frames of `layout`. The loader calls `wake` when
+    /// [`TakePlayer::update`] has work.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the take does not fit the device.
+    pub fn new(
+        gpu: &Gpu,
+        opened: Arc<OpenTake>,
+        layout: FrameLayout,
+        wake: impl Fn() + Send + 'static,
+    ) -> Result<(Renderer, TakePlayer), Fault> {
+        let of_take = opened.layout();
+        let renderer = Renderer::new_take(gpu, of_take, layout)?;
+        let loader = SegmentLoader::new(opened.clone(), of_take, wake)?;
+        let layers = opened.layers().to_vec();
+        let counts = TakeCounts { segments: layers.len(), ..TakeCounts::default() };
+        let buffered = Buffered::new(&opened.take, &layers);
+        let mut player = TakePlayer {
+            opened,
+            loader,
+            layout: of_take,
+            layers,
+            head: Playhead::default(),
+            plan: Plan::default(),
+            residents: Vec::new(),
+            waiting: None,
+            retry_at: None,
+            was_cleared: false,
+            buffered,
+            shown_s: 0.0,
+            revision: 0,
+            notes: Vec::new(),
+            counts,
+        };
+        player.replan();
+        Ok((renderer, player))
+    }
+
+    /// Takes in the position of `player`, and what was loaded, and uploads at most [`UPLOAD_BYTES_MAX`] for the next
+    /// submission. Call it once a frame, after a frame was submitted and before the next one is prepared.
+    pub fn update(&mut self, gpu: &Gpu, renderer: &mut Renderer, player: &Player) {
+        let t_s = player.position_s();
+        let direction = match player.is_playing() {
+            true => Direction::Forward,
+            false if t_s < self.head.t_s => Direction::Backward,
+            false if t_s > self.head.t_s => Direction::Forward,
+            false => self.head.direction,
+        };
+        self.move_to(Playhead { t_s, direction, looping: player.is_looping() });
+        let written = self.load(gpu, renderer, UPLOAD_BYTES_MAX);
+        self.counts.uploaded_bytes = written;
+        self.counts.uploaded_bytes_max = self.counts.uploaded_bytes_max.max(written);
+    }
+
+    /// Waits until everything at `t_s` seconds is complete, apart from segments that cannot be loaded.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if what holds the instant does not fit the device's memory; [`Fault::Network`] if it does not
+    /// arrive.
+    pub fn wait(&mut self, gpu: &Gpu, renderer: &mut Renderer, t_s: f64) -> Result<(), Fault> {
+        self.move_to(Playhead { t_s, ..Playhead::default() });
+        loop {
+            self.load(gpu, renderer, usize::MAX);
+            let is_complete = |&segment: &usize| self.ready_layers(segment) == self.layers[segment];
+            if self.plan.held().iter().all(is_complete) {
+                return Ok(());
+            }
+            if self.retry_at.take().is_some() {
+                return Err(Fault::Network(self.notes.pop().unwrap_or_default()));
+            }
+            match self.loader.wait() {
+                Some(event) => self.take_in(slots_of(renderer), event),
+                None if self.waiting.is_some() => {
+                    return Err(Fault::Device(format!(
+                        "{}: its segments at {t_s:.3} s do not fit together: package it with a smaller --budget",
+                        self.opened.name()
+                    )));
+                }
+                None => {}
+            }
+        }
+    }
+
+    fn move_to(&mut self, head: Playhead) {
+        let is_same = (self.head.direction, self.head.looping) == (head.direction, head.looping);
+        self.head = head;
+        if !is_same || !self.plan.is_for(head.t_s) {
+            self.replan();
+        }
+    }
+
+    /// Takes in what was loaded, and uploads at most `budget` bytes. Returns how many.
+    fn load(&mut self, gpu: &Gpu, renderer: &mut Renderer, budget: usize) -> usize {
+        let slots = slots_of(renderer);
+        self.place(slots);
+        while self.waiting.is_none()
+            && let Some(event) = self.loader.poll()
+        {
+            self.take_in(slots, event);
+        }
+        self.request();
+        let written = slots.upload(gpu, budget);
+        self.settle(slots);
+        if !self.is_missing(self.head.t_s) {
+            self.shown_s = self.head.t_s;
+        }
+        self.counts.resident = self.residents.len();
+        self.counts.buffered_s = self.buffered.from(self.head.t_s, self.head.direction);
+        written
+    }
+
+    fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
+        match event {
+            SegmentEvent::Packed(want, packed) => {
+                self.counts.loaded += 1;
+                self.waiting = Some((want, packed));
+                self.place(slots);
+            }
+            // It is asked for again after a while.
+            SegmentEvent::Failed(_, Fault::Network(why)) => {
+                self.notes.push(why);
+                self.retry_at = Some(Instant::now() + RETRY_AFTER);
+            }
+            // Its first layer may be whole.
+            SegmentEvent::Failed(want, fault) => {
+                self.give_up(want, want.layers.min(2) - 1, &fault.to_string())
+            }
+            SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}
+        }
+    }
+
+    /// Plays on with only the first `layers` layers of a segment, and says why, once for each segment.
+    fn give_up(&mut self, want: Want, layers: usize, why: &str) {
+        let Want { segment, .. } = want;
+        if self.layers[segment] == self.opened.layers()[segment] {
+            self.notes.push(format!("{why}; the rest plays"));
+        }
+        self.layers[segment] = layers;
+        self.buffered = Buffered::new(&self.opened.take, &self.layers);
+        self.change();
+        self.replan();
+    }
+
+    /// Gives the waiting segment its place, if there is room, or something less urgent makes room.
+    fn place(&mut self, slots: &mut Slots) {
+        let Some((want, packed)) = self.waiting.take() else { return };
+        if !self.plan.wants(want.segment) || self.resident_layers(want.segment) >= want.layers {
+            return;
+        }
+        let is_held = self.plan.holds(want.segment);
+        while !slots.has_room(&packed) {
+            let resident: Vec<usize> = self.residents.iter().map(|resident| resident.segment).collect();
+            match self.plan.victim(&resident, want.segment) {
+                Some(segment) => self.remove(slots, segment),
+                // Only gaps between segments that are drawn are left. After all are removed there is room for all.
+                None if is_held && !resident.is_empty() && !self.was_cleared => {
+                    self.was_cleared = true;
+                    resident.into_iter().for_each(|segment| self.remove(slots, segment));
+                }
+                None if is_held && !resident.is_empty() => {
+                    let start_s = self.opened.take.segments[want.segment].start_s;
+                    let name = self.opened.name();
+                    let why = format!("{name}: segment at {start_s:.3} s: does not fit beside the others");
+                    return self.give_up(want, self.resident_layers(want.segment), &why);
+                }
+                None => {
+                    // A picture that is being saved may still use the place of a removed segment. What is only needed
+                    // later does not keep what is needed now from being loaded.
+                    let keeps = is_held || !self.is_missing(self.head.t_s);
+                    self.waiting = keeps.then_some((want, packed));
+                    return;
+                }
+            }
+        }
+        let old = self.residents.iter().position(|resident| resident.segment == want.segment);
+        let slot = match old {
+            Some(old) => slots.replace(self.residents[old].slot, *packed),
+            None => slots.insert(*packed),
+        };
+        let Some(slot) = slot else { return };
+        match old {
+            Some(old) => {
+                let resident = &mut self.residents[old];
+                resident.earlier.push(std::mem::replace(&mut resident.slot, slot));
+                (resident.layers, resident.is_ready) = (want.layers, false);
+            }
+            None => self.residents.push(Resident {
+                segment: want.segment,
+                layers: want.layers,
+                slot,
+                is_ready: false,
+                earlier: Vec::new(),
+                is_drawn: false,
+            }),
+        }
+    }
+
+    /// Removes a segment.
+    fn remove(&mut self, slots: &mut Slots, segment: usize) {
+        let Some(at) = self.residents.iter().position(|resident| resident.segment == segment) else { return };
+        let resident = self.residents.swap_remove(at);
+        resident.earlier.into_iter().chain([resident.slot]).for_each(|slot| slots.remove(slot));
+        self.change();
+    }
+
+    /// Takes in which segments are complete.
+    fn settle(&mut self, slots: &Slots) {
+        let mut has_changed = false;
+        for resident in self.residents.iter_mut().filter(|resident| !resident.is_ready) {
+            resident.is_ready = slots.is_ready(resident.slot);
+            if resident.is_ready {
+                resident.earlier.clear();
+            }
+            let was_drawn = resident.is_drawn;
+            resident.is_drawn =
+                resident.is_ready || resident.earlier.iter().any(|slot| slots.is_ready(*slot));
+            has_changed |= resident.is_ready || resident.is_drawn != was_drawn;
+        }
+        if has_changed {
+            self.change();
+        }
+    }
+
+    /// Takes in that other segments are drawn.
+    fn change(&mut self) {
+        self.revision += 1;
+        let drawn = self.residents.iter().filter(|resident| resident.is_drawn);
+        self.buffered.update(drawn.map(|resident| resident.segment));
+    }
+
+    fn replan(&mut self) {
+        self.plan = Plan::new(&self.opened.take, &self.layers, self.head, self.layout.rows);
+        self.was_cleared = false;
+        self.request();
+    }
+
+    /// Tells the loader what is missing.
+    fn request(&mut self) {
+        if self.retry_at.is_some_and(|retry_at| Instant::now() < retry_at) {
+            return;
+        }
+        self.retry_at = None;
+        let waiting = self.waiting.as_ref().map(|(want, _)| *want);
+        let here = |segment: usize| {
+            let waiting = waiting.filter(|want| want.segment == segment).map_or(0, |want| want.layers);
+            self.resident_layers(segment).max(waiting)
+        };
+        let missing = self.plan.missing(here);
+        self.loader.set(missing);
+    }
+
+    /// Number of layers of a segment in GPU memory, complete or not; 0 for none.
+    fn resident_layers(&self, segment: usize) -> usize {
+        self.resident(segment).map_or(0, |resident| resident.layers)
+    }
+
+    /// Number of layers of a segment that is complete in GPU memory; 0 for one that is not.
+    fn ready_layers(&self, segment: usize) -> usize {
+        self.resident(segment).filter(|resident| resident.is_ready).map_or(0, |resident| resident.layers)
+    }
+
+    fn resident(&self, segment: usize) -> Option<&Resident> {
+        self.residents.iter().find(|resident| resident.segment == segment)
+    }
+
+    /// Whether a segment that can be loaded is not drawn at `t_s` seconds.
+    pub fn is_missing(&self, t_s: f64) -> bool {
+        let is_missing = |segment: usize| !self.resident(segment).is_some_and(|resident| resident.is_drawn);
+        if self.plan.is_for(t_s) {
+            return self.plan.held().iter().any(|&segment| is_missing(segment));
+        }
+        let Take { segments, duration_s, .. } = &self.opened.take;
+        let holds = |index: usize| self.layers[index] > 0 && span(&segments[index]).holds(t_s, *duration_s);
+        (0..segments.len()).any(|index| holds(index) && is_missing(index))
+    }
+
+    /// The instant to draw while the clock is at `t_s` seconds: that one if nothing of it is missing, else the latest
+    /// complete one, as long as nothing of that was removed.
+    pub fn shown_s(&self, t_s: f64) -> f64 {
+        if self.is_missing(t_s) && !self.is_missing(self.shown_s) { self.shown_s } else { t_s }
+    }
+
+    /// Whether the next frame uploads a part of a segment.
+    pub fn is_uploading(&self) -> bool {
+        self.residents.iter().any(|resident| !resident.is_ready)
+    }
+
+    /// A number that changes with the segments that are drawn.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// The parts of the take that play without loading, as seconds (from, to), ascending.
+    pub fn buffered(&self) -> &[(f64, f64)] {
+        self.buffered.ranges()
+    }
+
+    /// Counts for statistics.
+    pub fn counts(&self) -> TakeCounts {
+        self.counts
+    }
+
+    /// The remarks since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+}
+
+/// The slots of a take's renderer.
+fn slots_of(renderer: &mut Renderer) -> &mut Slots {
+    renderer.slots().expect("it is the renderer of a take")
+}

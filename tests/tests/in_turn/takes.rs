@@ -1,0 +1,242 @@
+//! Takes while they play: the memory of their length, bytes of a frame, and storms of seeks.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use aarc_tests::gpu::{self, Passes};
+use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
+use aarc_tests::take_files::{SegmentFile, take_package};
+use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
+use client::player::Player;
+use client::takes::{OpenTake, TakePlayer, UPLOAD_BYTES_MAX};
+use client::view::View;
+use codec::Limits;
+use glam::UVec2;
+use libtest_mimic::Trial;
+use program::Fault;
+
+use crate::HEAP;
+
+const SIZE: UVec2 = UVec2::new(96, 64);
+
+/// Seconds of a frame of the clock. A segment lasts two seconds, and one begins every second.
+const FRAME_S: f64 = 1.0 / 30.0;
+const UNIT_S: f64 = 1.0;
+
+/// Most segments that are loaded for a seek: two that hold the instant, twice each, those at the next two cuts, and two
+/// that the loader had begun or finished before.
+const BACKLOG_MAX: usize = 8;
+
+/// Longest wait for a segment.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The tests of this file.
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        gpu::trial("memory does not depend on the length", Passes::Shared, |_| flat()),
+        gpu::trial("after a storm of seeks only the last one counts", Passes::Shared, |_| storm()),
+        gpu::trial("it plays at all speeds, in a loop, and in steps", Passes::Shared, |_| speeds()),
+    ]
+}
+
+fn text(fault: Fault) -> String {
+    fault.to_string()
+}
+
+/// Writes a take of `count` segments of 4,000 Gaussians.
+fn write(path: &Path, count: u32) {
+    let package = |seed: u32| {
+        let recipe = Recipe {
+            count: 4000,
+            sh_degree: 1,
+            motion: Motion::Dynamic,
+            motion_order: 2,
+            turning: true,
+            seed: seed.into(),
+        };
+        packaged(&recipe.field(), None, &[1000])
+    };
+    // A few that repeat: encoding takes longer than playing.
+    let packages: Vec<Vec<u8>> = (0..4).map(package).collect();
+    let segments: Vec<SegmentFile> = (0..count)
+        .map(|i| SegmentFile {
+            start_s: UNIT_S * f64::from(i),
+            duration_s: 2.0 * UNIT_S,
+            package: packages[i as usize % packages.len()].clone(),
+        })
+        .collect();
+    let duration_s = UNIT_S * f64::from(count + 1);
+    std::fs::write(path, take_package(duration_s, 30.0, &segments).0)
+        .expect("temporary files can be written");
+}
+
+/// A take that is played as in a window, without one.
+struct Played {
+    gpu: Gpu,
+    image: Offscreen,
+    renderer: Renderer,
+    take: TakePlayer,
+    player: Player,
+}
+
+impl Played {
+    fn open(path: &Path, duration_s: f64) -> Result<Played, String> {
+        let gpu = Gpu::new_headless().map_err(text)?;
+        let opened = OpenTake::open(path, &Limits::default()).map_err(text)?.ok_or("it is a take")?;
+        let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
+        let (renderer, take) = TakePlayer::new(&gpu, Arc::new(opened), layout, || ()).map_err(text)?;
+        let image = Offscreen::new(&gpu, SIZE, 1, ChannelDepth::Eight).map_err(text)?;
+        Ok(Played { gpu, image, renderer, take, player: Player::new(duration_s, 30.0) })
+    }
+
+    /// A frame, `elapsed_s` seconds after the one before; whether the clock waited.
+    fn frame(&mut self, elapsed_s: f64) -> Result<bool, String> {
+        self.take.update(&self.gpu, &mut self.renderer, &self.player);
+        let is_missing = self.take.is_missing(self.player.position_s());
+        self.player.set_waiting(is_missing);
+        self.player.advance(elapsed_s);
+        self.draw(self.take.shown_s(self.player.position_s()))?;
+        let uploaded = self.take.counts().uploaded_bytes;
+        if uploaded > UPLOAD_BYTES_MAX {
+            return Err(format!("{uploaded} bytes are uploaded in a frame"));
+        }
+        match self.take.take_notes()[..] {
+            [] => Ok(is_missing),
+            ref notes => Err(format!("{notes:?}")),
+        }
+    }
+
+    fn draw(&mut self, t_s: f64) -> Result<(), String> {
+        let views = [View::from_camera(&camera(Place::Whole, SIZE.x, SIZE.y))];
+        let t = t_s / self.player.duration_s();
+        let settings = RenderSettings::default();
+        self.image.render(&self.gpu, &mut self.renderer, t, &views, &settings).map(drop).map_err(text)
+    }
+
+    /// Frames until nothing is missing at the position.
+    fn settle(&mut self) -> Result<(), String> {
+        let start = Instant::now();
+        while self.frame(0.0)? || self.take.is_uploading() {
+            if start.elapsed() > PATIENCE {
+                return Err(format!("nothing comes at {} s", self.player.position_s()));
+            }
+            sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    fn pixels(&self) -> Result<Pixels, String> {
+        self.image.read(&self.gpu).map(|mut eyes| eyes.remove(0)).map_err(text)
+    }
+}
+
+/// Plays a take of `count` segments once, and returns the most memory that was taken, of the heap and the device, and
+/// that of the device at the end.
+fn memory(count: u32) -> Result<[u64; 2], String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, count);
+    let before = HEAP.current_usage();
+    let duration_s = UNIT_S * f64::from(count + 1);
+    let mut played = Played::open(&path, duration_s)?;
+    played.player.set_looping(false);
+    HEAP.reset_peak_usage();
+    let start = Instant::now();
+    let mut waits = 0;
+    while played.player.is_playing() {
+        waits += u32::from(played.frame(FRAME_S)?);
+        if start.elapsed() > 4 * PATIENCE {
+            return Err(format!("it plays for longer than a minute, {waits} waits"));
+        }
+    }
+    let counts = played.take.counts();
+    if counts.loaded < count as usize || counts.resident < 2 {
+        return Err(format!("{counts:?}"));
+    }
+    println!("{count} segments: {waits} frames waited, {counts:?}");
+    let device = played.gpu.allocated_bytes().unwrap_or(0);
+    Ok([(HEAP.peak_usage() - before) as u64 + device, device])
+}
+
+fn flat() -> Result<(), String> {
+    // What the first device takes for good.
+    memory(2)?;
+    let [short, short_device] = memory(8)?;
+    let [long, long_device] = memory(32)?;
+    println!(
+        "8 segments: {short} bytes, 32 segments: {long} bytes; on the device {short_device}, {long_device}"
+    );
+    // Four times as long. The table of a segment has some 100 bytes, a segment of Gaussians a million.
+    if long as f64 > 1.1 * short as f64 || long_device != short_device {
+        return Err(format!("{short} bytes for 8 segments, {long} for 32"));
+    }
+    Ok(())
+}
+
+fn storm() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, 32);
+    let mut played = Played::open(&path, 33.0 * UNIT_S)?;
+    played.settle()?;
+    for seek in 0..100 {
+        // All over the take.
+        played.player.seek(f64::from(seek * 37 % 97) / 97.0 * 33.0);
+        played.frame(0.0)?;
+    }
+    let loaded_before = played.take.counts().loaded;
+    played.player.seek(20.4);
+    // The same instant without a storm, with all layers.
+    let mut calm = Played::open(&path, 33.0 * UNIT_S)?;
+    calm.take.wait(&calm.gpu, &mut calm.renderer, 20.4).map_err(text)?;
+    calm.draw(20.4)?;
+    let expected = calm.pixels()?.to_rgb8();
+    let start = Instant::now();
+    while played.frame(0.0)? || played.pixels()?.to_rgb8() != expected {
+        if start.elapsed() > PATIENCE {
+            return Err("another picture than without seeks".into());
+        }
+        sleep(Duration::from_millis(1));
+    }
+    let loaded = played.take.counts().loaded - loaded_before;
+    println!("{loaded_before} segments were loaded for 100 seeks, and {loaded} for the last one");
+    match loaded > BACKLOG_MAX {
+        true => Err(format!("{loaded} segments were loaded for the last seek")),
+        false => Ok(()),
+    }
+}
+
+fn speeds() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, 6);
+    let mut played = Played::open(&path, 7.0 * UNIT_S)?;
+    played.settle()?;
+    for speed in [0.1, 1.0, 2.0] {
+        played.player.set_speed(speed);
+        played.player.seek(5.9);
+        played.settle()?;
+        // Over the end, and on from the start.
+        let (mut rounds, mut last_s) = (0, played.player.position_s());
+        let start = Instant::now();
+        while rounds < 1 || played.player.position_s() < 1.0 {
+            played.frame(4.0 * FRAME_S / speed.min(1.0))?;
+            rounds += u32::from(played.player.position_s() < last_s);
+            last_s = played.player.position_s();
+            if start.elapsed() > PATIENCE {
+                return Err(format!("it hangs at {last_s} s, {speed}x"));
+            }
+        }
+    }
+    for _ in 0..90 {
+        played.player.step_back();
+        played.settle()?;
+        let position_s = played.player.position_s();
+        if played.take.shown_s(position_s) != position_s {
+            return Err(format!("{position_s} s is not shown"));
+        }
+    }
+    Ok(())
+}
