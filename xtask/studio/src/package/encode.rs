@@ -75,12 +75,7 @@ pub(crate) fn encode(
             (Coded { bytes, clip, fidelity, miss: None }, 0)
         }
         Coding::Context { quality_db } => {
-<<<<<<< HEAD
-            let source = Source { info: &scene.info, field, plate };
-=======
             let source = Source { info: &scene.head_info(), field, plate };
-            let views = visibility_views(scene, field, CODED_SIZE);
->>>>>>> w-studio
             progress.stage("coding", views.len() + TRIALS);
             let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
                 .map_err(|error| refused(scene, error))?;
