@@ -81,6 +81,7 @@ pub fn check_dialogue(bytes: &[u8]) {
         Outcome::Complete { .. } => {
             assert!(!honest || versions().contains(&received), "{} bytes of no version", received.len());
         }
+        Outcome::Take => assert!(!honest, "no version is a take"),
         Outcome::Unchanged => assert!(known.is_some(), "unchanged without a known version"),
         Outcome::Failed { fault, .. } => {
             let text = fault.to_string();

@@ -19,7 +19,7 @@ const MOTION_PX: f64 = 0.1;
 /// Change of opacity below which a Gaussian counts as always on, at [`QUALITY_DB`]: half a step of an 8-bit pixel.
 const OPACITY_CHANGE: f64 = 0.5 / 255.0;
 
-/// Numbers of Gaussians that [`snap`] changed.
+/// Numbers of Gaussians that `snap` changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Snapped {
     /// Those that became static: motionless and always on.

@@ -1,4 +1,4 @@
-//! Takes of segments: packages on disk, [field folders](folder), and what is made of them.
+//! Takes of segments: packages on disk, field folders, and what is made of them.
 //!
 //! ```text
 //! join:    fields, packages, folders -> field folder
