@@ -75,6 +75,8 @@ pub struct Download {
 enum Stage {
     Begin,
     Fetching(Fetch),
+    /// A remark on the take was reported; the take is next.
+    Opened(Arc<OpenTake>),
     /// The last clip is incomplete; this fault is reported next.
     Failed(Fault),
     /// The complete clip was reported; its package goes to the cache.
@@ -206,13 +208,22 @@ impl Download {
     }
 
     /// Opens the file as a take.
-    fn open_take(&self) -> Flow {
+    fn open_take(&mut self) -> Flow {
         let Options { cache, retry, servers, limits } = self.options.clone();
         let take = RemoteFile::new(&self.url, retry, servers, cache)
             .and_then(|file| OpenTake::of(TakeSource::Remote(Box::new(file)), &limits));
         match take {
-            Ok(Some(take)) => ControlFlow::Break(Ok(LoadEvent::Take(Arc::new(take)))),
-            Ok(None) => self.fail(Fault::Data("the file changed on the server: open it again".into())),
+            Ok(Some(take)) => {
+                let (note, take) = (take.truncation(), Arc::new(take));
+                ControlFlow::Break(Ok(match note {
+                    Some(note) => {
+                        self.stage = Stage::Opened(take);
+                        LoadEvent::Note(note)
+                    }
+                    None => LoadEvent::Take(take),
+                }))
+            }
+            Ok(None) => self.fail(Fault::Network("the file changed on the server: open it again".into())),
             // It names the URL.
             Err(fault) => ControlFlow::Break(Err(fault)),
         }
@@ -235,6 +246,7 @@ impl Iterator for Download {
             let flow = match std::mem::replace(&mut self.stage, Stage::End) {
                 Stage::Begin => self.begin(),
                 Stage::Fetching(fetch) => self.wait(fetch),
+                Stage::Opened(take) => ControlFlow::Break(Ok(LoadEvent::Take(take))),
                 Stage::Failed(fault) => self.fail(fault),
                 Stage::Store { etag, package } => {
                     let file = CachedFile { etag, base: redacted(&self.url), bytes: package };

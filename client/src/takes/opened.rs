@@ -209,7 +209,8 @@ impl OpenTake {
     fn decode(&self, want: Want) -> Result<Clip, Fault> {
         let segment = &self.take.segments[want.segment];
         let fault = |reason: String| {
-            Fault::Data(format!("{}: segment at {:.3} s: {reason}", self.name(), segment.start_s))
+            let (name, number) = (self.name(), want.segment);
+            Fault::Data(format!("{name}: segment {number}, at {:.3} s: {reason}", segment.start_s))
         };
         let length = segment.layers[want.layers - 1].bytes;
         let bytes = self.source.read(segment.offset..segment.offset.saturating_add(length as u64))?;

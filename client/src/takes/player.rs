@@ -94,6 +94,8 @@ pub struct TakePlayer {
     /// Grows whenever the picture of an instant may change.
     revision: u64,
     notes: Vec<String>,
+    /// Why the network failed last, until a segment arrives. It is said once.
+    trouble: Option<String>,
     counts: TakeCounts,
 }
 
@@ -130,6 +132,7 @@ impl TakePlayer {
             shown_s: 0.0,
             revision: 0,
             notes: Vec::new(),
+            trouble: None,
             counts,
         };
         player.replan();
@@ -166,7 +169,9 @@ impl TakePlayer {
                 return Ok(());
             }
             if self.retry_at.take().is_some() {
-                return Err(Fault::Network(self.notes.pop().unwrap_or_default()));
+                let why = self.trouble.take().unwrap_or_default();
+                self.notes.retain(|note| *note != why);
+                return Err(Fault::Network(why));
             }
             match self.loader.wait() {
                 Some(event) => self.take_in(slots_of(renderer), event),
@@ -213,12 +218,16 @@ impl TakePlayer {
         match event {
             SegmentEvent::Packed(want, packed) => {
                 self.counts.loaded += 1;
+                self.trouble = None;
                 self.waiting = Some((want, packed));
                 self.place(slots);
             }
             // It is asked for again after a while.
             SegmentEvent::Failed(_, Fault::Network(why)) => {
-                self.notes.push(why);
+                if self.trouble.as_ref() != Some(&why) {
+                    self.notes.push(why.clone());
+                }
+                self.trouble = Some(why);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
             // Its first layer may be whole.

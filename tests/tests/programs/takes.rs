@@ -34,6 +34,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("each segment is shown as its clip alone, at any instant", Passes::Shared, as_alone),
         gpu::trial("a damaged segment is one sentence, and the rest plays", Passes::Shared, damaged),
         gpu::trial("a file that is cut short plays as far as it goes", Passes::Shared, truncated),
+        gpu::trial("a take that is cut short on a server says so", Passes::Shared, truncated_on_server),
         gpu::trial("files that play not at all are one sentence", Passes::Shared, refused),
         gpu::trial("a take in a playlist follows a clip", Passes::Shared, in_playlist),
         gpu::trial("from a URL only what is seen is fetched, and once", Passes::Shared, from_url),
@@ -135,7 +136,7 @@ fn damaged(_: &Gpu) -> Result<(), String> {
         if is_damaged {
             let lines: Vec<&str> = said.lines().collect();
             let is_right =
-                |line: &str| line.contains("segment at 1.000 s: ") && line.ends_with("; the rest plays");
+                |line: &str| line.contains("segment 1, at 1.000 s: ") && line.ends_with("; the rest plays");
             if !is_black(&shown) || lines.len() != 1 || !is_right(lines[0]) {
                 return Err(format!("{time_s} s: {said}"));
             }
@@ -290,6 +291,22 @@ fn failing_servers(_: &Gpu) -> Result<(), String> {
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
     fetched(&folder, &goes.url("take.aarc"), 3.0).refuses(NETWORK, "there is no such file", "check the URL")
+}
+
+/// A take that is cut short on its server is as one in a file.
+fn truncated_on_server(_: &Gpu) -> Result<(), String> {
+    let folder = Folder::default();
+    let (bytes, offsets) = take();
+    folder.write("whole.aarc", &bytes);
+    let server = server_of(bytes[..offsets[2] + 40].to_vec(), |_, request, answer, file| {
+        answer.part(request, file, ETAG);
+    });
+    let said = fetched(&folder, &server.url("take.aarc"), 0.5).success().stderr;
+    let (whole, _) = image(&folder, "whole.aarc", 0.5)?;
+    match said.contains("cut short, 2 of 3 segments are whole") {
+        true if difference(&read(&folder, "image.png")?, &whole).max_diff == 0.0 => Ok(()),
+        _ => Err(said),
+    }
 }
 
 /// Plays a take of red and blue clips in turn, two times around, and seeks back to its start.

@@ -420,10 +420,28 @@ fn a_take_that_was_cut_short_shows_what_is_there() {
         shown["segments"].as_array().unwrap().iter().map(|segment| &segment["complete"]).collect();
     assert_eq!(complete, [true, false, false]);
     assert!(picture(&folder, "short.aarc", 0.5) == picture(&folder, "take.aarc", 0.5));
-    let outcome = run(&folder, "render short.aarc --time 1.2 -o a.png").success();
-    assert!(outcome.stderr.contains("cut short, 1 of 3 segments are missing"), "{}", outcome.stderr);
+    let refused = run(&folder, "render short.aarc --time 1.2 -o a.png").error(3);
+    assert!(refused.contains("cut short, has 0 of the 1 segment needed"), "{refused}");
+    let outcome = run(&folder, "export short.aarc --ply -o a.ply").success();
+    assert!(outcome.stderr.contains("cut short, has 1 of the 3 segments needed"), "{}", outcome.stderr);
     let refused = run(&folder, "trim short.aarc --from 1 --to 2 -o part.aarc").error(3);
     assert!(refused.contains("segment 1"), "{refused}");
+}
+
+/// Before anything is packaged.
+#[test]
+fn two_plates_at_one_instant_are_refused() {
+    let (folder, _) = joined();
+    let path = folder.path().join("take/field.json");
+    let mut manifest: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    manifest["segments"][1]["plate"] = manifest["segments"][2]["plate"].clone();
+    fs::write(&path, manifest.to_string()).unwrap();
+    run(&folder, "package take -o one-after-another.aarc --coder fixed").success();
+    manifest["segments"][1]["duration_s"] = json!(0.75);
+    fs::write(&path, manifest.to_string()).unwrap();
+    let refused = run(&folder, "package take -o take.aarc --coder fixed").error(3);
+    assert!(refused.contains("segments 1 and 2 have a plate at 1.5 s"), "{refused}");
+    assert!(refused.contains("remove the plate"), "{refused}");
 }
 
 #[test]

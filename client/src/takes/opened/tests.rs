@@ -151,7 +151,7 @@ fn a_damaged_segment_is_refused_alone() {
     let file = written(&bytes);
     let opened = open(&file);
     let text = gaussians(&opened, 1, 1).unwrap_err().to_string();
-    assert!(text.contains("a.aarc: segment at 1.000 s: ") && text.contains("copy it again"), "{text}");
+    assert!(text.contains("a.aarc: segment 1, at 1.000 s: ") && text.contains("copy it again"), "{text}");
     assert!(gaussians(&opened, 0, 2).is_ok() && gaussians(&opened, 2, 3).is_ok());
 }
 
@@ -164,7 +164,7 @@ fn a_file_that_changes_while_it_plays_is_noticed() {
     for bytes in [&other[..], &vec![0; other.len()], &other[..other.len() / 2], b""] {
         std::fs::write(&file.path, bytes).unwrap();
         let text = gaussians(&opened, 2, 3).unwrap_err().to_string();
-        assert!(text.contains("segment at 2.000 s: ") && text.contains("open it again"), "{text}");
+        assert!(text.contains("segment 2, at 2.000 s: ") && text.contains("open it again"), "{text}");
     }
     std::fs::write(&file.path, three()).unwrap();
     assert!(gaussians(&opened, 2, 3).is_ok(), "the same again");

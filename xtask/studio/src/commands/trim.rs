@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use program::output;
+use program::{counted, output};
 use serde_json::json;
 
 use crate::messages::decimal;
@@ -43,8 +43,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let [duration, source, before, after] =
         [duration_s, source_s, before_s, after_s].map(|seconds| decimal(seconds, 3));
     println!(
-        "{}: {duration} of {source} s, {segments} of {source_segments} segments, {bytes} bytes",
-        args.out.display()
+        "{}: {duration} of {source} s, {segments} of {}, {bytes} bytes",
+        args.out.display(),
+        counted(source_segments, "segment")
     );
     if before_s > 0.0 || after_s > 0.0 {
         println!(

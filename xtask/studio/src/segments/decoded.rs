@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, sh_coefficients};
-use program::Fault;
+use program::{Fault, counted};
 use refine::reference::RenderScene;
 
 use super::file::TakeFile;
@@ -77,16 +77,17 @@ impl DecodedTake {
     /// A package that was cut short has the segments whose first layer is complete; a note on standard error tells.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names a damaged segment, or if more Gaussians are asked for than are decoded at a time.
+    /// [`Fault::Data`] that names a damaged segment, if all are missing, or if more Gaussians are asked for than are decoded at a time.
     pub fn of_file(file: &TakeFile, seconds: Option<&[f64]>) -> Result<DecodedTake, Fault> {
         let take = file.take();
-        let (name, mut missing, mut gaussians) = (file.path().display(), 0, 0);
+        let (name, mut needed, mut missing, mut gaussians) = (file.path().display(), 0, 0, 0);
         let mut segments = Vec::new();
         for (index, segment) in take.segments.iter().enumerate() {
             let is_needed = seconds.is_none_or(|seconds| seconds.iter().any(|&t_s| take.holds(index, t_s)));
             if !is_needed {
                 continue;
             }
+            needed += 1;
             let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
             if file.available(index) < first_layer {
                 missing += 1;
@@ -98,7 +99,12 @@ impl DecodedTake {
             segments.push(DecodedSegment { span: Span::from(segment), content });
         }
         if missing > 0 {
-            eprintln!("note: {name}: cut short, {missing} of {} segments are missing", take.segments.len());
+            let of = counted(needed, "segment");
+            let what = format!("{name}: cut short, has {} of the {of} needed", needed - missing);
+            if missing == needed {
+                return Err(Fault::Data(format!("{what}; get the file again")));
+            }
+            eprintln!("note: {what}");
         }
         let (info, duration_s, bounds) = (take.info.clone(), take.duration_s, take.bounds);
         Ok(DecodedTake { info, duration_s, segments, bounds })

@@ -127,7 +127,8 @@ impl TakeFile {
         match contents {
             Ok(contents) if contents.head_crc == segment.head_crc => Ok(contents),
             Ok(_) => Err(self.damaged(index, "its head is not the one in the table")),
-            Err(error) => Err(self.damaged(index, &error.to_string())),
+            // Its offset counts from the start of the segment.
+            Err(error) => Err(self.damaged(index, &format!("{error} of the segment"))),
         }
     }
 

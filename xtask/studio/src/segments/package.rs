@@ -107,9 +107,23 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
     let mut agreement = Agreement::default();
     let spans: Vec<Span> = (0..sources.len()).map(|i| sources.span(i)).collect();
     let (mut gaussians, mut info) = (Vec::new(), None);
+    let mut last_plate: Option<usize> = None;
     for i in 0..sources.len() {
         let scene = sources.scene(i)?;
         let plate = scene.plate.as_ref().map(|plate| &plate.field);
+        if plate.is_some() {
+            // Segments are in the order of their starts, apart from those that span the whole and come first.
+            if let Some(last) = last_plate.filter(|&last| spans[i].start_s < spans[last].end_s()) {
+                return Err(Fault::Data(format!(
+                    "{}: segments {last} and {i} have a plate at {} s, where one is drawn; remove the plate of one of \
+                     them from field.json",
+                    sources.name, spans[i].start_s
+                ))
+                .into());
+            }
+            last_plate =
+                Some(i).filter(|&i| last_plate.is_none_or(|last| spans[i].end_s() > spans[last].end_s()));
+        }
         agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
         gaussians.push(visible(&scene.subject).0.len());
         info.get_or_insert(scene.info);

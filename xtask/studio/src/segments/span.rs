@@ -82,7 +82,7 @@ pub(super) fn check_spans(take_s: f64, spans: &[Span]) -> Result<(), String> {
         ends.push(span.end_s());
         if ends.len() > SEGMENTS_AT_ONCE {
             return Err(format!(
-                "more than {SEGMENTS_AT_ONCE} segments hold {start_s} s, and players hold no more; join some of them"
+                "more than {SEGMENTS_AT_ONCE} segments hold {start_s} s, and players hold no more; leave some of them out"
             ));
         }
     }

@@ -261,7 +261,9 @@ impl TakeInspection {
         row("first instant", format!("{startup_bytes} bytes"));
         row(
             "Mbps",
-            format!("{mean_mbps:.2} in the mean, at most {peak_mbps:.2} over one second, from {peak_s:.3} s"),
+            format!(
+                "{mean_mbps:.2} in the mean; after the first instant at most {peak_mbps:.2} over one second, from {peak_s:.3} s"
+            ),
         );
         row("SH degree", self.sh_degree.to_string());
         let rotation = if self.rotation_rates { ", with rotation rates" } else { "" };
