@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
+use aarc_tests::server::Server;
 use aarc_tests::take_files::{SegmentFile, take_package};
+use client::clips::{self, Content, SourceOptions};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::Player;
 use client::takes::{OpenTake, TakePlayer, UPLOAD_BYTES_MAX};
@@ -38,6 +40,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("memory does not depend on the length", Passes::Shared, |_| flat()),
         gpu::trial("after a storm of seeks only the last one counts", Passes::Shared, |_| storm()),
         gpu::trial("it plays at all speeds, in a loop, and in steps", Passes::Shared, |_| speeds()),
+        gpu::trial("a server that fails for long is said once", Passes::Shared, |_| failing()),
     ]
 }
 
@@ -83,10 +86,14 @@ struct Played {
 
 impl Played {
     fn open(path: &Path, duration_s: f64) -> Result<Played, String> {
-        let gpu = Gpu::new_headless().map_err(text)?;
         let opened = OpenTake::open(path, &Limits::default()).map_err(text)?.ok_or("it is a take")?;
+        Played::of(Arc::new(opened), duration_s)
+    }
+
+    fn of(opened: Arc<OpenTake>, duration_s: f64) -> Result<Played, String> {
+        let gpu = Gpu::new_headless().map_err(text)?;
         let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
-        let (renderer, take) = TakePlayer::new(&gpu, Arc::new(opened), layout, || ()).map_err(text)?;
+        let (renderer, take) = TakePlayer::new(&gpu, opened, layout, || ()).map_err(text)?;
         let image = Offscreen::new(&gpu, SIZE, 1, ChannelDepth::Eight).map_err(text)?;
         Ok(Played { gpu, image, renderer, take, player: Player::new(duration_s, 30.0) })
     }
@@ -239,4 +246,35 @@ fn speeds() -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// The player asks again every two seconds, and gets the same answer.
+fn failing() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, 2);
+    let file = std::fs::read(&path).map_err(|error| error.to_string())?;
+    let server = Server::start(move |number, request, answer| match number {
+        0 | 1 => answer.part(request, &file, "\"one\""),
+        _ => answer.head(404, &[("Content-Length", "0")]),
+    });
+    let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
+    let Content::Take(opened) = arrival.wait(None, |_| ()).map_err(text)? else {
+        return Err("it is a take".into());
+    };
+    let mut played = Played::of(opened, 3.0 * UNIT_S)?;
+    let (mut notes, start) = (Vec::new(), Instant::now());
+    let before = server.requests().len();
+    while server.requests().len() < before + 3 {
+        if start.elapsed() > PATIENCE {
+            return Err(format!("it does not ask again: {:?}", server.requests()));
+        }
+        played.take.update(&played.gpu, &mut played.renderer, &played.player);
+        notes.extend(played.take.take_notes());
+        sleep(Duration::from_millis(20));
+    }
+    match notes[..] {
+        [ref note] if note.contains("there is no such file") => Ok(()),
+        ref notes => Err(format!("{notes:?}")),
+    }
 }
