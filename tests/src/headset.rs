@@ -4,6 +4,7 @@
 //! that use the runtime load its libraries, among them its Vulkan driver, so they also run through that
 //! folder's dynamic linker, on its C library.
 
+use std::cell::{Cell, RefCell};
 use std::env::consts::ARCH;
 use std::ffi::OsStr;
 use std::fs;
@@ -30,7 +31,9 @@ const STARTED: &str = "service has started";
 
 /// One test's own runtime; ends when dropped.
 pub struct Headset {
-    service: Child,
+    service: RefCell<Child>,
+    /// The test ended the service.
+    killed: Cell<bool>,
     files: Files,
     /// Home folder of the runtime, with the service's socket, and of the programs that use it.
     folder: TempDir,
@@ -132,10 +135,10 @@ impl Headset {
             .stderr(log)
             .spawn()
             .unwrap_or_else(|error| panic!("{}: {error}", files.linker.display()));
-        let mut headset = Headset { service, files, folder };
+        let headset = Headset { service: RefCell::new(service), killed: Cell::new(false), files, folder };
         let start = Instant::now();
         while !headset.log().contains(STARTED) {
-            let ended = headset.service.try_wait().expect("a child can be waited for").is_some();
+            let ended = headset.service.borrow_mut().try_wait().expect("a child can be waited for").is_some();
             assert!(!ended && start.elapsed() < PATIENCE, "no service: {}", headset.log());
             sleep(Duration::from_millis(20));
         }
@@ -210,11 +213,28 @@ impl Headset {
         Ok(found.map(str::to_owned).collect())
     }
 
+    /// The last lines of the service's log if it ended without [`Headset::kill`]; waits a second for it to end.
+    pub fn crash(&self) -> Option<String> {
+        let start = Instant::now();
+        while !self.killed.get() && start.elapsed() < Duration::from_secs(1) {
+            if let Ok(Some(status)) = self.service.borrow_mut().try_wait() {
+                let log = self.log();
+                let lines: Vec<&str> = log.lines().collect();
+                let last = lines[lines.len().saturating_sub(20)..].join("\n");
+                return Some(format!("{last}\n{status}"));
+            }
+            sleep(Duration::from_millis(20));
+        }
+        None
+    }
+
     /// Kills the service with `SIGKILL`.
-    pub fn kill(&mut self) {
+    pub fn kill(&self) {
+        self.killed.set(true);
+        let mut service = self.service.borrow_mut();
         // It may have ended already.
-        let _ = self.service.kill();
-        let _ = self.service.wait();
+        let _ = service.kill();
+        let _ = service.wait();
     }
 }
 

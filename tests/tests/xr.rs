@@ -71,23 +71,54 @@ fn main() -> ExitCode {
     gpu::run([("xr", trials)])
 }
 
+/// Runs of a test whose runtime crashes before it fails for that.
+const ATTEMPTS: u32 = 3;
+
 /// A test that needs the runtime: ignored without one.
-fn trial(name: &str, test: fn(Headset) -> Result<(), String>) -> Trial {
-    Trial::ignorable_test(name, move || match Headset::start() {
-        Some(headset) => test(headset).map(|()| Completion::Completed).map_err(Failed::from),
-        None => Ok(Completion::ignored_with(MISSING)),
-    })
+fn trial(name: &str, test: fn(&Headset) -> Result<(), String>) -> Trial {
+    let attempt = move || Some(attempted(Headset::start()?, test));
+    Trial::ignorable_test(name, move || attempts(attempt))
 }
 
 /// A test that moves a hand. `on_demand` marks it as ignored by default.
 fn hand_trial(name: &str, test: fn(&Headset, Remote) -> Result<(), String>, on_demand: bool) -> Trial {
-    let run = move || match Headset::start_with_hand() {
-        Some((headset, remote)) => {
-            test(&headset, remote).map(|()| Completion::Completed).map_err(Failed::from)
-        }
-        None => Ok(Completion::ignored_with(MISSING)),
+    let attempt = move || {
+        let (headset, remote) = Headset::start_with_hand()?;
+        Some(attempted(headset, |headset| test(headset, remote)))
     };
-    Trial::ignorable_test(name, run).with_ignored_flag(on_demand)
+    Trial::ignorable_test(name, move || attempts(attempt)).with_ignored_flag(on_demand)
+}
+
+/// Result of one run of a test.
+struct Attempt {
+    result: Result<(), String>,
+    /// End of the runtime's log if it crashed.
+    crash: Option<String>,
+}
+
+fn attempted(headset: Headset, test: impl FnOnce(&Headset) -> Result<(), String>) -> Attempt {
+    let result = test(&headset);
+    let crash = if result.is_err() { headset.crash() } else { None };
+    Attempt { result, crash }
+}
+
+/// Runs a test until its runtime survives it: Monado's service rarely crashes by itself, as its client starts.
+/// A player that made it crash would do so every time.
+fn attempts(attempt: impl Fn() -> Option<Attempt>) -> Result<Completion, Failed> {
+    let mut left = ATTEMPTS;
+    loop {
+        left -= 1;
+        let Some(Attempt { result, crash }) = attempt() else {
+            return Ok(Completion::ignored_with(MISSING));
+        };
+        let Err(error) = result else { return Ok(Completion::Completed) };
+        let Some(log) = crash else { return Err(error.into()) };
+        let error = format!("{error}\nthe runtime crashed; the end of its log:\n{log}");
+        if left == 0 {
+            return Err(error.into());
+        }
+        eprintln!("once more: {error}");
+    }
 }
 
 /// Output of a run of the player.
@@ -159,11 +190,11 @@ fn eye(folder: &Path, name: &str) -> Result<(Camera, f64, Image), String> {
     Ok((camera, time, Image { width, height, pixels: picture.pixels().map(pixel).collect() }))
 }
 
-fn demo(headset: Headset) -> Result<(), String> {
+fn demo(headset: &Headset) -> Result<(), String> {
     demo_at(&headset, Level::Exact)
 }
 
-fn lower_quality(headset: Headset) -> Result<(), String> {
+fn lower_quality(headset: &Headset) -> Result<(), String> {
     demo_at(&headset, Level::Least)
 }
 
@@ -206,7 +237,7 @@ fn demo_at(headset: &Headset, quality: Level) -> Result<(), String> {
 }
 
 /// Plays a take of three clips in a loop. The eyes must show what the renderer alone draws of the clip at the instant.
-fn take(headset: Headset) -> Result<(), String> {
+fn take(headset: &Headset) -> Result<(), String> {
     const SEGMENT_S: f64 = 0.5;
     let gpu = device(Passes::Shared).map_err(|fault| fault.to_string())?;
     let field = |seed| {
@@ -241,7 +272,7 @@ fn take(headset: Headset) -> Result<(), String> {
 }
 
 /// Measures the demo with `cargo xtask headset`. A script starts the player, which needs the runtime's libraries.
-fn headset_table(headset: Headset) -> Result<(), String> {
+fn headset_table(headset: &Headset) -> Result<(), String> {
     let player = headset.command(client());
     let quoted = |text: &OsStr| format!("'{}'", text.to_string_lossy());
     let mut script = String::from("#!/bin/sh\n");
@@ -372,7 +403,7 @@ fn signpost() -> Field {
 }
 
 /// Compares the spot's place in the images with its projection by the cameras, without any renderer.
-fn parallax(headset: Headset) -> Result<(), String> {
+fn parallax(headset: &Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
     let played = play(&headset, Some(&clip), Level::Exact)?;
@@ -417,7 +448,7 @@ fn centre_of_red(picture: &Image) -> Option<[f64; 2]> {
 }
 
 /// The layer finds a forbidden call, so an empty list of findings is evidence.
-fn forbidden_call_is_reported(headset: Headset) -> Result<(), String> {
+fn forbidden_call_is_reported(headset: &Headset) -> Result<(), String> {
     let outcome = run(&mut headset.validated(&example("xr_forbidden_call")));
     let findings = headset.findings()?;
     let found = findings.iter().any(|line| line.contains("VUID-XrSystemGetInfo-formFactor-parameter"));
@@ -474,7 +505,7 @@ impl Drop for Player {
     }
 }
 
-fn killed(mut headset: Headset) -> Result<(), String> {
+fn killed(headset: &Headset) -> Result<(), String> {
     let command = headset.command(client());
     let mut player = Player::start(&headset, command, &[])?;
     player.wait_for_log("session Focused")?;
@@ -513,7 +544,7 @@ fn lost_device(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     Ok(())
 }
 
-fn device_lost_at_once(headset: Headset) -> Result<(), String> {
+fn device_lost_at_once(headset: &Headset) -> Result<(), String> {
     for when in ["submit:20", "wait:20"] {
         let mut command = headset.command(client());
         lossy(&mut command, &headset.path(""), when);
@@ -524,7 +555,7 @@ fn device_lost_at_once(headset: Headset) -> Result<(), String> {
 }
 
 /// Runtimes with one view or four report as many for two eyes, or refuse two.
-fn other_eyes(headset: Headset) -> Result<(), String> {
+fn other_eyes(headset: &Headset) -> Result<(), String> {
     for (oddity, words) in [
         ("views:1", "the headset has 1 view, "),
         ("views:4", "the headset has 4 views, "),
@@ -537,7 +568,7 @@ fn other_eyes(headset: Headset) -> Result<(), String> {
 }
 
 /// The clip goes on, and with a period the display's rate is known. `Good` has an inset, which the player composes.
-fn odd_runtimes(headset: Headset) -> Result<(), String> {
+fn odd_runtimes(headset: &Headset) -> Result<(), String> {
     let stats = headset.path("stats.json");
     for oddity in ["no-time", "no-period", "one-layer"] {
         let mut command = headset.odd(client(), oddity);
@@ -555,7 +586,7 @@ fn odd_runtimes(headset: Headset) -> Result<(), String> {
 
 /// All allocations on the player's device fail from one on, those of the runtime too. Opening the session then fails
 /// before or after its first drawing.
-fn little_memory(headset: Headset) -> Result<(), String> {
+fn little_memory(headset: &Headset) -> Result<(), String> {
     for call in [1, 2, 4, 6, 8, 10] {
         let mut command = headset.command(client());
         lossy(&mut command, &headset.path(""), &format!("memory:{call}"));
@@ -565,7 +596,7 @@ fn little_memory(headset: Headset) -> Result<(), String> {
     Ok(())
 }
 
-fn skipped(headset: Headset) -> Result<(), String> {
+fn skipped(headset: &Headset) -> Result<(), String> {
     let clips = [("a.aarc", &b"no clip"[..]), ("b.aarc", &packaged(&signpost(), None, &[]))];
     let clips = write_clips(&headset, &clips)?;
     let list = clips.join("list.json");
@@ -770,12 +801,12 @@ fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
     None
 }
 
-fn no_service(mut headset: Headset) -> Result<(), String> {
+fn no_service(headset: &Headset) -> Result<(), String> {
     headset.kill();
     one_sentence(&run(headset.command(client()).arg("--xr")), DEVICE, "service")
 }
 
-fn no_runtime(headset: Headset) -> Result<(), String> {
+fn no_runtime(headset: &Headset) -> Result<(), String> {
     let nowhere = headset.path("nothing.json");
     let outcome = run(headset.command(client()).arg("--xr").env("XR_RUNTIME_JSON", nowhere));
     one_sentence(&outcome, DEVICE, "no OpenXR runtime")
