@@ -1,4 +1,4 @@
-//! [`Player`]: position, speed and loop of a playing clip, independent of any display.
+//! [`Player`]: position, speed, direction and loop of a playing clip, independent of any display.
 //!
 //! The caller advances it by elapsed time (wall time in a window, predicted display time in a headset) and
 //! draws [`Player::clip_time`]. Positions are seconds from the start of the clip.
@@ -21,11 +21,12 @@ pub struct Player {
     playing: bool,
     looping: bool,
     speed: f64,
+    reversed: bool,
     /// Whether another clip follows at the end.
     has_next: bool,
     /// Seconds of the clip by which the last step passed the end, if it waits there for the next clip.
     overrun_s: Option<f64>,
-    /// Whether the clip started over since [`Player::take_started_over`].
+    /// Whether the clip started over, at its end if it plays backwards, since [`Player::take_started_over`].
     started_over: bool,
     /// Whether the clip waits for what it shows next.
     waiting: bool,
@@ -43,6 +44,7 @@ impl Player {
             playing: true,
             looping: true,
             speed: 1.0,
+            reversed: false,
             has_next: false,
             overrun_s: None,
             started_over: false,
@@ -50,7 +52,7 @@ impl Player {
         }
     }
 
-    /// Plays another clip from its start, with the same loop and speed.
+    /// Plays another clip forward from its start, with the same loop and speed.
     pub fn change_clip(&mut self, duration_s: f64, fps: f64) {
         let Player { looping, speed, .. } = *self;
         *self = Player { looping, speed, ..Player::new(duration_s, fps) };
@@ -92,12 +94,17 @@ impl Player {
     }
 
     /// Advances by `elapsed_s` seconds of real time. At its end, a clip waits for the next one if there is
-    /// one; otherwise it starts over if it loops, and stops if not.
+    /// one; otherwise it starts over if it loops, and stops if not. Backwards, a clip that comes to its start goes on
+    /// from its end if it loops, and stops if not; no clip follows there.
     pub fn advance(&mut self, elapsed_s: f64) {
         if !self.is_advancing() || self.waiting || !elapsed_s.is_finite() || elapsed_s <= 0.0 {
             return;
         }
-        let position = self.position_s + elapsed_s * self.speed;
+        let step = elapsed_s * self.speed;
+        if self.reversed {
+            return self.go_back(step);
+        }
+        let position = self.position_s + step;
         if position < self.duration_s {
             self.position_s = position;
         } else if self.has_next {
@@ -113,10 +120,27 @@ impl Player {
         }
     }
 
-    /// Plays or pauses. Playing from the end starts over.
-    pub fn set_playing(&mut self, playing: bool) {
-        if playing && !self.looping && self.position_s >= self.duration_s {
+    fn go_back(&mut self, step_s: f64) {
+        let position = self.position_s - step_s;
+        if position >= 0.0 {
+            self.position_s = position;
+        } else if self.looping {
+            self.position_s = position.rem_euclid(self.duration_s);
+            self.started_over = true;
+        } else {
             self.position_s = 0.0;
+            self.playing = false;
+        }
+    }
+
+    /// Plays or pauses. Playing from the end starts over, and backwards from the start.
+    pub fn set_playing(&mut self, playing: bool) {
+        let is_over = match self.reversed {
+            true => self.position_s <= 0.0,
+            false => self.position_s >= self.duration_s,
+        };
+        if playing && !self.looping && is_over {
+            self.position_s = if self.reversed { self.duration_s } else { 0.0 };
             self.overrun_s = None;
             self.started_over = true;
         }
@@ -181,6 +205,12 @@ impl Player {
         self.set_speed(SPEEDS.into_iter().rev().find(|&speed| speed < self.speed).unwrap_or(SPEED_RANGE.0));
     }
 
+    /// Sets whether the clip plays backwards.
+    pub fn set_reversed(&mut self, reversed: bool) {
+        self.reversed = reversed;
+        self.overrun_s = self.overrun_s.filter(|_| !reversed);
+    }
+
     /// Sets whether the clip starts over at its end.
     pub fn set_looping(&mut self, looping: bool) {
         self.looping = looping;
@@ -221,9 +251,14 @@ impl Player {
         self.playing && self.duration_s > 0.0
     }
 
-    /// Seconds of real time until the end of the clip at the present speed.
+    /// Seconds of real time until the clip comes to its end, or backwards to its start, at the present speed.
     pub fn remaining_s(&self) -> f64 {
-        (self.duration_s - self.position_s) / self.speed
+        (if self.reversed { self.position_s } else { self.duration_s - self.position_s }) / self.speed
+    }
+
+    /// Whether the clip plays backwards.
+    pub fn is_reversed(&self) -> bool {
+        self.reversed
     }
 
     /// Whether the clip starts over at its end.
@@ -260,6 +295,55 @@ mod tests {
         assert!(near(player.position_s(), 0.25), "{player:?}");
         player.advance(20.0);
         assert!(near(player.position_s(), 0.25), "several rounds in one step: {player:?}");
+    }
+
+    #[test]
+    fn plays_backwards_in_a_loop_from_the_end() {
+        let mut player = player();
+        player.seek(0.5);
+        player.set_reversed(true);
+        player.set_speed(0.5);
+        assert!(near(player.remaining_s(), 1.0));
+        player.advance(0.5);
+        assert!(near(player.position_s(), 0.25) && !player.take_started_over());
+        player.advance(1.0);
+        assert!(near(player.position_s(), 1.75) && player.take_started_over(), "{player:?}");
+        player.advance(40.0);
+        assert!(near(player.position_s(), 1.75), "several rounds in one step: {player:?}");
+        player.set_reversed(false);
+        player.advance(0.2);
+        assert!(near(player.position_s(), 1.85), "{player:?}");
+        player.set_reversed(true);
+        player.change_clip(3.0, 10.0);
+        assert!(
+            !player.is_reversed() && player.is_looping() && player.speed() == 0.5,
+            "another clip plays forward"
+        );
+    }
+
+    #[test]
+    fn backwards_without_a_loop_it_stops_at_the_start_and_plays_from_the_end_again() {
+        for has_next in [false, true] {
+            let mut player = player();
+            player.set_looping(false);
+            player.set_has_next(has_next);
+            player.seek(0.5);
+            player.set_reversed(true);
+            player.advance(0.6);
+            assert_eq!((player.position_s(), player.is_playing(), player.overrun_s()), (0.0, false, None));
+            player.toggle_playing();
+            assert_eq!((player.position_s(), player.is_playing()), (2.0, true));
+            player.advance(0.5);
+            assert!(near(player.position_s(), 1.5), "{player:?}");
+        }
+        // A clip that waits at its end for the next one turns round.
+        let mut player = player();
+        player.set_has_next(true);
+        player.advance(2.5);
+        assert!(player.overrun_s().is_some());
+        player.set_reversed(true);
+        player.advance(0.5);
+        assert_eq!((player.position_s(), player.overrun_s()), (1.5, None));
     }
 
     #[test]

@@ -144,6 +144,7 @@ impl TakePlayer {
     pub fn update(&mut self, gpu: &Gpu, renderer: &mut Renderer, player: &Player) {
         let t_s = player.position_s();
         let direction = match player.is_playing() {
+            true if player.is_reversed() => Direction::Backward,
             true => Direction::Forward,
             false if t_s < self.head.t_s => Direction::Backward,
             false if t_s > self.head.t_s => Direction::Forward,

@@ -131,8 +131,11 @@ fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     }
 }
 
-/// Loop and speed.
+/// Direction, loop and speed.
 fn playing_menus(ui: &mut Ui, player: &mut Player, commands: &mut Vec<Command>) {
+    if ui.selectable_label(player.is_reversed(), "Reverse").on_hover_text("Play backwards (B)").clicked() {
+        commands.push(Command::ToggleReverse);
+    }
     let looping = player.is_looping();
     if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
         commands.push(Command::ToggleLoop);

@@ -14,6 +14,7 @@ pub(crate) enum Command {
     Slower,
     Faster,
     NormalSpeed,
+    ToggleReverse,
     ToggleLoop,
     /// The viewpoint of this index.
     GoToViewpoint(usize),
@@ -52,7 +53,7 @@ const fn repeating(
 }
 
 /// Keys that control the player.
-pub(crate) const PLAYING: [Binding; 8] = [
+pub(crate) const PLAYING: [Binding; 9] = [
     once(&[Key::Space], Command::TogglePlaying, "Space", "Play or pause"),
     repeating(&[Key::ArrowLeft, Key::Comma], Command::StepBack, "Left or ,", "One frame back"),
     repeating(&[Key::ArrowRight, Key::Period], Command::StepForward, "Right or .", "One frame on"),
@@ -60,6 +61,7 @@ pub(crate) const PLAYING: [Binding; 8] = [
     repeating(&[Key::Minus, Key::ArrowDown], Command::Slower, "Down or -", "Slower"),
     repeating(&[Key::Plus, Key::Equals, Key::ArrowUp], Command::Faster, "Up or +", "Faster"),
     once(&[Key::Backspace], Command::NormalSpeed, "Backspace", "Normal speed"),
+    once(&[Key::B], Command::ToggleReverse, "B", "Play backwards or forward"),
     once(&[Key::L], Command::ToggleLoop, "L", "Loop on or off"),
 ];
 

@@ -223,6 +223,9 @@ impl Viewer {
             Command::Slower => player.slower(),
             Command::Faster => player.faster(),
             Command::NormalSpeed => player.set_speed(1.0),
+            // A static clip comes to its end in any case.
+            Command::ToggleReverse if self.clip.is_static => {}
+            Command::ToggleReverse => player.set_reversed(!player.is_reversed()),
             Command::ToggleLoop => player.set_looping(!player.is_looping()),
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),

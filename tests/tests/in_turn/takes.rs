@@ -39,7 +39,9 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         gpu::trial("memory does not depend on the length", Passes::Shared, |_| flat()),
         gpu::trial("after a storm of seeks only the last one counts", Passes::Shared, |_| storm()),
-        gpu::trial("it plays at all speeds, in a loop, and in steps", Passes::Shared, |_| speeds()),
+        gpu::trial("it plays at all speeds, both ways, in a loop, and in steps", Passes::Shared, |_| {
+            speeds()
+        }),
         gpu::trial("a server that fails for long is said once", Passes::Shared, |_| failing()),
     ]
 }
@@ -221,22 +223,31 @@ fn speeds() -> Result<(), String> {
     write(&path, 6);
     let mut played = Played::open(&path, 7.0 * UNIT_S)?;
     played.settle()?;
-    for speed in [0.1, 1.0, 2.0] {
+    for (speed, reversed) in [(0.1, false), (1.0, false), (2.0, false), (0.5, true), (2.0, true)] {
         played.player.set_speed(speed);
-        played.player.seek(5.9);
+        played.player.set_reversed(reversed);
+        let (from_s, to_s) = if reversed { (1.1, 6.0) } else { (5.9, 1.0) };
+        played.player.seek(from_s);
         played.settle()?;
-        // Over the end, and on from the start.
+        // Over the end, and on from the other one.
         let (mut rounds, mut last_s) = (0, played.player.position_s());
+        let is_there = |position_s: f64| if reversed { position_s < to_s } else { position_s > to_s };
         let start = Instant::now();
-        while rounds < 1 || played.player.position_s() < 1.0 {
+        while rounds < 1 || !is_there(played.player.position_s()) {
             played.frame(4.0 * FRAME_S / speed.min(1.0))?;
-            rounds += u32::from(played.player.position_s() < last_s);
-            last_s = played.player.position_s();
+            let position_s = played.player.position_s();
+            let turned = if reversed { position_s > last_s } else { position_s < last_s };
+            rounds += u32::from(turned);
+            last_s = position_s;
             if start.elapsed() > PATIENCE {
-                return Err(format!("it hangs at {last_s} s, {speed}x"));
+                return Err(format!("it hangs at {last_s} s, {speed}x, reversed: {reversed}"));
             }
         }
+        if rounds > 1 {
+            return Err(format!("{speed}x jumps {rounds} times, reversed: {reversed}"));
+        }
     }
+    played.player.set_reversed(false);
     for _ in 0..90 {
         played.player.step_back();
         played.settle()?;

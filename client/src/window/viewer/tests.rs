@@ -110,6 +110,11 @@ fn it_plays_at_once_and_keys_control_the_player() {
     assert!(!bench.viewer.player.is_looping() && bench.viewer.player.speed() == 0.75);
     bench.press(Key::Home);
     assert_eq!(bench.viewer.player.position_s(), 0.0);
+    bench.viewer.player.seek(1.0);
+    bench.press(Key::B);
+    bench.press(Key::Space);
+    bench.frame(0.4, vec![]);
+    assert!((bench.viewer.player.position_s() - 0.7).abs() < 1e-9, "backwards at a speed of 0.75");
 }
 
 #[test]

@@ -19,6 +19,8 @@ pub enum Command {
     Faster,
     /// The speed of life.
     NormalSpeed,
+    /// Play backwards or forward.
+    ToggleReverse,
     /// Turn looping on or off.
     ToggleLoop,
     /// Play the next clip.
@@ -54,6 +56,7 @@ impl Command {
             Command::Slower => player.slower(),
             Command::Faster => player.faster(),
             Command::NormalSpeed => player.set_speed(1.0),
+            Command::ToggleReverse => player.set_reversed(!player.is_reversed()),
             Command::ToggleLoop => player.set_looping(!player.is_looping()),
             _ => return false,
         }

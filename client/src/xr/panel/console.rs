@@ -144,8 +144,14 @@ fn transport(ui: &Ui, y: f32, state: &PanelState, commands: &mut Vec<Command>) {
     press(symbol_button(ui, play, "Play", primary, symbol, 44.0), Command::TogglePlaying);
     press(symbol_button(ui, on, "Frame on", plain, Symbol::StepForward, 32.0), Command::StepForward);
 
-    let next = rect(SIZE.x - MARGIN - 104.0, y, 104.0, ROW);
-    let repeat = rect(next.left() - GAP - 104.0, y, 104.0, ROW);
+    let mut right = SIZE.x - MARGIN;
+    let [next, repeat, reverse] = [(); 3].map(|()| {
+        let area = rect(right - 76.0, y, 76.0, ROW);
+        right = area.left() - GAP;
+        area
+    });
+    let reversed = State { chosen: player.is_reversed() && !is_static, ..plain };
+    press(tile(ui, reverse, "Reverse", reversed, Symbol::Reverse), Command::ToggleReverse);
     let looping = State { chosen: player.is_looping() && !is_static, ..plain };
     press(tile(ui, repeat, "Loop", looping, Symbol::Loop), Command::ToggleLoop);
     let has_next = State { disabled: !state.has_next, ..State::default() };

@@ -253,7 +253,8 @@ impl Panel {
                 state.buffered.iter().map(|(from_s, to_s)| [from_s, to_s].map(|end_s| end_s.to_bits()));
             ends.for_each(|ends| ends.hash(&mut hasher));
         }
-        (player.is_playing(), player.is_looping(), player.speed().to_bits()).hash(&mut hasher);
+        (player.is_playing(), player.is_looping(), player.is_reversed(), player.speed().to_bits())
+            .hash(&mut hasher);
         (state.qualities, state.quality, state.lowered).hash(&mut hasher);
         (state.passthrough, state.has_next).hash(&mut hasher);
         if self.page == Some(Page::Statistics) {

@@ -14,6 +14,7 @@ pub(super) enum Symbol {
     Less,
     More,
     Loop,
+    Reverse,
     Next,
     Statistics,
     Room,
@@ -69,6 +70,10 @@ pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, c
         Symbol::Loop => {
             arc(0.72, 0.08 * TAU, 0.92 * TAU);
             polygon(&[[0.25, -0.5], [0.95, -0.78], [0.9, -0.05]]);
+        }
+        Symbol::Reverse => {
+            polygon(&[[0.9, -0.65], [0.0, 0.0], [0.9, 0.65]]);
+            polygon(&[[0.1, -0.65], [-0.8, 0.0], [0.1, 0.65]]);
         }
         Symbol::Next => {
             polygon(&[[-0.9, -0.65], [0.0, 0.0], [-0.9, 0.65]]);

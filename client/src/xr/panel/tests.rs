@@ -149,6 +149,7 @@ fn either_hand_presses_the_buttons() {
             ("Slower", Command::Slower),
             ("Faster", Command::Faster),
             ("Speed", Command::NormalSpeed),
+            ("Reverse", Command::ToggleReverse),
             ("Loop", Command::ToggleLoop),
             ("Next clip", Command::NextClip),
             ("Better", Command::Better),
