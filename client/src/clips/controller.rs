@@ -43,6 +43,11 @@ impl<T: ClipTarget> ClipController<T> {
     /// [`Refine`](super::state::Transition::Refine).
     pub(crate) fn set_target(&mut self, target: T) {
         self.target = Some(target);
+        self.reload();
+    }
+
+    /// Loads the clip on display again, as a [`Refine`](super::state::Transition::Refine): its file was replaced.
+    pub(crate) fn reload(&mut self) {
         self.state.reload();
         self.send_request();
     }

@@ -126,7 +126,7 @@ impl<C> QueueState<C> {
         self.load(Loading::Current, Selection::Rest(entry, rest));
     }
 
-    /// Loads the clip on display again, for another device, or opens again what was being opened. Clips
+    /// Loads the clip on display again, for another device or from another file, or opens again what was being opened. Clips
     /// that are ready are lost.
     pub(super) fn reload(&mut self) {
         self.forget_next();

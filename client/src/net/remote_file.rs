@@ -42,6 +42,9 @@ pub(crate) struct RemoteFile {
     state: Mutex<State>,
     /// Whether the server sends the file whole.
     is_whole: AtomicBool,
+    /// Whether the server has another version, and whether that was reported.
+    is_replaced: AtomicBool,
+    was_reported: AtomicBool,
     /// For waits between requests, which a cancellation ends.
     pause: (Mutex<()>, Condvar),
 }
@@ -87,8 +90,20 @@ impl RemoteFile {
             Server::new(url, retry, servers, &watch).map_err(|error| Fault::Network(error.text()))?;
         let folder = cache.as_ref().map(|cache| cache.folder().to_owned());
         let (state, pause) = (Mutex::default(), (Mutex::default(), Condvar::new()));
-        let is_whole = AtomicBool::new(false);
-        Ok(RemoteFile { url: url.into(), server, watch, retry, cache, folder, state, is_whole, pause })
+        let [is_whole, is_replaced, was_reported] = [(); 3].map(|()| AtomicBool::new(false));
+        Ok(RemoteFile {
+            url: url.into(),
+            server,
+            watch,
+            retry,
+            cache,
+            folder,
+            state,
+            is_whole,
+            is_replaced,
+            was_reported,
+            pause,
+        })
     }
 
     /// The URL without secrets, for messages.
@@ -99,6 +114,16 @@ impl RemoteFile {
     /// Length in bytes, once a part was read, if the server says.
     pub(crate) fn total(&self) -> Option<u64> {
         self.lock().total
+    }
+
+    /// Whether a read found that the server has another version.
+    pub(crate) fn is_replaced(&self) -> bool {
+        self.is_replaced.load(Ordering::Relaxed)
+    }
+
+    /// Whether the server has another version. It is reported once.
+    pub(crate) fn take_replaced(&self) -> bool {
+        self.is_replaced() && !self.was_reported.swap(true, Ordering::Relaxed)
     }
 
     /// Ends the read of a part, and those that follow, with an error until [`RemoteFile::resume`]. A file that the server
@@ -319,7 +344,10 @@ impl RemoteFile {
                 return Trouble::Retry(wait);
             }
             Action::GiveUp(why) | Action::Refused(why) | Action::TooLarge(why) => why,
-            Action::StartOver => "the file changed on the server: open it again".into(),
+            Action::StartOver => {
+                self.is_replaced.store(true, Ordering::Relaxed);
+                "the file changed on the server: open it again".into()
+            }
             Action::Read { .. } | Action::Unchanged => {
                 "the server's answer was not understood: try again later".into()
             }

@@ -19,6 +19,8 @@ pub(super) enum SegmentEvent {
     Packed(Want, Box<PackedSegment>),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
+    /// A segment cannot be loaded because the file is another version by now.
+    Replaced(Want, Fault),
     /// The read of a segment was ended for the sake of others.
     Overtaken(Want),
     /// Nothing is left to load.
@@ -64,9 +66,12 @@ impl SegmentLoader {
                     loaded.resume();
                     want
                 };
-                let event = match loaded.load(want, &layout) {
+                let packed = loaded.load(want, &layout);
+                let is_replaced = loaded.is_replaced();
+                let event = match packed {
                     Ok(packed) => SegmentEvent::Packed(want, Box::new(packed)),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
+                    Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
                 };
                 if report(event).is_break() {
@@ -120,7 +125,10 @@ impl SegmentLoader {
     /// Takes in an event of the thread; `None` if it was idle.
     fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
         match &event {
-            SegmentEvent::Packed(want, _) | SegmentEvent::Failed(want, _) | SegmentEvent::Overtaken(want) => {
+            SegmentEvent::Packed(want, _)
+            | SegmentEvent::Failed(want, _)
+            | SegmentEvent::Replaced(want, _)
+            | SegmentEvent::Overtaken(want) => {
                 lock(&self.wants).under_way.retain(|other| other != want);
                 Some(event)
             }

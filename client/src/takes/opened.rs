@@ -181,6 +181,16 @@ impl OpenTake {
         }
     }
 
+    /// Whether the file is another version by now. Asks the disk, but no server.
+    pub(super) fn is_replaced(&self) -> bool {
+        self.source.is_replaced()
+    }
+
+    /// Whether the file has been replaced by one that can be opened. It is reported once.
+    pub(super) fn take_replaced(&self) -> bool {
+        self.source.take_replaced()
+    }
+
     /// Ends a read that waits for a server, and those that follow, until [`OpenTake::resume`].
     pub(super) fn cancel(&self) {
         self.source.cancel();

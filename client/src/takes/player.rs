@@ -96,6 +96,8 @@ pub struct TakePlayer {
     notes: Vec<String>,
     /// Why the network failed last, until a segment arrives. It is said once.
     trouble: Option<String>,
+    /// Why a segment of a file that was replaced cannot be loaded.
+    replaced: Option<Fault>,
     counts: TakeCounts,
 }
 
@@ -133,6 +135,7 @@ impl TakePlayer {
             revision: 0,
             notes: Vec::new(),
             trouble: None,
+            replaced: None,
             counts,
         };
         player.replan();
@@ -170,6 +173,9 @@ impl TakePlayer {
                 return Ok(());
             }
             if self.retry_at.take().is_some() {
+                if let Some(fault) = self.replaced.take() {
+                    return Err(fault);
+                }
                 let why = self.trouble.take().unwrap_or_default();
                 self.notes.retain(|note| *note != why);
                 return Err(Fault::Network(why));
@@ -229,6 +235,11 @@ impl TakePlayer {
                     self.notes.push(why.clone());
                 }
                 self.trouble = Some(why);
+                self.retry_at = Some(Instant::now() + RETRY_AFTER);
+            }
+            // Until it is opened again, what is here plays.
+            SegmentEvent::Replaced(_, fault) => {
+                self.replaced = Some(fault);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
             // Its first layer may be whole.
@@ -388,6 +399,16 @@ impl TakePlayer {
     /// complete one, as long as nothing of that was removed.
     pub fn shown_s(&self, t_s: f64) -> f64 {
         if self.is_missing(t_s) && !self.is_missing(self.shown_s) { self.shown_s } else { t_s }
+    }
+
+    /// Whether another version has taken the place of the file: open it again. Says so, once for each version. Noticed
+    /// when a segment is loaded.
+    pub fn take_replaced(&mut self) -> bool {
+        let is_settled = self.opened.take_replaced();
+        if is_settled {
+            self.notes.push(format!("{}: the file was replaced: opening it again", self.opened.name()));
+        }
+        is_settled
     }
 
     /// Whether the next frame uploads a part of a segment.

@@ -1,24 +1,83 @@
 //! [`TakeSource`]: the bytes of a take, read in parts: never the whole take is in memory.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use program::{Fault, read_error};
 
 #[cfg(feature = "net")]
 use crate::net::RemoteFile;
 
+/// How long a file that takes the place of another must stay as it is to be opened: it may be a copy under way.
+const SETTLED: Duration = Duration::from_secs(1);
+
 /// Where the bytes of a take come from.
 #[derive(Debug)]
 pub(crate) enum TakeSource {
-    /// A file. It stays open: a file that takes its place later changes nothing.
-    File { path: PathBuf, file: Mutex<File> },
+    /// A file.
+    File(LocalFile),
     /// A file on a server.
     #[cfg(feature = "net")]
     Remote(Box<RemoteFile>),
+}
+
+/// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.
+#[derive(Debug)]
+pub(crate) struct LocalFile {
+    path: PathBuf,
+    file: Mutex<File>,
+    opened: FileVersion,
+    replacement: Mutex<Replacement>,
+}
+
+/// What tells versions of a file apart: its length, when it was written, and its number on the disk where the system
+/// tells it.
+type FileVersion = (u64, Option<SystemTime>, Option<u64>);
+
+/// What is at the path of a file now, if it is another version.
+#[derive(Debug, Default)]
+struct Replacement {
+    /// The other version, and since when it is there.
+    seen: Option<(FileVersion, Instant)>,
+    /// The version that was reported last.
+    reported: Option<FileVersion>,
+}
+
+impl LocalFile {
+    /// Looks at the path; whether another version is there.
+    fn is_replaced(&self) -> bool {
+        // A file that was deleted or renamed plays on.
+        let now = std::fs::metadata(&self.path).ok().map(|metadata| version(&metadata));
+        let now = now.filter(|now| *now != self.opened);
+        let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
+        if replacement.seen.map(|(seen, _)| seen) != now {
+            replacement.seen = now.map(|now| (now, Instant::now()));
+        }
+        now.is_some()
+    }
+
+    /// Whether another version has settled at the path since the last call.
+    fn take_replaced(&self) -> bool {
+        let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
+        let settled = replacement.seen.filter(|(_, since)| since.elapsed() >= SETTLED).map(|(seen, _)| seen);
+        let is_new = settled.is_some() && settled != replacement.reported;
+        if is_new {
+            replacement.reported = settled;
+        }
+        is_new
+    }
+}
+
+fn version(metadata: &Metadata) -> FileVersion {
+    #[cfg(unix)]
+    let number = Some(std::os::unix::fs::MetadataExt::ino(metadata));
+    #[cfg(not(unix))]
+    let number = None;
+    (metadata.len(), metadata.modified().ok(), number)
 }
 
 impl TakeSource {
@@ -27,15 +86,20 @@ impl TakeSource {
     /// # Errors
     /// [`Fault::Data`] if it cannot be opened.
     pub(crate) fn open(path: &Path) -> Result<TakeSource, Fault> {
-        let file = File::open(path)
-            .map_err(|error| Fault::Data(format!("{}: {}", path.display(), read_error(&error))))?;
-        Ok(TakeSource::File { path: path.to_owned(), file: Mutex::new(file) })
+        let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+        let metadata = file.metadata().map_err(|error| unreadable(path, &error))?;
+        Ok(TakeSource::File(LocalFile {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            opened: version(&metadata),
+            replacement: Mutex::default(),
+        }))
     }
 
     /// Name of the source for messages.
     pub(crate) fn name(&self) -> String {
         match self {
-            TakeSource::File { path, .. } => path.display().to_string(),
+            TakeSource::File(LocalFile { path, .. }) => path.display().to_string(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.name(),
         }
@@ -47,7 +111,7 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read.
     pub(crate) fn length(&self) -> Result<Option<u64>, Fault> {
         match self {
-            TakeSource::File { path, file } => {
+            TakeSource::File(LocalFile { path, file, .. }) => {
                 let file = file.lock().unwrap_or_else(PoisonError::into_inner);
                 file.metadata().map(|metadata| Some(metadata.len())).map_err(|error| unreadable(path, &error))
             }
@@ -62,7 +126,7 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
     pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
         match self {
-            TakeSource::File { path, file } => {
+            TakeSource::File(LocalFile { path, file, .. }) => {
                 let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut bytes = Vec::new();
                 file.seek(SeekFrom::Start(range.start))
@@ -75,10 +139,28 @@ impl TakeSource {
         }
     }
 
+    /// Whether the file is another version by now than the one that was opened. Asks the disk, but no server.
+    pub(crate) fn is_replaced(&self) -> bool {
+        match self {
+            TakeSource::File(file) => file.is_replaced(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.is_replaced(),
+        }
+    }
+
+    /// Whether another version was found by [`TakeSource::is_replaced`] that can be opened. It is reported once.
+    pub(crate) fn take_replaced(&self) -> bool {
+        match self {
+            TakeSource::File(file) => file.take_replaced(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.take_replaced(),
+        }
+    }
+
     /// Ends a read that waits for a server, and those that follow, until [`TakeSource::resume`].
     pub(crate) fn cancel(&self) {
         match self {
-            TakeSource::File { .. } => {}
+            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.cancel(),
         }
@@ -87,7 +169,7 @@ impl TakeSource {
     /// Ends a read that waits for a server for good.
     pub(crate) fn close(&self) {
         match self {
-            TakeSource::File { .. } => {}
+            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.close(),
         }
@@ -96,7 +178,7 @@ impl TakeSource {
     /// Takes back [`TakeSource::cancel`].
     pub(crate) fn resume(&self) {
         match self {
-            TakeSource::File { .. } => {}
+            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.resume(),
         }
@@ -123,10 +205,22 @@ mod tests {
         {
             assert_eq!(source.read(range).unwrap(), bytes);
         }
+        assert!(!source.is_replaced());
         // A file that takes its place is another one.
         std::fs::write(folder.path().join("b"), b"abcdefghijk").unwrap();
         std::fs::rename(folder.path().join("b"), &path).unwrap();
         assert_eq!((source.read(0..2).unwrap(), source.length().unwrap()), (b"01".to_vec(), Some(10)));
+        assert!(source.is_replaced() && !source.take_replaced(), "it may be a copy under way");
+        std::thread::sleep(SETTLED);
+        std::fs::write(&path, b"abcdefghijkl").unwrap();
+        assert!(source.is_replaced() && !source.take_replaced(), "which goes on");
+        std::thread::sleep(SETTLED);
+        assert!(
+            source.is_replaced() && source.take_replaced() && !source.take_replaced(),
+            "it is reported once"
+        );
+        std::fs::remove_file(&path).unwrap();
+        assert!(!source.is_replaced() && !source.take_replaced(), "what was deleted plays on");
         let missing = TakeSource::open(&folder.path().join("c")).unwrap_err();
         assert!(missing.to_string().contains("c: "), "{missing}");
     }

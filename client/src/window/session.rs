@@ -419,6 +419,9 @@ impl Session {
         if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
             self.viewer.buffered = take.buffered().to_vec();
         }
+        if !self.clips.is_loading() && take.take_replaced() {
+            self.clips.reload();
+        }
         for note in take.take_notes() {
             self.apply(Change::Note(note));
         }

@@ -1,6 +1,8 @@
 //! Takes, as a user plays them: images at any instant, and files that are damaged or cut short.
 
 use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -41,6 +43,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a server without ranges plays as well", Passes::Shared, without_ranges),
         gpu::trial("servers that fail are one sentence", Passes::Shared, failing_servers),
         display::trial("in a window nothing comes between two segments, over and over", window),
+        display::trial("a take that is replaced while it plays is opened again", replaced),
     ]
 }
 
@@ -347,4 +350,60 @@ fn window(display: &Display) -> Result<(), String> {
     }
     display.wait_until(window, is_red).ok_or("it does not go to its start")?;
     player.close()
+}
+
+/// A red take becomes a green one: by renaming, by a copy that takes a while, and on a server.
+fn replaced(display: &Display) -> Result<(), String> {
+    // More segments than are loaded at once.
+    let take = |rgb: [f32; 3]| {
+        let package = lasting(&ball(rgb), 0.5, 10.0);
+        let segment =
+            |i: u32| SegmentFile { start_s: 0.5 * f64::from(i), duration_s: 0.5, package: package.clone() };
+        take_package(0.5 * 12.0, 10.0, &(0..12).map(segment).collect::<Vec<_>>()).0
+    };
+    let (red, green) = (take([1.0, 0.0, 0.0]), take([0.0, 1.0, 0.0]));
+    for way in ["renamed", "copied", "server"] {
+        let folder = Folder::default();
+        folder.write("turns.aarc", &red);
+        folder.write("green.aarc", &green);
+        let version = Arc::new(AtomicUsize::new(0));
+        let (served, versions) = (version.clone(), [red.clone(), green.clone()]);
+        let server = Server::start(move |_, request, answer| {
+            let version = served.load(Ordering::Relaxed);
+            answer.part(request, &versions[version], &format!("\"{version}\""));
+        });
+        let mut command = display.command(client());
+        match way {
+            "server" => command.arg(server.url("turns.aarc")),
+            _ => command.arg(folder.path("turns.aarc")),
+        };
+        let log = std::fs::File::create(folder.path("log")).map_err(|error| error.to_string())?;
+        command.args(["--size", "800x600"]).current_dir(folder.path("")).stderr(log);
+        let player = display.open(&mut command, "turns.aarc")?;
+        let window = player.window;
+        let is_red = |screen: &display::Screenshot| center_color(screen) == CenterColor::Red;
+        display.wait_until(window, is_red).ok_or("the red take is not drawn")?;
+        match way {
+            "renamed" => std::fs::rename(folder.path("green.aarc"), folder.path("turns.aarc"))
+                .map_err(|error| error.to_string())?,
+            "copied" => {
+                for part in 1..=4 {
+                    folder.write("turns.aarc", &green[..green.len() * part / 4]);
+                    sleep(Duration::from_millis(400));
+                }
+            }
+            _ => version.store(1, Ordering::Relaxed),
+        }
+        let is_green = |screen: &display::Screenshot| match center_color(screen) {
+            CenterColor::Other([r, g, b]) => g > 150 && r < 60 && b < 60,
+            _ => false,
+        };
+        let log = || std::fs::read_to_string(folder.path("log")).unwrap_or_default();
+        display.wait_until(window, is_green).ok_or_else(|| format!("{way}: it stays red: {}", log()))?;
+        player.close()?;
+        if log().matches("the file was replaced: opening it again").count() != 1 {
+            return Err(format!("{way}: {}", log()));
+        }
+    }
+    Ok(())
 }

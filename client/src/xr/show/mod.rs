@@ -280,6 +280,9 @@ impl Show {
         take.update(&device.gpu, renderer, &self.player);
         let is_missing = take.is_missing(self.player.position_s());
         self.player.set_waiting(is_missing);
+        if !self.clips.is_loading() && take.take_replaced() {
+            self.clips.reload();
+        }
         for note in take.take_notes() {
             self.notices.note(note);
         }
