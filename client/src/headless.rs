@@ -22,7 +22,7 @@ use crate::gpu::{
     Renderer, choose_f16,
 };
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary, TakeStats};
-use crate::takes::TakePlayer;
+use crate::takes::{Extent, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
 use crate::{clips, viewpoint};
@@ -131,7 +131,7 @@ impl DeviceState {
             }
             Content::Take(opened) => {
                 let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, || ())?;
-                take.wait(gpu, &mut renderer, 0.0)?;
+                take.wait(gpu, &mut renderer, 0.0, Extent::All)?;
                 let upload_ms = start.elapsed().as_secs_f64() * 1e3;
                 Ok(DeviceState { image, renderer, take: Some(take), upload_ms })
             }
@@ -164,7 +164,7 @@ impl<'a> ClipRenderer<'a> {
         let t = clip_time(&self.clip, time_s);
         let DeviceState { image, renderer, take, .. } = &mut self.state;
         if let Some(take) = take {
-            take.wait(&self.device.gpu, renderer, time_s)?;
+            take.wait(&self.device.gpu, renderer, time_s, Extent::All)?;
             let mut reporter = Reporter::new();
             take.take_notes().into_iter().for_each(|note| reporter.print(&LoadEvent::Note(note)));
         }

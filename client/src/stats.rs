@@ -57,14 +57,16 @@ pub struct TakeStats {
     pub loaded: usize,
     /// Seconds from the last position that play on without loading.
     pub buffered_s: f64,
+    /// Most layers of a segment that were loaded while the take played, as the network allowed.
+    pub layers: usize,
     /// Most bytes uploaded in a frame.
     pub uploaded_bytes_max: usize,
 }
 
 impl From<TakeCounts> for TakeStats {
     fn from(counts: TakeCounts) -> TakeStats {
-        let TakeCounts { segments, resident, loaded, buffered_s, uploaded_bytes_max, .. } = counts;
-        TakeStats { segments, resident, loaded, buffered_s, uploaded_bytes_max }
+        let TakeCounts { segments, resident, loaded, buffered_s, layers, uploaded_bytes_max, .. } = counts;
+        TakeStats { segments, resident, loaded, buffered_s, layers, uploaded_bytes_max }
     }
 }
 

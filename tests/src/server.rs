@@ -67,15 +67,32 @@ impl Answer<'_> {
 
     /// Sends the requested part of `file`, or all of it if none is requested, or one of another version than `etag`.
     pub fn part(&mut self, request: &Request, file: &[u8], etag: &str) {
-        let same = request.header("if-range").is_none_or(|version| version == etag);
-        let Some(part) = request.part().filter(|part| same && part.start < file.len()) else {
-            return self.file(&Request::default(), file, etag, file.len());
+        match self.part_head(request, file, etag) {
+            Some(part) => self.bytes(file, part),
+            None => self.file(&Request::default(), file, etag, file.len()),
+        }
+    }
+
+    /// As [`Answer::part`], at `bytes_per_s`.
+    pub fn paced_part(&mut self, request: &Request, file: &[u8], etag: &str, bytes_per_s: f64) {
+        let part = match self.part_head(request, file, etag) {
+            Some(part) => part,
+            None => self.file_head(&Request::default(), file, etag)..file.len(),
         };
+        lock(self.sent).push(part.clone());
+        self.paced(&file[part], bytes_per_s);
+    }
+
+    /// Sends the headers of the requested part of `file` and returns the part; `None` if none is requested, or one of
+    /// another version.
+    fn part_head(&mut self, request: &Request, file: &[u8], etag: &str) -> Option<Range<usize>> {
+        let same = request.header("if-range").is_none_or(|version| version == etag);
+        let part = request.part().filter(|part| same && part.start < file.len())?;
         let part = part.start..part.end.min(file.len());
         let range = format!("bytes {}-{}/{}", part.start, part.end - 1, file.len());
         let length = part.len().to_string();
         self.head(206, &[("Content-Length", &length), ("Content-Range", &range), ("ETag", etag)]);
-        self.bytes(file, part);
+        Some(part)
     }
 
     /// Sends the headers of [`Answer::file`] and returns the requested first byte.

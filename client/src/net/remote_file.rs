@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -42,6 +42,8 @@ pub(crate) struct RemoteFile {
     state: Mutex<State>,
     /// Whether the server sends the file whole.
     is_whole: AtomicBool,
+    /// Number of bytes that came from the server.
+    received: AtomicU64,
     /// Whether the server has another version, and whether that was reported.
     is_replaced: AtomicBool,
     was_reported: AtomicBool,
@@ -100,6 +102,7 @@ impl RemoteFile {
             folder,
             state,
             is_whole,
+            received: AtomicU64::new(0),
             is_replaced,
             was_reported,
             pause,
@@ -114,6 +117,11 @@ impl RemoteFile {
     /// Length in bytes, once a part was read, if the server says.
     pub(crate) fn total(&self) -> Option<u64> {
         self.lock().total
+    }
+
+    /// Number of bytes that came from the server so far, and not from the cache.
+    pub(crate) fn received(&self) -> u64 {
+        self.received.load(Ordering::Relaxed)
     }
 
     /// Whether a read found that the server has another version.
@@ -226,8 +234,7 @@ impl RemoteFile {
                 Err(error) => return Err(self.on_error(transfer, error)),
             };
             bytes.extend_from_slice(&buffer[..count]);
-            self.watch.count(Instant::now(), count as u64);
-            transfer.count(count as u64).map_err(|action| self.on_action(action))?;
+            self.count(transfer, count as u64)?;
         }
         Ok(())
     }
@@ -296,14 +303,20 @@ impl RemoteFile {
                 let end = disk.seek(SeekFrom::Start(*written)).and_then(|_| disk.write_all(&buffer[..count]));
                 end.map_err(|error| Trouble::Failed(self.disk_fault(&error)))?;
                 *written += count as u64;
-                self.watch.count(Instant::now(), count as u64);
-                transfer.count(count as u64).map_err(|action| self.on_action(action))
+                self.count(transfer, count as u64)
             }
             Err(error) => {
                 *body = None;
                 Err(self.on_error(transfer, error))
             }
         }
+    }
+
+    /// Counts bytes of the file that have arrived.
+    fn count(&self, transfer: &mut Transfer, bytes: u64) -> Result<(), Trouble> {
+        self.received.fetch_add(bytes, Ordering::Relaxed);
+        self.watch.count(Instant::now(), bytes);
+        transfer.count(bytes).map_err(|action| self.on_action(action))
     }
 
     /// Reads `count` bytes that were received before.

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use program::Fault;
 
+use super::layers::Fetched;
 use super::opened::OpenTake;
 use super::plan::Want;
 use crate::clips::Worker;
@@ -15,8 +16,8 @@ use crate::gpu::{PackedSegment, TakeLayout};
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
-    /// A segment is packed.
-    Packed(Want, Box<PackedSegment>),
+    /// A segment is packed; and what came from a network for it.
+    Packed(Want, Box<PackedSegment>, Option<Fetched>),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
     /// A segment cannot be loaded because the file is another version by now.
@@ -69,7 +70,7 @@ impl SegmentLoader {
                 let packed = loaded.load(want, &layout);
                 let is_replaced = loaded.is_replaced();
                 let event = match packed {
-                    Ok(packed) => SegmentEvent::Packed(want, Box::new(packed)),
+                    Ok((packed, fetched)) => SegmentEvent::Packed(want, Box::new(packed), fetched),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
@@ -125,7 +126,7 @@ impl SegmentLoader {
     /// Takes in an event of the thread; `None` if it was idle.
     fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
         match &event {
-            SegmentEvent::Packed(want, _)
+            SegmentEvent::Packed(want, ..)
             | SegmentEvent::Failed(want, _)
             | SegmentEvent::Replaced(want, _)
             | SegmentEvent::Overtaken(want) => {

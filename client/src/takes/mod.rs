@@ -10,6 +10,7 @@
 //! missing ones, makes room, and uploads a bounded number of bytes.
 
 mod buffered;
+mod layers;
 mod loader;
 mod opened;
 mod plan;
@@ -17,6 +18,6 @@ mod player;
 mod source;
 
 pub use opened::OpenTake;
-pub use player::{TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
+pub use player::{Extent, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
 #[cfg(feature = "net")]
 pub(crate) use source::TakeSource;

@@ -3,11 +3,13 @@
 use std::num::NonZero;
 use std::path::Path;
 use std::thread;
+use std::time::Instant;
 
 use codec::{Clip, Error, FormatError, Limits, Package, Take, Viewpoint, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 
+use super::layers::Fetched;
 use super::plan::{Want, rows_wanted, span};
 use super::source::TakeSource;
 use crate::clips::advice;
@@ -147,7 +149,8 @@ impl OpenTake {
         };
         let clips: Vec<Clip> = (0..self.layers.len())
             .filter(at_start)
-            .filter_map(|segment| self.decode(Want { segment, layers: 1 }).ok())
+            .map(|segment| Want { segment, layers: 1 })
+            .filter_map(|want| self.decode(want, &self.read(want).ok()?).ok())
             .collect();
         let info = &self.take.info;
         let mut centers: Vec<DVec3> = clips.iter().flat_map(Subject::centers).collect();
@@ -206,38 +209,52 @@ impl OpenTake {
         self.source.resume();
     }
 
-    /// Reads, decodes and packs the first layers of a segment.
+    /// Reads, decodes and packs the first layers of a segment. Also returns what came from a network for it.
     ///
     /// # Errors
     /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<PackedSegment, Fault> {
+    pub(super) fn load(
+        &self,
+        want: Want,
+        layout: &TakeLayout,
+    ) -> Result<(PackedSegment, Option<Fetched>), Fault> {
         let span = span(&self.take.segments[want.segment]);
-        let clip = self.decode(want)?;
-        PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))
+        let (start, before) = (Instant::now(), self.source.received());
+        let bytes = self.read(want)?;
+        let fetched = Fetched { bytes: self.source.received() - before, elapsed: start.elapsed() };
+        let clip = self.decode(want, &bytes)?;
+        let packed = PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))?;
+        Ok((packed, (fetched.bytes > 0).then_some(fetched)))
     }
 
-    fn decode(&self, want: Want) -> Result<Clip, Fault> {
+    fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {
         let segment = &self.take.segments[want.segment];
-        let fault = |reason: String| {
-            let (name, number) = (self.name(), want.segment);
-            Fault::Data(format!("{name}: segment {number}, at {:.3} s: {reason}", segment.start_s))
-        };
         let length = segment.layers[want.layers - 1].bytes;
         let bytes = self.source.read(segment.offset..segment.offset.saturating_add(length as u64))?;
         if bytes.len() < length {
             // Its first layers alone would decode without an error.
-            return Err(fault("the file was cut short while it played: open it again".into()));
+            return Err(self.segment_fault(want, "the file was cut short while it played: open it again"));
         }
+        Ok(bytes)
+    }
+
+    fn decode(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
         let limits = Limits { max_bytes: self.limits.max_bytes / MEMORY_PARTS, ..self.limits };
-        self.take.decode_segment(want.segment, &bytes, &limits, threads()).map_err(|error| {
+        self.take.decode_segment(want.segment, bytes, &limits, threads()).map_err(|error| {
             let advice = match error {
                 Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
                     "the file is another one or damaged: open it again"
                 }
                 _ => advice(&error, "copy it again"),
             };
-            fault(format!("{error}: {advice}"))
+            self.segment_fault(want, &format!("{error}: {advice}"))
         })
+    }
+
+    fn segment_fault(&self, want: Want, reason: &str) -> Fault {
+        let (name, number) = (self.name(), want.segment);
+        let start_s = self.take.segments[number].start_s;
+        Fault::Data(format!("{name}: segment {number}, at {start_s:.3} s: {reason}"))
     }
 }
 

@@ -15,6 +15,9 @@ const CUTS_AHEAD: usize = 2;
 /// What sums of seconds may be off by: more than the tolerance of [`Span::holds`].
 const ROUNDING_S: f64 = 1e-8;
 
+/// Seconds of a take over which the rate that playing needs is averaged.
+const RATE_AHEAD_S: f64 = 8.0;
+
 /// Which way the position moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Direction {
@@ -31,6 +34,8 @@ pub(crate) struct Playhead {
     pub(crate) direction: Direction,
     /// Whether playing goes on at the other end.
     pub(crate) looping: bool,
+    /// Seconds of the take a second.
+    pub(crate) speed: f64,
 }
 
 /// A number of layers of a segment.
@@ -155,6 +160,23 @@ fn ahead(take: &Take, layers: &[usize], held: &[usize], t_s: f64, head: &Playhea
     coming.retain(|(ahead_s, _)| *ahead_s <= last_s);
     coming.sort_by(|a, b| a.0.total_cmp(&b.0));
     coming.into_iter().map(|(_, index)| index).collect()
+}
+
+/// Bytes a second that playing on from `head` needs of the first `layers` layers of segments.
+pub(crate) fn needed_rate(take: &Take, layers: usize, head: &Playhead) -> f64 {
+    let ahead_s = RATE_AHEAD_S.min(take.duration_s);
+    let is_ahead = |segment: &&Segment| {
+        let from_s = match head.direction {
+            Direction::Forward => segment.start_s - head.t_s,
+            Direction::Backward => head.t_s - segment.end_s(),
+        };
+        let from_s = if head.looping { from_s.rem_euclid(take.duration_s) } else { from_s };
+        (0.0..ahead_s).contains(&from_s)
+    };
+    let bytes = |segment: &Segment| {
+        segment.layers[..layers.min(segment.layers.len())].last().map_or(0, |layer| layer.bytes) as f64
+    };
+    head.speed * take.segments.iter().filter(is_ahead).map(bytes).sum::<f64>() / ahead_s
 }
 
 /// The last start or end of a segment up to `t_s`, and the first one behind it.

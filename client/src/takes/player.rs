@@ -9,12 +9,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use codec::Take;
-use program::Fault;
+use program::{Fault, counted};
 
 use super::buffered::Buffered;
+use super::layers::LayerChoice;
 use super::loader::{SegmentEvent, SegmentLoader};
 use super::opened::OpenTake;
-use super::plan::{Direction, Plan, Playhead, Want, span};
+use super::plan::{Direction, Plan, Playhead, Want, needed_rate, span};
 use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
 use crate::player::Player;
 
@@ -37,6 +38,15 @@ struct Resident {
     is_drawn: bool,
 }
 
+/// How much of an instant is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// The first layer of each segment.
+    FirstLayers,
+    /// All layers.
+    All,
+}
+
 /// A segment that is packed, and waits for room.
 type Packed = (Want, Box<PackedSegment>);
 
@@ -51,6 +61,8 @@ pub struct TakeCounts {
     pub loaded: usize,
     /// Seconds that play on without loading, from the position in the direction of play.
     pub buffered_s: f64,
+    /// Most layers of a segment that are loaded while the take plays.
+    pub layers: usize,
     /// Bytes uploaded in the latest frame. What is uploaded before a take is shown is in none.
     pub uploaded_bytes: usize,
     /// The most in any frame.
@@ -61,11 +73,12 @@ pub struct TakeCounts {
 impl TakeCounts {
     /// Rows of names and values for a viewer.
     pub(crate) fn rows(&self) -> [(&'static str, String); 3] {
-        let TakeCounts { segments, resident, buffered_s, uploaded_bytes, uploaded_bytes_max, .. } = self;
+        let TakeCounts { segments, resident, buffered_s, layers, uploaded_bytes, uploaded_bytes_max, .. } =
+            self;
         let kilobytes = |bytes: &usize| bytes.div_ceil(1000);
         [
             ("segments", format!("{resident} of {segments}")),
-            ("buffered", format!("{buffered_s:.1} s")),
+            ("buffered", format!("{buffered_s:.1} s of {}", counted(*layers, "layer"))),
             (
                 "uploaded, most",
                 format!("{}, {} kB", kilobytes(uploaded_bytes), kilobytes(uploaded_bytes_max)),
@@ -81,6 +94,10 @@ pub struct TakePlayer {
     layout: TakeLayout,
     /// Layers of each segment that can be loaded; 0 for a segment that is missing or damaged.
     layers: Vec<usize>,
+    /// How many of them to load while the take plays.
+    layer_choice: LayerChoice,
+    /// Layers that the plan wants at most.
+    layers_wanted: usize,
     head: Playhead,
     plan: Plan,
     residents: Vec<Resident>,
@@ -117,6 +134,7 @@ impl TakePlayer {
         let renderer = Renderer::new_take(gpu, of_take, layout)?;
         let loader = SegmentLoader::new(opened.clone(), of_take, wake)?;
         let layers = opened.layers().to_vec();
+        let most = layers.iter().copied().max().unwrap_or(1).max(1);
         let counts = TakeCounts { segments: layers.len(), ..TakeCounts::default() };
         let buffered = Buffered::new(&opened.take, &layers);
         let mut player = TakePlayer {
@@ -124,6 +142,8 @@ impl TakePlayer {
             loader,
             layout: of_take,
             layers,
+            layer_choice: LayerChoice::new(most),
+            layers_wanted: most,
             head: Playhead::default(),
             plan: Plan::default(),
             residents: Vec::new(),
@@ -153,23 +173,36 @@ impl TakePlayer {
             false if t_s > self.head.t_s => Direction::Forward,
             false => self.head.direction,
         };
-        self.move_to(Playhead { t_s, direction, looping: player.is_looping() });
+        // A picture that stands still has time to become sharp.
+        let layers = match player.is_playing() {
+            true => self.layer_choice.layers(),
+            false => usize::MAX,
+        };
+        self.move_to(
+            Playhead { t_s, direction, looping: player.is_looping(), speed: player.speed() },
+            layers,
+        );
         let written = self.load(gpu, renderer, UPLOAD_BYTES_MAX);
         self.counts.uploaded_bytes = written;
         self.counts.uploaded_bytes_max = self.counts.uploaded_bytes_max.max(written);
     }
 
-    /// Waits until everything at `t_s` seconds is complete, apart from segments that cannot be loaded.
+    /// Waits until the first layers or everything at `t_s` seconds is drawn, apart from segments that cannot be loaded.
     ///
     /// # Errors
     /// [`Fault::Device`] if what holds the instant does not fit the device's memory; [`Fault::Network`] if it does not
     /// arrive.
-    pub fn wait(&mut self, gpu: &Gpu, renderer: &mut Renderer, t_s: f64) -> Result<(), Fault> {
-        self.move_to(Playhead { t_s, ..Playhead::default() });
+    pub fn wait(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        t_s: f64,
+        extent: Extent,
+    ) -> Result<(), Fault> {
+        self.move_to(Playhead { t_s, ..Playhead::default() }, usize::MAX);
         loop {
             self.load(gpu, renderer, usize::MAX);
-            let is_complete = |&segment: &usize| self.ready_layers(segment) == self.layers[segment];
-            if self.plan.held().iter().all(is_complete) {
+            if self.is_drawn(extent) {
                 return Ok(());
             }
             if self.retry_at.take().is_some() {
@@ -193,9 +226,11 @@ impl TakePlayer {
         }
     }
 
-    fn move_to(&mut self, head: Playhead) {
-        let is_same = (self.head.direction, self.head.looping) == (head.direction, head.looping);
-        self.head = head;
+    /// Takes in the position, and how many layers to load at most.
+    fn move_to(&mut self, head: Playhead, layers: usize) {
+        let is_same = (self.head.direction, self.head.looping, self.layers_wanted)
+            == (head.direction, head.looping, layers);
+        (self.head, self.layers_wanted) = (head, layers);
         if !is_same || !self.plan.is_for(head.t_s) {
             self.replan();
         }
@@ -217,14 +252,19 @@ impl TakePlayer {
             self.shown_s = self.head.t_s;
         }
         self.counts.resident = self.residents.len();
+        self.counts.layers = self.layer_choice.layers();
         self.counts.buffered_s = self.buffered.from(self.head.t_s, self.head.direction);
         written
     }
 
     fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
         match event {
-            SegmentEvent::Packed(want, packed) => {
+            SegmentEvent::Packed(want, packed, fetched) => {
                 self.counts.loaded += 1;
+                if let Some(fetched) = fetched {
+                    self.layer_choice
+                        .on_segment(fetched, |layers| needed_rate(&self.opened.take, layers, &self.head));
+                }
                 self.trouble = None;
                 self.waiting = Some((want, packed));
                 self.place(slots);
@@ -350,7 +390,8 @@ impl TakePlayer {
     }
 
     fn replan(&mut self) {
-        self.plan = Plan::new(&self.opened.take, &self.layers, self.head, self.layout.rows);
+        let wanted: Vec<usize> = self.layers.iter().map(|layers| self.layers_wanted.min(*layers)).collect();
+        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.layout.rows);
         self.was_cleared = false;
         self.request();
     }
@@ -382,6 +423,14 @@ impl TakePlayer {
 
     fn resident(&self, segment: usize) -> Option<&Resident> {
         self.residents.iter().find(|resident| resident.segment == segment)
+    }
+
+    /// Whether the first layers or everything at the position is drawn, apart from segments that cannot be loaded.
+    pub fn is_drawn(&self, extent: Extent) -> bool {
+        self.plan.held().iter().all(|&segment| match extent {
+            Extent::FirstLayers => self.resident(segment).is_some_and(|resident| resident.is_drawn),
+            Extent::All => self.ready_layers(segment) == self.layers[segment],
+        })
     }
 
     /// Whether a segment that can be loaded is not drawn at `t_s` seconds.

@@ -139,6 +139,15 @@ impl TakeSource {
         }
     }
 
+    /// Number of bytes that came from a server so far.
+    pub(crate) fn received(&self) -> u64 {
+        match self {
+            TakeSource::File(_) => 0,
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.received(),
+        }
+    }
+
     /// Whether the file is another version by now than the one that was opened. Asks the disk, but no server.
     pub(crate) fn is_replaced(&self) -> bool {
         match self {

@@ -32,7 +32,7 @@ use crate::clips::{
 use crate::gpu::{
     Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
 };
-use crate::takes::TakePlayer;
+use crate::takes::{Extent, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -144,7 +144,7 @@ impl Playing {
             Content::Clip(clip) => (Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?, None),
             Content::Take(opened) => {
                 let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, waker(proxy))?;
-                take.wait(gpu, &mut renderer, 0.0)?;
+                take.wait(gpu, &mut renderer, 0.0, Extent::FirstLayers)?;
                 (renderer, Some(take))
             }
         };

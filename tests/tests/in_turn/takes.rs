@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -12,7 +13,7 @@ use aarc_tests::take_files::{SegmentFile, take_package};
 use client::clips::{self, Content, SourceOptions};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::Player;
-use client::takes::{OpenTake, TakePlayer, UPLOAD_BYTES_MAX};
+use client::takes::{Extent, OpenTake, TakePlayer, UPLOAD_BYTES_MAX};
 use client::view::View;
 use codec::Limits;
 use glam::UVec2;
@@ -42,6 +43,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("it plays at all speeds, both ways, in a loop, and in steps", Passes::Shared, |_| {
             speeds()
         }),
+        gpu::trial("over a slow network fewer layers come in time", Passes::Shared, |_| slow()),
+        gpu::trial("a seek over 58 Mbit/s shows the first layers, then all", Passes::Shared, |_| seeks()),
         gpu::trial("a server that fails for long is said once", Passes::Shared, |_| failing()),
     ]
 }
@@ -199,7 +202,7 @@ fn storm() -> Result<(), String> {
     played.player.seek(20.4);
     // The same instant without a storm, with all layers.
     let mut calm = Played::open(&path, 33.0 * UNIT_S)?;
-    calm.take.wait(&calm.gpu, &mut calm.renderer, 20.4).map_err(text)?;
+    calm.take.wait(&calm.gpu, &mut calm.renderer, 20.4, Extent::All).map_err(text)?;
     calm.draw(20.4)?;
     let expected = calm.pixels()?.to_rgb8();
     let start = Instant::now();
@@ -259,6 +262,125 @@ fn speeds() -> Result<(), String> {
     Ok(())
 }
 
+/// The take on a server.
+fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
+    let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
+    match arrival.wait(None, |_| ()).map_err(text)? {
+        Content::Take(opened) => Ok(opened),
+        Content::Clip(_) => Err("it is a take".into()),
+    }
+}
+
+/// A server of a take of `count` segments, each of `gaussians` of which 1/4 are in the first layer, that sends `rate`
+/// bytes a second, `delay` after each request. Also the bytes of a segment in one layer and in both.
+fn paced_server(count: u32, gaussians: usize, rate: Arc<AtomicU64>, delay: Duration) -> (Server, [usize; 2]) {
+    let recipe = Recipe {
+        count: gaussians,
+        sh_degree: 1,
+        motion: Motion::Dynamic,
+        motion_order: 2,
+        turning: true,
+        seed: 1,
+    };
+    let package = packaged(&recipe.field(), None, &[gaussians / 4, gaussians - gaussians / 4]);
+    let layers = codec::contents(&package, &Limits::default()).expect("it was just made").layer_bytes();
+    let segment = |i: u32| SegmentFile {
+        start_s: UNIT_S * f64::from(i),
+        duration_s: 2.0 * UNIT_S,
+        package: package.clone(),
+    };
+    let segments: Vec<SegmentFile> = (0..count).map(segment).collect();
+    let (file, _) = take_package(UNIT_S * f64::from(count + 1), 30.0, &segments);
+    let server = Server::start(move |_, request, answer| {
+        sleep(delay);
+        answer.paced_part(request, &file, "\"one\"", rate.load(Ordering::Relaxed) as f64);
+    });
+    (server, [layers[0], layers[1]])
+}
+
+/// A network that brings the first layers alone in time, and then all.
+fn slow() -> Result<(), String> {
+    let rate = Arc::new(AtomicU64::new(u64::MAX));
+    let (server, [first, all]) = paced_server(40, 2000, rate.clone(), Duration::ZERO);
+    // A segment begins every second. The rate allows one and a half times the first layer.
+    let slow = 1.5 * first as f64;
+    if slow > 0.8 * all as f64 {
+        return Err(format!("a segment has {first} and {all} bytes"));
+    }
+    let mut played = Played::of(fetched(&server)?, 41.0 * UNIT_S)?;
+    played.settle()?;
+    rate.store(slow as u64, Ordering::Relaxed);
+    // In real time: the network is.
+    let play = |seconds: f64, played: &mut Played| -> Result<f64, String> {
+        let (start, mut last, mut waited) = (Instant::now(), Instant::now(), 0.0);
+        while start.elapsed().as_secs_f64() < seconds {
+            let elapsed_s = last.elapsed().as_secs_f64();
+            last = Instant::now();
+            waited += if played.frame(elapsed_s)? { elapsed_s } else { 0.0 };
+            sleep(Duration::from_millis(8));
+        }
+        Ok(waited)
+    };
+    play(6.0, &mut played)?;
+    let layers = played.take.counts().layers;
+    let waited_s = play(5.0, &mut played)?;
+    println!("{layers} of 2 layers over {:.1} kB/s; it waited {waited_s:.2} of 5 s", 1e-3 * slow);
+    if layers != 1 || waited_s > 0.5 {
+        return Err(format!("{layers} layers, {waited_s} s of waiting"));
+    }
+    rate.store(100 * all as u64, Ordering::Relaxed);
+    let start = Instant::now();
+    while played.take.counts().layers < 2 {
+        play(0.2, &mut played)?;
+        if start.elapsed() > PATIENCE {
+            return Err("it stays with one layer".into());
+        }
+    }
+    Ok(())
+}
+
+/// Seconds from a seek until the first layers and all of 40,000 Gaussians are on the device: two segments hold the instant.
+fn seeks() -> Result<(), String> {
+    const BYTES_PER_S: u64 = 58_000_000 / 8;
+    let rate = Arc::new(AtomicU64::new(BYTES_PER_S));
+    let (server, [first, all]) = paced_server(24, 20_000, rate, Duration::from_millis(30));
+    let mut played = Played::of(fetched(&server)?, 25.0 * UNIT_S)?;
+    played.player.set_playing(false);
+    played.settle()?;
+    let mut times: [Vec<f64>; 2] = Default::default();
+    for seek in 1..=7 {
+        // To other segments than those that were loaded ahead.
+        played.player.seek(1.5 + f64::from(seek * 7 % 23));
+        let start = Instant::now();
+        let until = |extent: Extent, played: &mut Played| -> Result<f64, String> {
+            loop {
+                // Without drawing, for which a software driver takes longer than for all else.
+                played.take.update(&played.gpu, &mut played.renderer, &played.player);
+                played.gpu.submit(played.gpu.encoder());
+                if played.take.is_drawn(extent) {
+                    return Ok(start.elapsed().as_secs_f64());
+                }
+                if start.elapsed() > PATIENCE {
+                    return Err("nothing comes".into());
+                }
+                // 90 Hz.
+                sleep(Duration::from_millis(11));
+            }
+        };
+        times[0].push(until(Extent::FirstLayers, &mut played)?);
+        times[1].push(until(Extent::All, &mut played)?);
+    }
+    let [first_s, all_s] = times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    });
+    println!("segments of {first} and {all} bytes: {first_s:.2} s to the first layers, {all_s:.2} s to all");
+    match first_s < 0.5 && all_s < 1.5 {
+        true => Ok(()),
+        false => Err(format!("{first_s} s to the first layers, {all_s} s to all")),
+    }
+}
+
 /// The player asks again every two seconds, and gets the same answer.
 fn failing() -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
@@ -269,11 +391,7 @@ fn failing() -> Result<(), String> {
         0 | 1 => answer.part(request, &file, "\"one\""),
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
-    let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
-    let Content::Take(opened) = arrival.wait(None, |_| ()).map_err(text)? else {
-        return Err("it is a take".into());
-    };
-    let mut played = Played::of(opened, 3.0 * UNIT_S)?;
+    let mut played = Played::of(fetched(&server)?, 3.0 * UNIT_S)?;
     let (mut notes, start) = (Vec::new(), Instant::now());
     let before = server.requests().len();
     while server.requests().len() < before + 3 {

@@ -103,7 +103,11 @@ fn one_segment(gpu: &Gpu) -> Result<(), String> {
             let (take, alone) = (take?, alone?);
             let found = difference(&take, &alone);
             println!("{motion:?}, t = {t}: {found}");
-            if found.max_diff > 0.25 || alone.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() < 500 {
+            // Drivers round differently: half a step of a display is the most that is never seen.
+            if found.max_diff > 0.5
+                || found.psnr < 90.0
+                || alone.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() < 500
+            {
                 return Err(format!("{motion:?}, t = {t}: {found}"));
             }
         }

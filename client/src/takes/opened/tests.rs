@@ -56,7 +56,7 @@ fn open(file: &Written) -> OpenTake {
 }
 
 fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, Fault> {
-    opened.load(Want { segment, layers }, &opened.layout()).map(|packed| packed.gaussians())
+    opened.load(Want { segment, layers }, &opened.layout()).map(|(packed, _)| packed.gaussians())
 }
 
 #[test]

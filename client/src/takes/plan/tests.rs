@@ -16,7 +16,11 @@ fn take(duration_s: f64, segments: &[(f64, f64, &[usize])]) -> Take {
         .map(|&(start_s, duration_s, ends)| Segment {
             start_s,
             duration_s,
-            layers: ends.iter().map(|&gaussians| SegmentLayer { bytes: 100, gaussians }).collect(),
+            layers: ends
+                .iter()
+                .enumerate()
+                .map(|(i, &gaussians)| SegmentLayer { bytes: 100 * (i + 1), gaussians })
+                .collect(),
             ..first.clone()
         })
         .collect();
@@ -56,7 +60,7 @@ fn all_layers(take: &Take) -> Vec<usize> {
 }
 
 fn plan(take: &Take, t_s: f64, direction: Direction, looping: bool) -> Plan {
-    Plan::new(take, &all_layers(take), Playhead { t_s, direction, looping }, usize::MAX)
+    Plan::new(take, &all_layers(take), Playhead { t_s, direction, looping, speed: 1.0 }, usize::MAX)
 }
 
 fn takes() -> Vec<Take> {
@@ -189,7 +193,7 @@ fn as_many_rows_as_are_wanted_cut_no_plan() {
         for step in 0..=997 {
             for direction in [Direction::Forward, Direction::Backward] {
                 let t_s = take.duration_s * f64::from(step) / 997.0;
-                let head = Playhead { t_s, direction, looping: true };
+                let head = Playhead { t_s, direction, looping: true, speed: 1.0 };
                 let plan = Plan::new(&take, &layers, head, rows);
                 assert_eq!(plan, Plan::new(&take, &layers, head, usize::MAX), "{head:?}");
                 let sum = (0..layers.len()).filter(|segment| plan.wants(*segment));
@@ -198,6 +202,24 @@ fn as_many_rows_as_are_wanted_cut_no_plan() {
         }
         assert!(largest <= rows && rows <= 2 * largest, "{largest} of {rows}");
     }
+}
+
+#[test]
+fn the_rate_needed_is_that_of_the_segments_ahead() {
+    let take = joined(&[1.0; 20]);
+    let rate = |layers, t_s, direction, looping| {
+        needed_rate(&take, layers, &Playhead { t_s, direction, looping, speed: 1.0 })
+    };
+    assert_eq!(
+        [1, 2, 3, 9].map(|layers| rate(layers, 2.5, Direction::Forward, false)),
+        [100.0, 200.0, 300.0, 300.0]
+    );
+    assert_eq!(rate(2, 10.5, Direction::Backward, false), 200.0);
+    for (t_s, direction) in [(19.5, Direction::Forward), (0.5, Direction::Backward)] {
+        assert_eq!((rate(2, t_s, direction, false), rate(2, t_s, direction, true)), (0.0, 200.0));
+    }
+    let fast = Playhead { t_s: 2.5, speed: 2.0, ..Playhead::default() };
+    assert_eq!((needed_rate(&take, 1, &fast), needed_rate(&take, 1, &Playhead::default())), (200.0, 0.0));
 }
 
 #[test]

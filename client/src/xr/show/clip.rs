@@ -10,7 +10,7 @@ use codec::ClipInfo;
 
 use crate::clips::{ClipTarget, Content, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::takes::TakePlayer;
+use crate::takes::{Extent, TakePlayer};
 use program::Fault;
 use program::Subject;
 
@@ -39,7 +39,7 @@ impl ClipTarget for HeadsetTarget {
             Content::Take(opened) => {
                 // A frame of the headset follows in any case: it needs nothing to wake it.
                 let (mut renderer, mut take) = TakePlayer::new(&gpu, opened.clone(), layout, || ())?;
-                take.wait(&gpu, &mut renderer, 0.0)?;
+                take.wait(&gpu, &mut renderer, 0.0, Extent::FirstLayers)?;
                 (renderer, Some(take), opened.layer_ends())
             }
         };
