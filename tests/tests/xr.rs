@@ -47,6 +47,7 @@ fn main() -> ExitCode {
             levels,
         ),
         trial("a take plays, and each eye sees the segment of the instant", take),
+        trial("no more frames are missed while segments change", changing_segments).with_ignored_flag(true),
         trial("a lower quality draws a smaller image correctly", lower_quality),
         hand_trial("the panel reports a damaged clip and starts the next one", damaged_then_next, false),
         hand_trial("without a clip the panel still exits", no_clip, false),
@@ -269,6 +270,58 @@ fn take(headset: &Headset) -> Result<(), String> {
         draw(gpu, &clip, &cameras, t, &settings, ChannelDepth::Eight).map_err(|fault| fault.to_string())?;
     check("headset-take-left", left_image, &expected[0], TOLERANCE)?;
     check("headset-take-right", right_image, &expected[1], TOLERANCE).map(drop)
+}
+
+/// The share of frames that are missed in a take whose segments change four times a second, over that in a take of one
+/// segment, of as many Gaussians drawn. Run it with `--ignored` on an idle machine.
+fn changing_segments(headset: &Headset) -> Result<(), String> {
+    const CHANGES: u32 = 120;
+    let recipe = Recipe {
+        count: 2000,
+        sh_degree: 1,
+        motion: Motion::Dynamic,
+        motion_order: 2,
+        turning: true,
+        seed: 1,
+    };
+    let field = recipe.field();
+    let duration_s = 0.25 * f64::from(CHANGES);
+    let write = |name: &str, count: u32| {
+        let segment_s = duration_s / f64::from(count);
+        let package = lasting(&field, segment_s as f32, 30.0);
+        let segment = |i: u32| SegmentFile {
+            start_s: segment_s * f64::from(i),
+            duration_s: segment_s,
+            package: package.clone(),
+        };
+        let (bytes, _) = take_package(duration_s, 30.0, &(0..count).map(segment).collect::<Vec<_>>());
+        let path = headset.path(name);
+        fs::write(&path, bytes).map(|()| path).map_err(|error| error.to_string())
+    };
+    let takes = [write("one.aarc", 1)?, write("many.aarc", CHANGES)?];
+    let stats = headset.path("stats.json");
+    let missed = |take: &Path| {
+        let mut command = headset.command(client());
+        command.arg(take).args(["--xr", "--seconds", "15", "--quality", "least", "--stats"]).arg(&stats);
+        // A tenth of the width and height: a software driver is then fast enough for the display's rate.
+        let outcome = run(command.env("XRT_COMPOSITOR_SCALE_PERCENTAGE", "10"));
+        let stats = json(&stats).map_err(|error| format!("{error} {outcome:?}"))?;
+        let (shown, missed) = (number(&stats["frames_shown"])?, number(&stats["frames_missed"])?);
+        let loaded = number(&stats["take"]["loaded"])?;
+        println!("{shown} frames shown, {missed} missed, {loaded} segments loaded");
+        Ok::<_, String>((missed as f64 / (shown + missed) as f64, loaded))
+    };
+    let mut ratios = Vec::new();
+    for _ in 0..5 {
+        let [(one, _), (many, loaded)] = [missed(&takes[0])?, missed(&takes[1])?];
+        if loaded < 30 {
+            return Err(format!("{loaded} segments were loaded"));
+        }
+        ratios.push(many / one);
+    }
+    ratios.sort_by(f64::total_cmp);
+    println!("missed frames over those of one segment: {ratios:.2?}");
+    Ok(())
 }
 
 /// Measures the demo with `cargo xtask headset`. A script starts the player, which needs the runtime's libraries.
