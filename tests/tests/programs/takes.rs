@@ -9,12 +9,14 @@ use std::time::{Duration, Instant};
 use aarc_tests::display::{self, Display};
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
+use aarc_tests::lossy::lossy;
 use aarc_tests::outcome::{DATA, NETWORK, Outcome, USAGE};
 use aarc_tests::programs::{Folder, client, run};
-use aarc_tests::scene::{Motion, Recipe, ball, lasting};
+use aarc_tests::scene::{Motion, Recipe, ball, info, lasting};
 use aarc_tests::server::{Answer, Request, Server};
 use aarc_tests::take_files::{SegmentFile, take_package};
 use client::gpu::Gpu;
+use codec::{ClipInfo, EncodeOptions, Source};
 use libtest_mimic::Trial;
 use refine::image::Image;
 
@@ -41,13 +43,15 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a take in a playlist follows a clip", Passes::Shared, in_playlist),
         gpu::trial("from a URL only what is seen is fetched, and once", Passes::Shared, from_url),
         gpu::trial("a server without ranges plays as well", Passes::Shared, without_ranges),
+        gpu::trial("a server that breaks off is asked for the rest", Passes::Shared, breaking_off),
+        gpu::trial("a take goes on with another device", Passes::Shared, lost),
         gpu::trial("servers that fail are one sentence", Passes::Shared, failing_servers),
         display::trial("in a window nothing comes between two segments, over and over", window),
         display::trial("a take that is replaced while it plays is opened again", replaced),
     ]
 }
 
-/// The clip packages of the take.
+/// The clip packages of the take. All but the first have a plate.
 fn clips() -> Vec<Vec<u8>> {
     let recipe = Recipe {
         count: 300,
@@ -58,7 +62,13 @@ fn clips() -> Vec<Vec<u8>> {
         seed: 1,
     };
     let field = |seed: usize| Recipe { seed: seed as u64, ..recipe }.field();
-    CLIPS.iter().enumerate().map(|(i, (_, duration_s))| lasting(&field(i), *duration_s as f32, 8.0)).collect()
+    let plate = Recipe { motion: Motion::Static, count: 100, seed: 9, ..recipe }.field();
+    let clip = |(i, (_, duration_s)): (usize, &(f64, f64))| {
+        let info = ClipInfo { duration_s: *duration_s as f32, fps: 8.0, ..info() };
+        let source = Source { info: &info, field: &field(i), plate: (i > 0).then_some(&plate) };
+        codec::encode(&source, &EncodeOptions::default()).expect("a valid field can be encoded")
+    };
+    CLIPS.iter().enumerate().map(clip).collect()
 }
 
 /// The take, and the offsets of its segments.
@@ -294,6 +304,52 @@ fn failing_servers(_: &Gpu) -> Result<(), String> {
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
     fetched(&folder, &goes.url("take.aarc"), 3.0).refuses(NETWORK, "there is no such file", "check the URL")
+}
+
+/// Each part breaks off halfway when it is asked for from its start.
+fn breaking_off(_: &Gpu) -> Result<(), String> {
+    let folder = Folder::default();
+    let (bytes, offsets) = take();
+    folder.write("take.aarc", &bytes);
+    let starts = offsets.clone();
+    let server = server_of(bytes, move |_, request, answer, file| match request.part() {
+        Some(part) if starts.contains(&part.start) => {
+            let range = format!("bytes {}-{}/{}", part.start, part.end - 1, file.len());
+            let length = part.len().to_string();
+            answer.head(206, &[("Content-Length", &length), ("Content-Range", &range), ("ETag", ETAG)]);
+            answer.bytes(file, part.start..part.start + part.len() / 2);
+        }
+        _ => answer.part(request, file, ETAG),
+    });
+    let (expected, _) = image(&folder, "take.aarc", 3.0)?;
+    fetched(&folder, &server.url("take.aarc"), 3.0).success();
+    let halves = server.sent().iter().filter(|part| offsets.contains(&part.start)).count();
+    let rests =
+        server.requests().iter().filter_map(Request::part).filter(|part| part.start > offsets[2]).count();
+    match difference(&read(&folder, "image.png")?, &expected).max_diff == 0.0 && halves > 0 && rests > 0 {
+        true => Ok(()),
+        false => Err(format!("{:?}", server.sent())),
+    }
+}
+
+/// The first device is lost after 150 submissions, in the last segment.
+fn lost(_: &Gpu) -> Result<(), String> {
+    let folder = Folder::default();
+    folder.write("take.aarc", &take().0);
+    let frames = |out: &str, when: &str| {
+        let line = format!("take.aarc --headless --frames 0..168 --fps 48 --size 96x64 --out {out}");
+        let mut command = folder.command(client(), &line);
+        lossy(&mut command, &folder.path(""), when);
+        let outcome = run(&mut command).success();
+        let images = (0..168).map(|i| folder.read(&format!("{out}/frame_{i:04}.png")));
+        images.collect::<Result<Vec<_>, _>>().map(|images| (outcome, images))
+    };
+    let (_, expected) = frames("never", "submit:100000")?;
+    let (outcome, images) = frames("lost", "submit:150:1")?;
+    match images == expected && outcome.stderr.contains("goes on with another") {
+        true => Ok(()),
+        false => Err(format!("{outcome:?}")),
+    }
 }
 
 /// A take that is cut short on its server is as one in a file.
