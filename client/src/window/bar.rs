@@ -131,26 +131,29 @@ fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     }
 }
 
-/// Direction, loop and speed.
+/// Loop, speed and direction.
 fn playing_menus(ui: &mut Ui, player: &mut Player, commands: &mut Vec<Command>) {
-    if ui.selectable_label(player.is_reversed(), "Reverse").on_hover_text("Play backwards (B)").clicked() {
-        commands.push(Command::ToggleReverse);
-    }
     let looping = player.is_looping();
     if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
         commands.push(Command::ToggleLoop);
     }
     let speed = player.speed();
-    ui.menu_button(speed_text(speed), |ui| {
+    let sign = if player.is_reversed() { "-" } else { "" };
+    ui.menu_button(format!("{sign}{}", speed_text(speed)), |ui| {
         for choice in SPEEDS.into_iter().rev() {
             if ui.selectable_label(speed == choice, speed_text(choice)).clicked() {
                 player.set_speed(choice);
                 ui.close();
             }
         }
+        ui.separator();
+        if ui.selectable_label(player.is_reversed(), "Backwards (B)").clicked() {
+            commands.push(Command::ToggleReverse);
+            ui.close();
+        }
     })
     .response
-    .on_hover_text("Speed (Up, Down)");
+    .on_hover_text("Speed (Up, Down), direction (B)");
 }
 
 fn speed_text(speed: f64) -> String {
