@@ -192,11 +192,11 @@ fn eye(folder: &Path, name: &str) -> Result<(Camera, f64, Image), String> {
 }
 
 fn demo(headset: &Headset) -> Result<(), String> {
-    demo_at(&headset, Level::Exact)
+    demo_at(headset, Level::Exact)
 }
 
 fn lower_quality(headset: &Headset) -> Result<(), String> {
-    demo_at(&headset, Level::Least)
+    demo_at(headset, Level::Least)
 }
 
 /// Plays the demo. The eyes must show what the renderer alone draws for the same cameras.
@@ -255,7 +255,7 @@ fn take(headset: &Headset) -> Result<(), String> {
     let path = headset.path("take.aarc");
     let (bytes, _) = take_package(3.0 * SEGMENT_S, 30.0, &segments);
     fs::write(&path, bytes).map_err(|error| error.to_string())?;
-    let played = play(&headset, Some(&path), Level::Exact)?;
+    let played = play(headset, Some(&path), Level::Exact)?;
     let counts = &played.stats["take"];
     if counts["segments"] != 3 || counts["uploaded_bytes_max"].as_u64().is_none_or(|bytes| bytes > 256_000) {
         return Err(format!("{counts}"));
@@ -459,7 +459,7 @@ fn signpost() -> Field {
 fn parallax(headset: &Headset) -> Result<(), String> {
     let clip = headset.path("signpost.aarc");
     fs::write(&clip, packaged(&signpost(), None, &[])).map_err(|error| error.to_string())?;
-    let played = play(&headset, Some(&clip), Level::Exact)?;
+    let played = play(headset, Some(&clip), Level::Exact)?;
     let field = decoded(&signpost()).static_field;
     let spot = field.centers.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1])).ok_or("no spot")?;
     let mut places = Vec::new();
@@ -560,7 +560,7 @@ impl Drop for Player {
 
 fn killed(headset: &Headset) -> Result<(), String> {
     let command = headset.command(client());
-    let mut player = Player::start(&headset, command, &[])?;
+    let mut player = Player::start(headset, command, &[])?;
     player.wait_for_log("session Focused")?;
     sleep(Duration::from_millis(500));
     if let Some(outcome) = player.ended() {
@@ -651,7 +651,7 @@ fn little_memory(headset: &Headset) -> Result<(), String> {
 
 fn skipped(headset: &Headset) -> Result<(), String> {
     let clips = [("a.aarc", &b"no clip"[..]), ("b.aarc", &packaged(&signpost(), None, &[]))];
-    let clips = write_clips(&headset, &clips)?;
+    let clips = write_clips(headset, &clips)?;
     let list = clips.join("list.json");
     fs::write(&list, r#"{"version": 1, "clips": ["a.aarc", "b.aarc"]}"#)
         .map_err(|error| error.to_string())?;
