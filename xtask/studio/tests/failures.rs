@@ -196,8 +196,13 @@ const FAILURES: &[Failure] = &[
     ("trim clip.aarc --from 0 --to 1 -o no/a.aarc", USAGE, "cannot write no/a.aarc", "make it first"),
     ("render take --time 9 -o a.png", USAGE, "--time 9: choose a time in the clip", "from 0 to 2 s"),
     ("render missing -o a.png", DATA, "missing/b.ply: there is no such file", "check the path"),
-    ("report take --rd", USAGE, "take: a take of segments, and a report is of one clip", "make it one field"),
-    ("fit stage --from take", USAGE, "--from take: a take of segments", "name a field file in it"),
+    (
+        "report take --rd",
+        DATA,
+        "take: a take of segments, where one field is expected",
+        "name a field file in it",
+    ),
+    ("fit stage --from take", DATA, "take: a take of segments", "name a field file in it"),
     ("inspect take", DATA, "take: not a file", "name a package (.aarc)"),
     // Packages.
     ("inspect nope.aarc", DATA, "nope.aarc: there is no such file", "check the path"),

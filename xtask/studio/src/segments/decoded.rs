@@ -31,15 +31,20 @@ struct DecodedSegment {
 
 /// A segment's Gaussians.
 #[derive(Debug)]
-enum SegmentContent {
+pub(super) enum SegmentContent {
     Clip(Box<Clip>),
     Scene(Box<Scene>),
 }
 
 impl SegmentContent {
     fn to_reference(&self) -> RenderScene<'_> {
+        self.layers_to_reference(usize::MAX)
+    }
+
+    /// The first `layers` layers of a clip; all of a scene, which has none.
+    pub(super) fn layers_to_reference(&self, layers: usize) -> RenderScene<'_> {
         match self {
-            SegmentContent::Clip(clip) => RenderScene::from(&**clip),
+            SegmentContent::Clip(clip) => RenderScene::from_layers(clip, layers.min(clip.layers.len())),
             SegmentContent::Scene(scene) => {
                 let subject = RenderScene::from(&scene.subject.field);
                 scene.plate.as_ref().map_or(subject.clone(), |plate| subject.with_plate(&plate.field))
@@ -54,6 +59,14 @@ impl SegmentContent {
         }
     }
 
+    /// Corners of the box around all centres but the background's.
+    fn bounds(&self) -> [[f32; 3]; 2] {
+        match self {
+            SegmentContent::Clip(clip) => clip.bounds,
+            SegmentContent::Scene(scene) => scene.subject.field.bounds(),
+        }
+    }
+
     /// All Gaussians but the background's.
     fn merged(&self) -> Field {
         match self {
@@ -62,7 +75,8 @@ impl SegmentContent {
         }
     }
 
-    fn len(&self) -> usize {
+    /// Number of Gaussians, the background's included.
+    pub(super) fn len(&self) -> usize {
         let subject = match self {
             SegmentContent::Clip(clip) => clip.len(),
             SegmentContent::Scene(scene) => scene.subject.field.len(),
@@ -132,14 +146,10 @@ impl DecodedTake {
             if !is_needed {
                 continue;
             }
-            let scene = folder.scene(index)?;
-            if !scene.subject.repairs.is_empty() {
-                eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
-            }
-            let [low, high] = scene.subject.field.bounds();
+            let content = read_segment(folder, index)?;
+            let [low, high] = content.bounds();
             let outer = |a: [f32; 3], b: [f32; 3], of: fn(f32, f32) -> f32| [0, 1, 2].map(|i| of(a[i], b[i]));
             bounds = [outer(bounds[0], low, f32::min), outer(bounds[1], high, f32::max)];
-            let content = SegmentContent::Scene(Box::new(scene));
             gaussians += content.len();
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
@@ -246,6 +256,18 @@ fn append(merged: &mut Field, columns: &mut Temporal, field: Field, span: &Span,
     merged.rotations.extend(field.rotations);
     merged.log_scales.extend(field.log_scales);
     merged.opacities.extend(field.opacities);
+}
+
+/// Reads a segment of a field folder, and says on standard error what was repaired.
+///
+/// # Errors
+/// Those of [`Scene::load`].
+pub(super) fn read_segment(folder: &FieldFolder, index: usize) -> anyhow::Result<SegmentContent> {
+    let scene = folder.scene(index)?;
+    if !scene.subject.repairs.is_empty() {
+        eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
+    }
+    Ok(SegmentContent::Scene(Box::new(scene)))
 }
 
 /// # Errors

@@ -90,7 +90,7 @@ pub(super) fn check_spans(take_s: f64, spans: &[Span]) -> Result<(), String> {
 }
 
 /// The parts of a take of `take_s` seconds that no segment holds, as seconds.
-pub(super) fn gaps(take_s: f64, spans: &[Span]) -> Vec<[f64; 2]> {
+pub(crate) fn gaps(take_s: f64, spans: &[Span]) -> Vec<[f64; 2]> {
     let mut covered: Vec<[f64; 2]> = spans.iter().map(|span| [span.start_s, span.end_s()]).collect();
     covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut gaps = Vec::new();
