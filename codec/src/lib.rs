@@ -18,6 +18,7 @@
 //! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
 //! | read the head of a clip or a take; an ordinary clip as a take | [`package`](package()), [`Take::from`] | |
 //! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`] | |
+//! | check segments without decoding them | [`Take::segment_contents`], [`Contents::check_sections`] | |
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |

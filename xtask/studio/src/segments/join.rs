@@ -13,7 +13,7 @@ use super::file::TakeFile;
 use super::folder::{FieldFolder, FolderEntry};
 use super::span::{Span, check_spans, order_of};
 use crate::export::fitted_field_file;
-use crate::import::FitRecord;
+use crate::import::{FORMATS, FitRecord};
 use crate::input::is_package;
 use crate::scene::{FIELD_FOLDER, Scene};
 
@@ -73,6 +73,12 @@ impl JoinInput {
             JoinInput::Package(Box::new(TakeFile::open(path)?))
         } else if FieldFolder::is_one(path) {
             JoinInput::Folder(FieldFolder::open(path)?)
+        } else if path.is_dir() && !Scene::is_capture(path) && !Scene::has_field(path) {
+            return Err(Fault::Data(format!(
+                "{}: nothing to join in it; name a package (.aarc), a folder with a field.json, a fitted field file or a \
+                 folder holding one ({FORMATS})",
+                path.display()
+            )));
         } else {
             JoinInput::Scene(path.to_owned())
         })

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use codec::ClipInfo;
 use indicatif::HumanDuration;
-use program::Fault;
+use program::{Fault, counted};
 use refine::prune::Ranking;
 
 use super::agreement::Agreement;
@@ -195,8 +195,8 @@ fn print_estimate(survey: &Survey, kept: Option<&[usize]>, whole: usize) {
     // The segments wait beside the output until the head is known.
     let megabytes = 2.0 * BYTES_PER_GAUSSIAN * 1e-6 * kept as f64;
     eprintln!(
-        "note: {} segments, {kept} Gaussians: about {:#} and up to {megabytes:.1} MB of disk",
-        survey.spans.len(),
+        "note: {}, {kept} Gaussians: about {:#} and up to {megabytes:.1} MB of disk",
+        counted(survey.spans.len(), "segment"),
         HumanDuration(Duration::from_secs_f64(seconds.ceil()))
     );
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::rows::{Plate, ViewpointRow};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
-use crate::segments::{Course, TakeFile, course};
+use crate::segments::{Course, Span, TakeFile, course, gaps};
 
 /// Description of a take; the fields are the keys of the JSON, those of a clip where they mean the same.
 #[derive(Serialize)]
@@ -39,6 +39,8 @@ struct TakeInspection {
     layers: Vec<LayerSum>,
     segments: Vec<SegmentRow>,
     course: Course,
+    /// Parts of the take that no segment shows, as seconds.
+    gaps: Vec<[f64; 2]>,
     left_out: Vec<LeftOut>,
     /// Largest size in GPU buffers of a segment that decodes.
     segment_gpu_bytes: usize,
@@ -115,6 +117,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
     let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums)).collect();
     let TakeLeftOut { parts: left_out, plates, segment_gpu_bytes } = sums;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
+    let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
     let info = &take.info;
     TakeInspection {
         format_version: format!("{}.{}", take.version_major, take.version_minor),
@@ -141,6 +144,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
         layers: layer_sums(take),
         segments,
         course: course(take),
+        gaps: gaps(take.duration_s, &spans),
         left_out,
         segment_gpu_bytes,
         head_bytes: take.head_bytes,
@@ -208,6 +212,9 @@ impl TakeInspection {
         row("Gaussians", format!("{}, at most {} at an instant", self.gaussians, self.course.resident_max));
         let Course { startup_bytes, mean_mbps, peak_mbps, peak_s, rows, .. } = &self.course;
         row("duration", format!("{} s, {} frames per second", decimal(self.duration_s, 3), self.fps));
+        for [from, to] in &self.gaps {
+            row("gap", format!("no segment shows {} to {} s", decimal(*from, 3), decimal(*to, 3)));
+        }
         row("first instant", format!("{startup_bytes} bytes"));
         row(
             "Mbps",

@@ -212,7 +212,7 @@ impl TakeFindings {
             ("setup", serde_json::to_value(&self.setup)?),
             ("course", serde_json::to_value(&self.course)?),
             ("cuts_s", serde_json::to_value(&self.cuts)?),
-            ("gaps_s", serde_json::to_value(&self.gaps)?),
+            ("gaps", serde_json::to_value(&self.gaps)?),
             ("over_time", serde_json::to_value(&self.instants)?),
             ("worst", serde_json::to_value(self.worst())?),
             ("layers_over_time", serde_json::to_value(&self.layers)?),
