@@ -203,7 +203,20 @@ const FAILURES: &[Failure] = &[
         "name a field file in it",
     ),
     ("fit stage --from take", DATA, "take: a take of segments", "name a field file in it"),
-    ("inspect take", DATA, "take: not a file", "name a package (.aarc)"),
+    ("inspect take", DATA, "take: a field folder, and no package yet", "package it first"),
+    (
+        "trim take --from 0 --to 1 -o a.aarc",
+        DATA,
+        "take: a field folder, and no package yet",
+        "package it first",
+    ),
+    ("inspect empty", DATA, "empty: not a file", "name a package (.aarc)"),
+    (
+        "join empty -o joined",
+        DATA,
+        "empty: nothing to join in it",
+        "name a package (.aarc), a folder with a field.json",
+    ),
     // Packages.
     ("inspect nope.aarc", DATA, "nope.aarc: there is no such file", "check the path"),
     ("inspect bare", DATA, "bare: not a file", "name a package (.aarc)"),
@@ -320,7 +333,7 @@ fn workshop() -> TempDir {
     let mut version = clip;
     version[4] = 99;
     write("version.aarc", &version);
-    ["bare", "two", "keys", "moving", "manifest", "net", "up", "scale"]
+    ["bare", "vacant", "two", "keys", "moving", "manifest", "net", "up", "scale"]
         .iter()
         .for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, sh_coefficients};
+use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, retime, sh_coefficients};
 use program::{Fault, counted};
 use refine::reference::RenderScene;
 
@@ -226,30 +226,29 @@ fn is_beyond(field: &Field, i: usize, span: &Span, take_s: f64) -> bool {
 }
 
 /// Appends the rows of the field of a segment, with times in clip time of the take.
-fn append(merged: &mut Field, columns: &mut Temporal, field: Field, span: &Span, take_s: f64) {
+fn append(merged: &mut Field, columns: &mut Temporal, mut field: Field, span: &Span, take_s: f64) {
     let stored = sh_coefficients(field.sh_degree);
     let rows = sh_coefficients(merged.sh_degree);
     for sh in field.sh.chunks_exact(stored) {
         merged.sh.extend_from_slice(sh);
         merged.sh.extend(std::iter::repeat_n([0.0; 3], rows - stored));
     }
-    // One unit of clip time of the segment, in clip time of the take.
-    let unit = span.duration_s / take_s;
-    let start = span.start_s / take_s;
-    let factors = [unit, unit * unit, unit * unit * unit];
-    let scaled = |v: [f32; 3], factor: f64| v.map(|x| (f64::from(x) / factor) as f32);
+    if let Some(temporal) = &mut field.temporal {
+        // The take is a span of the segment's clip, longer than that.
+        retime(temporal, span.duration_s, -span.start_s, take_s);
+    }
     let order = usize::from(columns.motion_order);
     for i in 0..field.len() {
         let temporal = field.temporal.as_ref();
         let (tau, s) = temporal.map_or((0.0, f32::INFINITY), |temporal| (temporal.tau[i], temporal.s[i]));
-        columns.tau.push((start + f64::from(tau) * unit) as f32);
-        columns.s.push((f64::from(s) * unit) as f32);
+        columns.tau.push(tau);
+        columns.s.push(s);
         let motion = temporal.map_or(&[][..], |temporal| temporal.motion_of(i));
-        let powers = (0..order).map(|k| motion.get(k).map_or([0.0; 3], |&v| scaled(v, factors[k])));
+        let powers = (0..order).map(|k| motion.get(k).copied().unwrap_or([0.0; 3]));
         columns.motion.extend(powers);
         if let Some(rates) = &mut columns.rotation_rates {
             let rate = temporal.and_then(|temporal| temporal.rotation_rates.as_ref()).map(|rates| rates[i]);
-            rates.push(rate.map_or([0.0; 4], |rate| rate.map(|x| (f64::from(x) / unit) as f32)));
+            rates.push(rate.unwrap_or([0.0; 4]));
         }
     }
     merged.centers.extend(field.centers);

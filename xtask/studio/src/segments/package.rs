@@ -19,7 +19,7 @@ use super::agreement::Agreement;
 use super::budget::budgets;
 use super::report::{LeastTopology, SegmentReport, TakeReport, TriedRanking};
 use super::sources::SegmentSources;
-use super::span::{Span, gaps};
+use super::span::{Span, gaps, held_at_starts};
 use super::writer::TakeWriter;
 use crate::package::{
     FieldAnalysis, Package, PackageSettings, VisibleScene, package_with, visible, visible_scene,
@@ -240,15 +240,8 @@ fn report(
 
 /// Most `gaussians` of segments that hold one instant.
 fn resident_max(spans: &[Span], gaussians: &[usize]) -> usize {
-    let mut by_start: Vec<usize> = (0..spans.len()).collect();
-    by_start.sort_by(|&a, &b| spans[a].start_s.max(0.0).total_cmp(&spans[b].start_s.max(0.0)));
-    let (mut active, mut most): (Vec<usize>, usize) = (Vec::new(), 0);
-    for segment in by_start {
-        active.retain(|&other| spans[other].end_s() > spans[segment].start_s.max(0.0));
-        active.push(segment);
-        most = most.max(active.iter().map(|&i| gaussians[i]).sum());
-    }
-    most
+    let held = |(_, held): (f64, Vec<usize>)| held.into_iter().map(|i| gaussians[i]).sum();
+    held_at_starts(spans).map(held).max().unwrap_or(0)
 }
 
 #[cfg(test)]
