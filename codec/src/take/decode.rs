@@ -2,8 +2,8 @@
 //!
 //! A segment is a clip package. Its head is compared with the table of the take, and its Gaussians are decoded
 //! into the columns of the take, so that all segments have the same ones. The checksum at the end of the head is
-//! compared before anything is read: where the bytes of a segment are missing, that is the cause, and not whatever
-//! stands in their place.
+//! compared before anything is read: where other bytes stand in place of a segment, the error says so, and does not
+//! depend on those bytes.
 
 use std::num::NonZero;
 

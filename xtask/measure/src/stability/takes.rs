@@ -27,8 +27,8 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             let (take_s, start_s, length_s) = (400_000.0, 360_000.0, 2.0);
             let span = Span { start_s, duration_s: length_s };
             let rows = lives(200, length_s, |part| (length_s * part, 0.05));
-            let moving = |row: Gaussian| Gaussian { motion: [[40.0, 20.0, 0.0], [0.0; 3], [0.0; 3]], ..row };
-            let own = field(&rows.into_iter().map(moving).collect::<Vec<_>>());
+            let fast = |row: Gaussian| Gaussian { motion: [[40.0, 20.0, 0.0], [0.0; 3], [0.0; 3]], ..row };
+            let own = field(&rows.into_iter().map(fast).collect::<Vec<_>>());
             let instants: Vec<f64> = (0..12).map(|i| start_s + 0.7 + 1e-3 * f64::from(i)).collect();
             let whole = exact(own.clone());
             let meant = instants.iter().map(|t_s| (t_s - start_s) / length_s).collect();
@@ -65,7 +65,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
                 // Half of them end at 2 s, the others begin there.
                 let life_s = 0.5;
                 let rows = lives(200, 6.0, |part| {
-                    let side = if (200.0 * part) as usize % 2 == 0 { -0.5 } else { 0.5 };
+                    let side = if ((200.0 * part) as usize).is_multiple_of(2) { -0.5 } else { 0.5 };
                     (2.0 + side * life_s, life_s)
                 });
                 let near = [-0.25, -0.01, -1e-6, 0.0, 1e-6, 0.01, 0.25].map(|offset| 2.0 + offset);
@@ -85,15 +85,15 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             || {
                 // Every segment shows the same, so two of them, or none, would differ from one.
                 let (count, take_s) = (30, 10.0);
-                let still = field(&static_crowd(120));
+                let static_field = field(&static_crowd(120));
                 let length_s = take_s / f64::from(count);
                 let segments = (0..count).map(|i| {
-                    (Span { start_s: f64::from(i) * length_s, duration_s: length_s }, still.clone())
+                    (Span { start_s: f64::from(i) * length_s, duration_s: length_s }, static_field.clone())
                 });
                 let cuts = (0..=count).map(|i| f64::from(i) * length_s);
                 let instants: Vec<f64> =
                     cuts.flat_map(|cut| [cut.next_down().max(0.0), cut, cut.next_up().min(take_s)]).collect();
-                take(exact(still.clone()), segments.collect(), take_s, &instants, None)
+                take(exact(static_field.clone()), segments.collect(), take_s, &instants, None)
             },
         ),
         case(

@@ -94,33 +94,16 @@ fn draw<D: DrawingBackend>(
 where
     D::ErrorType: 'static,
 {
-    let is_on_axis = |x: f64| x.is_finite() && (scale == Scale::Linear || x > 0.0);
-    let is_finite = |(x, y): &(f64, f64)| is_on_axis(*x) && y.is_finite();
+    let is_finite = |point: &(f64, f64)| is_drawn(scale, point);
     let lines: Vec<Vec<(f64, f64)>> =
         chart.lines.iter().map(|line| line.points.iter().copied().filter(is_finite).collect()).collect();
-    let range = |pick: fn(&(f64, f64)) -> f64| {
-        let values = lines.iter().flatten().map(pick);
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
-    };
-    let (x_low, x_high) = range(|p| p.0);
-    let (y_low, y_high) = range(|p| p.1);
-    let y_low = if chart.from_zero { y_low.min(0.0) } else { y_low };
-    // Without points the axes need a range of their own.
-    let (x_low, x_high) = match scale {
-        _ if x_low > x_high => (1.0, 10.0),
-        Scale::Logarithmic => (x_low / 1.15, x_high * 1.15),
-        Scale::Linear if x_low == x_high => (x_low - 1.0, x_high + 1.0),
-        Scale::Linear => (x_low, x_high),
-    };
-    let (y_low, y_high) = if y_low <= y_high { (y_low, y_high) } else { (0.0, 1.0) };
-    let margin = if y_low < y_high { 0.05 * (y_high - y_low) } else { 0.5 };
-
+    let [(x_low, x_high), (y_low, y_high)] = ranges(scale, &lines, chart.from_zero);
     let mut context = ChartBuilder::on(area)
         .margin(14)
         .caption(&chart.title, ("sans-serif", 17))
         .x_label_area_size(42)
         .y_label_area_size(60)
-        .build_cartesian_2d(Axis { scale, low: x_low, high: x_high }, y_low - margin..y_high + margin)?;
+        .build_cartesian_2d(Axis { scale, low: x_low, high: x_high }, y_low..y_high)?;
     context
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -130,7 +113,7 @@ where
         .x_desc(x)
         .draw()?;
     for &cut in chart.cuts.iter().filter(|cut| (x_low..=x_high).contains(*cut)) {
-        let ends = [(cut, y_low - margin), (cut, y_high + margin)];
+        let ends = [(cut, y_low), (cut, y_high)];
         let (dash, gap) = DASH_PX;
         context.draw_series(DashedLineSeries::new(ends, dash, gap, CUT.stroke_width(1)))?;
     }
@@ -155,6 +138,31 @@ where
             .draw()?;
     }
     Ok(())
+}
+
+/// Whether a point has a place in a chart.
+fn is_drawn(scale: Scale, (x, y): &(f64, f64)) -> bool {
+    x.is_finite() && y.is_finite() && (scale == Scale::Linear || *x > 0.0)
+}
+
+/// The ranges of both axes around the points of `lines`, which all are drawn; some range if there is none.
+fn ranges(scale: Scale, lines: &[Vec<(f64, f64)>], from_zero: bool) -> [(f64, f64); 2] {
+    let range = |pick: fn(&(f64, f64)) -> f64| {
+        let values = lines.iter().flatten().map(pick);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let (x_low, x_high) = range(|p| p.0);
+    let (y_low, y_high) = range(|p| p.1);
+    let x = match scale {
+        _ if x_low > x_high => (1.0, 10.0),
+        Scale::Logarithmic => (x_low / 1.15, x_high * 1.15),
+        Scale::Linear if x_low == x_high => (x_low - 1.0, x_high + 1.0),
+        Scale::Linear => (x_low, x_high),
+    };
+    let y_low = if from_zero { y_low.min(0.0) } else { y_low };
+    let (y_low, y_high) = if y_low <= y_high { (y_low, y_high) } else { (0.0, 1.0) };
+    let margin = if y_low < y_high { 0.05 * (y_high - y_low) } else { 0.5 };
+    [x, (y_low - margin, y_high + margin)]
 }
 
 /// A horizontal axis. A logarithmic one is also labelled between powers of ten: rates seldom span several.

@@ -27,9 +27,10 @@ use crate::package::{
 use crate::progress::{StagedProgress, counting};
 use crate::scene::Scene;
 
-/// Estimated seconds of packaging a Gaussian of the source on one core, and bytes of a packaged one; xtask/README.md
-/// has 0.0008 s and 14 bytes for one field.
+/// Estimated seconds of packaging a Gaussian of the source on one core, seconds of the pictures of a segment however
+/// small, and bytes of a packaged Gaussian; xtask/README.md has 0.0008 s, 0.2 s and 14 bytes.
 const SECONDS_PER_GAUSSIAN: f64 = 1e-3;
+const SECONDS_PER_SEGMENT: f64 = 0.2;
 const BYTES_PER_GAUSSIAN: f64 = 30.0;
 
 /// What is known of the segments before they are packaged.
@@ -191,7 +192,8 @@ fn best_ranking(tried: &[Vec<(Ranking, f64)>]) -> Vec<TriedRanking> {
 /// Says on standard error how long the work will take, and how much disk.
 fn print_estimate(survey: &Survey, kept: Option<&[usize]>, whole: usize) {
     let kept: usize = kept.unwrap_or(&survey.gaussians).iter().sum();
-    let seconds = SECONDS_PER_GAUSSIAN * whole as f64 / rayon::current_num_threads() as f64;
+    let seconds = SECONDS_PER_GAUSSIAN * whole as f64 + SECONDS_PER_SEGMENT * survey.spans.len() as f64;
+    let seconds = seconds / rayon::current_num_threads() as f64;
     // The segments wait beside the output until the head is known.
     let megabytes = 2.0 * BYTES_PER_GAUSSIAN * 1e-6 * kept as f64;
     eprintln!(

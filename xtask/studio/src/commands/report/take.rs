@@ -130,23 +130,14 @@ fn measure_file(
     let (cuts, times) = (cuts(take), instants(take));
     let progress = StagedProgress::visible();
 
-    progress.stage("over time", times.len());
     let mut walk = TakeWalk::of_file(&file);
+    progress.stage("over time", times.len());
     let mut instants = Vec::new();
-    for &(t_s, is_cut) in &times {
-        instants.push(instant(&mut walk, compared.as_mut(), &camera, (t_s, is_cut))?);
+    for &time in &times {
+        instants.push(instant(&mut walk, compared.as_mut(), &camera, time)?);
         progress.step();
     }
-    let mut of_layers = LayerErrors::new(layers);
-    if layers > 1 {
-        progress.stage("layers", LAYER_INSTANTS);
-        for i in 0..LAYER_INSTANTS {
-            let t_s = (i as f64 + 0.5) / LAYER_INSTANTS as f64 * take.duration_s;
-            walk.go_to(t_s)?;
-            of_layers.add(&walk, &camera, t_s);
-            progress.step();
-        }
-    }
+    let of_layers = LayerErrors::measure(layers, &mut walk, &camera, &progress)?;
     progress.stage("segments", take.segments.len());
     let left_out = left_out(&file, || progress.step())?;
     progress.finish();
@@ -259,6 +250,25 @@ struct LayerErrors {
 impl LayerErrors {
     fn new(layers: usize) -> LayerErrors {
         LayerErrors { instants: Vec::new(), squared_errors: vec![0.0; layers], fragments: vec![0; layers] }
+    }
+
+    /// Goes to several instants and compares the first layers with all; to none where there is one layer.
+    fn measure(
+        layers: usize,
+        walk: &mut TakeWalk,
+        camera: &Camera,
+        progress: &StagedProgress,
+    ) -> anyhow::Result<LayerErrors> {
+        let mut errors = LayerErrors::new(layers);
+        let count = if layers > 1 { LAYER_INSTANTS } else { 0 };
+        progress.stage("layers", count);
+        for i in 0..count {
+            let t_s = (i as f64 + 0.5) / count as f64 * walk.duration_s();
+            walk.go_to(t_s)?;
+            errors.add(walk, camera, t_s);
+            progress.step();
+        }
+        Ok(errors)
     }
 
     /// Adds the pictures of an instant that the walk has gone to.

@@ -69,7 +69,7 @@ pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Res
         ("subject", Value::from(name.as_str())),
         ("machine", Value::from(machine.as_str())),
         ("setup", serde_json::to_value(&playing.setup)?),
-        ("knobs", knobs(parameters)?),
+        ("knobs", values(parameters)?),
         ("parts", serde_json::to_value(&playing.features)?),
         ("beaten_defaults", findings.beaten_defaults().into()),
     ];
@@ -77,7 +77,7 @@ pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Res
 }
 
 /// The values of all parameters, in a list.
-pub(super) fn knobs(parameters: &[Parameter]) -> anyhow::Result<Value> {
+pub(super) fn values(parameters: &[Parameter]) -> anyhow::Result<Value> {
     Ok(serde_json::to_value(rows(parameters).collect::<Vec<_>>())?)
 }
 

@@ -216,7 +216,7 @@ impl TakeFindings {
             ("over_time", serde_json::to_value(&self.instants)?),
             ("worst", serde_json::to_value(self.worst())?),
             ("layers_over_time", serde_json::to_value(&self.layers)?),
-            ("knobs", rows::knobs(&parameters)?),
+            ("knobs", rows::values(&parameters)?),
             ("left_out", serde_json::to_value(&self.left_out)?),
         ];
         Ok(values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
