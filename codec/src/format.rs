@@ -43,7 +43,7 @@ pub(crate) const LAYERS_MAX: usize = 16;
 pub(crate) const CHUNK_ROWS: usize = 4096;
 
 /// Largest number of segments of a take.
-pub(crate) const SEGMENTS_MAX: usize = 65_536;
+pub const SEGMENTS_MAX: usize = 65_536;
 
 /// Bytes of an entry of the segment table before its layers.
 pub(crate) const SEGMENT_BYTES: usize = 24;
@@ -51,5 +51,5 @@ pub(crate) const SEGMENT_BYTES: usize = 24;
 /// Bytes of a layer in an entry of the segment table.
 pub(crate) const SEGMENT_LAYER_BYTES: usize = 8;
 
-/// Most segments that hold one instant.
-pub(crate) const RESIDENT_MAX: usize = 32;
+/// Most segments of a take that hold one instant.
+pub const RESIDENT_MAX: usize = 32;

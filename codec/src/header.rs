@@ -176,6 +176,16 @@ pub(crate) struct PlannedSection {
 }
 
 impl Contents {
+    /// Compares the checksums of all sections but those of unknown kinds with their bytes in the whole `package`,
+    /// without decoding anything.
+    ///
+    /// # Errors
+    /// [`Error::Format`] at the first section that is damaged, or that `package` ends before.
+    pub fn check_sections(&self, package: &[u8]) -> Result<(), Error> {
+        let is_known = |section: &&Section| !matches!(section.kind, SectionKind::Unknown(_));
+        self.sections.iter().filter(is_known).try_for_each(|section| section.payload(package).map(drop))
+    }
+
     /// Length of the whole package in bytes.
     pub fn package_bytes(&self) -> usize {
         self.sections.last().map_or(self.head_bytes, Section::end)

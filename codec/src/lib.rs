@@ -18,6 +18,7 @@
 //! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
 //! | read the head of a clip or a take; an ordinary clip as a take | [`package`](package()), [`Take::from`] | |
 //! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`] | |
+//! | check segments without decoding them | [`Take::segment_contents`], [`Contents::check_sections`] | |
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
@@ -140,7 +141,7 @@ pub use encode::{EncodeOptions, Source, encode, encode_parallel};
 pub use error::EncodeError;
 pub use error::{Error, FormatError};
 pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
-pub use format::{VERSION_MINOR, VERSIONS};
+pub use format::{RESIDENT_MAX, SEGMENTS_MAX, VERSION_MINOR, VERSIONS};
 pub use header::{Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
@@ -149,7 +150,7 @@ pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};
-pub use take::{Package, Segment, SegmentLayer, Take, package};
+pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
-pub use take::{SegmentPackage, SplitSegment, encode_take_head, split, take_order};
+pub use take::{SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
 pub use time_index::TimeIndex;

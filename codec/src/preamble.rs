@@ -67,6 +67,18 @@ impl<'a> Head<'a> {
         Ok(Head { body, version_major, version_minor, crc: stored })
     }
 
+    /// Offset and value of the checksum that a head at the beginning of `bytes` ends with, of which nothing else is
+    /// checked. `None` if no head is there.
+    pub(crate) fn stored_crc(bytes: &[u8]) -> Option<(usize, u32)> {
+        let number = |at: usize| {
+            let bytes = bytes.get(at..at.checked_add(4)?)?;
+            Some(u32::from_le_bytes(bytes.try_into().ok()?))
+        };
+        let length = number(8).filter(|_| bytes.starts_with(&MAGIC))? as usize;
+        let at = length.checked_sub(4).filter(|_| length >= FIXED_BYTES + 4)?;
+        Some((at, number(at)?))
+    }
+
     /// Whether this is the head of a take.
     pub(crate) fn is_take(&self) -> bool {
         self.version_major >= TAKES_SINCE && self.body[LAYERS_OFFSET] == 0

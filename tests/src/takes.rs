@@ -3,11 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use client::gpu::PlateLayout;
-use client::gpu::{Gpu, PackedSegment, Renderer, SlotId, Span, TakeLayout};
+use client::gpu::{PlateLayout, Span, TakeLayout};
 use codec::{ALPHA_MIN, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
 use glam::DVec3;
-use program::Fault;
 
 use crate::scene::{Motion, Recipe};
 
@@ -54,54 +52,6 @@ impl SplitTake {
             held.map(|(_, clip)| clip.len()).sum()
         };
         self.segments.iter().map(|(span, _)| at(span.start_s)).max().unwrap_or(0)
-    }
-}
-
-/// Plays a take: holds the segments of the instant, as a player does at least.
-pub struct Player {
-    layout: TakeLayout,
-    resident: Vec<Option<SlotId>>,
-}
-
-impl Player {
-    /// For a take of `layout` with `segments` segments.
-    pub fn new(layout: TakeLayout, segments: usize) -> Player {
-        Player { layout, resident: vec![None; segments] }
-    }
-
-    /// Removes the segments that do not hold the instant `t_s`, and inserts and uploads those that do, in pieces of
-    /// `piece` bytes. Returns the number of segments that came or went.
-    ///
-    /// # Errors
-    /// If a segment cannot be packed, or there is no room.
-    pub fn seek(
-        &mut self,
-        gpu: &Gpu,
-        renderer: &mut Renderer,
-        take: &SplitTake,
-        t_s: f64,
-        piece: usize,
-    ) -> Result<usize, Fault> {
-        let slots = renderer.slots().expect("it draws a take");
-        let mut changes = 0;
-        for ((span, _), resident) in take.segments.iter().zip(&mut self.resident) {
-            if !span.holds(t_s, take.duration_s)
-                && let Some(id) = resident.take()
-            {
-                slots.remove(id);
-                changes += 1;
-            }
-        }
-        for ((span, clip), resident) in take.segments.iter().zip(&mut self.resident) {
-            if span.holds(t_s, take.duration_s) && resident.is_none() {
-                let packed = PackedSegment::new(clip, *span, &self.layout)?;
-                let id = slots.insert(packed).ok_or_else(|| Fault::Device("no room".into()))?;
-                *resident = Some(id);
-                changes += 1;
-            }
-        }
-        while slots.upload(gpu, piece) > 0 {}
-        Ok(changes)
     }
 }
 

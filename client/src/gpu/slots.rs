@@ -21,6 +21,9 @@ use super::segment::{PackedPart, PackedSegment, TakeLayout};
 use super::span::Span;
 use super::stages::evaluate::Buffers;
 
+// An instant of a take is held by no more segments.
+const _: () = assert!(SLOTS as usize >= codec::RESIDENT_MAX);
+
 /// A segment in [`Slots`]. Never equal to that of another segment of the same take, also after its removal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SlotId {

@@ -1,5 +1,7 @@
 //! [`Span`]: the part of a take that a segment lasts.
 
+use codec::span_holds;
+
 /// The seconds of a take that a segment spans. Its clip time runs from 0 to 1 in them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
@@ -9,19 +11,13 @@ pub struct Span {
     pub duration_s: f64,
 }
 
-/// Starts and ends are compared with this tolerance, in seconds: an end is a sum, and where it is rounded below the
-/// start of the next segment, the instant between them would show neither. Steps of f64 are 5e-13 s after an hour.
-const ROUNDING_S: f64 = 1e-9;
-
 impl Span {
     /// The span of the only segment of a clip, in units of the clip.
     pub(super) const WHOLE: Span = Span { start_s: 0.0, duration_s: 1.0 };
 
-    /// Whether the segment is drawn at the instant `t_s` of a take of `take_s` seconds: from its start until before its
-    /// end; at the end of the take, if that is also its end.
+    /// Whether the segment is drawn at the instant `t_s` of a take of `take_s` seconds, as [`span_holds`] has it.
     pub fn holds(&self, t_s: f64, take_s: f64) -> bool {
-        let (t_s, end_s) = (t_s + ROUNDING_S, self.start_s + self.duration_s);
-        self.start_s <= t_s && (t_s < end_s || take_s <= end_s + ROUNDING_S)
+        span_holds(self.start_s, self.start_s + self.duration_s, take_s, t_s)
     }
 
     /// Clip time of the segment at the instant `t_s` of the take, from 0 to 1.

@@ -1,7 +1,9 @@
-//! [`Take::decode_segment`]: decodes one segment of a take.
+//! [`Take::segment_contents`] and [`Take::decode_segment`]: read the head of one segment of a take, and decode it.
 //!
 //! A segment is a clip package. Its head is compared with the table of the take, and its Gaussians are decoded
-//! into the columns of the take, so that all segments have the same ones.
+//! into the columns of the take, so that all segments have the same ones. The checksum at the end of the head is
+//! compared before anything is read: where other bytes stand in place of a segment, the error says so, and does not
+//! depend on those bytes.
 
 use std::num::NonZero;
 
@@ -37,6 +39,20 @@ impl Take {
         self.decode_at_zero(index, bytes, limits, threads).map_err(|error| error.rebased(base))
     }
 
+    /// Reads the head of segment `index` from the bytes of its package, or from a prefix that has its first layer,
+    /// without decoding any Gaussian, and compares it with the table.
+    ///
+    /// # Errors
+    /// As [`Take::decode_segment`].
+    ///
+    /// # Panics
+    /// If there is no such segment.
+    pub fn segment_contents(&self, index: usize, bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
+        let base = usize::try_from(self.segments[index].offset).unwrap_or(usize::MAX);
+        let mut budget = Budget::new(limits);
+        self.contents_at_zero(index, bytes, limits, &mut budget).map_err(|error| error.rebased(base))
+    }
+
     /// Decodes a segment; errors have offsets in its package.
     fn decode_at_zero(
         &self,
@@ -46,25 +62,45 @@ impl Take {
         threads: NonZero<usize>,
     ) -> Result<Clip, Error> {
         let mut budget = Budget::new(limits);
+        let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
+        decode_contents(bytes, contents, self.columns(), &mut budget, threads)
+    }
+
+    /// Reads the head of a segment; errors have offsets in its package.
+    fn contents_at_zero(
+        &self,
+        index: usize,
+        bytes: &[u8],
+        limits: &Limits,
+        budget: &mut Budget,
+    ) -> Result<Contents, Error> {
         budget.spend(self.table_bytes)?;
         let (needed, available) =
             (self.segments[index].layers.first().map_or(0, |layer| layer.bytes), bytes.len());
         if available < needed {
             return Err(Error::format(available, FormatError::Truncated { needed, available }));
         }
+        self.check_announced(index, bytes)?;
         let head = Head::checked(bytes)?;
-        let announced = self.segments[index].head_crc;
-        if head.crc != announced {
-            let [expected, found] = [announced, head.crc].map(|crc| format!("a head with CRC-32 {crc:08x}"));
-            let error = FormatError::Segment { segment: index, expected, found };
-            return Err(Error::format(head.bytes() - 4, error));
-        }
         if head.is_take() {
             return Err(Error::format(LAYERS_OFFSET, FormatError::Take));
         }
-        let contents = contents_of(&head, bytes.len(), limits, &mut budget)?;
+        let contents = contents_of(&head, bytes.len(), limits, budget)?;
         self.check_segment(index, &contents)?;
-        decode_contents(bytes, contents, self.columns(), &mut budget, threads)
+        Ok(contents)
+    }
+
+    /// Checks that `bytes` end their head with the checksum that the table announces for segment `index`.
+    fn check_announced(&self, index: usize, bytes: &[u8]) -> Result<(), Error> {
+        let announced = self.segments[index].head_crc;
+        let (at, found) = match Head::stored_crc(bytes) {
+            Some((_, crc)) if crc == announced => return Ok(()),
+            Some((at, crc)) => (at, format!("one with CRC-32 {crc:08x}")),
+            None if bytes.iter().all(|byte| *byte == 0) => (0, "only zeros".into()),
+            None => (0, "other bytes".into()),
+        };
+        let expected = format!("a head with CRC-32 {announced:08x}");
+        Err(Error::format(at, FormatError::Segment { segment: index, expected, found }))
     }
 
     /// Checks the head of a segment against the head and the table of the take.

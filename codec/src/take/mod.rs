@@ -3,6 +3,7 @@
 mod decode;
 mod head;
 mod package;
+mod span;
 #[cfg(feature = "encode")]
 mod split;
 mod table;
@@ -10,8 +11,9 @@ mod table;
 #[cfg(feature = "encode")]
 pub use head::{SegmentPackage, encode_take_head};
 pub use package::{Package, package};
+pub use span::{Resident, SPAN_TOLERANCE_S, span_holds};
 #[cfg(feature = "encode")]
-pub use split::{SplitSegment, split};
+pub use split::{SplitSegment, retime, split};
 #[cfg(feature = "encode")]
 pub use table::take_order;
 pub use table::{Segment, SegmentLayer, Take};

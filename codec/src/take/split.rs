@@ -117,11 +117,12 @@ impl Grid {
 }
 
 /// Rewrites times of a clip of `duration_s` seconds in clip time of a span of it, from `start_s` for `span_s`
-/// seconds.
+/// seconds. Times are computed in f64 and rounded to f32 once; beyond the range of f32, centre and width of a window
+/// shrink together, so that it stays on.
 ///
 /// With `t = (start + u span) / duration`, where `u` is clip time of the span, `t - tau = (u - tau') span /
 /// duration`.
-fn retime(temporal: &mut Temporal, duration_s: f64, start_s: f64, span_s: f64) {
+pub fn retime(temporal: &mut Temporal, duration_s: f64, start_s: f64, span_s: f64) {
     let scale = span_s / duration_s;
     for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s) {
         let center = (f64::from(*tau) * duration_s - start_s) / span_s;
@@ -140,5 +141,56 @@ fn retime(temporal: &mut Temporal, duration_s: f64, start_s: f64, span_s: f64) {
     }
     for rate in temporal.rotation_rates.iter_mut().flatten() {
         *rate = rate.map(|x| (f64::from(x) * scale) as f32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_clip_shows_the_same_at_the_same_second() {
+        let field = Field {
+            centers: vec![[1.0, 2.0, 3.0]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[-1.0; 3]],
+            opacities: vec![0.9],
+            sh_degree: 0,
+            sh: vec![[0.0; 3]],
+            temporal: Some(Temporal {
+                tau: vec![0.5],
+                s: vec![0.125],
+                motion_order: 3,
+                motion: vec![[1.0, 0.0, 2.0], [0.0, 4.0, 0.0], [8.0, 0.0, 0.0]],
+                rotation_rates: Some(vec![[0.0, 1.0, 0.0, 0.0]]),
+            }),
+            ..Field::default()
+        };
+        let mut part = field.clone();
+        retime(part.temporal.as_mut().unwrap(), 8.0, 2.0, 4.0);
+        for u in [0.0, 0.25, 0.9] {
+            let t = 0.25 + 0.5 * u;
+            assert!((part.opacity_at(0, u) - field.opacity_at(0, t)).abs() < 1e-12);
+            let (a, b) = (part.position_at(0, u), field.position_at(0, t));
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+            let (a, b) = (part.rotation_at(0, u), field.rotation_at(0, t));
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn windows_stay_on_in_a_part_far_shorter_than_they_are() {
+        let mut temporal = Temporal {
+            tau: vec![0.5, 1e30, 0.5],
+            s: vec![f32::MAX, 2e30, f32::INFINITY],
+            motion_order: 0,
+            ..Temporal::default()
+        };
+        retime(&mut temporal, 1.0, 0.25, 1e-12);
+        for (tau, s) in temporal.tau.iter().zip(&temporal.s) {
+            assert!(tau.is_finite() && *s > 0.0, "{tau} {s}");
+        }
+        let quotient = |i: usize| temporal.tau[i] / temporal.s[i];
+        assert!(quotient(0).abs() < 1e-6 && (quotient(1) - 0.5).abs() < 1e-6 && quotient(2) == 0.0);
     }
 }

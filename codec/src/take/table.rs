@@ -8,8 +8,8 @@ use std::cmp::Ordering;
 use crate::{
     ClipInfo, Coder, Contents, PixelFilter,
     columns::{PackageColumns, TemporalColumns},
-    counters::Work,
     format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX},
+    take::span::{Resident, span_holds},
 };
 
 /// The head of a take: metadata and the table of segments.
@@ -86,12 +86,6 @@ impl Segment {
         self.start_s + self.duration_s
     }
 
-    /// Whether the span holds time `t_s` of the take: from its start up to, but without, its end. The last instant
-    /// of a take is held too by the segments that end there; see [`Take::holds`].
-    pub fn holds(&self, t_s: f64) -> bool {
-        self.start_s <= t_s && t_s < self.end_s()
-    }
-
     /// The segment's clip time at time `t_s` of the take: 0 at its start, 1 at its end, not cut to either.
     pub fn clip_time(&self, t_s: f64) -> f64 {
         (t_s - self.start_s) / self.duration_s
@@ -114,16 +108,13 @@ impl Segment {
 }
 
 impl Take {
-    /// Whether segment `index` is seen at time `t_s` of the take, which is cut to `[0, duration_s]`: if its
-    /// span holds
-    /// the time, or ends with the take and the time is the last of it.
+    /// Whether segment `index` is seen at time `t_s` of the take, as [`span_holds`] has it.
     ///
     /// # Panics
     /// If there is no such segment.
     pub fn holds(&self, index: usize, t_s: f64) -> bool {
         let segment = &self.segments[index];
-        let t_s = t_s.max(0.0).min(self.duration_s);
-        segment.start_s <= t_s && (t_s < segment.end_s() || self.duration_s <= t_s && t_s <= segment.end_s())
+        span_holds(segment.start_s, segment.end_s(), self.duration_s, t_s)
     }
 
     /// Numbers of the segments that are seen at time `t_s` of the take, which is cut to `[0, duration_s]`,
@@ -142,9 +133,10 @@ impl Take {
     /// Largest number of Gaussians in the segments that hold one instant, plates included.
     pub fn resident_max(&self) -> usize {
         let (mut resident, mut largest) = (Resident::default(), 0);
-        for segment in &self.segments {
-            resident.enter(segment.start_s, segment.end_s(), segment.gaussians());
-            largest = largest.max(resident.gaussians());
+        for (i, segment) in self.segments.iter().enumerate() {
+            resident.enter(i, segment.start_s, segment.end_s());
+            let gaussians = resident.numbers().map(|number| self.segments[number].gaussians());
+            largest = largest.max(gaussians.fold(0, usize::saturating_add));
         }
         largest
     }
@@ -197,9 +189,10 @@ impl Take {
                 return broken(Some(i), "order of segments", &segment.span());
             }
             previous = Some(segment.span());
-            resident.enter(start_s, segment.end_s(), segment.gaussians());
-            if resident.0.len() > RESIDENT_MAX {
-                return broken(Some(i), "number of segments that hold one instant", &resident.0.len());
+            resident.enter(i, start_s, segment.end_s());
+            let held = resident.numbers().len();
+            if held > RESIDENT_MAX {
+                return broken(Some(i), "number of segments that hold one instant", &held);
             }
         }
         Ok(())
@@ -277,21 +270,4 @@ pub fn take_order(duration_s: f64, spans: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..spans.len()).collect();
     order.sort_by(|&a, &b| compare_spans(duration_s, spans[a], spans[b]));
     order
-}
-
-/// Ends and Gaussians of the segments that hold an instant, while segments enter in the order of their starts.
-#[derive(Default)]
-struct Resident(Vec<(f64, usize)>);
-
-impl Resident {
-    /// Removes the segments that have ended at `start_s`, and adds one.
-    fn enter(&mut self, start_s: f64, end_s: f64, gaussians: usize) {
-        Work::Sections.count(1 + self.0.len());
-        self.0.retain(|(end, _)| *end > start_s);
-        self.0.push((end_s, gaussians));
-    }
-
-    fn gaussians(&self) -> usize {
-        self.0.iter().fold(0, |sum, (_, gaussians)| sum.saturating_add(*gaussians))
-    }
 }

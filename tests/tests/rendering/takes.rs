@@ -5,12 +5,13 @@ use std::sync::Arc;
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
-use aarc_tests::takes::{Player, SplitTake, clip_of, layout_of};
+use aarc_tests::takes::{SplitTake, clip_of, layout_of};
 use client::gpu::{
     ChannelDepth, Gpu, GpuClip, PackedSegment, RenderSettings, Renderer, SlotId, Span, TakeLayout,
 };
 use codec::{Camera, Clip, Field, PixelFilter};
 use libtest_mimic::Trial;
+use measure::resident::ResidentSegments;
 use program::Fault;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
@@ -124,7 +125,7 @@ fn split(gpu: &Gpu, stereo: bool) -> Result<(), String> {
         return Err("all segments are resident, so no row is used again".into());
     }
     let mut drawing = drawing(gpu, layout, &cameras)?;
-    let mut player = Player::new(layout, take.segments.len());
+    let mut player = ResidentSegments::new(layout, take.segments.len());
     let scene = RenderScene::from(&take.field);
     // On cuts, between them, forwards and back.
     let steps = if stereo { 9 } else { 61 };
@@ -132,7 +133,7 @@ fn split(gpu: &Gpu, stereo: bool) -> Result<(), String> {
     let (mut changes, mut before, mut pictures) = (0, None::<Image>, 0);
     for t_s in times.chain([7.77, 1.5, 20.2, 2.999_999, 3.0]) {
         let t = t_s / take.duration_s;
-        changes += player.seek(gpu, drawing.renderer(), &take, t_s, PIECE).map_err(text)?;
+        changes += player.seek(gpu, drawing.renderer(), &take.segments, t_s, PIECE).map_err(text)?;
         let images = drawing.frame(t, &RenderSettings::default()).map_err(text)?;
         for (eye, (image, camera)) in images.iter().zip(&cameras).enumerate() {
             let expected = render(&scene, camera, t, Order::Depth);
@@ -157,13 +158,13 @@ fn foveated(gpu: &Gpu) -> Result<(), String> {
     let camera = camera(Place::Near, SIZE.0, SIZE.1);
     let layout = take.layout(take.resident_max() * 3 / 2);
     let mut split = drawing(gpu, layout, std::slice::from_ref(&camera))?;
-    let mut player = Player::new(layout, take.segments.len());
+    let mut player = ResidentSegments::new(layout, take.segments.len());
     let on_gpu = Arc::new(GpuClip::upload(gpu, &clip_of(&take.field)).map_err(text)?);
     let mut unsplit =
         Drawing::new(gpu, on_gpu, std::slice::from_ref(&camera), ChannelDepth::Sixteen).map_err(text)?;
     for (t_s, inset) in [(0.7, Some(0.4)), (6.0, Some(0.4)), (11.3, None), (23.9, Some(0.3))] {
         let settings = RenderSettings { inset, ..RenderSettings::default() };
-        player.seek(gpu, split.renderer(), &take, t_s, PIECE).map_err(text)?;
+        player.seek(gpu, split.renderer(), &take.segments, t_s, PIECE).map_err(text)?;
         let draw = |drawing: &mut Drawing<'_>| {
             let image = drawing.frame(t_s / take.duration_s, &settings).map_err(text)?.remove(0);
             Ok::<_, String>((image, drawing.renderer().count(gpu).map_err(text)?))

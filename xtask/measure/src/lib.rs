@@ -7,5 +7,6 @@
 pub mod device;
 pub mod parameter;
 pub mod playing;
+pub mod resident;
 pub mod scene;
 pub mod stability;

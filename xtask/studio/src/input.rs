@@ -225,6 +225,24 @@ pub fn is_package(path: &Path) -> bool {
         && magic == PACKAGE_MAGIC
 }
 
+/// Whether a path is that of a take: a package of segments, or a field folder.
+///
+/// # Errors
+/// [`Fault::Data`] if it is a package with a damaged head.
+pub fn is_take(path: &Path) -> Result<bool, Fault> {
+    Ok(FieldFolder::is_one(path) || is_package(path) && !TakeFile::open(path)?.is_clip())
+}
+
+/// The fault of a take where one field is expected: what to do instead.
+pub(crate) fn not_one_field(path: &Path) -> Fault {
+    let name = path.display();
+    let advice = match FieldFolder::is_one(path) {
+        true => "name a field file in it",
+        false => "make it one field with `export --ply`",
+    };
+    Fault::Data(format!("{name}: a take of segments, where one field is expected; {advice}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -11,6 +11,7 @@ pub mod export;
 pub mod fit;
 pub mod import;
 pub mod input;
+mod left_out;
 pub mod lpips_weights;
 pub mod machine;
 mod messages;

@@ -117,6 +117,11 @@ impl Scene {
         Ok(Scene { is_segment: true, ..scene })
     }
 
+    /// Whether `path` is a folder with a field file.
+    pub(crate) fn has_field(path: &Path) -> bool {
+        list(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)))
+    }
+
     /// The scene of a folder with entries `names`.
     fn in_folder(folder: &Path, field: &Path, names: &[String]) -> anyhow::Result<Scene> {
         let subject = import(field)?;

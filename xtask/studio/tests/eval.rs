@@ -197,6 +197,45 @@ fn assert_exact(folder: &Path, expected: &[(&str, u64)]) {
     assert_eq!(splits.as_object().unwrap().len(), names.len(), "{splits}");
 }
 
+/// A field of short lives, its field folder, and a take that it is split into, of which every frame has several
+/// segments.
+#[test]
+fn a_take_is_compared_like_its_field() {
+    let (folder, mut field) = lively_studio();
+    let temporal = field.temporal.as_mut().unwrap();
+    for (i, (tau, s)) in temporal.tau.iter_mut().zip(&mut temporal.s).enumerate() {
+        *tau = (i % 97) as f32 / 96.0;
+        *s = if i % 3 == 0 { 0.05 } else { f32::INFINITY };
+    }
+    fs::write(folder.path().join("field.ply"), field_file(&field, &clip_info())).unwrap();
+    photograph(folder.path(), &field);
+    write_manifest(folder.path(), |_| {});
+    let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    run("join field.ply -o folder").success();
+    run("package field.ply --split 0.02 --coder fixed -o take.aarc").success();
+    let segments = run("inspect take.aarc --json").json()["course"]["rows"][0]["segments"].as_u64().unwrap();
+    assert!(segments > 2, "{segments}");
+    let psnr = |subject: &str| {
+        let eval = run(&format!("eval {subject} --capture . -o out-{subject} --json")).json();
+        // Absent where no picture differs.
+        let psnr = |split: &str| eval["splits"][split]["psnr_full"].as_f64().unwrap_or(f64::INFINITY);
+        ["train", "recon"].map(psnr)
+    };
+    let of_field = psnr("field.ply");
+    // Photographs have 8 bits.
+    assert!(of_field.iter().all(|db| *db > 55.0), "{of_field:?}");
+    assert_eq!(psnr("folder"), of_field);
+    let of_take = psnr("take.aarc");
+    assert!(of_take.iter().all(|db| *db > 38.0), "{of_take:?}");
+    let written = |name: &str| folder.path().join("out-take.aarc").join(name).is_file();
+    assert!(["eval.md", "eval.csv", "quarter_frames.png"].into_iter().all(written));
+    // Half of it is another clip.
+    run("trim take.aarc --from 0 --to 0.1 -o half.aarc").success();
+    run("join half.aarc half.aarc -o twice").success();
+    let of_another = psnr("twice");
+    assert!(of_another.iter().zip(&of_take).all(|(another, take)| *another < take - 10.0), "{of_another:?}");
+}
+
 #[test]
 fn every_layout_shows_the_same() {
     let (folder, _) = stage();

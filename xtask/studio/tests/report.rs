@@ -6,7 +6,8 @@ mod tool;
 
 use std::fs;
 
-use serde_json::Value;
+use codec::Field;
+use serde_json::{Value, json};
 use small_stage::stage;
 use studio::export::field_file;
 use support::{field, info};
@@ -104,6 +105,115 @@ fn a_refinement_is_judged_by_photographs_that_are_held_out() {
     let all = [&args[..5], &["stage"], &held].concat();
     assert!(aarc_studio(folder.path(), &all).error(3).contains("photograph"), "none is left to refine on");
     assert!(!folder.path().join("report").exists());
+}
+
+/// A take of two segments, of which the first has two layers, compared with its fields and with others.
+#[test]
+fn a_take_is_measured_over_time() {
+    let folder = tempdir().unwrap();
+    let small = |len: usize| Field { log_scales: vec![[-3.0; 3]; len], ..field(len, 0, Some(1), false) };
+    for (name, len) in [("a", 6000), ("b", 300)] {
+        fs::write(folder.path().join(name).with_extension("ply"), field_file(&small(len), &info())).unwrap();
+    }
+    let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    run("join a.ply b.ply -o take").success();
+    run("join b.ply a.ply -o turned").success();
+    run("package take -o take.aarc --coder fixed").success();
+    let report = run("report take.aarc take --size 64x48 -o out --json").json();
+    assert_eq!((&report["subject"], &report["setup"]["reference"]), (&"take".into(), &"take".into()));
+    let cut = f64::from(info().duration_s);
+    assert_eq!(report["cuts_s"], json!([cut]));
+    let over_time = report["over_time"].as_array().unwrap();
+    assert!(over_time.windows(2).all(|pair| pair[0]["t_s"].as_f64() < pair[1]["t_s"].as_f64()));
+    let at_cut: Vec<&Value> = over_time.iter().filter(|instant| instant["is_cut"] == true).collect();
+    assert_eq!(at_cut.len(), 2, "before the cut and at it");
+    let all = |key: &str| at_cut.iter().map(|instant| instant[key].clone()).collect::<Vec<_>>();
+    // Without those that cannot be seen.
+    let inspected = run("inspect take.aarc --json").json();
+    let segment = |i: usize| &inspected["segments"][i];
+    let gaussians = [0, 1].map(|i| segment(i)["gaussians"].clone());
+    assert_eq!((all("segments"), all("resident")), (vec![json!(1); 2], gaussians.to_vec()));
+    let fragments = |instant: &Value| instant["fragments_per_pixel"].as_f64().unwrap();
+    assert!(fragments(at_cut[0]) > 5.0 * fragments(at_cut[1]), "{at_cut:?}");
+    assert!(report["worst"]["psnr_db"].as_f64().unwrap() > 35.0, "{}", report["worst"]);
+    let decoded: u64 =
+        report["course"]["rows"].as_array().unwrap().iter().map(|row| row["decoded"].as_u64().unwrap()).sum();
+    assert_eq!(Some(decoded), report["setup"]["gaussians"].as_u64());
+    assert_eq!(report["course"], inspected["course"]);
+
+    let layers = report["knobs"].as_array().unwrap();
+    let of = |key: &str| layers.iter().map(|layer| layer[key].clone()).collect::<Vec<_>>();
+    assert_eq!(of("value"), ["1", "2, all"]);
+    let size = fs::metadata(folder.path().join("take.aarc")).unwrap().len() as f64;
+    let counts = |i: usize, key: &str| layers[i]["counts"][key].as_f64().unwrap();
+    let first_layers =
+        segment(0)["layers"][0]["gaussians"].as_f64().unwrap() + gaussians[1].as_f64().unwrap();
+    assert_eq!(
+        (counts(0, "gaussians_decoded"), counts(1, "gaussians_decoded")),
+        (first_layers, decoded as f64)
+    );
+    assert!(counts(0, "package_bytes") < size && counts(1, "package_bytes") == size);
+    assert!(layers[0]["error_db"].as_f64().unwrap() < 60.0 && layers[1]["error_db"].is_null(), "{layers:?}");
+    // Half of the instants are of the second segment, whose only layer is all of it.
+    let of_layers = report["layers_over_time"].as_array().unwrap();
+    let differs: Vec<bool> = of_layers.iter().map(|instant| !instant["psnr_db"][0].is_null()).collect();
+    assert_eq!(differs, [[true; 8], [false; 8]].concat());
+    let left_out: Vec<&str> =
+        report["left_out"].as_array().unwrap().iter().map(|part| part["part"].as_str().unwrap()).collect();
+    for part in ["plate", "rotation over time", "motion of power 2", "SH degree 1", "levels above the lowest"]
+    {
+        assert!(left_out.contains(&part), "no {part} in {left_out:?}");
+    }
+    assert!(!left_out.contains(&"layers after the first"));
+
+    let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert_eq!(page.matches("<svg").count(), 4, "two rows of charts, errors over time, layers");
+    assert!(page.contains("#969696") && page.contains("mark its 1 cut."), "the cut is marked");
+    let csv = fs::read_to_string(folder.path().join("out/over_time.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 1 + over_time.len());
+
+    let words = run("report take.aarc turned --size 64x48 -o turned-out").success().stdout;
+    let worst: f64 = words.split("worst ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(worst < 20.0 && words.contains("against turned"), "{words}");
+    let words = run("report take.aarc --size 64x48 -o alone").success().stdout;
+    assert!(words.contains("error    not compared: name the field folder"), "{words}");
+}
+
+#[test]
+fn a_field_folder_and_a_field_that_was_split_have_reports() {
+    let folder = tempdir().unwrap();
+    fs::write(folder.path().join("a.ply"), field_file(&field(200, 0, Some(1), false), &info())).unwrap();
+    let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    run("join a.ply a.ply -o take").success();
+    let report = run("report take --size 64x48 -o out --json").json();
+    assert_eq!(report["setup"]["segments"], 2);
+    assert!(report["worst"]["psnr_db"].as_f64().unwrap() > 40.0, "{}", report["worst"]);
+    assert_eq!((&report["knobs"], &report["layers_over_time"]), (&json!([]), &json!([])));
+    let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("Every segment has one layer") && page.contains("layers after the first"));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "the package is gone");
+
+    run("package a.ply --split 0.25 -o split.aarc --coder fixed").success();
+    let report = run("report split.aarc a.ply --size 64x48 -o out2 --json").json();
+    assert!(report["setup"]["segments"].as_u64().unwrap() > 3, "{}", report["setup"]);
+    assert!(report["worst"]["psnr_db"].as_f64().unwrap() > 35.0, "{}", report["worst"]);
+
+    // Another field, and options that are of clips.
+    let refused = run("report split.aarc take").error(2);
+    assert!(refused.contains("name the field that the take was packaged from"), "{refused}");
+    assert!(run("report split.aarc split.aarc").error(3).contains("a take is compared with its field"));
+    assert!(run("report take a.ply").error(2).contains("compared with itself"));
+    assert!(run("report split.aarc --fit-log a.csv").error(2).contains("--fit-log"));
+    assert!(run("report split.aarc a.ply a.ply").error(2).contains("a take and its field"));
+    assert!(run("report split.aarc --rd").error(3).contains("`export --ply`"));
+    assert!(run("report take --rd").error(3).contains("name a field file in it"));
+    let mut bytes = fs::read(folder.path().join("split.aarc")).unwrap();
+    let last = bytes.len() - 10;
+    bytes[last] ^= 1;
+    fs::write(folder.path().join("bad.aarc"), &bytes).unwrap();
+    assert!(run("report bad.aarc").error(3).contains("segment "));
+    fs::write(folder.path().join("bad.aarc"), &bytes[..last]).unwrap();
+    assert!(run("report bad.aarc").error(3).contains("cut short"));
 }
 
 #[test]

@@ -408,6 +408,97 @@ fn one_damaged_segment_is_named_and_the_others_are_shown() {
     assert!(run(&folder, "inspect bad.aarc").error(3).contains("4 extra bytes after"));
 }
 
+/// Where other bytes stand in place of a segment, that is said, and not what a parser makes of them.
+#[test]
+fn a_missing_segment_is_named_for_what_it_is() {
+    let (folder, _) = joined();
+    run(&folder, "package take -o take.aarc --coder fixed").success();
+    let good = read(&folder, "take.aarc");
+    let take = take_of(&good);
+    let middle = &take.segments[1];
+    let (from, to) = (middle.offset as usize, middle.offset as usize + middle.bytes());
+    let announced =
+        format!("not the one in the table: a head with CRC-32 {:08x} expected, ", middle.head_crc);
+    let text = b"HTTP/1.1 404 Not Found\r\n";
+    let others: [(&str, Vec<u8>); 3] = [
+        ("only zeros found", vec![0; to - from]),
+        ("other bytes found", text.iter().copied().cycle().take(to - from).collect()),
+        // A package of another version, cut or filled up.
+        ("one with CRC-32", {
+            let mut other = good[from..to].to_vec();
+            let head_bytes = u32::from_le_bytes(other[8..12].try_into().unwrap()) as usize;
+            other[4] = 9;
+            other[head_bytes - 1] ^= 1;
+            other
+        }),
+    ];
+    for (what, other) in others {
+        let bytes = [&good[..from], &other, &good[to..]].concat();
+        fs::write(folder.path().join("bad.aarc"), &bytes).unwrap();
+        let inspected = run(&folder, "inspect bad.aarc");
+        for line in [
+            inspected.stderr,
+            run(&folder, "trim bad.aarc --from 0 --to 1.2 -o part.aarc").error(3),
+            run(&folder, "render bad.aarc --time 1.2 -o a.png").error(3),
+        ] {
+            let cause = line.contains("segment 1, from 1 s: ") && line.contains(&announced);
+            assert!(cause && line.contains(what), "{what}: {line}");
+        }
+    }
+    assert!(!folder.path().join("part.aarc").exists());
+}
+
+#[test]
+fn trim_refuses_a_segment_of_which_a_section_is_damaged() {
+    let (folder, _) = joined();
+    run(&folder, "package take -o take.aarc --coder fixed").success();
+    let mut bytes = read(&folder, "take.aarc");
+    let middle = take_of(&bytes).segments[1].clone();
+    bytes[middle.offset as usize + middle.bytes() - 20] ^= 0x10;
+    fs::write(folder.path().join("bad.aarc"), &bytes).unwrap();
+    let refused = run(&folder, "trim bad.aarc --from 0 --to 1.2 -o part.aarc").error(3);
+    assert!(
+        refused.contains("segment 1, from 1 s: damaged chunk of Gaussians: CRC-32 is")
+            && refused.contains("of the segment; get the file again"),
+        "{refused}"
+    );
+    assert!(!folder.path().join("part.aarc").exists());
+    // It is left out of this part.
+    run(&folder, "trim bad.aarc --from 0 --to 1 -o part.aarc").success();
+}
+
+#[test]
+fn inspect_names_gaps_in_time() {
+    let (folder, _) = joined();
+    let path = folder.path().join("take/field.json");
+    let mut manifest: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    manifest["segments"][1]["duration_s"] = json!(0.25);
+    manifest["segments"][2]["duration_s"] = json!(0.5);
+    fs::write(&path, manifest.to_string()).unwrap();
+    run(&folder, "package take -o take.aarc --coder fixed").success();
+    assert_eq!(run(&folder, "inspect take.aarc --json").json()["gaps"], json!([[1.25, 1.5], [2.0, 2.25]]));
+    let words = run(&folder, "inspect take.aarc").success().stdout;
+    for gap in ["no segment shows 1.25 to 1.5 s", "no segment shows 2 to 2.25 s"] {
+        assert_eq!(words.lines().filter(|line| line.starts_with("gap") && line.ends_with(gap)).count(), 1);
+    }
+    // A take without any, whose cuts are no exact sums.
+    write(&folder.path().join("third.ply"), &small(40), 1.0 / 3.0);
+    run(&folder, "join third.ply third.ply third.ply -o thirds").success();
+    run(&folder, "package thirds -o thirds.aarc --coder fixed").success();
+    assert_eq!(run(&folder, "inspect thirds.aarc --json").json()["gaps"], json!([]));
+    assert!(!run(&folder, "inspect thirds.aarc").success().stdout.contains("no segment shows"));
+}
+
+#[test]
+fn one_segment_is_counted_in_the_singular() {
+    let folder = tempdir().unwrap();
+    write(&folder.path().join("a.ply"), &small(50), 1.0);
+    run(&folder, "join a.ply -o one").success();
+    let Outcome { stdout, stderr, .. } = run(&folder, "package one -o one.aarc --coder fixed").success();
+    assert!(stdout.contains("field folder of 1 segment\n"), "{stdout}");
+    assert!(stderr.contains("note: 1 segment, "), "{stderr}");
+}
+
 #[test]
 fn a_take_that_was_cut_short_shows_what_is_there() {
     let (folder, _) = joined();

@@ -24,7 +24,7 @@ mod shown;
 mod sort;
 mod splat;
 
-use codec::{Camera, Clip, Field};
+use codec::{Camera, Clip, Field, span_holds};
 
 pub(crate) use colors::Colors;
 pub use contribution::{Contribution, contributions};
@@ -77,12 +77,13 @@ pub struct SceneSpan {
 
 impl SceneSpan {
     /// Clip time of the segment at clip time `t` of the take, which is cut to `[0, 1]`; `None` while it is not shown.
-    /// The rule is that of [`codec::Take::holds`].
+    /// The rule is [`span_holds`].
     fn clip_time(&self, t: f64) -> Option<f64> {
         let SceneSpan { take_s, start_s, duration_s } = *self;
-        let (t_s, end_s) = (t.clamp(0.0, 1.0) * take_s, start_s + duration_s);
-        let holds = start_s <= t_s && (t_s < end_s || take_s <= t_s && t_s <= end_s);
-        holds.then_some((t_s - start_s) / duration_s)
+        let t_s = t.clamp(0.0, 1.0) * take_s;
+        let holds = span_holds(start_s, start_s + duration_s, take_s, t_s);
+        // Within the tolerance of the comparison it may be outside.
+        holds.then_some(((t_s - start_s) / duration_s).clamp(0.0, 1.0))
     }
 }
 

@@ -1,8 +1,9 @@
 //! [`StabilityCase`]: a scene to draw, and the largest deviation allowed between the GPU's image and the
 //! reference's.
 
-use client::gpu::SortOrder;
+use client::gpu::{SortOrder, Span, TakeLayout};
 use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
+use glam::DVec3;
 use refine::prune::PosedView;
 
 use crate::scene::info;
@@ -56,6 +57,8 @@ pub struct StabilityScene {
     pub clip: Clip,
     /// The clip that the reference renders instead of `clip`, if the renderer is expected to change it.
     pub meant: Option<Clip>,
+    /// The take that is drawn instead of `clip`, which is then its field unsplit.
+    pub take: Option<TakeScene>,
     /// Cameras and instants; all images have one size.
     pub posed_views: Vec<PosedView>,
     /// Sort order of the Gaussians.
@@ -65,6 +68,16 @@ pub struct StabilityScene {
     /// Whether every image must be blank. Otherwise a case whose images are all blank fails, because it tests
     /// nothing.
     pub blank: bool,
+}
+
+/// A take of segments.
+pub struct TakeScene {
+    /// Duration in seconds.
+    pub duration_s: f64,
+    /// The segments.
+    pub segments: Vec<(Span, Clip)>,
+    /// For each view, the clip time at which the reference draws the field unsplit.
+    pub meant: Vec<f64>,
 }
 
 /// Whether a package can hold a field.
@@ -103,6 +116,7 @@ impl StabilityScene {
         StabilityScene {
             clip: exact(field),
             meant: None,
+            take: None,
             posed_views,
             sort: SortOrder::Depth,
             coding: PackageExpectation::Taken,
@@ -123,6 +137,30 @@ impl StabilityScene {
     /// The same scene; the reference renders `field` instead.
     pub(super) fn meant(self, field: Field) -> StabilityScene {
         StabilityScene { meant: Some(exact(field)), ..self }
+    }
+}
+
+impl TakeScene {
+    /// What a renderer of the take is built for. `whole` is the field unsplit.
+    pub(super) fn layout(&self, whole: &Clip) -> TakeLayout {
+        let [low, high] = whole.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
+        let temporal = field_of(whole).temporal.as_ref();
+        // At one of the starts the most segments hold an instant.
+        let at = |t_s: f64| {
+            let held = self.segments.iter().filter(|(span, _)| span.holds(t_s, self.duration_s));
+            held.map(|(_, clip)| clip.len()).sum::<usize>()
+        };
+        TakeLayout {
+            sh_degree: whole.sh_degree(),
+            motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
+            rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
+            filter: whole.filter(),
+            origin: 0.5 * (low + high),
+            // Half of them for gaps between the rows of segments.
+            rows: 2 * self.segments.iter().map(|(span, _)| at(span.start_s)).max().unwrap_or(0),
+            duration_s: self.duration_s,
+            plate: None,
+        }
     }
 }
 

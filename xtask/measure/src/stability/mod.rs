@@ -5,7 +5,8 @@
 //! table; the test `stability` runs the same cases.
 //!
 //! The GPU draws the field itself, because a package can hold few of these fields. Fields that a package can hold
-//! are also drawn from packages by each coder; the encoder must refuse the others.
+//! are also drawn from packages by each coder; the encoder must refuse the others. A take is drawn segment by segment,
+//! and compared with its field unsplit.
 
 mod amount;
 mod case;
@@ -15,9 +16,10 @@ mod result;
 mod run;
 mod space;
 mod suite;
+mod takes;
 mod time;
 
-pub use case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene};
+pub use case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, TakeScene};
 pub use precision::along;
 pub use result::CaseResult;
 pub use run::run;
@@ -25,7 +27,10 @@ pub use suite::run_suite;
 
 /// All cases that need no file.
 pub fn cases() -> Vec<StabilityCase> {
-    [time::cases(), space::cases(), amount::cases(), precision::cases()].into_iter().flatten().collect()
+    [time::cases(), space::cases(), amount::cases(), precision::cases(), takes::cases()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 #[cfg(test)]

@@ -115,6 +115,7 @@ pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) 
             move || StabilityScene {
                 clip: clip.clone(),
                 meant: None,
+                take: None,
                 posed_views: posed_views.clone(),
                 sort: SortOrder::Depth,
                 coding: PackageExpectation::Untried("the field is drawn without encoding"),

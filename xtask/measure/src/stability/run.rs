@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::result::CaseResult;
-use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, SortOrder};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, Renderer, SortOrder};
+use client::takes::UPLOAD_BYTES_MAX;
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
@@ -14,6 +15,7 @@ use refine::prune::PosedView;
 
 use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, field_of};
 use crate::device::Drawing;
+use crate::resident::ResidentSegments;
 use crate::scene::info;
 
 /// Longest time of rendering a case in seconds, on any device.
@@ -153,22 +155,37 @@ fn measure(
 ) -> Result<f64, String> {
     let fault = |fault: program::Fault| fault.to_string();
     let settings = RenderSettings { sort: scene.sort, ..RenderSettings::default() };
-    let uploaded = meter.count(|| GpuClip::upload(gpu, clip)).map_err(fault)?;
-    meter.gpu_bytes = uploaded.bytes();
     let first = std::slice::from_ref(&scene.posed_views[0].camera);
-    let mut drawing =
-        meter.count(|| Drawing::new(gpu, Arc::new(uploaded), first, ChannelDepth::Sixteen)).map_err(fault)?;
+    let depth = ChannelDepth::Sixteen;
+    let mut drawing = meter
+        .count(|| match &scene.take {
+            None => Drawing::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), first, depth),
+            Some(take) => {
+                let layout = take.layout(clip);
+                Drawing::by(gpu, first, depth, |frame| Renderer::new_take(gpu, layout, frame))
+            }
+        })
+        .map_err(fault)?;
+    meter.gpu_bytes = drawing.renderer().clip().bytes();
+    let mut resident =
+        scene.take.as_ref().map(|take| ResidentSegments::new(take.layout(clip), take.segments.len()));
     let mut largest = 0f64;
     let mut shows = false;
     let mut before: Option<Image> = None;
-    for posed_view in &scene.posed_views {
+    for (i, posed_view) in scene.posed_views.iter().enumerate() {
         drawing.look(std::slice::from_ref(&posed_view.camera));
+        if let (Some(take), Some(resident)) = (&scene.take, &mut resident) {
+            let (renderer, t_s) = (drawing.renderer(), posed_view.t * take.duration_s);
+            meter
+                .count(|| resident.seek(gpu, renderer, &take.segments, t_s, UPLOAD_BYTES_MAX))
+                .map_err(fault)?;
+        }
         let mut images = meter.count(|| drawing.frame(posed_view.t, &settings)).map_err(fault)?;
         let image = images.pop().ok_or("no picture")?;
         check_bounded(&image).map_err(|what| format!("at {}: {what}", posed_view.t))?;
         let deviation = match measure {
-            DeviationKind::Largest => difference(&image, &expected(scene, clip, posed_view), f64::max),
-            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, posed_view)),
+            DeviationKind::Largest => difference(&image, &expected(scene, clip, i), f64::max),
+            DeviationKind::Mean => root_mean_square(&image, &expected(scene, clip, i)),
             DeviationKind::Change => before.map_or(0.0, |before| difference(&image, &before, f64::max)),
             DeviationKind::Place => off_its_place(&image, clip, posed_view),
         };
@@ -188,12 +205,14 @@ fn measure(
 }
 
 /// The reference's image of a view. Instants outside the clip are clamped to its ends.
-fn expected(scene: &StabilityScene, clip: &Clip, posed_view: &PosedView) -> Image {
+fn expected(scene: &StabilityScene, clip: &Clip, view: usize) -> Image {
+    let posed_view = &scene.posed_views[view];
     let order = match scene.sort {
         SortOrder::Depth => Order::Depth,
         SortOrder::Radial => Order::Radial,
     };
-    let t = if posed_view.t.is_nan() { 0.0 } else { posed_view.t.clamp(0.0, 1.0) };
+    let t = scene.take.as_ref().map_or(posed_view.t, |take| take.meant[view]);
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
     let drawn = scene.meant.as_ref().unwrap_or(clip);
     render(&reference::RenderScene::from(drawn), &posed_view.camera, t, order)
 }

@@ -8,7 +8,7 @@ use crate::capture::CaptureFiles;
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
-use crate::input::Input;
+use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
 use crate::takes::{List, ListedTake};
@@ -339,11 +339,10 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
 
 /// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
 fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
-    let input = Input::load(from)?;
-    if matches!(input, Input::Take(_)) {
-        let what = "a take of segments, where one field is expected; name a field file in it";
-        bail!(Fault::Usage(format!("--from {}: {what}", from.display())));
+    if is_take(from)? {
+        bail!(not_one_field(from));
     }
+    let input = Input::load(from)?;
     let source = FitSource::of(from, &input);
     let capture_files = match input.is_static() {
         true => args.selection.open(args.capture())?,

@@ -2,19 +2,18 @@
 //!
 //! Decodes the whole file, and so validates it.
 
-mod left_out;
 mod rows;
 mod take;
 
 use std::path::{Path, PathBuf};
 
 use crate::input::read_package;
+use crate::left_out::{LeftOut, gpu_bytes, left_out};
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
 use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
 use serde::Serialize;
 
-use left_out::{LeftOut, gpu_bytes, left_out};
 use rows::{Plate, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.

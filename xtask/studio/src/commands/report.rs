@@ -1,12 +1,15 @@
-//! `aarc-studio report`: measures cost and error of playing, packaging and fitting a clip, rate and
-//! distortion of packages, the stability of the renderer, and the ablation of a capture's fit.
+//! `aarc-studio report`: measures cost and error of playing, packaging and fitting a clip, cost and error of a take
+//! over time, rate and distortion of packages, the stability of the renderer, and the ablation of a capture's fit.
 
 mod ablation;
 #[cfg(feature = "measure")]
 mod page;
 #[cfg(feature = "measure")]
 mod stability;
+#[cfg(feature = "measure")]
+mod take;
 
+use crate::input::is_take;
 use crate::progress::StagedProgress;
 use crate::report::rd::{self, RdSettings};
 use crate::report::{ReportFile, ReportSubject};
@@ -28,12 +31,13 @@ use super::render::size;
 /// once, a gigabyte.
 const PIXELS_MAX: u64 = 1 << 19;
 
-/// Measure a clip, and write a page of error against run time and of what it does without.
+/// Measure a clip or a take, and write a page of error against run time and of what it does without.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A package, a fitted field file or a folder holding one; several with --rd or --stability; with --fit the
-    /// folder of a capture
-    #[arg(value_name = "CLIP|FIELD|CAPTURE", required_unless_present = "stability")]
+    /// A package, a fitted field file or a folder holding one, or a field folder; after a take, the field folder or the
+    /// field that it was packaged from, to compare it with; several with --rd or --stability; with --fit the folder of a
+    /// capture
+    #[arg(value_name = "CLIP|TAKE|FIELD|CAPTURE", required_unless_present = "stability")]
     fields: Vec<PathBuf>,
     /// Instead, rate and distortion: what each budget costs and keeps, by several ways to choose the
     /// Gaussians
@@ -55,7 +59,7 @@ pub struct Args {
     /// 10000 Gaussians; of a larger one those of 80000, 40000, 20000, 10000 and 5000 that are below its number]
     #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
-    /// Size of the pictures that are measured [default: 512x384; with --rd 320x240, and 640x480 for the rate of
+    /// Size of the pictures that are measured [default: 512x384; of a take 320x240; with --rd 320x240, and 640x480 for the rate of
     /// the coder]; with --fit and --refine, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
@@ -93,6 +97,13 @@ struct Report {
     failed: Option<(usize, usize)>,
 }
 
+/// What a page is of.
+#[cfg_attr(not(feature = "measure"), expect(dead_code))]
+enum PageSubject<'a> {
+    Clip(&'a Path),
+    Take { path: &'a Path, reference: Option<&'a Path> },
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     check_folder(&args.out)?;
@@ -105,8 +116,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let mut report = Report::default();
     #[cfg(feature = "measure")]
-    if let Some(path) = page_of {
-        report.add_page(path, args)?;
+    match page_of {
+        Some(PageSubject::Clip(path)) => report.add_page(path, args)?,
+        Some(PageSubject::Take { path, reference }) => {
+            report.add_take(&take::TakeRequest { path, reference, size: args.size })?;
+        }
+        None => {}
     }
     if args.fit {
         report.add_ablation(args)?;
@@ -138,8 +153,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// The clip or field of the page; `None` with `--rd`, `--stability` or `--fit`.
-    fn page_of(&self) -> Result<Option<&Path>, Fault> {
+    /// What the page is of; `None` with `--rd`, `--stability` or `--fit`.
+    fn page_of(&self) -> Result<Option<PageSubject<'_>>, Fault> {
         let looks_at_photographs = self.fit || self.refine.is_some();
         if !(self.fit || self.options.is_default()) || !(looks_at_photographs || self.part.is_default()) {
             let what = "--steps and the other options of fits need --fit, --frames and --cameras need --fit or --refine; \
@@ -149,11 +164,28 @@ impl Args {
         if self.rd || self.stability || self.fit {
             return Ok(None);
         }
-        let [path] = self.fields.as_slice() else {
-            let what = "a page is of one clip or field: name one, or choose --rd or --stability";
-            return Err(Fault::Usage(what.into()));
+        let (path, others) = match self.fields.as_slice() {
+            [path, others @ ..] => (path, others),
+            [] => return Ok(None),
         };
-        Ok(Some(path))
+        let is_take = is_take(path)?;
+        match others {
+            [] if !is_take => return Ok(Some(PageSubject::Clip(path))),
+            [] | [_] if is_take => {}
+            _ => {
+                let what = "a page is of one clip or field, or of a take and its field: name one, or choose --rd or \
+                            --stability";
+                return Err(Fault::Usage(what.into()));
+            }
+        }
+        let of_clips = [(self.refine.is_some(), "--refine"), (!self.fit_log.is_empty(), "--fit-log")];
+        match of_clips.into_iter().find(|(is_given, _)| *is_given) {
+            Some((_, option)) => {
+                let path = path.display();
+                Err(Fault::Usage(format!("{option}: {path} is a take, which has several fits; leave it out")))
+            }
+            None => Ok(Some(PageSubject::Take { path, reference: others.first().map(PathBuf::as_path) })),
+        }
     }
 
     fn check_size(&self) -> Result<(), Fault> {
@@ -194,6 +226,15 @@ impl Report {
             part: &args.part,
         };
         let findings = page::measure(&request)?;
+        self.text += &findings.table();
+        self.files.extend(findings.files()?);
+        self.json.extend(findings.to_json()?);
+        Ok(())
+    }
+
+    #[cfg(feature = "measure")]
+    fn add_take(&mut self, request: &take::TakeRequest) -> anyhow::Result<()> {
+        let findings = take::measure(request)?;
         self.text += &findings.table();
         self.files.extend(findings.files()?);
         self.json.extend(findings.to_json()?);

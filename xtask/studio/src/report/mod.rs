@@ -1,6 +1,6 @@
 //! Reports as a page, text, tables for programs, and plots: size and quality of packages at every budget, the
 //! ablation of fits; with the feature `measure` also the cost and quality of playing, packaging and fitting a clip, and the
-//! stability of the renderer.
+//! stability of the renderer, and what a take costs over time.
 
 pub mod ablation;
 mod file;
@@ -19,5 +19,7 @@ mod subject;
 
 pub use file::ReportFile;
 #[cfg(feature = "measure")]
-pub use page::Findings;
+pub(crate) use page::layers_parameter;
+#[cfg(feature = "measure")]
+pub use page::{Findings, LayerInstant, TakeFindings, TakeInstant, TakeSetup};
 pub use subject::ReportSubject;

@@ -1,6 +1,7 @@
-//! Line charts side by side over one logarithmic axis, as SVG. Rings mark chosen points.
+//! Line charts side by side over one axis, as SVG. Rings mark chosen points, and dashed lines chosen instants.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 /// A line chart.
@@ -12,11 +13,25 @@ pub(crate) struct LineChart {
     pub(crate) lines: Vec<PlotLine>,
     /// Points with a ring around them.
     pub(crate) rings: Vec<(f64, f64)>,
+    /// Whether the vertical axis begins at 0, as that of counts does.
+    pub(crate) from_zero: bool,
+    /// Where the cuts of a take are, on the horizontal axis.
+    pub(crate) cuts: Vec<f64>,
+}
+
+/// The horizontal axis of charts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scale {
+    /// Of rates and work, all above 0.
+    Logarithmic,
+    /// Of time.
+    Linear,
 }
 
 /// A named line through points. Points that are not finite are skipped.
 #[derive(Clone, Debug)]
 pub(crate) struct PlotLine {
+    /// Its name in the legend; none if it is empty.
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
 }
@@ -35,8 +50,17 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
 ];
 
+/// The colour of cuts.
+const CUT: RGBColor = RGBColor(150, 150, 150);
+
 /// Radius of a ring in pixels.
 const RING_PX: i32 = 7;
+
+/// Most points of a line that are marked: the marks of more would be a thick line.
+const MARKED_MAX: usize = 120;
+
+/// Length of the dashes of a cut and of the gaps between them, in pixels.
+const DASH_PX: (i32, i32) = (4, 4);
 
 /// The logarithmic axis labels these digits times powers of ten.
 const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
@@ -45,7 +69,7 @@ const DIGITS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 7.0];
 ///
 /// # Errors
 /// If the plot cannot be drawn.
-pub(crate) fn svg(x: &str, charts: &[LineChart]) -> anyhow::Result<String> {
+pub(crate) fn svg(scale: Scale, x: &str, charts: &[LineChart]) -> anyhow::Result<String> {
     let mut text = String::new();
     {
         let (width, height) = CHART_PX;
@@ -54,7 +78,7 @@ pub(crate) fn svg(x: &str, charts: &[LineChart]) -> anyhow::Result<String> {
         area.fill(&WHITE)?;
         let areas = area.split_evenly((1, charts.len()));
         for (i, (area, chart)) in areas.iter().zip(charts).enumerate() {
-            draw(area, x, chart, i == 0)?;
+            draw(area, (scale, x), chart, i == 0)?;
         }
         area.present()?;
     }
@@ -63,33 +87,23 @@ pub(crate) fn svg(x: &str, charts: &[LineChart]) -> anyhow::Result<String> {
 
 fn draw<D: DrawingBackend>(
     area: &DrawingArea<D, plotters::coord::Shift>,
-    x: &str,
+    (scale, x): (Scale, &str),
     chart: &LineChart,
     has_legend: bool,
 ) -> anyhow::Result<()>
 where
     D::ErrorType: 'static,
 {
-    let is_finite = |(x, y): &(f64, f64)| x.is_finite() && *x > 0.0 && y.is_finite();
+    let is_finite = |point: &(f64, f64)| is_drawn(scale, point);
     let lines: Vec<Vec<(f64, f64)>> =
         chart.lines.iter().map(|line| line.points.iter().copied().filter(is_finite).collect()).collect();
-    let range = |pick: fn(&(f64, f64)) -> f64| {
-        let values = lines.iter().flatten().map(pick);
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
-    };
-    let (x_low, x_high) = range(|p| p.0);
-    let (y_low, y_high) = range(|p| p.1);
-    // Without points the axes need a range of their own.
-    let (x_low, x_high) = if x_low <= x_high { (x_low / 1.15, x_high * 1.15) } else { (1.0, 10.0) };
-    let (y_low, y_high) = if y_low <= y_high { (y_low, y_high) } else { (0.0, 1.0) };
-    let margin = if y_low < y_high { 0.05 * (y_high - y_low) } else { 0.5 };
-
+    let [(x_low, x_high), (y_low, y_high)] = ranges(scale, &lines, chart.from_zero);
     let mut context = ChartBuilder::on(area)
         .margin(14)
         .caption(&chart.title, ("sans-serif", 17))
         .x_label_area_size(42)
-        .y_label_area_size(48)
-        .build_cartesian_2d(Logarithmic { low: x_low, high: x_high }, y_low - margin..y_high + margin)?;
+        .y_label_area_size(60)
+        .build_cartesian_2d(Axis { scale, low: x_low, high: x_high }, y_low..y_high)?;
     context
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -98,16 +112,23 @@ where
         .axis_desc_style(("sans-serif", 14))
         .x_desc(x)
         .draw()?;
+    for &cut in chart.cuts.iter().filter(|cut| (x_low..=x_high).contains(*cut)) {
+        let ends = [(cut, y_low), (cut, y_high)];
+        let (dash, gap) = DASH_PX;
+        context.draw_series(DashedLineSeries::new(ends, dash, gap, CUT.stroke_width(1)))?;
+    }
     for ((i, line), points) in chart.lines.iter().enumerate().zip(lines) {
         let color = COLORS[i % COLORS.len()];
-        let drawn = context
-            .draw_series(LineSeries::new(points, color.stroke_width(2)).point_size(4))?
-            .label(&line.name);
-        drawn.legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(3)));
+        let marks = if points.len() > MARKED_MAX { 0 } else { 4 };
+        let drawn = context.draw_series(LineSeries::new(points, color.stroke_width(2)).point_size(marks))?;
+        if !line.name.is_empty() {
+            let key = move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(3));
+            drawn.label(&line.name).legend(key);
+        }
     }
     let rings = chart.rings.iter().copied().filter(is_finite);
     context.draw_series(rings.map(|point| Circle::new(point, RING_PX, BLACK.stroke_width(1))))?;
-    if has_legend {
+    if has_legend && chart.lines.iter().any(|line| !line.name.is_empty()) {
         context
             .configure_series_labels()
             .position(SeriesLabelPosition::LowerRight)
@@ -119,22 +140,54 @@ where
     Ok(())
 }
 
-/// A logarithmic axis that is also labelled between powers of ten: rates seldom span several.
-struct Logarithmic {
+/// Whether a point has a place in a chart.
+fn is_drawn(scale: Scale, (x, y): &(f64, f64)) -> bool {
+    x.is_finite() && y.is_finite() && (scale == Scale::Linear || *x > 0.0)
+}
+
+/// The ranges of both axes around the points of `lines`, which all are drawn; some range if there is none.
+fn ranges(scale: Scale, lines: &[Vec<(f64, f64)>], from_zero: bool) -> [(f64, f64); 2] {
+    let range = |pick: fn(&(f64, f64)) -> f64| {
+        let values = lines.iter().flatten().map(pick);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let (x_low, x_high) = range(|p| p.0);
+    let (y_low, y_high) = range(|p| p.1);
+    let x = match scale {
+        _ if x_low > x_high => (1.0, 10.0),
+        Scale::Logarithmic => (x_low / 1.15, x_high * 1.15),
+        Scale::Linear if x_low == x_high => (x_low - 1.0, x_high + 1.0),
+        Scale::Linear => (x_low, x_high),
+    };
+    let y_low = if from_zero { y_low.min(0.0) } else { y_low };
+    let (y_low, y_high) = if y_low <= y_high { (y_low, y_high) } else { (0.0, 1.0) };
+    let margin = if y_low < y_high { 0.05 * (y_high - y_low) } else { 0.5 };
+    [x, (y_low - margin, y_high + margin)]
+}
+
+/// A horizontal axis. A logarithmic one is also labelled between powers of ten: rates seldom span several.
+struct Axis {
+    scale: Scale,
     low: f64,
     high: f64,
 }
 
-impl Ranged for Logarithmic {
+impl Ranged for Axis {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
     fn map(&self, value: &f64, (first, last): (i32, i32)) -> i32 {
-        let place = (value / self.low).ln() / (self.high / self.low).ln();
+        let place = match self.scale {
+            Scale::Logarithmic => (value / self.low).ln() / (self.high / self.low).ln(),
+            Scale::Linear => (value - self.low) / (self.high - self.low),
+        };
         first + (f64::from(last - first) * place).round() as i32
     }
 
-    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if self.scale == Scale::Linear {
+            return RangedCoordf64::from(self.low..self.high).key_points(hint);
+        }
         let decades = self.low.log10().floor() as i32..=self.high.log10().ceil() as i32;
         let points = decades.flat_map(|power| DIGITS.map(|digit| digit * 10f64.powi(power)));
         points.filter(|point| (self.low..=self.high).contains(point)).collect()
@@ -145,7 +198,7 @@ impl Ranged for Logarithmic {
     }
 }
 
-impl ValueFormatter<f64> for Logarithmic {
+impl ValueFormatter<f64> for Axis {
     fn format(value: &f64) -> String {
         format!("{}", (value * 1e6).round() / 1e6)
     }
@@ -157,13 +210,14 @@ mod tests {
 
     fn chart(points: Vec<(f64, f64)>) -> LineChart {
         let rings = points.iter().copied().filter(|(x, _)| *x == 1.0 || *x == 2.0).collect();
-        LineChart { title: "PSNR <dB>".into(), lines: vec![PlotLine { name: "a & b".into(), points }], rings }
+        let lines = vec![PlotLine { name: "a & b".into(), points }];
+        LineChart { title: "PSNR <dB>".into(), lines, rings, from_zero: false, cuts: Vec::new() }
     }
 
     #[test]
     fn every_finite_point_is_drawn() {
         let points = vec![(0.5, 20.0), (1.0, f64::INFINITY), (2.0, 30.0), (4.0, 35.0), (0.0, 1.0)];
-        let svg = svg("Mbps", &[chart(points)]).unwrap();
+        let svg = svg(Scale::Logarithmic, "Mbps", &[chart(points)]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 3 + 1, "three points, a ring: {svg}");
         assert_eq!(svg.matches("r=\"7\"").count(), 1, "{svg}");
         assert!(svg.contains("PSNR &lt;dB&gt;") && svg.contains("a &amp; b") && svg.contains("Mbps"));
@@ -173,16 +227,37 @@ mod tests {
     #[test]
     fn one_point_or_none_makes_a_plot() {
         for points in [vec![], vec![(3.0, 1.0)], vec![(f64::NAN, 1.0)]] {
-            let svg = svg("Mbps", &[chart(points.clone()), chart(points)]).unwrap();
+            let svg = svg(Scale::Logarithmic, "Mbps", &[chart(points.clone()), chart(points)]).unwrap();
             assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN"), "{svg}");
         }
     }
 
     #[test]
     fn the_axis_is_labelled_between_powers_of_ten() {
-        let axis = Logarithmic { low: 0.8, high: 12.0 };
+        let axis = Axis { scale: Scale::Logarithmic, low: 0.8, high: 12.0 };
         assert_eq!(axis.key_points(10), [1.0, 2.0, 3.0, 5.0, 7.0, 10.0]);
         assert_eq!((axis.map(&0.8, (10, 110)), axis.map(&12.0, (10, 110))), (10, 110));
-        assert_eq!(Logarithmic::format(&0.2), "0.2");
+        assert_eq!(Axis::format(&0.2), "0.2");
+    }
+
+    #[test]
+    fn time_begins_at_zero_and_cuts_are_dashed() {
+        let points = vec![(0.0, 20.0), (1.0, 30.0), (4.0, 35.0)];
+        let lines = vec![PlotLine { name: String::new(), points }];
+        // The last is not on the axis.
+        let cuts = vec![1.0, 3.0, 5.0];
+        let chart = LineChart { title: "Gaussians".into(), lines, rings: Vec::new(), from_zero: true, cuts };
+        let drawn = |chart: &LineChart| svg(Scale::Linear, "s", std::slice::from_ref(chart)).unwrap();
+        let with_cuts = drawn(&chart);
+        assert_eq!(with_cuts.matches("<circle").count(), 3, "{with_cuts}");
+        let shows_zero = |svg: &str| svg.lines().any(|line| line.trim() == "0.0");
+        assert!(shows_zero(&with_cuts), "{with_cuts}");
+        assert!(!shows_zero(&drawn(&LineChart { from_zero: false, ..chart.clone() })));
+        let dashes = with_cuts.matches("#969696").count();
+        assert!(dashes > 2 * 20, "{dashes}");
+        let without = drawn(&LineChart { cuts: Vec::new(), ..chart });
+        assert_eq!(without.matches("#969696").count(), 0);
+        let axis = Axis { scale: Scale::Linear, low: 0.0, high: 4.0 };
+        assert_eq!((axis.map(&0.0, (10, 110)), axis.map(&3.0, (10, 110))), (10, 85));
     }
 }

@@ -3,10 +3,11 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use anyhow::bail;
 use codec::Field;
 use refine::reference;
 
-use crate::input::Input;
+use crate::input::{Input, not_one_field};
 use crate::package::{render_scene, visible};
 use crate::scene::Scene;
 use program::Fault;
@@ -30,13 +31,7 @@ impl ReportSubject {
     pub fn load(path: &Path) -> anyhow::Result<ReportSubject> {
         let scene = match Input::load(path)? {
             Input::Scene(scene) => *scene,
-            Input::Take(_) => {
-                return Err(Fault::Usage(format!(
-                    "{}: a take of segments, and a report is of one clip; make it one field with `export --ply`",
-                    path.display()
-                ))
-                .into());
-            }
+            Input::Take(_) => bail!(not_one_field(path)),
             Input::Package(clip) => {
                 let name = path.file_stem().unwrap_or(OsStr::new("clip")).to_string_lossy();
                 let scene = |field| Scene::made(&name, field, clip.info.clone());

@@ -6,7 +6,7 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::span::Span;
+use super::span::{Span, held_at_starts};
 
 /// The segments that hold an instant, and what is left to those of them without a budget.
 struct Instant {
@@ -90,22 +90,11 @@ pub(super) fn budgets(budget: usize, spans: &[Span], gaussians: &[usize]) -> Vec
 
 /// The starts of segments: at one of them the most segments hold an instant.
 fn instants(budget: usize, spans: &[Span], gaussians: &[usize]) -> Vec<Instant> {
-    let mut by_start: Vec<usize> = (0..spans.len()).collect();
-    by_start.sort_by(|&a, &b| spans[a].start_s.max(0.0).total_cmp(&spans[b].start_s.max(0.0)));
-    let mut active: Vec<usize> = Vec::new();
-    let mut instants: Vec<Instant> = Vec::new();
-    for (place, &segment) in by_start.iter().enumerate() {
-        let start_s = spans[segment].start_s.max(0.0);
-        active.retain(|&other| spans[other].end_s() > start_s);
-        active.push(segment);
-        // Those that begin together make one instant.
-        let is_last = by_start.get(place + 1).is_none_or(|&next| spans[next].start_s.max(0.0) > start_s);
-        if is_last {
-            let weight = active.iter().map(|&segment| gaussians[segment] as u128).sum();
-            instants.push(Instant { segments: active.clone(), left: budget as u128, weight });
-        }
-    }
-    instants
+    let instant = |(_, segments): (f64, Vec<usize>)| {
+        let weight = segments.iter().map(|&segment| gaussians[segment] as u128).sum();
+        Instant { segments, left: budget as u128, weight }
+    };
+    held_at_starts(spans).map(instant).collect()
 }
 
 #[cfg(test)]

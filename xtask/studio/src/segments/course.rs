@@ -8,36 +8,38 @@ const ROWS_MAX: f64 = 60.0;
 
 /// What a take asks for over time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Course {
+pub struct Course {
     /// Size of the segments that hold the first instant, in bytes.
-    pub(crate) startup_bytes: u64,
+    pub startup_bytes: u64,
     /// Most Gaussians of segments that hold one instant, plates included.
-    pub(crate) resident_max: usize,
+    pub resident_max: usize,
     /// Bit rate over the whole duration in Mbit/s.
-    pub(crate) mean_mbps: f64,
+    pub mean_mbps: f64,
     /// Mbit of the segments that begin within one second, where that is most, without the first instant's.
-    pub(crate) peak_mbps: f64,
+    pub peak_mbps: f64,
     /// Second at which that one second begins.
-    pub(crate) peak_s: f64,
+    pub peak_s: f64,
     /// Equal parts of the take, of one second or more.
-    pub(crate) rows: Vec<CourseRow>,
+    pub rows: Vec<CourseRow>,
 }
 
 /// A part of a take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub(crate) struct CourseRow {
+pub struct CourseRow {
     /// Second at which it begins.
-    pub(crate) from_s: f64,
+    pub from_s: f64,
     /// Second at which it ends.
-    pub(crate) to_s: f64,
+    pub to_s: f64,
     /// Most segments that hold one instant of it.
-    pub(crate) segments: usize,
+    pub segments: usize,
     /// Most Gaussians of segments that hold one instant of it.
-    pub(crate) gaussians: usize,
+    pub gaussians: usize,
     /// Size of the segments that begin in it, in bytes; in the first row those of the first instant too.
-    pub(crate) bytes: u64,
+    pub bytes: u64,
+    /// Gaussians of these segments, which a player decodes.
+    pub decoded: usize,
     /// These bytes in Mbit per second of it.
-    pub(crate) mbps: f64,
+    pub mbps: f64,
 }
 
 /// The course of a take.
@@ -73,7 +75,9 @@ fn rows(take: &Take) -> Vec<CourseRow> {
     let mut changes: Vec<(f64, bool, usize)> = Vec::new();
     for segment in &take.segments {
         let start_s = segment.start_s.max(0.0);
-        rows[row_of(start_s)].bytes += segment.bytes() as u64;
+        let row = &mut rows[row_of(start_s)];
+        row.bytes += segment.bytes() as u64;
+        row.decoded += segment.gaussians();
         changes.push((start_s, true, segment.gaussians()));
         if segment.end_s() < take.duration_s {
             changes.push((segment.end_s(), false, segment.gaussians()));

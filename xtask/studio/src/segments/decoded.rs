@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, sh_coefficients};
+use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, retime, sh_coefficients};
 use program::{Fault, counted};
 use refine::reference::RenderScene;
 
@@ -31,15 +31,20 @@ struct DecodedSegment {
 
 /// A segment's Gaussians.
 #[derive(Debug)]
-enum SegmentContent {
+pub(super) enum SegmentContent {
     Clip(Box<Clip>),
     Scene(Box<Scene>),
 }
 
 impl SegmentContent {
     fn to_reference(&self) -> RenderScene<'_> {
+        self.layers_to_reference(usize::MAX)
+    }
+
+    /// The first `layers` layers of a clip; all of a scene, which has none.
+    pub(super) fn layers_to_reference(&self, layers: usize) -> RenderScene<'_> {
         match self {
-            SegmentContent::Clip(clip) => RenderScene::from(&**clip),
+            SegmentContent::Clip(clip) => RenderScene::from_layers(clip, layers.min(clip.layers.len())),
             SegmentContent::Scene(scene) => {
                 let subject = RenderScene::from(&scene.subject.field);
                 scene.plate.as_ref().map_or(subject.clone(), |plate| subject.with_plate(&plate.field))
@@ -54,6 +59,14 @@ impl SegmentContent {
         }
     }
 
+    /// Corners of the box around all centres but the background's.
+    fn bounds(&self) -> [[f32; 3]; 2] {
+        match self {
+            SegmentContent::Clip(clip) => clip.bounds,
+            SegmentContent::Scene(scene) => scene.subject.field.bounds(),
+        }
+    }
+
     /// All Gaussians but the background's.
     fn merged(&self) -> Field {
         match self {
@@ -62,7 +75,8 @@ impl SegmentContent {
         }
     }
 
-    fn len(&self) -> usize {
+    /// Number of Gaussians, the background's included.
+    pub(super) fn len(&self) -> usize {
         let subject = match self {
             SegmentContent::Clip(clip) => clip.len(),
             SegmentContent::Scene(scene) => scene.subject.field.len(),
@@ -132,14 +146,10 @@ impl DecodedTake {
             if !is_needed {
                 continue;
             }
-            let scene = folder.scene(index)?;
-            if !scene.subject.repairs.is_empty() {
-                eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
-            }
-            let [low, high] = scene.subject.field.bounds();
+            let content = read_segment(folder, index)?;
+            let [low, high] = content.bounds();
             let outer = |a: [f32; 3], b: [f32; 3], of: fn(f32, f32) -> f32| [0, 1, 2].map(|i| of(a[i], b[i]));
             bounds = [outer(bounds[0], low, f32::min), outer(bounds[1], high, f32::max)];
-            let content = SegmentContent::Scene(Box::new(scene));
             gaussians += content.len();
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
@@ -216,36 +226,47 @@ fn is_beyond(field: &Field, i: usize, span: &Span, take_s: f64) -> bool {
 }
 
 /// Appends the rows of the field of a segment, with times in clip time of the take.
-fn append(merged: &mut Field, columns: &mut Temporal, field: Field, span: &Span, take_s: f64) {
+fn append(merged: &mut Field, columns: &mut Temporal, mut field: Field, span: &Span, take_s: f64) {
     let stored = sh_coefficients(field.sh_degree);
     let rows = sh_coefficients(merged.sh_degree);
     for sh in field.sh.chunks_exact(stored) {
         merged.sh.extend_from_slice(sh);
         merged.sh.extend(std::iter::repeat_n([0.0; 3], rows - stored));
     }
-    // One unit of clip time of the segment, in clip time of the take.
-    let unit = span.duration_s / take_s;
-    let start = span.start_s / take_s;
-    let factors = [unit, unit * unit, unit * unit * unit];
-    let scaled = |v: [f32; 3], factor: f64| v.map(|x| (f64::from(x) / factor) as f32);
+    if let Some(temporal) = &mut field.temporal {
+        // The take is a span of the segment's clip, longer than that.
+        retime(temporal, span.duration_s, -span.start_s, take_s);
+    }
     let order = usize::from(columns.motion_order);
     for i in 0..field.len() {
         let temporal = field.temporal.as_ref();
         let (tau, s) = temporal.map_or((0.0, f32::INFINITY), |temporal| (temporal.tau[i], temporal.s[i]));
-        columns.tau.push((start + f64::from(tau) * unit) as f32);
-        columns.s.push((f64::from(s) * unit) as f32);
+        columns.tau.push(tau);
+        columns.s.push(s);
         let motion = temporal.map_or(&[][..], |temporal| temporal.motion_of(i));
-        let powers = (0..order).map(|k| motion.get(k).map_or([0.0; 3], |&v| scaled(v, factors[k])));
+        let powers = (0..order).map(|k| motion.get(k).copied().unwrap_or([0.0; 3]));
         columns.motion.extend(powers);
         if let Some(rates) = &mut columns.rotation_rates {
             let rate = temporal.and_then(|temporal| temporal.rotation_rates.as_ref()).map(|rates| rates[i]);
-            rates.push(rate.map_or([0.0; 4], |rate| rate.map(|x| (f64::from(x) / unit) as f32)));
+            rates.push(rate.unwrap_or([0.0; 4]));
         }
     }
     merged.centers.extend(field.centers);
     merged.rotations.extend(field.rotations);
     merged.log_scales.extend(field.log_scales);
     merged.opacities.extend(field.opacities);
+}
+
+/// Reads a segment of a field folder, and says on standard error what was repaired.
+///
+/// # Errors
+/// Those of [`Scene::load`].
+pub(super) fn read_segment(folder: &FieldFolder, index: usize) -> anyhow::Result<SegmentContent> {
+    let scene = folder.scene(index)?;
+    if !scene.subject.repairs.is_empty() {
+        eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
+    }
+    Ok(SegmentContent::Scene(Box::new(scene)))
 }
 
 /// # Errors

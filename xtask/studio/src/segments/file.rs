@@ -9,6 +9,7 @@ use std::thread::available_parallelism;
 use codec::{Clip, Contents, Error, FormatError, Limits, Package, Take};
 use program::Fault;
 
+use super::folder::FieldFolder;
 use crate::messages::{bad_package, unreadable};
 
 /// Length of the first read of a head. Most heads are shorter.
@@ -34,7 +35,11 @@ impl TakeFile {
         let mut file = File::open(path).map_err(cannot_read)?;
         let metadata = file.metadata().map_err(cannot_read)?;
         if !metadata.is_file() {
-            return Err(Fault::Data(format!("{}: not a file; name a package (.aarc)", path.display())));
+            let what = match FieldFolder::is_one(path) {
+                true => "a field folder, and no package yet; package it first",
+                false => "not a file; name a package (.aarc)",
+            };
+            return Err(Fault::Data(format!("{}: {what}", path.display())));
         }
         let mut head = Vec::new();
         let mut needed = HEAD_BYTES;
@@ -123,13 +128,21 @@ impl TakeFile {
         let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
         self.check_present(index, first_layer)?;
         let bytes = self.read_prefix(index, first_layer)?;
-        let contents = codec::contents(&bytes, &Limits::default());
-        match contents {
-            Ok(contents) if contents.head_crc == segment.head_crc => Ok(contents),
-            Ok(_) => Err(self.damaged(index, "its head is not the one in the table")),
-            // Its offset counts from the start of the segment.
-            Err(error) => Err(self.damaged(index, &format!("{error} of the segment"))),
-        }
+        let contents = self.take.segment_contents(index, &bytes, &Limits::default());
+        contents.map_err(|error| self.damaged(index, &without_number(&error)))
+    }
+
+    /// The bytes of a whole segment, of which the checksums of all sections are right. `contents` is its head.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment if it is missing or damaged.
+    pub(super) fn read_checked(&self, index: usize, contents: &Contents) -> Result<Vec<u8>, Fault> {
+        self.check_present(index, self.take.segments[index].bytes())?;
+        let bytes = self.read(index)?;
+        // The offset of an error counts from the start of the segment.
+        let damaged = |error: Error| self.damaged(index, &format!("{error} of the segment"));
+        contents.check_sections(&bytes).map_err(damaged)?;
+        Ok(bytes)
     }
 
     /// Decodes the complete layers of a segment.
@@ -148,7 +161,7 @@ impl TakeFile {
         let clip = self.take.decode_segment(index, &bytes, &Limits::default(), threads);
         clip.map_err(|error| match self.is_clip {
             true => bad_package(&self.path, &error),
-            false => self.damaged(index, &error.to_string()),
+            false => self.damaged(index, &without_number(&error)),
         })
     }
 
@@ -172,5 +185,15 @@ impl TakeFile {
             self.path.display(),
             segment.start_s
         ))
+    }
+}
+
+/// The message of an error of a segment, which the fault names before it.
+fn without_number(error: &Error) -> String {
+    match error {
+        Error::Format { offset, error: FormatError::Segment { expected, found, .. } } => {
+            format!("not the one in the table: {expected} expected, {found} found, at byte {offset}")
+        }
+        error => error.to_string(),
     }
 }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use codec::SEGMENTS_MAX;
 use program::Fault;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -13,9 +14,6 @@ use crate::scene::{FIELD_FOLDER, Scene};
 
 /// Version of the format.
 pub const FIELD_FOLDER_VERSION: u32 = 1;
-
-/// Largest number of segments, as FORMAT.md has it.
-const SEGMENTS_MAX: usize = 1 << 16;
 
 /// A folder of fields that play as a take.
 #[derive(Clone, Debug, PartialEq)]

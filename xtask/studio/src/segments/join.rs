@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use codec::{ClipInfo, Field};
+use codec::{ClipInfo, Field, retime};
 use program::{Fault, output};
 
 use super::agreement::Agreement;
@@ -13,7 +13,7 @@ use super::file::TakeFile;
 use super::folder::{FieldFolder, FolderEntry};
 use super::span::{Span, check_spans, order_of};
 use crate::export::fitted_field_file;
-use crate::import::FitRecord;
+use crate::import::{FORMATS, FitRecord};
 use crate::input::is_package;
 use crate::scene::{FIELD_FOLDER, Scene};
 
@@ -73,6 +73,12 @@ impl JoinInput {
             JoinInput::Package(Box::new(TakeFile::open(path)?))
         } else if FieldFolder::is_one(path) {
             JoinInput::Folder(FieldFolder::open(path)?)
+        } else if path.is_dir() && !Scene::is_capture(path) && !Scene::has_field(path) {
+            return Err(Fault::Data(format!(
+                "{}: nothing to join in it; name a package (.aarc), a folder with a field.json, a fitted field file or a \
+                 folder holding one ({FORMATS})",
+                path.display()
+            )));
         } else {
             JoinInput::Scene(path.to_owned())
         })
@@ -146,11 +152,12 @@ impl LoadedSegment {
         if (first_s, last_s) == (start_s, self.span.end_s()) {
             return Some(self);
         }
-        let [from, to] = [first_s, last_s].map(|t_s| (t_s - start_s) / duration_s);
-        if to - from < PART_MIN {
+        if last_s - first_s < PART_MIN * duration_s {
             return None;
         }
-        cut(&mut self.field, from, to);
+        if let Some(temporal) = &mut self.field.temporal {
+            retime(temporal, duration_s, first_s - start_s, last_s - first_s);
+        }
         let alive: Vec<usize> =
             (0..self.field.len()).filter(|&i| self.field.alive_interval(i).is_some()).collect();
         self.field = self.field.select(&alive);
@@ -169,25 +176,6 @@ impl LoadedSegment {
             )
         };
         (fitted_field_file(&self.field, &info, &self.record), self.plate.as_ref().map(of_plate))
-    }
-}
-
-/// Rewrites times of a field in clip time of the part `from..to` of its clip.
-fn cut(field: &mut Field, from: f64, to: f64) {
-    let Some(temporal) = &mut field.temporal else { return };
-    let length = to - from;
-    for (tau, s) in temporal.tau.iter_mut().zip(&mut temporal.s) {
-        *tau = ((f64::from(*tau) - from) / length) as f32;
-        // The largest width is always on, as an infinite one.
-        *s = (f64::from(*s) / length) as f32;
-    }
-    let factors = [length, length * length, length * length * length];
-    let order = usize::from(temporal.motion_order);
-    for (i, v) in temporal.motion.iter_mut().enumerate() {
-        *v = v.map(|x| (f64::from(x) * factors[i % order]) as f32);
-    }
-    for rate in temporal.rotation_rates.iter_mut().flatten() {
-        *rate = rate.map(|x| (f64::from(x) * length) as f32);
     }
 }
 
@@ -298,41 +286,5 @@ impl JoinPlan {
         folder.finish()?;
         let bytes = bytes + manifest.len() as u64;
         Ok(JoinedTake { duration_s: self.duration_s, segments, gaussians, bytes })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use codec::Temporal;
-
-    #[test]
-    fn a_cut_field_shows_the_same_at_the_same_second() {
-        let field = Field {
-            centers: vec![[1.0, 2.0, 3.0]],
-            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
-            log_scales: vec![[-1.0; 3]],
-            opacities: vec![0.9],
-            sh_degree: 0,
-            sh: vec![[0.0; 3]],
-            temporal: Some(Temporal {
-                tau: vec![0.5],
-                s: vec![0.125],
-                motion_order: 3,
-                motion: vec![[1.0, 0.0, 2.0], [0.0, 4.0, 0.0], [8.0, 0.0, 0.0]],
-                rotation_rates: Some(vec![[0.0, 1.0, 0.0, 0.0]]),
-            }),
-            ..Field::default()
-        };
-        let mut part = field.clone();
-        cut(&mut part, 0.25, 0.75);
-        for u in [0.0, 0.25, 0.9] {
-            let t = 0.25 + 0.5 * u;
-            assert!((part.opacity_at(0, u) - field.opacity_at(0, t)).abs() < 1e-12);
-            let (a, b) = (part.position_at(0, u), field.position_at(0, t));
-            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
-            let (a, b) = (part.rotation_at(0, u), field.rotation_at(0, t));
-            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
-        }
     }
 }

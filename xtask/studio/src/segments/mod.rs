@@ -20,9 +20,12 @@ mod report;
 mod sources;
 mod span;
 mod trim;
+#[cfg(feature = "measure")]
+mod walk;
 mod writer;
 
-pub(crate) use course::{Course, course};
+pub(crate) use course::course;
+pub use course::{Course, CourseRow};
 pub use decoded::DecodedTake;
 pub use file::TakeFile;
 pub use folder::{FIELD_FOLDER_VERSION, FieldFolder};
@@ -31,4 +34,7 @@ pub use package::package_take;
 pub use report::{SegmentReport, TakeReport};
 pub use sources::SegmentSources;
 pub use span::Span;
+pub(crate) use span::gaps;
 pub use trim::{TrimmedTake, trim};
+#[cfg(feature = "measure")]
+pub(crate) use walk::TakeWalk;

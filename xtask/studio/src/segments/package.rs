@@ -12,14 +12,14 @@ use std::time::Duration;
 
 use codec::ClipInfo;
 use indicatif::HumanDuration;
-use program::Fault;
+use program::{Fault, counted};
 use refine::prune::Ranking;
 
 use super::agreement::Agreement;
 use super::budget::budgets;
 use super::report::{LeastTopology, SegmentReport, TakeReport, TriedRanking};
 use super::sources::SegmentSources;
-use super::span::{Span, gaps};
+use super::span::{Span, gaps, held_at_starts};
 use super::writer::TakeWriter;
 use crate::package::{
     FieldAnalysis, Package, PackageSettings, VisibleScene, package_with, visible, visible_scene,
@@ -27,9 +27,10 @@ use crate::package::{
 use crate::progress::{StagedProgress, counting};
 use crate::scene::Scene;
 
-/// Estimated seconds of packaging a Gaussian of the source on one core, and bytes of a packaged one; xtask/README.md
-/// has 0.0008 s and 14 bytes for one field.
+/// Estimated seconds of packaging a Gaussian of the source on one core, seconds of the pictures of a segment however
+/// small, and bytes of a packaged Gaussian; xtask/README.md has 0.0008 s, 0.2 s and 14 bytes.
 const SECONDS_PER_GAUSSIAN: f64 = 1e-3;
+const SECONDS_PER_SEGMENT: f64 = 0.2;
 const BYTES_PER_GAUSSIAN: f64 = 30.0;
 
 /// What is known of the segments before they are packaged.
@@ -191,12 +192,13 @@ fn best_ranking(tried: &[Vec<(Ranking, f64)>]) -> Vec<TriedRanking> {
 /// Says on standard error how long the work will take, and how much disk.
 fn print_estimate(survey: &Survey, kept: Option<&[usize]>, whole: usize) {
     let kept: usize = kept.unwrap_or(&survey.gaussians).iter().sum();
-    let seconds = SECONDS_PER_GAUSSIAN * whole as f64 / rayon::current_num_threads() as f64;
+    let seconds = SECONDS_PER_GAUSSIAN * whole as f64 + SECONDS_PER_SEGMENT * survey.spans.len() as f64;
+    let seconds = seconds / rayon::current_num_threads() as f64;
     // The segments wait beside the output until the head is known.
     let megabytes = 2.0 * BYTES_PER_GAUSSIAN * 1e-6 * kept as f64;
     eprintln!(
-        "note: {} segments, {kept} Gaussians: about {:#} and up to {megabytes:.1} MB of disk",
-        survey.spans.len(),
+        "note: {}, {kept} Gaussians: about {:#} and up to {megabytes:.1} MB of disk",
+        counted(survey.spans.len(), "segment"),
         HumanDuration(Duration::from_secs_f64(seconds.ceil()))
     );
 }
@@ -240,15 +242,8 @@ fn report(
 
 /// Most `gaussians` of segments that hold one instant.
 fn resident_max(spans: &[Span], gaussians: &[usize]) -> usize {
-    let mut by_start: Vec<usize> = (0..spans.len()).collect();
-    by_start.sort_by(|&a, &b| spans[a].start_s.max(0.0).total_cmp(&spans[b].start_s.max(0.0)));
-    let (mut active, mut most): (Vec<usize>, usize) = (Vec::new(), 0);
-    for segment in by_start {
-        active.retain(|&other| spans[other].end_s() > spans[segment].start_s.max(0.0));
-        active.push(segment);
-        most = most.max(active.iter().map(|&i| gaussians[i]).sum());
-    }
-    most
+    let held = |(_, held): (f64, Vec<usize>)| held.into_iter().map(|i| gaussians[i]).sum();
+    held_at_starts(spans).map(held).max().unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use codec::{ClipInfo, Field, SplitSegment, split};
-use program::Fault;
+use program::{Fault, counted};
 
 use super::folder::FieldFolder;
 use super::span::Span;
@@ -111,10 +111,11 @@ impl SegmentSources {
 
     /// The format of the fields, for people.
     pub fn format(&self) -> String {
+        let segments = counted(self.len(), "segment");
         match &self.segments {
-            Segments::Folder(_) => format!("field folder of {} segments", self.len()),
+            Segments::Folder(_) => format!("field folder of {segments}"),
             Segments::Split { whole, .. } => {
-                format!("{}, split into {} segments", whole.subject.format, self.len())
+                format!("{}, split into {segments}", whole.subject.format)
             }
         }
     }

@@ -1,10 +1,7 @@
 //! [`Span`]: the part of a take during which a segment is shown.
 
-use codec::{Segment, take_order};
+use codec::{RESIDENT_MAX, Resident, SPAN_TOLERANCE_S, Segment, span_holds, take_order};
 use refine::reference::SceneSpan;
-
-/// Largest number of segments that hold one instant, as FORMAT.md has it.
-const SEGMENTS_AT_ONCE: usize = 32;
 
 /// The span of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,11 +20,9 @@ impl Span {
         self.start_s + self.duration_s
     }
 
-    /// Whether the segment is shown at second `t_s` of a take of `take_s` seconds, by the rule of
-    /// [`codec::Take::holds`].
+    /// Whether the segment is shown at second `t_s` of a take of `take_s` seconds, as [`span_holds`] has it.
     pub(crate) fn holds(&self, take_s: f64, t_s: f64) -> bool {
-        let t_s = t_s.clamp(0.0, take_s);
-        self.start_s <= t_s && (t_s < self.end_s() || take_s <= t_s && t_s <= self.end_s())
+        span_holds(self.start_s, self.end_s(), take_s, t_s)
     }
 
     /// The span for the reference renderer.
@@ -75,28 +70,40 @@ pub(super) fn check_spans(take_s: f64, spans: &[Span]) -> Result<(), String> {
             spans[late].start_s, spans[early].start_s
         ));
     }
-    let mut ends: Vec<f64> = Vec::new();
-    for span in spans {
-        let start_s = span.start_s.max(0.0);
-        ends.retain(|end| *end > start_s);
-        ends.push(span.end_s());
-        if ends.len() > SEGMENTS_AT_ONCE {
-            return Err(format!(
-                "more than {SEGMENTS_AT_ONCE} segments hold {start_s} s, and players hold no more; leave some of them out"
-            ));
-        }
+    match held_at_starts(spans).find(|(_, held)| held.len() > RESIDENT_MAX) {
+        None => Ok(()),
+        Some((start_s, _)) => Err(format!(
+            "more than {RESIDENT_MAX} segments hold {start_s} s, and players hold no more; leave some of them out"
+        )),
     }
-    Ok(())
+}
+
+/// The numbers of the segments that hold each start, in the order of the starts; segments that begin before the take
+/// begin with it. At one of these instants the most segments, and the most Gaussians, are held.
+pub(super) fn held_at_starts(spans: &[Span]) -> impl Iterator<Item = (f64, Vec<usize>)> {
+    let start_s = |i: usize| spans[i].start_s.max(0.0);
+    let mut by_start: Vec<usize> = (0..spans.len()).collect();
+    by_start.sort_by(|&a, &b| start_s(a).total_cmp(&start_s(b)));
+    let mut resident = Resident::default();
+    let places = 0..by_start.len();
+    places.filter_map(move |place| {
+        let number = by_start[place];
+        resident.enter(number, start_s(number), spans[number].end_s());
+        // Those that begin together make one instant.
+        let is_last = by_start.get(place + 1).is_none_or(|&next| start_s(next) > start_s(number));
+        is_last.then(|| (start_s(number), resident.numbers().collect()))
+    })
 }
 
 /// The parts of a take of `take_s` seconds that no segment holds, as seconds.
-pub(super) fn gaps(take_s: f64, spans: &[Span]) -> Vec<[f64; 2]> {
+pub(crate) fn gaps(take_s: f64, spans: &[Span]) -> Vec<[f64; 2]> {
     let mut covered: Vec<[f64; 2]> = spans.iter().map(|span| [span.start_s, span.end_s()]).collect();
     covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut gaps = Vec::new();
     let mut end_s = 0.0;
     for [start, end] in covered.into_iter().chain([[take_s, take_s]]) {
-        if start > end_s {
+        // An end is a rounded sum.
+        if start > end_s + SPAN_TOLERANCE_S {
             gaps.push([end_s, start]);
         }
         end_s = end.max(end_s);

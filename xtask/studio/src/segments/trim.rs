@@ -1,7 +1,8 @@
 //! [`trim`]: a part of a take as a take of its own, without coding anything anew.
 //!
 //! Segments that overlap the part are copied byte for byte, and their starts move; the others are left out. So a
-//! segment at either end keeps what it shows outside the part.
+//! segment at either end keeps what it shows outside the part. Checksums are compared before a segment is copied, so
+//! that damage is named by the command that meets it first.
 
 use std::path::Path;
 
@@ -38,7 +39,7 @@ pub struct TrimmedTake {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the part is empty or not in the take, or `out` cannot be written; [`Fault::Data`] that names a
-/// segment that is missing or whose head is damaged, or if no segment overlaps the part.
+/// segment that is missing or damaged, or if no segment overlaps the part.
 pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Result<TrimmedTake> {
     let take = file.take();
     let [from_s, to_s] = part(from_s, to_s, take.duration_s)?;
@@ -62,8 +63,8 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
     let mut bytes = head.len() as u64;
     output::write_parts(out, |output| {
         output.write(&head)?;
-        for (index, _) in &order {
-            let segment = file.read(*index)?;
+        for ((index, _), (_, contents)) in order.iter().zip(&segments) {
+            let segment = file.read_checked(*index, contents)?;
             bytes += segment.len() as u64;
             output.write(&segment)?;
         }

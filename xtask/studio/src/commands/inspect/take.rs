@@ -2,17 +2,15 @@
 //!
 //! A segment that is damaged or cut short is named, and the others are listed.
 
-use std::collections::BTreeMap;
-
 use anyhow::bail;
-use codec::{Clip, Contents, Segment, Take};
+use codec::{Segment, Take};
 use program::Fault;
 use serde::Serialize;
 
-use super::left_out::{LeftOut, gpu_bytes, left_out};
 use super::rows::{Plate, ViewpointRow};
+use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
-use crate::segments::{Course, TakeFile, course};
+use crate::segments::{Course, Span, TakeFile, course, gaps};
 
 /// Description of a take; the fields are the keys of the JSON, those of a clip where they mean the same.
 #[derive(Serialize)]
@@ -41,6 +39,8 @@ struct TakeInspection {
     layers: Vec<LayerSum>,
     segments: Vec<SegmentRow>,
     course: Course,
+    /// Parts of the take that no segment shows, as seconds.
+    gaps: Vec<[f64; 2]>,
     left_out: Vec<LeftOut>,
     /// Largest size in GPU buffers of a segment that decodes.
     segment_gpu_bytes: usize,
@@ -95,54 +95,29 @@ pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What decoding the segments of a take gives.
-#[derive(Default)]
-struct DecodedParts {
-    segments: Vec<SegmentRow>,
-    left_out: Vec<LeftOut>,
-    /// Gaussians of all plates.
-    plates: usize,
-    segment_gpu_bytes: usize,
-}
-
-impl DecodedParts {
-    /// Decodes a segment.
-    fn add(&mut self, file: &TakeFile, index: usize) {
-        let (take, segment) = (file.take(), &file.take().segments[index]);
-        let available = file.available(index);
-        let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
-        let missing = segment.bytes() - available;
-        let mut problem =
-            (missing > 0).then(|| format!("{missing} of {} bytes are missing", segment.bytes()));
-        let mut damaged = false;
-        match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
-            Ok((contents, clip)) => self.add_left_out(take, &contents, &clip),
-            Err(_) if available < first_layer => {}
-            Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
-        }
-        self.segments.push(SegmentRow::new(segment, problem, damaged));
+/// Decodes a segment and adds it to the sums.
+fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
+    let (take, segment) = (file.take(), &file.take().segments[index]);
+    let available = file.available(index);
+    let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
+    let missing = segment.bytes() - available;
+    let mut problem = (missing > 0).then(|| format!("{missing} of {} bytes are missing", segment.bytes()));
+    let mut damaged = false;
+    match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
+        Ok((contents, clip)) => sums.add(take, &contents, &clip),
+        Err(_) if available < first_layer => {}
+        Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
     }
-
-    fn add_left_out(&mut self, take: &Take, contents: &Contents, clip: &Clip) {
-        self.plates += contents.plate_len;
-        // The player gives every segment the columns of the take.
-        let widened = widened(contents, take);
-        self.segment_gpu_bytes = self.segment_gpu_bytes.max(gpu_bytes(&widened, clip));
-        let on_gpu: BTreeMap<String, usize> =
-            left_out(&widened, clip).into_iter().map(|part| (part.part, part.gpu_bytes_saved)).collect();
-        for part in left_out(contents, clip) {
-            let gpu_bytes_saved = on_gpu.get(&part.part).copied().unwrap_or(0);
-            add_part(&mut self.left_out, LeftOut { gpu_bytes_saved, ..part });
-        }
-    }
+    SegmentRow::new(segment, problem, damaged)
 }
 
 fn inspect(file: &TakeFile) -> TakeInspection {
     let take = file.take();
-    let mut decoded = DecodedParts::default();
-    (0..take.segments.len()).for_each(|index| decoded.add(file, index));
-    let DecodedParts { segments, left_out, plates, segment_gpu_bytes } = decoded;
+    let mut sums = TakeLeftOut::of_table(take);
+    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums)).collect();
+    let TakeLeftOut { parts: left_out, plates, segment_gpu_bytes } = sums;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
+    let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
     let info = &take.info;
     TakeInspection {
         format_version: format!("{}.{}", take.version_major, take.version_minor),
@@ -169,31 +144,10 @@ fn inspect(file: &TakeFile) -> TakeInspection {
         layers: layer_sums(take),
         segments,
         course: course(take),
+        gaps: gaps(take.duration_s, &spans),
         left_out,
         segment_gpu_bytes,
         head_bytes: take.head_bytes,
-    }
-}
-
-/// The contents of a segment with the columns that the take gives it.
-fn widened(contents: &Contents, take: &Take) -> Contents {
-    Contents {
-        sh_degree: take.sh_degree,
-        motion_order: take.motion_order,
-        rotation_rates: take.rotation_rates,
-        ..contents.clone()
-    }
-}
-
-/// Adds a part of a segment to those of the others.
-fn add_part(parts: &mut Vec<LeftOut>, part: LeftOut) {
-    match parts.iter_mut().find(|other| other.part == part.part) {
-        Some(other) => {
-            other.gaussians += part.gaussians;
-            other.bytes_saved += part.bytes_saved;
-            other.gpu_bytes_saved += part.gpu_bytes_saved;
-        }
-        None => parts.push(part),
     }
 }
 
@@ -258,6 +212,9 @@ impl TakeInspection {
         row("Gaussians", format!("{}, at most {} at an instant", self.gaussians, self.course.resident_max));
         let Course { startup_bytes, mean_mbps, peak_mbps, peak_s, rows, .. } = &self.course;
         row("duration", format!("{} s, {} frames per second", decimal(self.duration_s, 3), self.fps));
+        for [from, to] in &self.gaps {
+            row("gap", format!("no segment shows {} to {} s", decimal(*from, 3), decimal(*to, 3)));
+        }
         row("first instant", format!("{startup_bytes} bytes"));
         row(
             "Mbps",

@@ -11,7 +11,7 @@ use crate::eval::SplitMeasures;
 use crate::fit::log::LogEntry;
 use crate::report::ReportFile;
 use crate::report::html::{self, escape};
-use crate::report::plot::{LineChart, PlotLine, svg};
+use crate::report::plot::{LineChart, PlotLine, Scale, svg};
 
 /// What the columns mean, in Markdown without markup.
 const COLUMNS: &str = "PSNR is over the subject, SSIM and LPIPS over the whole picture; each is the mean over the \
@@ -145,7 +145,11 @@ impl Ablation {
             true => Ok(String::new()),
             false => {
                 let title = "PSNR of a few held photographs (dB)".into();
-                svg("steps", &[LineChart { title, lines, rings: Vec::new() }])
+                svg(
+                    Scale::Logarithmic,
+                    "steps",
+                    &[LineChart { title, lines, rings: Vec::new(), from_zero: false, cuts: Vec::new() }],
+                )
             }
         }
     }
@@ -163,6 +167,8 @@ impl Ablation {
                 title,
                 lines: self.methods.iter().filter(|method| method.fit.is_some()).map(line).collect(),
                 rings: Vec::new(),
+                from_zero: false,
+                cuts: Vec::new(),
             }
         };
         let psnr = chart(format!("{} PSNR after decoding (dB)", split.name()), &|package| {
@@ -170,7 +176,7 @@ impl Ablation {
         });
         let topology = chart("Topo".into(), &|package| Some(package.topology));
         match psnr.lines.iter().any(|line| line.points.len() >= 2) {
-            true => svg("Mbps", &[psnr, topology]),
+            true => svg(Scale::Logarithmic, "Mbps", &[psnr, topology]),
             false => Ok(String::new()),
         }
     }

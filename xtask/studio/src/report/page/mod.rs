@@ -1,9 +1,10 @@
-//! The report on one clip or field: a self-contained HTML page, and its numbers as CSV and JSON.
+//! The report on one clip, field or take: a self-contained HTML page, and its numbers as CSV and JSON.
 
 mod findings;
 mod front;
 mod rows;
 mod tables;
+mod take;
 
 use std::fmt::Write;
 
@@ -13,11 +14,13 @@ use refine::prune::RESOLUTION_DB;
 
 use super::file::ReportFile;
 use super::html::{escape, grouped, prose, start};
-use super::plot::{self as lines, LineChart, PlotLine};
+use super::plot::{self as lines, LineChart, PlotLine, Scale};
 use crate::messages::decimal;
 use crate::report::fitting::{self, FitLog};
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
+pub(crate) use take::layers_parameter;
+pub use take::{LayerInstant, TakeFindings, TakeInstant, TakeSetup};
 
 /// Parameters that other players have, with the reason why this one lacks them.
 const NO_PARAMETERS: [(&str, &str); 6] = [
@@ -53,22 +56,7 @@ impl Findings {
         let setup = &self.playing.setup;
         let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
         for parameter in self.parameters().iter().filter(|parameter| parameter.stage != FlowStage::Fitting) {
-            let _ = writeln!(
-                text,
-                "\n{:<34}{:>10}{:>14}  {}",
-                parameter.name, "PSNR, dB", "cost", parameter.cost
-            );
-            for point in &parameter.points {
-                let mark = if point.default { '*' } else { ' ' };
-                let off = if point.on_front { "" } else { "  off the front" };
-                let psnr = point.errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
-                let _ = writeln!(
-                    text,
-                    "{mark} {:<32}{psnr:>10}{:>14}{off}",
-                    point.value,
-                    decimal(point.cost.median, 3)
-                );
-            }
+            parameter_lines(&mut text, parameter);
         }
         for beaten in self.beaten_defaults() {
             let _ = writeln!(text, "\na default is off the front: {beaten}");
@@ -216,18 +204,33 @@ impl Findings {
                 title: format!("PSNR of held photographs (dB) over {over}"),
                 lines: self.fits.iter().zip(&by_fit).map(line).collect(),
                 rings: by_fit.concat().iter().filter(|point| is_ringed(point)).map(place).collect(),
+                from_zero: false,
+                cuts: Vec::new(),
             }
         };
+        let over = |x: &str, chart: LineChart| lines::svg(Scale::Logarithmic, x, &[chart]);
         let steps = chart("steps", |point| point.counts["steps"], |_| false);
         let seconds =
             chart("seconds", |point| 1e-3 * point.run_time_ms.map_or(0.0, |ms| ms.median), |_| false);
         let work = chart("work", |point| point.cost.median, |point| point.on_front);
-        let mut text = lines::svg("steps", &[steps])? + &lines::svg("seconds", &[seconds])?;
-        text += &lines::svg(fitting::WORK, &[work])?;
+        let mut text = over("steps", steps)? + &over("seconds", seconds)?;
+        text += &over(fitting::WORK, work)?;
         text += "<p>The work of a fit is the number of Gaussians drawn in all its steps, which depends on no machine. \
              Rings mark the Pareto front of all fits: no point has as much quality for less work.</p>\n";
         text += &tables::fits(&self.fits, &by_fit);
         Ok(text)
+    }
+}
+
+/// Writes a parameter for a terminal: a line for each value.
+fn parameter_lines(text: &mut String, parameter: &Parameter) {
+    let _ = writeln!(text, "\n{:<34}{:>10}{:>14}  {}", parameter.name, "PSNR, dB", "cost", parameter.cost);
+    for point in &parameter.points {
+        let mark = if point.default { '*' } else { ' ' };
+        let off = if point.on_front { "" } else { "  off the front" };
+        let psnr = point.errors.psnr_db.map_or_else(|| "same".into(), |db| format!("{db:.2}"));
+        let _ =
+            writeln!(text, "{mark} {:<32}{psnr:>10}{:>14}{off}", point.value, decimal(point.cost.median, 3));
     }
 }
 

@@ -69,11 +69,16 @@ pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Res
         ("subject", Value::from(name.as_str())),
         ("machine", Value::from(machine.as_str())),
         ("setup", serde_json::to_value(&playing.setup)?),
-        ("knobs", serde_json::to_value(rows(parameters).collect::<Vec<_>>())?),
+        ("knobs", values(parameters)?),
         ("parts", serde_json::to_value(&playing.features)?),
         ("beaten_defaults", findings.beaten_defaults().into()),
     ];
     Ok(values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+/// The values of all parameters, in a list.
+pub(super) fn values(parameters: &[Parameter]) -> anyhow::Result<Value> {
+    Ok(serde_json::to_value(rows(parameters).collect::<Vec<_>>())?)
 }
 
 pub(super) fn csv(parameters: &[Parameter]) -> String {

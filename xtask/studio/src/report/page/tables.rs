@@ -7,7 +7,7 @@ use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
 
 /// Keys of counts with their column names, in the order of the columns.
-const COUNTS: [(&str, &str); 15] = [
+const COUNTS: [(&str, &str); 16] = [
     ("covered_fragments", "fragments"),
     ("vertex_invocations", "vertices"),
     ("sorted_keys", "sorted keys"),
@@ -17,6 +17,7 @@ const COUNTS: [(&str, &str); 15] = [
     ("bytes", "bytes"),
     ("bytes_per_gaussian", "per Gaussian"),
     ("package_bytes", "package bytes"),
+    ("gaussians_decoded", "Gaussians decoded"),
     ("package_bytes_fixed", "by <code>fixed</code>"),
     ("features_preserved", "features preserved"),
     ("restored", "restored"),

@@ -9,7 +9,7 @@ use super::views::COUNT;
 use crate::messages::decimal;
 use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::report::file::ReportFile;
-use crate::report::plot::{LineChart, PlotLine, svg};
+use crate::report::plot::{LineChart, PlotLine, Scale, svg};
 use refine::prune::{FloorSettings, RESOLUTION_DB};
 
 /// Name of the mean in the list of fields.
@@ -104,9 +104,15 @@ fn plot(curve: &Curve) -> anyhow::Result<String> {
         title: title.into(),
         lines: Selector::ALL.map(|row| line(row, y)).to_vec(),
         rings: Vec::new(),
+        from_zero: false,
+        cuts: Vec::new(),
     };
     let title = format!("{}: PSNR after decoding (dB)", curve.name);
-    svg("Mbps", &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)])
+    svg(
+        Scale::Logarithmic,
+        "Mbps",
+        &[panel(&title, |p| p.psnr_db), panel("persistent features preserved", |p| p.recall)],
+    )
 }
 
 /// A column of the tables of points.

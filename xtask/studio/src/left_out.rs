@@ -4,7 +4,9 @@
 //! size before entropy coding. The coder `context` learns that a column is zero, so there it is a few bytes. Saved
 //! GPU bytes are the part's share of the player's records.
 
-use codec::{Clip, Coder, Contents, MOTION_ORDER_MAX, Region, SH_DEGREE_MAX, SectionKind};
+use std::collections::BTreeMap;
+
+use codec::{Clip, Coder, Contents, MOTION_ORDER_MAX, Region, SH_DEGREE_MAX, SectionKind, Segment, Take};
 use serde::Serialize;
 use shaders::{Motion, layout, sh_words};
 
@@ -31,16 +33,85 @@ const SH_FUNCTION: Columns = Columns { numbers: 3, bits: 8 };
 /// chunks of any size.
 const ZEROS_BYTES: usize = 5;
 
+/// Bytes that another layer costs a segment at least (FORMAT.md): in the table of the take, in the counts of the
+/// segment's head, and for one more chunk in its section table.
+const LAYER_BYTES: usize = 8 + 8 + 24;
+
 /// An optional part that is absent from some Gaussians.
-#[derive(Serialize)]
-pub(super) struct LeftOut {
-    pub(super) part: String,
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// Name of the part.
+    pub part: String,
     /// Gaussians without it.
-    pub(super) gaussians: usize,
+    pub gaussians: usize,
     /// Size of the part in the package if it were present.
-    pub(super) bytes_saved: usize,
+    pub bytes_saved: usize,
     /// Size of the part in GPU buffers if it were present.
-    pub(super) gpu_bytes_saved: usize,
+    pub gpu_bytes_saved: usize,
+}
+
+/// Sums over the segments of a take.
+#[derive(Debug, Default)]
+pub(crate) struct TakeLeftOut {
+    /// The parts that some segment lacks.
+    pub(crate) parts: Vec<LeftOut>,
+    /// Gaussians of all plates.
+    pub(crate) plates: usize,
+    /// Largest size of a segment in GPU buffers, in bytes.
+    pub(crate) segment_gpu_bytes: usize,
+}
+
+impl TakeLeftOut {
+    /// What the table of a take tells: the parts that only takes have.
+    pub(crate) fn of_table(take: &Take) -> TakeLeftOut {
+        let mut sums = TakeLeftOut::default();
+        let segments = &take.segments;
+        let gaussians = segments.iter().map(Segment::gaussians).sum();
+        let mut add = |is_absent: bool, part: &str, bytes_saved: usize| {
+            let part = LeftOut { part: part.into(), gaussians, bytes_saved, gpu_bytes_saved: 0 };
+            sums.parts.extend(is_absent.then_some(part));
+        };
+        let has_one_layer = segments.iter().all(|segment| segment.layers.len() == 1);
+        add(has_one_layer, "layers after the first", segments.len() * LAYER_BYTES);
+        // A level is a number that every entry of the table has.
+        add(segments.iter().all(|segment| segment.level == 0), "levels above the lowest", 0);
+        sums
+    }
+
+    /// Adds a decoded segment.
+    pub(crate) fn add(&mut self, take: &Take, contents: &Contents, clip: &Clip) {
+        self.plates += contents.plate_len;
+        // The player gives every segment the columns of the take.
+        let widened = widened(contents, take);
+        self.segment_gpu_bytes = self.segment_gpu_bytes.max(gpu_bytes(&widened, clip));
+        let on_gpu: BTreeMap<String, usize> =
+            left_out(&widened, clip).into_iter().map(|part| (part.part, part.gpu_bytes_saved)).collect();
+        for part in left_out(contents, clip) {
+            let gpu_bytes_saved = on_gpu.get(&part.part).copied().unwrap_or(0);
+            self.add_part(LeftOut { gpu_bytes_saved, ..part });
+        }
+    }
+
+    fn add_part(&mut self, part: LeftOut) {
+        match self.parts.iter_mut().find(|other| other.part == part.part) {
+            Some(other) => {
+                other.gaussians += part.gaussians;
+                other.bytes_saved += part.bytes_saved;
+                other.gpu_bytes_saved += part.gpu_bytes_saved;
+            }
+            None => self.parts.push(part),
+        }
+    }
+}
+
+/// The contents of a segment with the columns that the take gives it.
+fn widened(contents: &Contents, take: &Take) -> Contents {
+    Contents {
+        sh_degree: take.sh_degree,
+        motion_order: take.motion_order,
+        rotation_rates: take.rotation_rates,
+        ..contents.clone()
+    }
 }
 
 /// Gaussians that lack a part, and their chunks.
@@ -52,7 +123,7 @@ struct Rows {
 
 /// All optional parts that some Gaussians of the package lack. Together they are the difference to a package in which
 /// every Gaussian has every part.
-pub(super) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
+pub(crate) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
     let mut parts = Vec::new();
     let mut add = |part: String, Rows { gaussians, chunks }: Rows, columns: &[Columns], gpu_words: usize| {
         let numbers: usize = columns.iter().map(|columns| columns.numbers).sum();
@@ -117,7 +188,7 @@ fn chunks_of(contents: &Contents, clip: &Clip, region: Region) -> usize {
 }
 
 /// Size of the Gaussians in GPU buffers, in bytes.
-pub(super) fn gpu_bytes(contents: &Contents, clip: &Clip) -> usize {
+pub(crate) fn gpu_bytes(contents: &Contents, clip: &Clip) -> usize {
     let record = |degree: u8| size_of::<layout::Gaussian>() + 4 * sh_words(degree);
     let motion = Motion { order: contents.motion_order, rotates: contents.rotation_rates };
     let plate = clip.plate.as_ref().map_or(0, |plate| plate.len() * record(plate.sh_degree));

@@ -1,0 +1,335 @@
+//! Measures one take for its page: what it costs over time, and its error over time and over layers.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::bail;
+use codec::{Camera, Segment, Take};
+use measure::parameter::{ImageErrors, ParameterValue, Quartiles};
+use program::Fault;
+use refine::image::{Image, psnr};
+use refine::reference::{Order, Radius, RenderScene, coverage, render};
+
+use crate::input::Input;
+use crate::left_out::{LeftOut, TakeLeftOut};
+use crate::machine::machine;
+use crate::messages::decimal;
+use crate::package::PackageSettings;
+use crate::progress::StagedProgress;
+use crate::report::{LayerInstant, TakeFindings, TakeInstant, TakeSetup, layers_parameter};
+use crate::scene::name_of;
+use crate::segments::{FieldFolder, SegmentSources, Span, TakeFile, TakeWalk, course, gaps, package_take};
+
+/// Default size of the measured pictures.
+const SIZE: [u32; 2] = [320, 240];
+
+/// Equal parts of a take at whose ends it is measured.
+const PARTS: usize = 40;
+
+/// Most cuts at which it is measured.
+const CUTS: usize = 20;
+
+/// Seconds before a cut at which a picture shows what is before it.
+const BEFORE_S: f64 = 1e-4;
+
+/// Instants at which layers are compared.
+const LAYER_INSTANTS: usize = 16;
+
+/// Largest difference of the durations of a take and its field in seconds: rounding.
+const DURATION_SLACK_S: f64 = 1e-3;
+
+/// What a page is made of.
+pub(super) struct TakeRequest<'a> {
+    /// A take, or a field folder, which is packaged first and is then the reference.
+    pub(super) path: &'a Path,
+    /// The field folder or field that the take was packaged from.
+    pub(super) reference: Option<&'a Path>,
+    /// Size of the measured pictures.
+    pub(super) size: Option<[u32; 2]>,
+}
+
+/// Measures a take or a field folder.
+pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
+    let TakeRequest { path, reference, size } = *request;
+    if !FieldFolder::is_one(path) {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        return measure_file(path, &name, reference, size.unwrap_or(SIZE));
+    }
+    if let Some(reference) = reference {
+        let what = "a field folder is compared with itself; leave it out, or name a package of the folder";
+        bail!(Fault::Usage(format!("{}: {what}", reference.display())));
+    }
+    let folder = tempfile::tempdir()?;
+    let packaged = folder.path().join("take.aarc");
+    package_take(&SegmentSources::of_folder(path)?, &PackageSettings::default(), &packaged)?;
+    measure_file(&packaged, &name_of(path), Some(path), size.unwrap_or(SIZE))
+}
+
+/// The field that a take is compared with.
+enum Reference {
+    Folder(TakeWalk<'static>),
+    Whole(Box<Input>),
+}
+
+impl Reference {
+    /// # Errors
+    /// [`Fault::Usage`] if it lasts longer or shorter than the take.
+    fn load(path: &Path, take: &Take) -> anyhow::Result<Reference> {
+        let (reference, duration_s) = if FieldFolder::is_one(path) {
+            let walk = TakeWalk::of_folder(path)?;
+            let duration_s = walk.duration_s();
+            (Reference::Folder(walk), duration_s)
+        } else {
+            let input = Input::load(path)?;
+            if matches!(input, Input::Take(_)) {
+                let what = "a take, and a take is compared with its field; name the field or its folder";
+                bail!(Fault::Data(format!("{}: {what}", path.display())));
+            }
+            let duration_s = f64::from(input.info().duration_s);
+            (Reference::Whole(Box::new(input)), duration_s)
+        };
+        if (duration_s - take.duration_s).abs() > DURATION_SLACK_S {
+            let [own, of_take] = [duration_s, take.duration_s].map(|seconds| decimal(seconds, 3));
+            bail!(Fault::Usage(format!(
+                "{}: it lasts {own} s, and the take {of_take} s; name the field that the take was packaged from",
+                path.display()
+            )));
+        }
+        Ok(reference)
+    }
+
+    fn at(&mut self, t_s: f64) -> anyhow::Result<RenderScene<'_>> {
+        match self {
+            Reference::Folder(walk) => {
+                walk.go_to(t_s)?;
+                Ok(walk.to_reference(None))
+            }
+            Reference::Whole(input) => Ok(input.to_reference()),
+        }
+    }
+}
+
+fn measure_file(
+    path: &Path,
+    name: &str,
+    reference: Option<&Path>,
+    size: [u32; 2],
+) -> anyhow::Result<TakeFindings> {
+    let file = TakeFile::open(path)?;
+    let take = file.take();
+    if file.bytes() < take.package_bytes() {
+        let (bytes, all) = (file.bytes(), take.package_bytes());
+        bail!(Fault::Data(format!(
+            "{}: cut short, {bytes} of {all} bytes; get the file again",
+            path.display()
+        )));
+    }
+    let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
+    let (viewpoint, camera) = view(take, size);
+    let layers = take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
+    let (cuts, times) = (cuts(take), instants(take));
+    let progress = StagedProgress::visible();
+
+    let mut walk = TakeWalk::of_file(&file);
+    progress.stage("over time", times.len());
+    let mut instants = Vec::new();
+    for &time in &times {
+        instants.push(instant(&mut walk, compared.as_mut(), &camera, time)?);
+        progress.step();
+    }
+    let of_layers = LayerErrors::measure(layers, &mut walk, &camera, &progress)?;
+    progress.stage("segments", take.segments.len());
+    let left_out = left_out(&file, || progress.step())?;
+    progress.finish();
+    let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
+    Ok(TakeFindings {
+        name: name.to_owned(),
+        machine: machine(),
+        setup: TakeSetup {
+            segments: take.segments.len(),
+            gaussians: take.segments.iter().map(Segment::gaussians).sum(),
+            bytes: take.package_bytes(),
+            duration_s: take.duration_s,
+            layers,
+            size,
+            viewpoint,
+            reference: reference.map(name_of),
+        },
+        course: course(take),
+        cuts,
+        gaps: gaps(take.duration_s, &spans),
+        instants,
+        parameter: (layers > 1).then(|| layers_parameter(of_layers.points(take, &camera))),
+        layers: of_layers.instants,
+        left_out,
+    })
+}
+
+/// The first viewpoint of a take, or one that frames all of it.
+fn view(take: &Take, [width, height]: [u32; 2]) -> (String, Camera) {
+    let viewpoint = take.info.viewpoints.first().cloned();
+    let viewpoint = viewpoint.unwrap_or_else(|| codec::Viewpoint::framing(take.bounds, take.info.up));
+    (viewpoint.name.clone(), viewpoint.camera(take.info.up, width, height))
+}
+
+/// Seconds at which a segment begins or ends, ascending, without the ends of the take.
+fn cuts(take: &Take) -> Vec<f64> {
+    let ends = take.segments.iter().flat_map(|segment| [segment.start_s, segment.end_s()]);
+    let mut cuts: Vec<f64> =
+        ends.filter(|t_s| (BEFORE_S..take.duration_s - BEFORE_S).contains(t_s)).collect();
+    cuts.sort_by(f64::total_cmp);
+    // Sums of seconds are rounded.
+    cuts.dedup_by(|a, b| (*a - *b).abs() < BEFORE_S);
+    cuts
+}
+
+/// The seconds at which a take is measured, ascending, with whether they are at a cut.
+fn instants(take: &Take) -> Vec<(f64, bool)> {
+    let cuts = cuts(take);
+    let chosen = cuts.len().min(CUTS);
+    let cut = |i: usize| cuts[i * cuts.len() / chosen];
+    let mut instants: Vec<(f64, bool)> =
+        (0..chosen).flat_map(|i| [cut(i) - BEFORE_S, cut(i)]).map(|t_s| (t_s, true)).collect();
+    let even = (0..=PARTS).map(|i| i as f64 / PARTS as f64 * take.duration_s);
+    instants.extend(even.map(|t_s| (t_s, false)));
+    instants.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Evenly spread instants may be at cuts.
+    instants.dedup_by(|b, a| {
+        let is_same = (b.0 - a.0).abs() < 0.5 * BEFORE_S;
+        a.1 |= is_same && b.1;
+        is_same
+    });
+    instants
+}
+
+/// Goes to an instant and measures it.
+fn instant(
+    walk: &mut TakeWalk,
+    reference: Option<&mut Reference>,
+    camera: &Camera,
+    (t_s, is_cut): (f64, bool),
+) -> anyhow::Result<TakeInstant> {
+    walk.go_to(t_s)?;
+    let (scene, t) = (walk.to_reference(None), t_s / walk.duration_s());
+    let counts = coverage(&scene, camera, t, Radius::Exact);
+    let psnr_db = match reference {
+        None => None,
+        Some(reference) => {
+            let expected = render(&reference.at(t_s)?, camera, t, Order::Depth);
+            finite(render(&scene, camera, t, Order::Depth).psnr(&expected))
+        }
+    };
+    Ok(TakeInstant {
+        t_s,
+        is_cut,
+        segments: walk.segments(),
+        resident: walk.gaussians(),
+        alive: counts.alive,
+        fragments_per_pixel: counts.fragments as f64 / pixels(camera),
+        psnr_db,
+    })
+}
+
+fn pixels(camera: &Camera) -> f64 {
+    f64::from(camera.width) * f64::from(camera.height)
+}
+
+/// `None` where pictures are the same.
+fn finite(psnr_db: f64) -> Option<f64> {
+    Some(psnr_db).filter(|db| db.is_finite())
+}
+
+/// Errors and fragments of the first layers, over instants.
+struct LayerErrors {
+    instants: Vec<LayerInstant>,
+    /// By number of layers: squared errors of all pictures, and their fragments.
+    squared_errors: Vec<f64>,
+    fragments: Vec<u64>,
+}
+
+impl LayerErrors {
+    fn new(layers: usize) -> LayerErrors {
+        LayerErrors { instants: Vec::new(), squared_errors: vec![0.0; layers], fragments: vec![0; layers] }
+    }
+
+    /// Goes to several instants and compares the first layers with all; to none where there is one layer.
+    fn measure(
+        layers: usize,
+        walk: &mut TakeWalk,
+        camera: &Camera,
+        progress: &StagedProgress,
+    ) -> anyhow::Result<LayerErrors> {
+        let mut errors = LayerErrors::new(layers);
+        let count = if layers > 1 { LAYER_INSTANTS } else { 0 };
+        progress.stage("layers", count);
+        for i in 0..count {
+            let t_s = (i as f64 + 0.5) / count as f64 * walk.duration_s();
+            walk.go_to(t_s)?;
+            errors.add(walk, camera, t_s);
+            progress.step();
+        }
+        Ok(errors)
+    }
+
+    /// Adds the pictures of an instant that the walk has gone to.
+    fn add(&mut self, walk: &TakeWalk, camera: &Camera, t_s: f64) {
+        let t = t_s / walk.duration_s();
+        let layers = self.fragments.len();
+        let mut picture = |k: usize| -> Image {
+            let scene = walk.to_reference(Some(k));
+            self.fragments[k - 1] += coverage(&scene, camera, t, Radius::Exact).fragments;
+            render(&scene, camera, t, Order::Depth)
+        };
+        let whole = picture(layers);
+        let mut psnr_db = Vec::new();
+        for k in 1..layers {
+            let part = picture(k);
+            self.squared_errors[k - 1] += part.squared_error(&whole);
+            psnr_db.push(finite(part.psnr(&whole)));
+        }
+        self.instants.push(LayerInstant { t_s, psnr_db });
+    }
+
+    /// The values of the parameter: 1 layer to all.
+    fn points(&self, take: &Take, camera: &Camera) -> Vec<ParameterValue> {
+        let pictures = self.instants.len();
+        let layers = self.fragments.len();
+        let point = |k: usize| {
+            let prefixes: Vec<_> = take
+                .segments
+                .iter()
+                .filter_map(|segment| segment.layers.get(k - 1).or(segment.layers.last()))
+                .collect();
+            let gaussians: usize = prefixes.iter().map(|layer| layer.gaussians).sum();
+            let bytes = take.head_bytes + prefixes.iter().map(|layer| layer.bytes).sum::<usize>();
+            let error = psnr(self.squared_errors[k - 1], pictures * pixels(camera) as usize);
+            let counts = [
+                ("package_bytes", bytes as f64),
+                ("gaussians_decoded", gaussians as f64),
+                ("covered_fragments", self.fragments[k - 1] as f64 / pictures as f64),
+            ];
+            ParameterValue {
+                value: if k == layers { format!("{k}, all") } else { k.to_string() },
+                default: k == layers,
+                on_front: false,
+                cost: Quartiles::exactly(bytes as f64 * 8e-6 / take.duration_s),
+                errors: ImageErrors { psnr_db: finite(error), ..ImageErrors::default() },
+                run_time_ms: None,
+                stages_ms: BTreeMap::new(),
+                counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
+            }
+        };
+        (1..=layers).map(point).collect()
+    }
+}
+
+/// What segments lack; calls `on_segment` after each.
+fn left_out(file: &TakeFile, on_segment: impl Fn()) -> anyhow::Result<Vec<LeftOut>> {
+    let take = file.take();
+    let mut sums = TakeLeftOut::of_table(take);
+    for index in 0..take.segments.len() {
+        sums.add(take, &file.contents(index)?, &file.decode(index)?);
+        on_segment();
+    }
+    Ok(sums.parts)
+}
