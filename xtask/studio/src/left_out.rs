@@ -39,15 +39,15 @@ const LAYER_BYTES: usize = 8 + 8 + 24;
 
 /// An optional part that is absent from some Gaussians.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LeftOut {
+pub(crate) struct LeftOut {
     /// Name of the part.
-    pub part: String,
+    pub(crate) part: String,
     /// Gaussians without it.
-    pub gaussians: usize,
+    pub(crate) gaussians: usize,
     /// Size of the part in the package if it were present.
-    pub bytes_saved: usize,
+    pub(crate) bytes_saved: usize,
     /// Size of the part in GPU buffers if it were present.
-    pub gpu_bytes_saved: usize,
+    pub(crate) gpu_bytes_saved: usize,
 }
 
 /// Sums over the segments of a take.

@@ -98,7 +98,7 @@ struct Report {
 }
 
 /// What a page is of.
-#[cfg_attr(not(feature = "measure"), expect(dead_code))]
+#[cfg_attr(not(feature = "measure"), expect(dead_code, reason = "nothing is measured"))]
 enum PageSubject<'a> {
     Clip(&'a Path),
     Take { path: &'a Path, reference: Option<&'a Path> },

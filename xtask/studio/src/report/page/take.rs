@@ -42,7 +42,7 @@ pub struct TakeFindings {
     /// The number of layers as a parameter: error against bytes. `None` if every segment has one layer.
     pub parameter: Option<Parameter>,
     /// Optional parts that segments lack.
-    pub left_out: Vec<LeftOut>,
+    pub(crate) left_out: Vec<LeftOut>,
 }
 
 /// A take, and the pictures that measure it.
