@@ -14,8 +14,8 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir, playlist,
-    redacted, too_few_layers,
+    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir,
+    playlist, redacted, too_few_layers,
 };
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
@@ -275,7 +275,7 @@ struct HeadlessTarget {
 impl ClipTarget for HeadlessTarget {
     type Ready = Content;
 
-    fn prepare(&self, entry: &Entry, clip: Content) -> Result<Content, Fault> {
+    fn prepare(&self, entry: &Entry, clip: Content, _: Beginning) -> Result<Content, Fault> {
         views(&self.args, &clip)
             .and_then(|_| settings(&self.args, &clip))
             .map_err(|fault| named(fault, entry))?;
@@ -297,7 +297,7 @@ fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fau
     let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
     clips.open(Some(list.into()));
-    clips.set_target(HeadlessTarget { args: args.clone() });
+    clips.set_target(HeadlessTarget { args: args.clone() }, 0.0);
     let mut run = PlaylistRun { args, output, device: None, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
     while let Some((entry, clip)) = next_clip(&mut clips, &mut reporter)? {

@@ -3,11 +3,14 @@
 //! Window, headset and images drive it alike: they open a name, take in [`Change`]s, and say when a clip
 //! is over. A take is shown as a clip is; its segments come and go while it is on display.
 
+use std::time::{Duration, Instant};
+
 use super::event::LoadEvent;
 use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
 use super::queue::Queue;
 use super::state::{Change, QueueState};
 use super::worker::{Report, Worker};
+use crate::clips::redacted;
 use crate::player::Player;
 use program::Fault;
 
@@ -18,7 +21,15 @@ pub(crate) struct ClipController<T: ClipTarget> {
     options: LoadOptions,
     /// What clips are made ready for; `None` while there is no device.
     target: Option<T>,
+    /// Where the clip that is requested next will be shown first, in seconds.
+    position_s: f64,
+    /// When a replaced file may be opened again, and the wait after that.
+    reopens_at: Instant,
+    reopens_after: Duration,
 }
+
+/// Wait after a replaced file was opened again. It doubles, so that a file that never rests is not opened all the time.
+const REOPENS_AFTER: Duration = Duration::from_secs(5);
 
 impl<T: ClipTarget> ClipController<T> {
     /// Starts the loader. `wake` is called from its thread whenever [`ClipController::poll`] may have a
@@ -36,25 +47,46 @@ impl<T: ClipTarget> ClipController<T> {
         };
         let worker = Worker::new(work, wake)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
-        Ok(ClipController { state: QueueState::new(cyclic), worker, options, target: None })
+        Ok(ClipController {
+            state: QueueState::new(cyclic),
+            worker,
+            options,
+            target: None,
+            position_s: 0.0,
+            reopens_at: Instant::now(),
+            reopens_after: REOPENS_AFTER,
+        })
     }
 
-    /// Sets what clips are made ready for. The clip on display is loaded again for it, as a
+    /// Sets what clips are made ready for. The clip on display, at `position_s` seconds, is loaded again for it, as a
     /// [`Refine`](super::state::Transition::Refine).
-    pub(crate) fn set_target(&mut self, target: T) {
+    pub(crate) fn set_target(&mut self, target: T, position_s: f64) {
         self.target = Some(target);
-        self.reload();
-    }
-
-    /// Loads the clip on display again, as a [`Refine`](super::state::Transition::Refine): its file was replaced.
-    pub(crate) fn reload(&mut self) {
+        self.position_s = position_s;
         self.state.reload();
         self.send_request();
+    }
+
+    /// Opens the clip on display again if its file was replaced, as a [`Refine`](super::state::Transition::Refine).
+    /// Returns what to say. Does nothing while another one is about to be shown, and for a while after the last time.
+    pub(crate) fn reopen(&mut self, player: &Player, is_replaced: impl FnOnce() -> bool) -> Option<String> {
+        let is_leaving = self.state.skip_requested() || player.overrun_s().is_some();
+        let is_early = self.state.is_loading() || Instant::now() < self.reopens_at;
+        if is_leaving || is_early || !is_replaced() {
+            return None;
+        }
+        let name = self.state.reopen()?;
+        self.position_s = player.position_s();
+        self.reopens_at = Instant::now() + self.reopens_after;
+        self.reopens_after *= 2;
+        self.send_request();
+        Some(format!("{}: the file was replaced: opening it again", redacted(&name)))
     }
 
     /// Opens a path or URL of a clip or a playlist, or the demo; the present clip plays until it is shown.
     pub(crate) fn open(&mut self, name: Option<String>) {
         self.state.open(name);
+        (self.reopens_at, self.reopens_after) = (Instant::now(), REOPENS_AFTER);
         self.send_request();
     }
 
@@ -169,7 +201,8 @@ impl<T: ClipTarget> ClipController<T> {
         // Without a target the request waits for one.
         let Some(target) = &self.target else { return };
         if let Some((selection, is_blocking)) = self.state.take_request() {
-            let request = LoadRequest { selection, options: self.options.clone(), is_blocking };
+            let position_s = std::mem::take(&mut self.position_s);
+            let request = LoadRequest { selection, options: self.options.clone(), is_blocking, position_s };
             self.worker.request((request, target.clone()));
         }
     }
@@ -185,11 +218,10 @@ fn failure<C>() -> LoadEvent<C> {
 #[cfg(test)]
 mod tests {
     use std::sync::mpsc::channel;
-    use std::time::Duration;
 
     use super::*;
     use crate::clips::state::Transition;
-    use crate::clips::{Content, Entry, SourceOptions};
+    use crate::clips::{Beginning, Content, Entry, SourceOptions};
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -204,7 +236,7 @@ mod tests {
     impl ClipTarget for Defective {
         type Ready = ();
 
-        fn prepare(&self, _: &Entry, _: Content) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning) -> Result<(), Fault> {
             panic!("of the test")
         }
     }
@@ -217,7 +249,7 @@ mod tests {
         })
         .unwrap();
         clips.open(None);
-        clips.set_target(Defective);
+        clips.set_target(Defective, 0.0);
         let fault = loop {
             woken.recv_timeout(Duration::from_secs(60)).expect("the display is woken for it");
             if let Some(Change::Failed(fault)) = clips.poll() {
@@ -235,7 +267,7 @@ mod tests {
     impl ClipTarget for Display {
         type Ready = ();
 
-        fn prepare(&self, _: &Entry, _: Content) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning) -> Result<(), Fault> {
             Ok(())
         }
     }
@@ -250,7 +282,7 @@ mod tests {
         std::fs::write(&list, r#"{"version": 1, "clips": ["a.aarc", "b.aarc"]}"#).unwrap();
         let list = list.to_str().unwrap();
         let mut clips = ClipController::new(options(), true, || ()).unwrap();
-        clips.set_target(Display);
+        clips.set_target(Display, 0.0);
         clips.open(Some(list.into()));
         assert_eq!(clips.named(), Some(list));
         let mut player = Player::new(1.0, 10.0);

@@ -16,17 +16,26 @@ use super::url::{is_url, title};
 use super::worker::Report;
 use program::{Fault, counted};
 
+/// How a clip begins to be shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Beginning {
+    /// Position in seconds, anywhere at all: the clip may be shorter.
+    pub(crate) position_s: f64,
+    /// Whether playback waits for it.
+    pub(crate) is_awaited: bool,
+}
+
 /// What can show clips: a window, a headset, or images.
 pub(crate) trait ClipTarget: Clone + Send + 'static {
     /// A clip that is ready to be shown.
     type Ready: Send + 'static;
 
-    /// Makes a clip ready, usually by uploading it, or a take, usually by uploading what its start needs. Runs on the
-    /// loader's thread.
+    /// Makes a clip ready, usually by uploading it, or a take, usually by uploading what its beginning needs. Runs on
+    /// the loader's thread.
     ///
     /// # Errors
     /// Why the clip cannot be shown.
-    fn prepare(&self, entry: &Entry, content: Content) -> Result<Self::Ready, Fault>;
+    fn prepare(&self, entry: &Entry, content: Content, beginning: Beginning) -> Result<Self::Ready, Fault>;
 }
 
 /// How clips are loaded.
@@ -58,6 +67,8 @@ pub(super) struct LoadRequest {
     pub(super) options: LoadOptions,
     /// Whether playback is blocked on the clip. Until it is, only the complete clip is reported.
     pub(super) is_blocking: Arc<AtomicBool>,
+    /// Where it will be shown first, in seconds.
+    pub(super) position_s: f64,
 }
 
 /// The events of a loader for the target `T`.
@@ -72,8 +83,8 @@ pub(super) fn load<T: ClipTarget>(
     target: &T,
     report: Report<'_, TargetEvent<T>>,
 ) -> ControlFlow<()> {
-    let LoadRequest { selection, options, is_blocking } = request;
-    match (Loading { options, is_blocking, target, report }).load(selection) {
+    let LoadRequest { selection, options, is_blocking, position_s } = request;
+    match (Loading { options, is_blocking, position_s, target, report }).load(selection) {
         Ok(ControlFlow::Continue(())) => report(LoadEvent::Done),
         Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
         Err(fault) => report(LoadEvent::Failed(fault)),
@@ -84,6 +95,7 @@ pub(super) fn load<T: ClipTarget>(
 struct Loading<'a, T: ClipTarget> {
     options: LoadOptions,
     is_blocking: Arc<AtomicBool>,
+    position_s: f64,
     target: &'a T,
     report: Report<'a, TargetEvent<T>>,
 }
@@ -169,7 +181,9 @@ impl<T: ClipTarget> Loading<'_, T> {
     }
 
     fn version(&self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
-        let clip = self.target.prepare(entry, content)?;
+        let is_awaited = self.is_blocking.load(Ordering::Relaxed);
+        let beginning = Beginning { position_s: self.position_s, is_awaited };
+        let clip = self.target.prepare(entry, content, beginning)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
         Ok((self.report)(LoadEvent::Clip(version)))
@@ -221,7 +235,7 @@ mod tests {
     impl ClipTarget for Target {
         type Ready = usize;
 
-        fn prepare(&self, entry: &Entry, clip: Content) -> Result<usize, Fault> {
+        fn prepare(&self, entry: &Entry, clip: Content, _: Beginning) -> Result<usize, Fault> {
             match self.too_large == Some(entry.number) {
                 true => Err(Fault::Device("too large".into())),
                 false => Ok(clip.layers()),
@@ -231,7 +245,7 @@ mod tests {
 
     fn request(selection: Selection, min_layers: usize, is_blocking: bool) -> LoadRequest {
         let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
-        LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()) }
+        LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()), position_s: 0.0 }
     }
 
     /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,

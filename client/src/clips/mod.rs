@@ -49,7 +49,7 @@ pub(crate) use file::decode;
 pub use file::load_file;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
-pub(crate) use loader::{ClipTarget, LoadOptions};
+pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]

@@ -126,7 +126,7 @@ impl<C> QueueState<C> {
         self.load(Loading::Current, Selection::Rest(entry, rest));
     }
 
-    /// Loads the clip on display again, for another device or from another file, or opens again what was being opened. Clips
+    /// Loads the clip on display again, for another device, or opens again what was being opened. Clips
     /// that are ready are lost.
     pub(super) fn reload(&mut self) {
         self.forget_next();
@@ -135,6 +135,14 @@ impl<C> QueueState<C> {
             None if self.loading.is_some() => self.open(self.named.clone()),
             None => {}
         }
+    }
+
+    /// Opens the clip on display again, and returns its name. The demo has none.
+    pub(super) fn reopen(&mut self) -> Option<String> {
+        let entry = self.current.clone()?;
+        let name = entry.name.clone()?;
+        self.load(Loading::Current, Selection::FirstOf(vec![entry]));
+        Some(name)
     }
 
     /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder. Where no clip of

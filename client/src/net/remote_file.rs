@@ -1,6 +1,7 @@
 //! [`RemoteFile`]: a file on a server that is read in parts, by range requests.
 //!
-//! All parts are of one version: `If-Range` has a changed file sent whole, which is an error. A server that sends
+//! All parts are of one version: `If-Range` has a changed file sent whole, which is an error here; the player then opens
+//! the file again. A server that sends
 //! the whole file instead of a part knows no ranges: the file then goes to disk as it arrives, and parts are read from
 //! there. Parts are cached each for itself, so that a part played before needs no network.
 
@@ -9,7 +10,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -23,6 +24,7 @@ use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
 use super::watch::Watch;
 use crate::clips::{Servers, redacted};
+use crate::takes::Traffic;
 
 /// Bytes per read.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -42,11 +44,10 @@ pub(crate) struct RemoteFile {
     state: Mutex<State>,
     /// Whether the server sends the file whole.
     is_whole: AtomicBool,
-    /// Number of bytes that came from the server.
-    received: AtomicU64,
-    /// Whether the server has another version, and whether that was reported.
+    /// What came from the server.
+    traffic: Mutex<Traffic>,
+    /// Whether the server has another version.
     is_replaced: AtomicBool,
-    was_reported: AtomicBool,
     /// For waits between requests, which a cancellation ends.
     pause: (Mutex<()>, Condvar),
 }
@@ -92,7 +93,8 @@ impl RemoteFile {
             Server::new(url, retry, servers, &watch).map_err(|error| Fault::Network(error.text()))?;
         let folder = cache.as_ref().map(|cache| cache.folder().to_owned());
         let (state, pause) = (Mutex::default(), (Mutex::default(), Condvar::new()));
-        let [is_whole, is_replaced, was_reported] = [(); 3].map(|()| AtomicBool::new(false));
+        let [is_whole, is_replaced] = [(); 2].map(|()| AtomicBool::new(false));
+        let traffic = Mutex::default();
         Ok(RemoteFile {
             url: url.into(),
             server,
@@ -102,9 +104,8 @@ impl RemoteFile {
             folder,
             state,
             is_whole,
-            received: AtomicU64::new(0),
+            traffic,
             is_replaced,
-            was_reported,
             pause,
         })
     }
@@ -119,19 +120,19 @@ impl RemoteFile {
         self.lock().total
     }
 
-    /// Number of bytes that came from the server so far, and not from the cache.
-    pub(crate) fn received(&self) -> u64 {
-        self.received.load(Ordering::Relaxed)
+    /// What came from the server so far, and not from the cache.
+    pub(crate) fn traffic(&self) -> Traffic {
+        *self.traffic.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the server sends parts, as far as is known.
+    pub(crate) fn has_ranges(&self) -> bool {
+        !self.is_whole.load(Ordering::Relaxed)
     }
 
     /// Whether a read found that the server has another version.
     pub(crate) fn is_replaced(&self) -> bool {
         self.is_replaced.load(Ordering::Relaxed)
-    }
-
-    /// Whether the server has another version. It is reported once.
-    pub(crate) fn take_replaced(&self) -> bool {
-        self.is_replaced() && !self.was_reported.swap(true, Ordering::Relaxed)
     }
 
     /// Ends the read of a part, and those that follow, with an error until [`RemoteFile::resume`]. A file that the server
@@ -179,23 +180,39 @@ impl RemoteFile {
         let at = state.recent.iter().position(|(start, _)| *start == range.start);
         let mut bytes = at.and_then(|at| state.recent.remove(at)).map_or_else(Vec::new, |(_, bytes)| bytes);
         bytes.truncate((range.end - range.start) as usize);
+        let has_ranges = self.extend_part(state, range, &mut bytes);
+        // What has come of a read that was ended is not asked for again.
+        state.recent.push_back((range.start, bytes.clone()));
+        if state.recent.len() > RECENT_PARTS {
+            state.recent.pop_front();
+        }
+        has_ranges.map(|has_ranges| has_ranges.then_some(bytes))
+    }
+
+    /// Extends `bytes`, the start of `range`, to all of it; `false` if the server knows no ranges.
+    fn extend_part(&self, state: &mut State, range: &Range<u64>, bytes: &mut Vec<u8>) -> Result<bool, Fault> {
         let start = range.start + bytes.len() as u64;
         let mut transfer = Transfer::part(self.retry, start, state.etag.clone(), state.total);
         while range.start + (bytes.len() as u64) < range.end {
             let request = transfer.next_request().up_to(range.end);
+            let asked = Instant::now();
             let step = self.server.get(&request).map_err(|error| self.on_error(&mut transfer, error));
+            let answered = Instant::now();
             let step =
                 step.and_then(|Response { head, body, .. }| match transfer.on_response(&request, &head) {
                     Action::Read { .. } if head.status == 206 => {
                         state.etag = transfer.etag().map(String::from);
                         state.total = transfer.total();
                         let end = state.total.map_or(range.end, |total| range.end.min(total));
-                        self.receive(&mut transfer, body, (end - range.start) as usize, &mut bytes)
-                            .map(|()| None)
+                        self.receive(&mut transfer, body, (end - range.start) as usize, bytes).map(|()| None)
                     }
                     Action::Read { .. } => Ok(Some((head, body))),
                     action => Err(self.on_action(action)),
                 });
+            let mut traffic = self.traffic.lock().unwrap_or_else(PoisonError::into_inner);
+            traffic.delay += answered - asked;
+            traffic.elapsed += answered.elapsed();
+            drop(traffic);
             match step {
                 Ok(None) => {
                     let end = state.total.unwrap_or(range.end);
@@ -205,17 +222,13 @@ impl RemoteFile {
                 }
                 Ok(Some((head, body))) => {
                     self.begin_whole(state, head, body)?;
-                    return Ok(None);
+                    return Ok(false);
                 }
                 Err(Trouble::Retry(wait)) => self.wait(wait)?,
                 Err(Trouble::Failed(fault)) => return Err(fault),
             }
         }
-        state.recent.push_back((range.start, bytes.clone()));
-        if state.recent.len() > RECENT_PARTS {
-            state.recent.pop_front();
-        }
-        Ok(Some(bytes))
+        Ok(true)
     }
 
     /// Appends to `bytes` what `body` holds, up to `length` bytes.
@@ -314,7 +327,7 @@ impl RemoteFile {
 
     /// Counts bytes of the file that have arrived.
     fn count(&self, transfer: &mut Transfer, bytes: u64) -> Result<(), Trouble> {
-        self.received.fetch_add(bytes, Ordering::Relaxed);
+        self.traffic.lock().unwrap_or_else(PoisonError::into_inner).bytes += bytes;
         self.watch.count(Instant::now(), bytes);
         transfer.count(bytes).map_err(|action| self.on_action(action))
     }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use program::Fault;
 
-use super::layers::Fetched;
+use super::layers::Traffic;
 use super::opened::OpenTake;
 use super::plan::Want;
 use crate::clips::Worker;
@@ -16,8 +16,8 @@ use crate::gpu::{PackedSegment, TakeLayout};
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
-    /// A segment is packed; and what came from a network for it.
-    Packed(Want, Box<PackedSegment>, Option<Fetched>),
+    /// A segment is packed; and what came from a server for it.
+    Packed(Want, Box<PackedSegment>, Traffic),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
     /// A segment cannot be loaded because the file is another version by now.
@@ -70,7 +70,7 @@ impl SegmentLoader {
                 let packed = loaded.load(want, &layout);
                 let is_replaced = loaded.is_replaced();
                 let event = match packed {
-                    Ok((packed, fetched)) => SegmentEvent::Packed(want, Box::new(packed), fetched),
+                    Ok((packed, traffic)) => SegmentEvent::Packed(want, Box::new(packed), traffic),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
@@ -89,11 +89,15 @@ impl SegmentLoader {
     /// Replaces the list of wants. Those under way are left out. Ends the read of a segment that is not in the list.
     pub(super) fn set(&mut self, list: Vec<Want>) {
         let mut wants = lock(&self.wants);
-        if wants.under_way.last().is_some_and(|want| !list.is_empty() && !list.contains(want)) {
+        let is_wanted = |want: &Want| list.iter().any(|other| other.segment == want.segment);
+        if wants.under_way.last().is_some_and(|want| !list.is_empty() && !is_wanted(want)) {
             wants.is_cancelled = true;
             self.opened.cancel();
         }
-        wants.queue = list.into_iter().filter(|want| !wants.under_way.contains(want)).collect();
+        let is_under_way = |want: &Want| {
+            wants.under_way.iter().any(|other| other.segment == want.segment && other.layers >= want.layers)
+        };
+        wants.queue = list.into_iter().filter(|want| !is_under_way(want)).collect();
         let is_needed = !wants.queue.is_empty();
         drop(wants);
         if self.is_idle && is_needed {

@@ -17,6 +17,8 @@ mod plan;
 mod player;
 mod source;
 
+#[cfg(feature = "net")]
+pub(crate) use layers::Traffic;
 pub use opened::OpenTake;
 pub use player::{Extent, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
 #[cfg(feature = "net")]

@@ -3,13 +3,12 @@
 use std::num::NonZero;
 use std::path::Path;
 use std::thread;
-use std::time::Instant;
 
 use codec::{Clip, Error, FormatError, Limits, Package, Take, Viewpoint, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 
-use super::layers::Fetched;
+use super::layers::Traffic;
 use super::plan::{Want, rows_wanted, span};
 use super::source::TakeSource;
 use crate::clips::advice;
@@ -189,9 +188,14 @@ impl OpenTake {
         self.source.is_replaced()
     }
 
-    /// Whether the file has been replaced by one that can be opened. It is reported once.
-    pub(super) fn take_replaced(&self) -> bool {
-        self.source.take_replaced()
+    /// Whether another version that was found is complete, as far as can be told.
+    pub(super) fn has_settled(&self) -> bool {
+        self.source.has_settled()
+    }
+
+    /// Whether it comes from a server, part by part.
+    pub(super) fn has_ranges(&self) -> bool {
+        self.source.has_ranges()
     }
 
     /// Ends a read that waits for a server, and those that follow, until [`OpenTake::resume`].
@@ -209,22 +213,18 @@ impl OpenTake {
         self.source.resume();
     }
 
-    /// Reads, decodes and packs the first layers of a segment. Also returns what came from a network for it.
+    /// Reads, decodes and packs the first layers of a segment. Also returns what came from a server for it.
     ///
     /// # Errors
     /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(super) fn load(
-        &self,
-        want: Want,
-        layout: &TakeLayout,
-    ) -> Result<(PackedSegment, Option<Fetched>), Fault> {
+    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<(PackedSegment, Traffic), Fault> {
         let span = span(&self.take.segments[want.segment]);
-        let (start, before) = (Instant::now(), self.source.received());
+        let before = self.source.traffic();
         let bytes = self.read(want)?;
-        let fetched = Fetched { bytes: self.source.received() - before, elapsed: start.elapsed() };
+        let traffic = self.source.traffic() - before;
         let clip = self.decode(want, &bytes)?;
         let packed = PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))?;
-        Ok((packed, (fetched.bytes > 0).then_some(fetched)))
+        Ok((packed, traffic))
     }
 
     fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {

@@ -7,6 +7,7 @@
 use codec::{Segment, Take};
 use shaders::SLOTS;
 
+use super::layers::Needs;
 use crate::gpu::Span;
 
 /// Number of cuts ahead whose segments are made ready.
@@ -162,8 +163,8 @@ fn ahead(take: &Take, layers: &[usize], held: &[usize], t_s: f64, head: &Playhea
     coming.into_iter().map(|(_, index)| index).collect()
 }
 
-/// Bytes a second that playing on from `head` needs of the first `layers` layers of segments.
-pub(crate) fn needed_rate(take: &Take, layers: usize, head: &Playhead) -> f64 {
+/// What playing on from `head` needs a second of the first `layers` layers of segments.
+pub(super) fn needs(take: &Take, layers: usize, head: &Playhead) -> Needs {
     let ahead_s = RATE_AHEAD_S.min(take.duration_s);
     let is_ahead = |segment: &&Segment| {
         let from_s = match head.direction {
@@ -173,10 +174,13 @@ pub(crate) fn needed_rate(take: &Take, layers: usize, head: &Playhead) -> f64 {
         let from_s = if head.looping { from_s.rem_euclid(take.duration_s) } else { from_s };
         (0.0..ahead_s).contains(&from_s)
     };
-    let bytes = |segment: &Segment| {
-        segment.layers[..layers.min(segment.layers.len())].last().map_or(0, |layer| layer.bytes) as f64
-    };
-    head.speed * take.segments.iter().filter(is_ahead).map(bytes).sum::<f64>() / ahead_s
+    let mut needs = Needs::default();
+    for segment in take.segments.iter().filter(is_ahead) {
+        let layers = &segment.layers[..layers.min(segment.layers.len())];
+        needs.bytes += head.speed / ahead_s * layers.last().map_or(0, |layer| layer.bytes) as f64;
+        needs.segments += head.speed / ahead_s;
+    }
+    needs
 }
 
 /// The last start or end of a segment up to `t_s`, and the first one behind it.

@@ -9,13 +9,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use codec::Take;
-use program::{Fault, counted};
+use program::Fault;
 
 use super::buffered::Buffered;
 use super::layers::LayerChoice;
 use super::loader::{SegmentEvent, SegmentLoader};
 use super::opened::OpenTake;
-use super::plan::{Direction, Plan, Playhead, Want, needed_rate, span};
+use super::plan::{Direction, Plan, Playhead, Want, needs, span};
+use crate::clips::Beginning;
 use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
 use crate::player::Player;
 
@@ -78,7 +79,7 @@ impl TakeCounts {
         let kilobytes = |bytes: &usize| bytes.div_ceil(1000);
         [
             ("segments", format!("{resident} of {segments}")),
-            ("buffered", format!("{buffered_s:.1} s of {}", counted(*layers, "layer"))),
+            ("buffered", format!("{buffered_s:.1} s of {}", program::counted(*layers, "layer"))),
             (
                 "uploaded, most",
                 format!("{}, {} kB", kilobytes(uploaded_bytes), kilobytes(uploaded_bytes_max)),
@@ -162,6 +163,27 @@ impl TakePlayer {
         Ok((renderer, player))
     }
 
+    /// As [`TakePlayer::new`], with what its first picture needs in GPU memory.
+    ///
+    /// # Errors
+    /// As [`TakePlayer::new`] and [`TakePlayer::wait`].
+    pub(crate) fn begin(
+        gpu: &Gpu,
+        opened: Arc<OpenTake>,
+        layout: FrameLayout,
+        beginning: Beginning,
+        wake: impl Fn() + Send + 'static,
+    ) -> Result<(Renderer, TakePlayer), Fault> {
+        // What is read from a disk comes at once, and what plays later has time.
+        let extent = match beginning.is_awaited && opened.has_ranges() {
+            true => Extent::FirstLayers,
+            false => Extent::All,
+        };
+        let (mut renderer, mut take) = TakePlayer::new(gpu, opened, layout, wake)?;
+        take.wait(gpu, &mut renderer, beginning.position_s, extent)?;
+        Ok((renderer, take))
+    }
+
     /// Takes in the position of `player`, and what was loaded, and uploads at most [`UPLOAD_BYTES_MAX`] for the next
     /// submission. Call it once a frame, after a frame was submitted and before the next one is prepared.
     pub fn update(&mut self, gpu: &Gpu, renderer: &mut Renderer, player: &Player) {
@@ -221,7 +243,12 @@ impl TakePlayer {
                         self.opened.name()
                     )));
                 }
-                None => {}
+                None => {
+                    return Err(Fault::Defect(format!(
+                        "{}: nothing is left to load at {t_s:.3} s, and something is missing",
+                        self.opened.name()
+                    )));
+                }
             }
         }
     }
@@ -259,11 +286,12 @@ impl TakePlayer {
 
     fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
         match event {
-            SegmentEvent::Packed(want, packed, fetched) => {
+            SegmentEvent::Packed(want, packed, traffic) => {
                 self.counts.loaded += 1;
-                if let Some(fetched) = fetched {
+                // Of a file that is read whole, fewer layers come no sooner.
+                if self.opened.has_ranges() {
                     self.layer_choice
-                        .on_segment(fetched, |layers| needed_rate(&self.opened.take, layers, &self.head));
+                        .on_segment(traffic, |layers| needs(&self.opened.take, layers, &self.head));
                 }
                 self.trouble = None;
                 self.waiting = Some((want, packed));
@@ -425,11 +453,12 @@ impl TakePlayer {
         self.residents.iter().find(|resident| resident.segment == segment)
     }
 
-    /// Whether the first layers or everything at the position is drawn, apart from segments that cannot be loaded.
+    /// Whether the first layers or all that are loaded are drawn at the position, apart from segments that cannot be
+    /// loaded.
     pub fn is_drawn(&self, extent: Extent) -> bool {
         self.plan.held().iter().all(|&segment| match extent {
             Extent::FirstLayers => self.resident(segment).is_some_and(|resident| resident.is_drawn),
-            Extent::All => self.ready_layers(segment) == self.layers[segment],
+            Extent::All => self.ready_layers(segment) >= self.layers[segment].min(self.layers_wanted),
         })
     }
 
@@ -450,14 +479,9 @@ impl TakePlayer {
         if self.is_missing(t_s) && !self.is_missing(self.shown_s) { self.shown_s } else { t_s }
     }
 
-    /// Whether another version has taken the place of the file: open it again. Says so, once for each version. Noticed
-    /// when a segment is loaded.
-    pub fn take_replaced(&mut self) -> bool {
-        let is_settled = self.opened.take_replaced();
-        if is_settled {
-            self.notes.push(format!("{}: the file was replaced: opening it again", self.opened.name()));
-        }
-        is_settled
+    /// Whether another version has taken the place of the file, and can be opened. Noticed when a segment is loaded.
+    pub fn is_replaced(&self) -> bool {
+        self.opened.has_settled()
     }
 
     /// Whether the next frame uploads a part of a segment.

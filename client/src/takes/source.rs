@@ -5,9 +5,11 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use program::{Fault, read_error};
+
+use super::layers::Traffic;
 
 #[cfg(feature = "net")]
 use crate::net::RemoteFile;
@@ -30,54 +32,38 @@ pub(crate) enum TakeSource {
 pub(crate) struct LocalFile {
     path: PathBuf,
     file: Mutex<File>,
-    opened: FileVersion,
-    replacement: Mutex<Replacement>,
+    opened: Version,
+    /// Another version at the path, and since when it is as it is.
+    replacement: Mutex<Option<(Version, Instant)>>,
 }
 
-/// What tells versions of a file apart: its length, when it was written, and its number on the disk where the system
-/// tells it.
-type FileVersion = (u64, Option<SystemTime>, Option<u64>);
+/// What tells versions of a file apart.
+#[derive(Clone, Debug)]
+struct Version(Metadata);
 
-/// What is at the path of a file now, if it is another version.
-#[derive(Debug, Default)]
-struct Replacement {
-    /// The other version, and since when it is there.
-    seen: Option<(FileVersion, Instant)>,
-    /// The version that was reported last.
-    reported: Option<FileVersion>,
+impl PartialEq for Version {
+    /// Of the same length, written at the same time, and the same file where the system tells.
+    fn eq(&self, other: &Version) -> bool {
+        let (a, b) = (&self.0, &other.0);
+        #[cfg(unix)]
+        let same_file = std::os::unix::fs::MetadataExt::ino(a) == std::os::unix::fs::MetadataExt::ino(b);
+        #[cfg(not(unix))]
+        let same_file = true;
+        same_file && a.len() == b.len() && a.modified().ok() == b.modified().ok()
+    }
 }
 
 impl LocalFile {
-    /// Looks at the path; whether another version is there.
-    fn is_replaced(&self) -> bool {
+    /// Looks at the path: how long another version is there as it is now, if one is.
+    fn replaced_for(&self) -> Option<Duration> {
         // A file that was deleted or renamed plays on.
-        let now = std::fs::metadata(&self.path).ok().map(|metadata| version(&metadata));
-        let now = now.filter(|now| *now != self.opened);
+        let now = std::fs::metadata(&self.path).ok().map(Version).filter(|now| *now != self.opened);
         let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
-        if replacement.seen.map(|(seen, _)| seen) != now {
-            replacement.seen = now.map(|now| (now, Instant::now()));
+        if replacement.as_ref().map(|(version, _)| version) != now.as_ref() {
+            *replacement = now.map(|now| (now, Instant::now()));
         }
-        now.is_some()
+        replacement.as_ref().map(|(_, since)| since.elapsed())
     }
-
-    /// Whether another version has settled at the path since the last call.
-    fn take_replaced(&self) -> bool {
-        let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
-        let settled = replacement.seen.filter(|(_, since)| since.elapsed() >= SETTLED).map(|(seen, _)| seen);
-        let is_new = settled.is_some() && settled != replacement.reported;
-        if is_new {
-            replacement.reported = settled;
-        }
-        is_new
-    }
-}
-
-fn version(metadata: &Metadata) -> FileVersion {
-    #[cfg(unix)]
-    let number = Some(std::os::unix::fs::MetadataExt::ino(metadata));
-    #[cfg(not(unix))]
-    let number = None;
-    (metadata.len(), metadata.modified().ok(), number)
 }
 
 impl TakeSource {
@@ -91,7 +77,7 @@ impl TakeSource {
         Ok(TakeSource::File(LocalFile {
             path: path.to_owned(),
             file: Mutex::new(file),
-            opened: version(&metadata),
+            opened: Version(metadata),
             replacement: Mutex::default(),
         }))
     }
@@ -139,30 +125,42 @@ impl TakeSource {
         }
     }
 
-    /// Number of bytes that came from a server so far.
-    pub(crate) fn received(&self) -> u64 {
+    /// What came from a server so far.
+    pub(crate) fn traffic(&self) -> Traffic {
         match self {
-            TakeSource::File(_) => 0,
+            TakeSource::File(_) => Traffic::default(),
             #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.received(),
+            TakeSource::Remote(file) => file.traffic(),
         }
     }
 
     /// Whether the file is another version by now than the one that was opened. Asks the disk, but no server.
     pub(crate) fn is_replaced(&self) -> bool {
         match self {
-            TakeSource::File(file) => file.is_replaced(),
+            TakeSource::File(file) => file.replaced_for().is_some(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.is_replaced(),
         }
     }
 
-    /// Whether another version was found by [`TakeSource::is_replaced`] that can be opened. It is reported once.
-    pub(crate) fn take_replaced(&self) -> bool {
+    /// Whether [`TakeSource::is_replaced`] found another version that is complete, as far as can be told.
+    pub(crate) fn has_settled(&self) -> bool {
         match self {
-            TakeSource::File(file) => file.take_replaced(),
+            TakeSource::File(file) => {
+                let was_found = file.replacement.lock().is_ok_and(|replacement| replacement.is_some());
+                was_found && file.replaced_for().is_some_and(|elapsed| elapsed >= SETTLED)
+            }
             #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.take_replaced(),
+            TakeSource::Remote(file) => file.is_replaced(),
+        }
+    }
+
+    /// Whether it comes from a server, part by part.
+    pub(crate) fn has_ranges(&self) -> bool {
+        match self {
+            TakeSource::File(_) => false,
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.has_ranges(),
         }
     }
 
@@ -214,22 +212,19 @@ mod tests {
         {
             assert_eq!(source.read(range).unwrap(), bytes);
         }
-        assert!(!source.is_replaced());
+        assert!(!source.is_replaced() && !source.has_settled());
         // A file that takes its place is another one.
         std::fs::write(folder.path().join("b"), b"abcdefghijk").unwrap();
         std::fs::rename(folder.path().join("b"), &path).unwrap();
         assert_eq!((source.read(0..2).unwrap(), source.length().unwrap()), (b"01".to_vec(), Some(10)));
-        assert!(source.is_replaced() && !source.take_replaced(), "it may be a copy under way");
+        assert!(source.is_replaced() && !source.has_settled(), "it may be a copy under way");
         std::thread::sleep(SETTLED);
         std::fs::write(&path, b"abcdefghijkl").unwrap();
-        assert!(source.is_replaced() && !source.take_replaced(), "which goes on");
+        assert!(!source.has_settled(), "which goes on");
         std::thread::sleep(SETTLED);
-        assert!(
-            source.is_replaced() && source.take_replaced() && !source.take_replaced(),
-            "it is reported once"
-        );
+        assert!(source.has_settled());
         std::fs::remove_file(&path).unwrap();
-        assert!(!source.is_replaced() && !source.take_replaced(), "what was deleted plays on");
+        assert!(!source.is_replaced() && !source.has_settled(), "what was deleted plays on");
         let missing = TakeSource::open(&folder.path().join("c")).unwrap_err();
         assert!(missing.to_string().contains("c: "), "{missing}");
     }

@@ -26,13 +26,13 @@ use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{Requests, Viewer};
 use crate::clips::{
-    Arrival, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, Queue,
+    Arrival, Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, Queue,
     SourceOptions, Transition, title,
 };
 use crate::gpu::{
     Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
 };
-use crate::takes::{Extent, TakePlayer};
+use crate::takes::TakePlayer;
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -107,12 +107,12 @@ impl WindowTarget {
 impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
 
-    fn prepare(&self, entry: &Entry, content: Content) -> Result<Box<Playing>, Fault> {
+    fn prepare(&self, entry: &Entry, content: Content, beginning: Beginning) -> Result<Box<Playing>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        Playing::new(&gpu, self.format, &self.proxy, entry, &content).map(Box::new)
+        Playing::new(&gpu, self.format, &self.proxy, entry, &content, beginning).map(Box::new)
     }
 }
 
@@ -138,13 +138,14 @@ impl Playing {
         proxy: &EventLoopProxy<Event>,
         entry: &Entry,
         content: &Content,
+        beginning: Beginning,
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
         let (renderer, take) = match content {
             Content::Clip(clip) => (Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?, None),
             Content::Take(opened) => {
-                let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, waker(proxy))?;
-                take.wait(gpu, &mut renderer, 0.0, Extent::FirstLayers)?;
+                let (renderer, take) =
+                    TakePlayer::begin(gpu, opened.clone(), layout, beginning, waker(proxy))?;
                 (renderer, Some(take))
             }
         };
@@ -219,7 +220,10 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let playing = Playing::new(&screen.gpu, screen.surface.format(), &proxy, &start.entry, &start.clip)?;
+        let playing = {
+            let beginning = Beginning { position_s: 0.0, is_awaited: true };
+            Playing::new(&screen.gpu, screen.surface.format(), &proxy, &start.entry, &start.clip, beginning)?
+        };
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
@@ -419,10 +423,9 @@ impl Session {
         if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
             self.viewer.buffered = take.buffered().to_vec();
         }
-        if !self.clips.is_loading() && take.take_replaced() {
-            self.clips.reload();
-        }
-        for note in take.take_notes() {
+        let mut notes = take.take_notes();
+        notes.extend(self.clips.reopen(player, || take.is_replaced()));
+        for note in notes {
             self.apply(Change::Note(note));
         }
         match (is_missing, &mut self.loading_since) {
@@ -539,7 +542,7 @@ impl Session {
         (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
-        self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy));
+        self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy), self.viewer.player.position_s());
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }

@@ -456,9 +456,13 @@ fn replaced(display: &Display) -> Result<(), String> {
         };
         let log = || std::fs::read_to_string(folder.path("log")).unwrap_or_default();
         display.wait_until(window, is_green).ok_or_else(|| format!("{way}: it stays red: {}", log()))?;
+        // It has come to rest.
+        sleep(Duration::from_secs(2));
         player.close()?;
-        if log().matches("the file was replaced: opening it again").count() != 1 {
-            return Err(format!("{way}: {}", log()));
+        let said = log();
+        if said.matches("the file was replaced: opening it again").count() != 1 || said.contains("cut short")
+        {
+            return Err(format!("{way}: {said}"));
         }
     }
     Ok(())

@@ -104,7 +104,7 @@ fn one_segment(gpu: &Gpu) -> Result<(), String> {
             let (take, alone) = (take?, alone?);
             let found = difference(&take, &alone);
             println!("{motion:?}, t = {t}: {found}");
-            // Drivers round differently: half a step of a display is the most that is never seen.
+            // Drivers round differently. A difference of half an 8-bit step is never visible.
             if found.max_diff > 0.5
                 || found.psnr < 90.0
                 || alone.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() < 500

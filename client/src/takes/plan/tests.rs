@@ -205,21 +205,20 @@ fn as_many_rows_as_are_wanted_cut_no_plan() {
 }
 
 #[test]
-fn the_rate_needed_is_that_of_the_segments_ahead() {
+fn what_is_needed_are_the_segments_ahead() {
     let take = joined(&[1.0; 20]);
     let rate = |layers, t_s, direction, looping| {
-        needed_rate(&take, layers, &Playhead { t_s, direction, looping, speed: 1.0 })
+        needs(&take, layers, &Playhead { t_s, direction, looping, speed: 1.0 }).bytes
     };
-    assert_eq!(
-        [1, 2, 3, 9].map(|layers| rate(layers, 2.5, Direction::Forward, false)),
-        [100.0, 200.0, 300.0, 300.0]
-    );
+    let forward = [1, 2, 3, 9].map(|layers| rate(layers, 2.5, Direction::Forward, false));
+    assert_eq!(forward, [100.0, 200.0, 300.0, 300.0]);
     assert_eq!(rate(2, 10.5, Direction::Backward, false), 200.0);
     for (t_s, direction) in [(19.5, Direction::Forward), (0.5, Direction::Backward)] {
         assert_eq!((rate(2, t_s, direction, false), rate(2, t_s, direction, true)), (0.0, 200.0));
     }
     let fast = Playhead { t_s: 2.5, speed: 2.0, ..Playhead::default() };
-    assert_eq!((needed_rate(&take, 1, &fast), needed_rate(&take, 1, &Playhead::default())), (200.0, 0.0));
+    assert_eq!(needs(&take, 1, &fast), Needs { bytes: 200.0, segments: 2.0 });
+    assert_eq!(needs(&take, 1, &Playhead::default()), Needs::default());
 }
 
 #[test]

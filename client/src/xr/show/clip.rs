@@ -8,9 +8,9 @@ use std::sync::{Arc, Weak};
 
 use codec::ClipInfo;
 
-use crate::clips::{ClipTarget, Content, Entry};
+use crate::clips::{Beginning, ClipTarget, Content, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
-use crate::takes::{Extent, TakePlayer};
+use crate::takes::TakePlayer;
 use program::Fault;
 use program::Subject;
 
@@ -24,7 +24,7 @@ pub(super) struct HeadsetTarget {
 impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
 
-    fn prepare(&self, _: &Entry, content: Content) -> Result<Box<ReadyClip>, Fault> {
+    fn prepare(&self, _: &Entry, content: Content, beginning: Beginning) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
@@ -38,8 +38,7 @@ impl ClipTarget for HeadsetTarget {
             }
             Content::Take(opened) => {
                 // A frame of the headset follows in any case: it needs nothing to wake it.
-                let (mut renderer, mut take) = TakePlayer::new(&gpu, opened.clone(), layout, || ())?;
-                take.wait(&gpu, &mut renderer, 0.0, Extent::FirstLayers)?;
+                let (renderer, take) = TakePlayer::begin(&gpu, opened.clone(), layout, beginning, || ())?;
                 (renderer, Some(take), opened.layer_ends())
             }
         };

@@ -140,7 +140,8 @@ impl Show {
         if !self.device.as_ref().is_some_and(is_same) {
             self.release_device();
             self.device = Some(Device { gpu: gpu.clone(), format });
-            self.clips.set_target(HeadsetTarget { gpu: Arc::downgrade(gpu), format });
+            self.clips
+                .set_target(HeadsetTarget { gpu: Arc::downgrade(gpu), format }, self.player.position_s());
         }
         self.painter = Some(UiPainter::for_runtime(gpu, format));
     }
@@ -280,10 +281,9 @@ impl Show {
         take.update(&device.gpu, renderer, &self.player);
         let is_missing = take.is_missing(self.player.position_s());
         self.player.set_waiting(is_missing);
-        if !self.clips.is_loading() && take.take_replaced() {
-            self.clips.reload();
-        }
-        for note in take.take_notes() {
+        let mut notes = take.take_notes();
+        notes.extend(self.clips.reopen(&self.player, || take.is_replaced()));
+        for note in notes {
             self.notices.note(note);
         }
         let was_said = self.missing_s > LOADING_PATIENCE_S;
