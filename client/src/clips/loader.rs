@@ -22,7 +22,7 @@ pub(crate) struct Beginning {
     /// Position in seconds, anywhere at all: the clip may be shorter.
     pub(crate) position_s: f64,
     /// Whether playback waits for it.
-    pub(crate) is_awaited: bool,
+    pub(crate) is_blocking: bool,
 }
 
 /// What can show clips: a window, a headset, or images.
@@ -181,8 +181,8 @@ impl<T: ClipTarget> Loading<'_, T> {
     }
 
     fn version(&self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
-        let is_awaited = self.is_blocking.load(Ordering::Relaxed);
-        let beginning = Beginning { position_s: self.position_s, is_awaited };
+        let is_blocking = self.is_blocking.load(Ordering::Relaxed);
+        let beginning = Beginning { position_s: self.position_s, is_blocking };
         let clip = self.target.prepare(entry, content, beginning)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;

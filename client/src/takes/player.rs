@@ -16,6 +16,7 @@ use super::layers::LayerChoice;
 use super::loader::{SegmentEvent, SegmentLoader};
 use super::opened::OpenTake;
 use super::plan::{Direction, Plan, Playhead, Want, needs, span};
+#[cfg(any(feature = "window", feature = "xr"))]
 use crate::clips::Beginning;
 use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
 use crate::player::Player;
@@ -167,6 +168,7 @@ impl TakePlayer {
     ///
     /// # Errors
     /// As [`TakePlayer::new`] and [`TakePlayer::wait`].
+    #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn begin(
         gpu: &Gpu,
         opened: Arc<OpenTake>,
@@ -175,7 +177,7 @@ impl TakePlayer {
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
         // What is read from a disk comes at once, and what plays later has time.
-        let extent = match beginning.is_awaited && opened.has_ranges() {
+        let extent = match beginning.is_blocking && opened.has_ranges() {
             true => Extent::FirstLayers,
             false => Extent::All,
         };

@@ -21,7 +21,7 @@ const SETTLED: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(crate) enum TakeSource {
     /// A file.
-    File(LocalFile),
+    File(Box<LocalFile>),
     /// A file on a server.
     #[cfg(feature = "net")]
     Remote(Box<RemoteFile>),
@@ -74,18 +74,18 @@ impl TakeSource {
     pub(crate) fn open(path: &Path) -> Result<TakeSource, Fault> {
         let file = File::open(path).map_err(|error| unreadable(path, &error))?;
         let metadata = file.metadata().map_err(|error| unreadable(path, &error))?;
-        Ok(TakeSource::File(LocalFile {
+        Ok(TakeSource::File(Box::new(LocalFile {
             path: path.to_owned(),
             file: Mutex::new(file),
             opened: Version(metadata),
             replacement: Mutex::default(),
-        }))
+        })))
     }
 
     /// Name of the source for messages.
     pub(crate) fn name(&self) -> String {
         match self {
-            TakeSource::File(LocalFile { path, .. }) => path.display().to_string(),
+            TakeSource::File(file) => file.path.display().to_string(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.name(),
         }
@@ -97,7 +97,8 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read.
     pub(crate) fn length(&self) -> Result<Option<u64>, Fault> {
         match self {
-            TakeSource::File(LocalFile { path, file, .. }) => {
+            TakeSource::File(local) => {
+                let LocalFile { path, file, .. } = &**local;
                 let file = file.lock().unwrap_or_else(PoisonError::into_inner);
                 file.metadata().map(|metadata| Some(metadata.len())).map_err(|error| unreadable(path, &error))
             }
@@ -112,7 +113,8 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
     pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
         match self {
-            TakeSource::File(LocalFile { path, file, .. }) => {
+            TakeSource::File(local) => {
+                let LocalFile { path, file, .. } = &**local;
                 let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut bytes = Vec::new();
                 file.seek(SeekFrom::Start(range.start))

@@ -221,7 +221,7 @@ impl Session {
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
         let playing = {
-            let beginning = Beginning { position_s: 0.0, is_awaited: true };
+            let beginning = Beginning { position_s: 0.0, is_blocking: true };
             Playing::new(&screen.gpu, screen.surface.format(), &proxy, &start.entry, &start.clip, beginning)?
         };
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
