@@ -15,7 +15,8 @@ pub fn span_holds(start_s: f64, end_s: f64, take_s: f64, t_s: f64) -> bool {
     start_s <= t_s && (t_s < end_s || take_s <= end_s + SPAN_TOLERANCE_S)
 }
 
-/// The segments that hold an instant, while segments enter in the order of their starts.
+/// The segments that hold an instant, while segments enter in the order of their starts. Limits of the format are of
+/// spans as they are written, without the tolerance.
 #[derive(Clone, Debug, Default)]
 pub struct Resident(Vec<(f64, usize)>);
 

@@ -130,7 +130,8 @@ impl Take {
             .map_or(self.head_bytes as u64, |segment| segment.offset.saturating_add(segment.bytes() as u64))
     }
 
-    /// Largest number of Gaussians in the segments that hold one instant, plates included.
+    /// Largest number of Gaussians in the segments that hold one instant, plates included, without the tolerance of
+    /// [`span_holds`].
     pub fn resident_max(&self) -> usize {
         let (mut resident, mut largest) = (Resident::default(), 0);
         for (i, segment) in self.segments.iter().enumerate() {
