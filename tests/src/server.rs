@@ -85,7 +85,7 @@ impl Answer<'_> {
 
     /// Sends the headers of the requested part of `file` and returns the part; `None` if none is requested, or one of
     /// another version.
-    fn part_head(&mut self, request: &Request, file: &[u8], etag: &str) -> Option<Range<usize>> {
+    pub fn part_head(&mut self, request: &Request, file: &[u8], etag: &str) -> Option<Range<usize>> {
         let same = request.header("if-range").is_none_or(|version| version == etag);
         let part = request.part().filter(|part| same && part.start < file.len())?;
         let part = part.start..part.end.min(file.len());

@@ -17,7 +17,7 @@ use super::worker::Report;
 use program::{Fault, counted};
 
 /// How a clip begins to be shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Beginning {
     /// Position in seconds, anywhere at all: the clip may be shorter.
     pub(crate) position_s: f64,

@@ -42,7 +42,7 @@ pub(crate) struct LocalFile {
 struct Version(Metadata);
 
 impl PartialEq for Version {
-    /// Of the same length, written at the same time, and the same file where the system tells.
+    /// Length and time of writing are the same, and so is the number of the file on systems that have one.
     fn eq(&self, other: &Version) -> bool {
         let (a, b) = (&self.0, &other.0);
         #[cfg(unix)]

@@ -169,7 +169,7 @@ fn waker(proxy: &EventLoopProxy<Event>) -> impl Fn() + Send + 'static {
 /// The inputs of a picture of a clip.
 #[derive(Clone, Copy, PartialEq)]
 struct PictureState {
-    /// Of the segments of a take.
+    /// Changes with the segments of a take that are drawn; see [`TakePlayer::revision`].
     revision: u64,
     /// Normalised clip time.
     t: f64,

@@ -314,9 +314,7 @@ fn breaking_off(_: &Gpu) -> Result<(), String> {
     let starts = offsets.clone();
     let server = server_of(bytes, move |_, request, answer, file| match request.part() {
         Some(part) if starts.contains(&part.start) => {
-            let range = format!("bytes {}-{}/{}", part.start, part.end - 1, file.len());
-            let length = part.len().to_string();
-            answer.head(206, &[("Content-Length", &length), ("Content-Range", &range), ("ETag", ETAG)]);
+            answer.part_head(request, file, ETAG);
             answer.bytes(file, part.start..part.start + part.len() / 2);
         }
         _ => answer.part(request, file, ETAG),
