@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use client::gpu::{PlateLayout, Span, TakeLayout};
+use client::gpu::{Span, TakeLayout};
 use codec::{ALPHA_MIN, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
 use glam::DVec3;
 
@@ -157,25 +157,5 @@ pub fn clip_of(field: &Field) -> Clip {
         layers_announced: 1,
         time_index: TimeIndex::of_candidates(dynamic.len()),
         plate: None,
-    }
-}
-
-/// What a renderer is built for to draw `clip` as a take of one segment that lasts `duration_s` seconds.
-pub fn layout_of(clip: &Clip, duration_s: f64) -> TakeLayout {
-    let temporal = clip.dynamic_field.temporal.as_ref();
-    let [low, high] = clip.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
-    TakeLayout {
-        sh_degree: clip.sh_degree(),
-        motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
-        rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
-        filter: clip.filter(),
-        origin: 0.5 * (low + high),
-        rows: clip.len(),
-        duration_s,
-        plate: clip.plate.as_ref().map(|plate| PlateLayout {
-            sh_degree: plate.sh_degree,
-            filter: plate.filter,
-            rows: plate.len(),
-        }),
     }
 }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
-use aarc_tests::takes::{SplitTake, clip_of, layout_of};
+use aarc_tests::takes::{SplitTake, clip_of};
 use client::gpu::{
     ChannelDepth, Gpu, GpuClip, PackedSegment, RenderSettings, Renderer, SlotId, Span, TakeLayout,
 };
 use codec::{Camera, Clip, Field, PixelFilter};
 use libtest_mimic::Trial;
-use measure::resident::ResidentSegments;
+use measure::resident::{ResidentSegments, layout_of};
 use program::Fault;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};

@@ -3,9 +3,9 @@
 
 use client::gpu::{SortOrder, Span, TakeLayout};
 use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
-use glam::DVec3;
 use refine::prune::PosedView;
 
+use crate::resident::layout_of;
 use crate::scene::info;
 
 /// A scene to draw, and the deviation to measure.
@@ -143,24 +143,14 @@ impl StabilityScene {
 impl TakeScene {
     /// What a renderer of the take is built for. `whole` is the field unsplit.
     pub(super) fn layout(&self, whole: &Clip) -> TakeLayout {
-        let [low, high] = whole.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
-        let temporal = field_of(whole).temporal.as_ref();
         // At one of the starts the most segments hold an instant.
         let at = |t_s: f64| {
             let held = self.segments.iter().filter(|(span, _)| span.holds(t_s, self.duration_s));
             held.map(|(_, clip)| clip.len()).sum::<usize>()
         };
-        TakeLayout {
-            sh_degree: whole.sh_degree(),
-            motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
-            rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
-            filter: whole.filter(),
-            origin: 0.5 * (low + high),
-            // Half of them for gaps between the rows of segments.
-            rows: 2 * self.segments.iter().map(|(span, _)| at(span.start_s)).max().unwrap_or(0),
-            duration_s: self.duration_s,
-            plate: None,
-        }
+        // Half of them for gaps between the rows of segments.
+        let rows = 2 * self.segments.iter().map(|(span, _)| at(span.start_s)).max().unwrap_or(0);
+        TakeLayout { rows, ..layout_of(whole, self.duration_s) }
     }
 }
 
