@@ -18,6 +18,10 @@ use program::{Fault, counted};
 
 /// How a clip begins to be shown.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(
+    not(any(feature = "window", feature = "xr")),
+    allow(dead_code, reason = "a window and a headset begin anywhere, images at the time they show")
+)]
 pub(crate) struct Beginning {
     /// Position in seconds, anywhere at all: the clip may be shorter.
     pub(crate) position_s: f64,
@@ -222,7 +226,7 @@ mod tests {
     use codec::Limits;
 
     use super::*;
-    use crate::clips::decode;
+    use crate::clips::file::decode;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
