@@ -22,7 +22,7 @@ struct Studio(TempDir);
 impl Studio {
     fn new() -> Studio {
         let folder = tempdir().unwrap();
-        let settings = StageSettings { cameras: 4, frames: 3, size: [SIDE, SIDE] };
+        let settings = StageSettings { cameras: 4, frames: 3, size: [SIDE, SIDE], props: false };
         write(&folder.path().join("capture"), &settings, || ()).unwrap();
         assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
         Studio(folder)

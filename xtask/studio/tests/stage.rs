@@ -44,7 +44,12 @@ fn a_stage_is_a_deterministic_capture() {
     assert_eq!(written.len(), 1 + 3 * 5 * 3);
     // The folder may exist if it is empty.
     fs::create_dir(folder.join("again")).unwrap();
-    write(&folder.join("again"), &StageSettings { cameras: 5, frames: 3, size: [20, 16] }, || ()).unwrap();
+    write(
+        &folder.join("again"),
+        &StageSettings { cameras: 5, frames: 3, size: [20, 16], props: false },
+        || (),
+    )
+    .unwrap();
     assert!(files(&folder.join("again")) == written, "the same bytes");
     assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "no temporary folder is left");
 
@@ -64,7 +69,7 @@ fn bad_requests_end_with_one_line() {
     let error =
         |more: &[&str]| aarc_studio(folder, &[&["synth", "stage", "-o", "stage"], more].concat()).error(2);
     assert!(error(&["--cameras", "0"]).contains("0 cameras"));
-    assert!(error(&["--frames", "99999"]).contains("99999 frames"));
+    assert!(error(&["--frames", "100001"]).contains("100001 frames"));
     assert!(error(&["--size", "64x4"]).contains("64x4 pixels"));
     fs::create_dir(folder.join("stage")).unwrap();
     fs::write(folder.join("stage/mine.txt"), "mine").unwrap();
@@ -98,7 +103,7 @@ fn depth_views(settings: StageSettings) -> Vec<DepthView> {
 #[test]
 fn masks_agree_with_depths_and_colours() {
     for DepthView { photo, depths, .. } in
-        depth_views(StageSettings { cameras: 3, frames: 2, size: [48, 40] })
+        depth_views(StageSettings { cameras: 3, frames: 2, size: [48, 40], props: false })
     {
         assert_eq!((depths.width, depths.height), (48, 40));
         for (pixel, depth) in photo.pixels.iter().zip(&depths.depths) {
@@ -136,7 +141,7 @@ fn project(camera: &Camera, point: [f64; 3]) -> [f64; 3] {
 #[test]
 fn cameras_agree_on_one_surface() {
     let size = 112;
-    let views = depth_views(StageSettings { cameras: 8, frames: 1, size: [size, size] });
+    let views = depth_views(StageSettings { cameras: 8, frames: 1, size: [size, size], props: false });
     let (mut points, mut through, mut both) = (0, 0, 0);
     let (mut alike, mut unlike) = (0.0, 0.0);
     for from in 0..views.len() {

@@ -42,12 +42,15 @@ enum SyntheticScene {
         /// Number of cameras; one in eight is held out
         #[arg(long, value_name = "N", default_value_t = 8)]
         cameras: usize,
-        /// Number of frames
+        /// Number of frames, at most 100,000: up to 33 are one blow, more are a chain of different blows
         #[arg(long, value_name = "N", default_value_t = 9)]
         frames: usize,
         /// Size of the pictures
         #[arg(long, value_name = "WxH", default_value = "64x64", value_parser = size)]
         size: [u32; 2],
+        /// Add a floor and a chair, which stand still
+        #[arg(long)]
+        props: bool,
     },
 }
 
@@ -55,8 +58,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.scene {
         SyntheticScene::Clip { out } => write_field(out, juggler::clip),
         SyntheticScene::Limbs { out } => write_field(out, limbs::figure),
-        SyntheticScene::Stage { out, cameras, frames, size } => {
-            write_stage(out, &stage::StageSettings { cameras: *cameras, frames: *frames, size: *size })
+        SyntheticScene::Stage { out, cameras, frames, size, props } => {
+            let settings =
+                stage::StageSettings { cameras: *cameras, frames: *frames, size: *size, props: *props };
+            write_stage(out, &settings)
         }
     }
 }
@@ -76,7 +81,7 @@ fn write_stage(out: &Path, settings: &stage::StageSettings) -> anyhow::Result<()
     let progress = counting(settings.images() as u64, "pictures");
     stage::write(out, settings, || progress.inc(1))?;
     progress.finish_and_clear();
-    let stage::StageSettings { cameras, frames, size: [width, height] } = settings;
+    let stage::StageSettings { cameras, frames, size: [width, height], .. } = settings;
     let held = (0..*cameras).filter(|camera| stage::is_held(*camera)).count();
     let seconds = start.elapsed().as_secs_f64();
     println!(

@@ -1,10 +1,13 @@
 //! A small capture by an analytic ray tracer: ground truth without splatting, for fitting and evaluation.
 //!
 //! A figure of capsules and ellipsoids (`solid`, `figure`) with textures in its own axes (`texture`)
-//! strikes with a mace, surrounded by a ring of cameras. Each image is traced (`trace`) and saved with its mask
-//! and depths (`write`). Equal settings give equal bytes on every machine.
+//! strikes with a mace, again and again in other ways (`motion`), on request on a floor beside a chair (`props`),
+//! surrounded by a ring of cameras. Each image is traced (`trace`) and saved with its mask and depths (`write`).
+//! Equal settings give equal bytes on every machine.
 
 mod figure;
+mod motion;
+mod props;
 mod solid;
 mod texture;
 mod trace;
@@ -14,6 +17,8 @@ use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
 use codec::Camera;
+use figure::{FigurePart, figure};
+use motion::Motion;
 use program::Fault;
 
 pub use write::write;
@@ -23,15 +28,17 @@ pub use write::write;
 pub struct StageSettings {
     /// Number of cameras, 1 to 256.
     pub cameras: usize,
-    /// Number of frames, 1 to 1000.
+    /// Number of frames, 1 to 100,000. Up to 33 show one step and blow; of more, another begins every 32 frames.
     pub frames: usize,
     /// Width and height of the images in pixels, 8 to 2048.
     pub size: [u32; 2],
+    /// Whether a floor and a chair stand still around the figure.
+    pub props: bool,
 }
 
 /// Permitted values of [`StageSettings`].
 const CAMERAS: RangeInclusive<usize> = 1..=256;
-const FRAMES: RangeInclusive<usize> = 1..=1000;
+const FRAMES: RangeInclusive<usize> = 1..=100_000;
 const SIDE: RangeInclusive<u32> = 8..=2048;
 
 /// Distance and heights of the cameras and the point they look at, in metres; tangent of half the field of
@@ -52,7 +59,7 @@ impl StageSettings {
     /// [`Fault::Usage`] that names the value out of range.
     pub fn check(&self) -> Result<(), Fault> {
         let fault = |what: String| Err(Fault::Usage(what));
-        let StageSettings { cameras, frames, size: [width, height] } = *self;
+        let StageSettings { cameras, frames, size: [width, height], .. } = *self;
         if !CAMERAS.contains(&cameras) {
             return fault(format!("{cameras} cameras: use {} to {}", CAMERAS.start(), CAMERAS.end()));
         }
@@ -77,6 +84,15 @@ pub fn is_held(camera: usize) -> bool {
     camera % HELD_STRIDE == HELD_FIRST
 }
 
+/// All parts at `frame`, see [`Motion::pose`].
+fn subject(settings: &StageSettings, motion: &Motion, frame: f64) -> Vec<FigurePart> {
+    let mut parts = figure(&motion.pose(frame));
+    if settings.props {
+        parts.extend(props::props());
+    }
+    parts
+}
+
 /// The cameras, evenly spaced around the figure from the front, alternately low and high.
 fn rig(settings: &StageSettings) -> Vec<Camera> {
     let [width, height] = settings.size;
@@ -92,16 +108,17 @@ fn rig(settings: &StageSettings) -> Vec<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use trace::trace;
 
     #[test]
     fn values_out_of_range_are_refused() {
-        let settings = StageSettings { cameras: 8, frames: 9, size: [64, 64] };
+        let settings = StageSettings { cameras: 8, frames: 9, size: [64, 64], props: false };
         assert!(settings.check().is_ok());
         for wrong in [
             StageSettings { cameras: 0, ..settings },
             StageSettings { frames: 0, ..settings },
-            StageSettings { frames: 1001, ..settings },
+            StageSettings { frames: 100_001, ..settings },
             StageSettings { size: [64, 7], ..settings },
             StageSettings { size: [4096, 64], ..settings },
         ] {
@@ -112,20 +129,84 @@ mod tests {
     #[test]
     fn every_camera_sees_the_whole_figure_at_all_times() {
         for size in [[32, 32], [45, 30], [30, 45]] {
-            let cameras = rig(&StageSettings { cameras: 7, frames: 5, size });
-            for t in [0.0, 0.5, 1.0] {
+            let settings = StageSettings { cameras: 7, frames: 5, size, props: false };
+            let (cameras, motion) = (rig(&settings), Motion::new(5));
+            for frame in [0.0, 2.0, 4.0] {
                 for camera in &cameras {
                     camera.check().unwrap();
-                    let mask = trace(&figure::figure(t), camera).mask;
+                    let mask = trace(&subject(&settings, &motion, frame), camera).mask;
                     let [width, height] = size.map(|side| side as usize);
                     let on_edge = |i: usize| {
                         [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width))
                     };
                     let seen = mask.iter().filter(|mask| **mask > 0).count();
-                    assert!((0..mask.len()).all(|i| !on_edge(i) || mask[i] == 0), "{size:?} {t}");
+                    assert!((0..mask.len()).all(|i| !on_edge(i) || mask[i] == 0), "{size:?} {frame}");
                     assert!(seen * 25 > mask.len() && seen * 3 < mask.len(), "{seen} of {}", mask.len());
                 }
             }
+        }
+    }
+
+    /// Distance by which the parts lie inside the image's edges, negative outside.
+    fn margin(parts: &[FigurePart], camera: &Camera) -> f64 {
+        let row = |r: usize| DVec3::from_slice(&camera.camera_from_world[r][..3]);
+        let position = DVec3::from(camera.position());
+        let planes = (0..4).map(|edge| {
+            let axis = edge / 2;
+            let outward = row(axis) * if edge % 2 == 0 { 1.0 } else { -1.0 };
+            (outward - row(2) * (camera.k[axis][2] / camera.k[axis][axis])).normalize()
+        });
+        let outside = planes.flat_map(|normal| {
+            parts.iter().map(move |part| {
+                normal.dot(part.center - position) + part.solid.support(part.axes.transpose() * normal)
+            })
+        });
+        -outside.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    #[test]
+    fn every_camera_sees_the_whole_figure_and_what_stands_around_it_for_minutes() {
+        let motion = Motion::new(3600);
+        for cameras in [7, 12] {
+            let settings = StageSettings { cameras, frames: 3600, size: [72, 72], props: true };
+            let rig = rig(&settings);
+            for frame in (0..3600).step_by(3) {
+                let parts = subject(&settings, &motion, f64::from(frame));
+                for (number, camera) in rig.iter().enumerate() {
+                    let margin = margin(&parts, camera);
+                    assert!(margin > 0.0, "frame {frame}, camera {number} of {cameras}: {margin} m");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn floor_and_chair_stand_still_in_view() {
+        let with = StageSettings { cameras: 8, frames: 1200, size: [48, 48], props: true };
+        let without = StageSettings { props: false, ..with };
+        let motion = Motion::new(1200);
+        let figure_parts = subject(&without, &motion, 0.0).len();
+        let centers = |frame: f64| -> Vec<DVec3> {
+            subject(&with, &motion, frame)[figure_parts..].iter().map(|part| part.center).collect()
+        };
+        assert!(centers(0.0).len() > 5);
+        for frame in (0..1200).step_by(7).map(f64::from) {
+            assert_eq!(centers(frame), centers(0.0));
+            // The soles stay above the floor's middle, which is its highest point.
+            let parts = subject(&with, &motion, frame);
+            let down =
+                |part: &FigurePart| part.center.y - part.solid.support(part.axes.transpose() * DVec3::NEG_Y);
+            let floor = &parts[figure_parts];
+            let top = floor.center.y + floor.solid.support(DVec3::Y);
+            let sole = parts[..figure_parts].iter().map(down).fold(1.0, f64::min);
+            assert!(sole >= top, "{sole} {top}");
+        }
+        for (number, camera) in rig(&with).iter().enumerate() {
+            let frame = 100.0 * number as f64;
+            let [more, less] =
+                [with, without].map(|settings| trace(&subject(&settings, &motion, frame), camera).depths);
+            let added = more.iter().zip(&less).filter(|(more, less)| **more > 0 && **less == 0).count();
+            assert!(added > 60, "camera {number}: {added} pixels of floor and chair");
         }
     }
 }

@@ -53,6 +53,15 @@ impl Solid {
         }
     }
 
+    /// Farthest the solid goes along `direction`, of length 1, from the origin.
+    #[cfg(test)]
+    pub(super) fn support(self, direction: DVec3) -> f64 {
+        match self {
+            Solid::Ellipsoid { radii } => (radii * direction).length(),
+            Solid::Capsule { half, radius } => half * direction.y.abs() + radius,
+        }
+    }
+
     /// Negative inside, 0 on the surface, positive outside; not a distance.
     #[cfg(test)]
     pub(super) fn side(self, point: DVec3) -> f64 {

@@ -118,6 +118,7 @@ fn shaded(parts: &[FigurePart], number: usize, point: DVec3) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::super::figure::figure;
+    use super::super::motion::Motion;
     use super::super::solid::Solid;
     use super::super::texture::Texture;
     use super::*;
@@ -179,7 +180,7 @@ mod tests {
     /// Points in front of a depth are outside the figure; points directly behind it are inside.
     #[test]
     fn depths_lie_on_the_surface_of_the_figure() {
-        let parts = figure(0.5);
+        let parts = figure(&Motion::new(33).pose(16.0));
         let camera = Camera::look_at([1.5, 1.6, 2.6], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.8, 48, 48);
         let side = |point: DVec3| {
             let of = |part: &FigurePart| part.solid.side(part.axes.transpose() * (point - part.center));

@@ -10,9 +10,9 @@ use program::Fault;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::figure::{FigurePart, figure};
+use super::motion::Motion;
 use super::trace::trace;
-use super::{StageSettings, is_held, rig};
+use super::{StageSettings, is_held, rig, subject};
 
 /// Frames per second.
 const FPS: u32 = 30;
@@ -49,11 +49,11 @@ fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> 
     for kind in ["images", "masks", "depths"] {
         (0..cameras.len()).try_for_each(|camera| fs::create_dir_all(folder.join(kind).join(name(camera))))?;
     }
-    let clip_time = |frame: usize| frame as f64 / (settings.frames.max(2) - 1) as f64;
-    let figures: Vec<Vec<FigurePart>> = (0..settings.frames).map(|frame| figure(clip_time(frame))).collect();
+    let motion = Motion::new(settings.frames);
     (0..settings.images()).into_par_iter().try_for_each(|index| {
         let (camera, frame) = (index % cameras.len(), index / cameras.len());
-        let image = trace(&figures[frame], &cameras[camera]);
+        // The parts of all frames at once would take memory that grows with the capture.
+        let image = trace(&subject(settings, &motion, frame as f64), &cameras[camera]);
         let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
         let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
         png("images", image.colors.as_flattened(), ExtendedColorType::Rgb8)?;
