@@ -34,22 +34,22 @@ const SIDES: [f64; 2] = [1.0, -1.0];
 
 /// The parts in a pose. Their number and order are the same for every pose.
 pub(super) fn figure(pose: &Pose) -> Vec<FigurePart> {
-    let Pose { stance: Stance { place: [x, z], heading, legs }, reach, lift, stepping } = *pose;
+    let Pose { stance: Stance { place: [x, z], heading, legs }, upper_body, lift, stepping } = *pose;
     let mut parts = Vec::new();
 
     let hips = Joint { origin: dvec3(x, 0.90 - 0.03 * lift, z), axes: DMat3::IDENTITY }
-        .turned(DVec3::Y, heading + reach.hips);
+        .turned(DVec3::Y, heading + upper_body.hips);
     parts.push(hips.part(dvec3(0.0, 0.0, 0.0), ellipsoid(0.16, 0.13, 0.115), HIPS));
-    let waist = hips.turned(DVec3::Y, reach.waist).turned(DVec3::X, reach.lean);
+    let waist = hips.turned(DVec3::Y, upper_body.waist).turned(DVec3::X, upper_body.lean);
     parts.push(waist.part(dvec3(0.0, 0.29, 0.0), ellipsoid(0.185, 0.28, 0.12), CHEST));
     let neck = waist.at(dvec3(0.0, 0.55, 0.01));
     parts.push(neck.part(dvec3(0.0, 0.02, 0.0), capsule(0.10, 0.05), SKIN));
-    let head = neck.turned(DVec3::Y, reach.head);
+    let head = neck.turned(DVec3::Y, upper_body.head);
     parts.push(head.part(dvec3(0.0, 0.17, 0.015), ellipsoid(0.095, 0.125, 0.112), Texture::Face));
 
     // The last hand is the right one, which holds the mace.
     let mut hand = waist;
-    for (side, bend) in SIDES.into_iter().zip(reach.arms) {
+    for (side, bend) in SIDES.into_iter().zip(upper_body.arms) {
         let shoulder = waist.at(dvec3(0.205 * side, 0.46, 0.0)).turned(DVec3::Z, bend.out * side);
         hand = arm(&mut parts, shoulder.turned(DVec3::X, bend.swing), bend.elbow);
     }

@@ -12,7 +12,7 @@ use super::texture::split_mix;
 /// Frames from the start of a blow to the start of the next one.
 const BLOW_FRAMES: usize = 32;
 
-/// Index of the left and right side in [`Reach::arms`] and [`Stance::legs`].
+/// Index of the left and right side in [`UpperBody::arms`] and [`Stance::legs`].
 const LEFT: usize = 0;
 const RIGHT: usize = 1;
 
@@ -24,7 +24,7 @@ const GROUND_RADIUS: [f64; 2] = [0.08, 0.12];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
     pub(super) stance: Stance,
-    pub(super) reach: Reach,
+    pub(super) upper_body: UpperBody,
     /// How far the stepping leg is lifted, from 0 to 1.
     pub(super) lift: f64,
     /// The leg that steps.
@@ -50,7 +50,7 @@ pub(super) struct Leg {
 
 /// What the upper body does.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reach {
+pub(super) struct UpperBody {
     /// Turns about the y axis: of the hips against the heading, of the waist against the hips, of the head against
     /// the waist.
     pub(super) hips: f64,
@@ -84,8 +84,8 @@ impl Stance {
     }
 }
 
-impl Reach {
-    fn toward(self, end: Reach, u: f64) -> Reach {
+impl UpperBody {
+    fn toward(self, end: UpperBody, u: f64) -> UpperBody {
         let arm = |side: usize| {
             let (a, b) = (self.arms[side], end.arms[side]);
             Arm {
@@ -94,7 +94,7 @@ impl Reach {
                 elbow: between(a.elbow, b.elbow, u),
             }
         };
-        Reach {
+        UpperBody {
             hips: between(self.hips, end.hips, u),
             waist: between(self.waist, end.waist, u),
             head: between(self.head, end.head, u),
@@ -110,7 +110,7 @@ struct Blow {
     /// Where the figure stands at the start and at the end.
     stances: [Stance; 2],
     /// The upper body at the start, wound up, and at the end.
-    reaches: [Reach; 3],
+    upper_bodies: [UpperBody; 3],
     /// The leg that steps and the arm that strikes.
     stepping: usize,
     striking: usize,
@@ -155,14 +155,14 @@ impl Blow {
     /// The pose at time `t` in `[0, 1]` from the start to the end of the blow.
     fn pose(&self, t: f64) -> Pose {
         let (step, blow) = (eased(t, [0.05, 0.95]), eased(t, self.strike));
-        let [start, wound, end] = self.reaches;
-        let mut reach = start.toward(wound, eased(t, self.winding)).toward(end, blow);
+        let [start, wound, end] = self.upper_bodies;
+        let mut upper_body = start.toward(wound, eased(t, self.winding)).toward(end, blow);
         // The arm leans outwards, so that it passes the head and the mace stays below the top of the images.
         let flare = 240.0 * blow * (1.0 - blow);
-        reach.arms[self.striking].out -= flare;
+        upper_body.arms[self.striking].out -= flare;
         Pose {
             stance: self.stances[0].toward(self.stances[1], step),
-            reach,
+            upper_body,
             // From 0 over 1 back to 0.
             lift: 4.0 * step * (1.0 - step),
             stepping: self.stepping,
@@ -177,14 +177,14 @@ fn first_blow() -> Blow {
         heading: 0.0,
         legs: [Leg { swing: left, knee: 8.0 }, right],
     };
-    let wound = Reach {
+    let wound = UpperBody {
         hips: -8.0,
         waist: -22.0,
         head: 25.0,
         lean: -6.0,
         arms: [Arm { swing: -35.0, out: 13.0, elbow: -35.0 }, Arm { swing: -165.0, out: 13.0, elbow: -70.0 }],
     };
-    let struck = Reach {
+    let struck = UpperBody {
         hips: 10.0,
         waist: 20.0,
         head: -20.0,
@@ -196,7 +196,7 @@ fn first_blow() -> Blow {
             stance(-0.2, 16.0, Leg { swing: -18.0, knee: 12.0 }),
             stance(0.2, -24.0, Leg { swing: 20.0, knee: 6.0 }),
         ],
-        reaches: [wound, wound, struck],
+        upper_bodies: [wound, wound, struck],
         stepping: LEFT,
         striking: RIGHT,
         winding: [0.0, 0.3],
@@ -233,14 +233,14 @@ fn next_blow(number: usize, before: &Blow) -> Blow {
         out: draws.within([-5.0, 35.0]),
         elbow: draws.within([-50.0, -18.0]),
     };
-    let mut reach = |striking_arm: Arm, waist: [f64; 2], lean: [f64; 2]| {
+    let mut upper_body = |striking_arm: Arm, waist: [f64; 2], lean: [f64; 2]| {
         let other = Arm {
             swing: draws.within([-40.0, 30.0]),
             out: draws.within([8.0, 40.0]),
             elbow: draws.within([-70.0, -15.0]),
         };
         let waist = draws.within(waist);
-        Reach {
+        UpperBody {
             hips: side * 0.4 * waist,
             waist: side * waist,
             head: -side * waist + draws.within([-15.0, 15.0]),
@@ -248,12 +248,12 @@ fn next_blow(number: usize, before: &Blow) -> Blow {
             arms: if striking == LEFT { [striking_arm, other] } else { [other, striking_arm] },
         }
     };
-    let wound = reach(wound_up, [-38.0, -10.0], [-10.0, 4.0]);
-    let end = reach(struck, [8.0, 36.0], [2.0, 12.0]);
+    let wound = upper_body(wound_up, [-38.0, -10.0], [-10.0, 4.0]);
+    let end = upper_body(struck, [8.0, 36.0], [2.0, 12.0]);
     let wound_at = draws.within([0.36, 0.44]);
     Blow {
         stances: [stance, Stance { place, heading: stance.heading + turn, legs }],
-        reaches: [before.reaches[2], wound, end],
+        upper_bodies: [before.upper_bodies[2], wound, end],
         stepping,
         striking,
         winding: [0.0, wound_at],
