@@ -63,7 +63,7 @@ pub fn sensitivities(
                     (0..3).map(|c| (splat.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
                 // Squared distance in standard deviations.
                 let distance = 2.0 * libm::log(splat.opacity / fragment.alpha).max(0.0);
-                sums[fragment.index].add(&Sums { color: square, geometry: square * difference * distance });
+                sums[fragment.slot].add(&Sums { color: square, geometry: square * difference * distance });
                 for (behind, color) in behind.iter_mut().zip(splat.color) {
                     *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
                 }
