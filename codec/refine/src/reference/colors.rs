@@ -61,7 +61,7 @@ impl Colors {
         self.add_gathered(sum, |_, fragments| {
             let mut pixel = [0.0; 3];
             for fragment in fragments {
-                let color = colors[fragment.index];
+                let color = colors[fragment.index()];
                 (0..3).for_each(|channel| pixel[channel] += fragment.weight() * color[channel]);
             }
             pixel
@@ -86,7 +86,7 @@ impl Colors {
         let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &[Fragment]| {
             let r = r(pixel, fragments);
             for fragment in fragments {
-                let sum = &mut sums[fragment.slot];
+                let sum = &mut sums[fragment.slot()];
                 (0..3).for_each(|channel| sum[channel] += fragment.weight() * r[channel]);
             }
         };

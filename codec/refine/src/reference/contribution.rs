@@ -52,7 +52,7 @@ pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Ve
             weight,
             weight_squared: weight * weight,
             weight_max: weight,
-            hits: splats[fragment.index].opacity * fragment.transmittance,
+            hits: splats[fragment.index()].opacity * fragment.transmittance,
             fragments: 0.0,
         });
     };

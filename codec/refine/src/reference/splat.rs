@@ -1,11 +1,10 @@
 //! Stage `splat`: composites sorted splats into pixels (the paper's `eq:render`).
 //!
 //! [`Walk`] traverses an image in bands of square tiles, in parallel. In a tile, each splat is added front
-//! to back to the pixels of its ellipse, several at once with the widest vectors that the machine has, and a [`Sink`]
+//! to back to the pixels of its ellipse, four at once where the machine has vectors as wide, and a [`Sink`]
 //! gets what it adds. The result does not depend on tiles, threads or vectors. [`splat`] draws by this traversal, and
 //! other modules measure by it.
 
-use std::array::from_fn;
 use std::ops::Range;
 
 use codec::ALPHA_MIN;
@@ -14,7 +13,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::evaluate::Splat;
-use super::exp::{LANES, Lanes, exp};
+use super::exp::{LANES, Lanes, exp, pick};
 use crate::image::Image;
 
 /// Side of a tile in pixels.
@@ -60,7 +59,9 @@ impl Sink for Colors<'_> {
         let weights = fragments.weights();
         for (plane, color) in self.planes.iter_mut().zip(self.splats[at.index].color) {
             let sums = lanes_at(plane, at.pixel);
-            *sums = from_fn(|lane| sums[lane] + color * weights[lane]);
+            for lane in 0..LANES {
+                sums[lane] += color * weights[lane];
+            }
         }
     }
 
@@ -77,10 +78,8 @@ impl Sink for Colors<'_> {
 /// A splat's contribution to a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fragment {
-    /// Index of the splat in the walk.
-    pub(crate) index: usize,
-    /// Index of the splat's sum in the band.
-    pub(crate) slot: usize,
+    index: u32,
+    slot: u32,
     /// Opacity at the pixel, in `[ALPHA_MIN, 0.999]`.
     pub(crate) alpha: f64,
     /// Transmittance in front of the fragment; 1 for the first fragment of a pixel, and for no other.
@@ -88,6 +87,16 @@ pub(crate) struct Fragment {
 }
 
 impl Fragment {
+    /// Index of the splat in the walk.
+    pub(crate) fn index(&self) -> usize {
+        self.index as usize
+    }
+
+    /// Index of the splat's sum in the band.
+    pub(crate) fn slot(&self) -> usize {
+        self.slot as usize
+    }
+
     /// Blending weight `alpha T`.
     pub(crate) fn weight(&self) -> f64 {
         self.alpha * self.transmittance
@@ -126,7 +135,12 @@ impl FragmentLanes {
     /// Blending weights; 0 where there is no fragment.
     #[inline(always)]
     fn weights(&self) -> Lanes {
-        from_fn(|lane| if self.is_drawn[lane] { self.alpha[lane] * self.transmittance[lane] } else { 0.0 })
+        let mut weights = [0.0; LANES];
+        for lane in 0..LANES {
+            let weight = self.alpha[lane] * self.transmittance[lane];
+            weights[lane] = pick(self.is_drawn[lane], weight, 0.0);
+        }
+        weights
     }
 
     /// Each fragment with the place of its pixel.
@@ -135,6 +149,7 @@ impl FragmentLanes {
         for lane in 0..LANES {
             if self.is_drawn[lane] {
                 let (alpha, transmittance) = (self.alpha[lane], self.transmittance[lane]);
+                let (index, slot) = (index as u32, slot as u32);
                 visit(pixel + lane, Fragment { index, slot, alpha, transmittance });
             }
         }
@@ -337,7 +352,10 @@ impl Tile {
             let columns = stamp.columns(dy, &self.columns);
             let row = (y - self.rows.start) * TILE;
             for x in columns.clone().step_by(LANES) {
-                let dx = from_fn(|lane| x as f64 + lane as f64 + 0.5 - stamp.center.x);
+                let mut dx = [x as f64; LANES];
+                for lane in 0..LANES {
+                    dx[lane] = dx[lane] + lane as f64 + 0.5 - stamp.center.x;
+                }
                 let inside = (columns.end - x) as f64;
                 let pixel = row + x - self.columns.start;
                 let fragments = self.blend(pixel, inside, stamp.alpha(dx, dy));
@@ -356,8 +374,8 @@ impl Tile {
             let behind = transmittance[lane] * (1.0 - alpha[lane]);
             let is_met = ((lane as f64) < inside) & (alpha[lane] >= ALPHA_MIN) & (transmittance[lane] > 0.0);
             is_drawn[lane] = is_met & (behind > TRANSMITTANCE_MIN);
-            let finished = if is_met { -transmittance[lane] } else { transmittance[lane] };
-            rest[lane] = if is_drawn[lane] { behind } else { finished };
+            let finished = pick(is_met, -transmittance[lane], transmittance[lane]);
+            rest[lane] = pick(is_drawn[lane], behind, finished);
         }
         FragmentLanes { is_drawn, alpha, transmittance }
     }
@@ -427,12 +445,17 @@ impl Stamp {
     /// `min(0.999, o exp(-q / 2))` with the squared distance `q` in standard deviations, at several `dx`.
     #[inline(always)]
     fn alpha(&self, dx: Lanes, dy: f64) -> Lanes {
-        let exponents = dx.map(|dx| {
-            let across = dx - self.lean * dy;
+        let mut exponents = dx;
+        for exponent in &mut exponents {
+            let across = *exponent - self.lean * dy;
             let q = self.precision.y * dy * dy + self.precision.x * across * across;
-            -0.5 * q
-        });
-        exp(exponents).map(|falloff| (self.opacity * falloff).min(ALPHA_MAX))
+            *exponent = -0.5 * q;
+        }
+        let mut alpha = exp(exponents);
+        for alpha in &mut alpha {
+            *alpha = (self.opacity * *alpha).min(ALPHA_MAX);
+        }
+        alpha
     }
 }
 
