@@ -136,9 +136,8 @@ impl FragmentLanes {
     #[inline(always)]
     fn weights(&self) -> Lanes {
         let mut weights = [0.0; LANES];
-        for lane in 0..LANES {
-            let weight = self.alpha[lane] * self.transmittance[lane];
-            weights[lane] = pick(self.is_drawn[lane], weight, 0.0);
+        for (lane, weight) in weights.iter_mut().enumerate() {
+            *weight = pick(self.is_drawn[lane], self.alpha[lane] * self.transmittance[lane], 0.0);
         }
         weights
     }
@@ -353,8 +352,8 @@ impl Tile {
             let row = (y - self.rows.start) * TILE;
             for x in columns.clone().step_by(LANES) {
                 let mut dx = [x as f64; LANES];
-                for lane in 0..LANES {
-                    dx[lane] = dx[lane] + lane as f64 + 0.5 - stamp.center.x;
+                for (lane, dx) in dx.iter_mut().enumerate() {
+                    *dx = *dx + lane as f64 + 0.5 - stamp.center.x;
                 }
                 let inside = (columns.end - x) as f64;
                 let pixel = row + x - self.columns.start;
